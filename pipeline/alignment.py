@@ -1,0 +1,288 @@
+"""Putting devices with clocks of their own on one time axis.
+
+Every device prints microseconds since its own start, from a crystal of its own. What they share is the
+presses: the force rises when the array's response and the CNC's depth do. So the offset between two clocks is
+where the two signals agree best:
+
+1. roughly, the highest cross-correlation of the levels within the offsets that are possible;
+2. finely, near that offset, the highest correlation of the changes of contact over `EDGE_S`, where contact is
+   s / (s + c), c a small share of a strong signal. Velostat creeps and shows hysteresis, which delays its
+   level by 20 to 25 ms in our scene, but not the instants when contact begins and ends;
+3. the drift is the slope of the offsets of stretches of `STRETCH_S`, for segments of at least `STRETCHES` of
+   them. In shorter ones a relative drift of 60 ppm moves the ends by less than 4 ms, which is left alone.
+
+With several touches the array answers to their sum, so the sum of all forces takes the place of the force. A
+further load cell with a clock of its own is placed where it, together with the others, fits the array best.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import correlate
+
+from pipeline.errors import InputError
+
+STEP_S = 0.01  # grid on which signals are compared: the interval of the fastest device
+EDGE_S = 0.04  # a change is taken over this time: presses rise in 0.1 to 0.5 s
+NEAR_S = 0.2  # the fine search reaches this far: shorter than a press, longer than drift and creep
+STRETCH_S = 30.0  # about 30 presses; their offset is good to 1 or 2 ms
+STRETCHES = 4
+SHORTEST_S = 3.0  # a segment with fewer than about three presses cannot be placed
+CONTACT = 0.05  # share of the 99th percentile at which contact is half of full; noise is 0.01 of it and less
+HOLE = 5.0  # intervals; ground truth is not interpolated over longer holes
+AMBIGUOUS = 0.97  # another offset with this share of the best correlation: presses too regular to tell
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What one device saw during one segment: rising times (n,) in s, and a strength (n,), 0 at rest."""
+
+    time_s: np.ndarray
+    value: np.ndarray
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last sample."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How a device's time becomes reference time: t + offset_s + drift * (t - middle_s)."""
+
+    offset_s: float
+    drift: float = 0.0
+    middle_s: float = 0.0
+    correlation: float = 1.0
+
+    def __call__(self, time_s: np.ndarray) -> np.ndarray:
+        """Reference time (n,) in s of the device's times (n,) in s."""
+        return time_s + self.offset_s + self.drift * (time_s - self.middle_s)
+
+
+def array_strength(counts: np.ndarray) -> np.ndarray:
+    """Total response (n,) of frames (n, elements): counts above their rest level (10th percentile)."""
+    return np.maximum(counts - np.percentile(counts, 10, axis=0), 0).sum(axis=1)
+
+
+def force_strength(force_n: np.ndarray) -> np.ndarray:
+    """Force (n,) above its rest level (10th percentile), in N."""
+    return np.maximum(force_n - np.percentile(force_n, 10), 0)
+
+
+def depth_strength(z_mm: np.ndarray) -> np.ndarray:
+    """Depth (n,) of the CNC's tip below the surface (z = 0), in mm."""
+    return np.maximum(-z_mm, 0)
+
+
+def joined(pieces: list[Signal], clocks: list[Clock | None]) -> Signal:
+    """The pieces of one device that have a clock, as one signal in reference time."""
+    placed = [
+        (clock(piece.time_s), piece.value) for piece, clock in zip(pieces, clocks, strict=True) if clock
+    ]
+    return Signal(*(np.concatenate(column) for column in zip(*placed, strict=True)))
+
+
+def interpolated(
+    at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray, held: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """`values` (n,) or (n, columns), known at `time_s` (n,), at the times `at_s` (m,); and where they are
+    known.
+
+    Unknown, (m,) bool False: outside the span of `time_s`, and in holes of more than `HOLE` median intervals.
+    held: values that stay until the next one (targets shown to an operator), so known from the first on.
+    """
+    after = np.searchsorted(time_s, at_s, side="right")
+    inside = np.clip(after, 1, len(time_s) - 1)
+    if held:
+        return values[np.maximum(after - 1, 0)], after > 0
+    width = time_s[inside] - time_s[inside - 1]
+    known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (width <= HOLE * np.median(np.diff(time_s)))
+    part = (at_s - time_s[inside - 1]) / width
+    if values.ndim == 2:
+        part = part[:, None]
+    return values[inside - 1] * (1 - part) + values[inside] * part, known
+
+
+def place_pair(
+    reference: list[Signal], other: list[Signal], *, max_offset_s: float, min_correlation: float, who: str
+) -> tuple[list[Clock | None], list[Clock | None]]:
+    """Clocks for the segments of two devices; the first segment of `reference` defines the time.
+
+    Both started within `max_offset_s` of each other; after a reset, a segment starts between the end of the
+    one before and `max_offset_s` later. Segments are placed in the order in which they can start, each
+    against what is placed of the other device. None: shorter than `SHORTEST_S`. `who` begins the sentence of
+    an InputError: signals that do not correlate, or offsets that fit equally well.
+    """
+    limits = {"max_offset_s": max_offset_s, "min_correlation": min_correlation, "who": who}
+    first = next((k for k, piece in enumerate(reference) if piece.duration_s >= SHORTEST_S), None)
+    if first is None:
+        raise InputError(f"{who}: no uninterrupted stretch of {SHORTEST_S:g} s to align; record longer")
+    skipped = sum(piece.duration_s for piece in reference[:first])
+    start = reference[first].time_s[0]
+    pieces = [reference, other]
+    clocks: list[list[Clock | None]] = [[None] * first + [Clock(0.0)], []]
+    end = start + reference[first].duration_s
+    early = start - skipped - first * max_offset_s  # when the capture can have begun
+    windows = [(end, end + max_offset_s), (early - max_offset_s, start - skipped + max_offset_s)]
+    while any(len(clocks[k]) < len(pieces[k]) for k in (0, 1)):
+        k = min((k for k in (0, 1) if len(clocks[k]) < len(pieces[k])), key=lambda k: windows[k][0])
+        piece = pieces[k][len(clocks[k])]
+        against = joined(pieces[1 - k][: len(clocks[1 - k])], clocks[1 - k]) if any(clocks[1 - k]) else None
+        clock, windows[k] = _place(piece, against, windows[k], limits)
+        clocks[k].append(clock)
+    return clocks[0], clocks[1]
+
+
+def place_all(
+    pieces: list[Signal],
+    against: Signal,
+    *,
+    max_offset_s: float,
+    min_correlation: float,
+    who: str,
+    beside: Signal | None = None,
+) -> list[Clock | None]:
+    """Clocks for the segments of one device against a signal that is in reference time already.
+
+    The device started within `max_offset_s` of the start of `against`. `beside`, in reference time too, is
+    what other devices contribute to `against`. As `place_pair` otherwise.
+    """
+    limits = {"max_offset_s": max_offset_s, "min_correlation": min_correlation, "who": who, "beside": beside}
+    window = (against.time_s[0] - max_offset_s, against.time_s[0] + max_offset_s)
+    clocks = []
+    for piece in pieces:
+        clock, window = _place(piece, against, window, limits)
+        clocks.append(clock)
+    return clocks
+
+
+def _place(
+    piece: Signal, against: Signal | None, window: tuple[float, float], limits: dict
+) -> tuple[Clock | None, tuple[float, float]]:
+    """The clock of a segment that starts within `window` (reference time), and the window of the next one."""
+    if piece.duration_s < SHORTEST_S:
+        low, high = (edge + piece.duration_s for edge in window)
+        return None, (low, high + limits["max_offset_s"])
+    if against is None:
+        raise InputError(
+            f"{limits['who']}: nothing to align a segment against; the logs do not overlap in time"
+        )
+    lags = tuple(edge - piece.time_s[0] for edge in window)
+    clock = _fit(piece, against, lags, limits)
+    end = float(clock(piece.time_s[-1]))
+    return clock, (end, end + limits["max_offset_s"])
+
+
+def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict) -> Clock:
+    """Offset and drift of `piece` against `against`, the offset searched within `lags`."""
+    who, beside = limits["who"], limits.get("beside")
+    rough, rival = _rough_lag(piece, against, *lags)
+    lag, _ = _fine_lag(piece, against, rough, beside)
+    stretches = int(piece.duration_s // STRETCH_S)
+    edges = np.linspace(piece.time_s[0], piece.time_s[-1], stretches + 1 if stretches >= STRETCHES else 0)
+    found = []
+    for left, right in itertools.pairwise(edges):
+        inside = (piece.time_s >= left) & (piece.time_s <= right)
+        if inside.sum() >= 2:
+            stretch = Signal(piece.time_s[inside], piece.value[inside])
+            found.append((stretch.time_s.mean(), *_fine_lag(stretch, against, lag, beside)))
+    found = [(at, its) for at, its, score in found if score >= limits["min_correlation"]]
+    middle, drift = float((piece.time_s[0] + piece.time_s[-1]) / 2), 0.0
+    if len(found) >= STRETCHES:
+        drift, lag = np.polyfit(np.array([at for at, _ in found]) - middle, [its for _, its in found], 1)
+    clock = Clock(float(lag), float(drift), middle)
+    # Short recordings follow others in level by chance, but not in their edges.
+    correlation = min(
+        score(piece, against, clock, beside) for score in (_level_correlation, _edge_correlation)
+    )
+    if not correlation >= limits["min_correlation"]:
+        raise InputError(
+            f"{who}: the signals do not follow each other (best correlation "
+            f"{max(correlation, 0.0):.2f}, touch.ingest.min_correlation {limits['min_correlation']:g}); "
+            "check that the logs belong to one capture"
+        )
+    if rival is not None:
+        raise InputError(
+            f"{who}: the clocks fit at {rough:+.2f} s and at {rival:+.2f} s alike, the presses are too "
+            "regular; vary their depth or timing, or lower touch.ingest.max_clock_offset_s below their period"
+        )
+    return Clock(clock.offset_s, clock.drift, clock.middle_s, correlation)
+
+
+def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple[float, float | None]:
+    """The lag in s, to the grid, with the highest cross-correlation of levels, and another that is as good.
+
+    Both signals have zero mean and are zero outside their span, so a small overlap cannot win.
+    """
+    grids = [np.arange(s.time_s[0], s.time_s[-1] + STEP_S, STEP_S) for s in (against, piece)]
+    levels = [np.interp(grid, s.time_s, s.value) for grid, s in zip(grids, (against, piece), strict=True)]
+    products = correlate(levels[0] - levels[0].mean(), levels[1] - levels[1].mean(), method="fft")
+    lags = (np.arange(len(products)) - (len(levels[1]) - 1)) * STEP_S + against.time_s[0] - piece.time_s[0]
+    possible = (lags >= low) & (lags <= high)
+    if not possible.any():
+        return (low + high) / 2, None
+    lags, products = lags[possible], products[possible]
+    best = int(np.argmax(products))
+    peaks = np.flatnonzero((products[1:-1] > products[:-2]) & (products[1:-1] >= products[2:])) + 1
+    rivals = peaks[
+        (np.abs(lags[peaks] - lags[best]) > NEAR_S) & (products[peaks] > AMBIGUOUS * products[best])
+    ]
+    return float(lags[best]), float(lags[rivals[0]]) if len(rivals) and products[best] > 0 else None
+
+
+def _fine_lag(piece: Signal, against: Signal, centre: float, beside: Signal | None) -> tuple[float, float]:
+    """The lag near `centre` with the highest correlation of edges, and that correlation."""
+    lag = centre
+    for reach, step in ((NEAR_S, STEP_S), (2 * STEP_S, STEP_S / 4)):
+        lags = lag + np.arange(-round(reach / step), round(reach / step) + 1) * step
+        scores = np.array([_edge_correlation(piece, against, Clock(value), beside) for value in lags])
+        best = int(np.clip(np.argmax(scores), 1, len(lags) - 2))
+        lag = lags[best]
+    below, top, above = scores[best - 1 : best + 2]
+    bend = below - 2 * top + above
+    if bend < 0:  # the peak of the parabola through the best three
+        lag += step * float(np.clip((below - above) / (2 * bend), -1, 1))
+    return float(lag), float(top)
+
+
+def _edge_correlation(piece: Signal, against: Signal, clock: Clock, beside: Signal | None) -> float:
+    """Correlation of the changes of contact over EDGE_S in the overlap; -1 where that is too short."""
+    grid, levels = _overlap(piece, against, clock, beside)
+    steps = round(EDGE_S / STEP_S)
+    if len(grid) < 10 * steps:
+        return -1.0
+    contacts = [_contact(level) for level in levels]
+    return _correlation(*(contact[steps:] - contact[:-steps] for contact in contacts))
+
+
+def _level_correlation(piece: Signal, against: Signal, clock: Clock, beside: Signal | None) -> float:
+    """Correlation of the levels in the overlap; -1 where that is too short."""
+    grid, levels = _overlap(piece, against, clock, beside)
+    return _correlation(*levels) if len(grid) * STEP_S >= SHORTEST_S / 2 else -1.0
+
+
+def _overlap(
+    piece: Signal, against: Signal, clock: Clock, beside: Signal | None
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The grid of reference times where both signals are known, and their levels on it."""
+    time = clock(piece.time_s)
+    grid = np.arange(max(time[0], against.time_s[0]), min(time[-1], against.time_s[-1]), STEP_S)
+    level = np.interp(grid, time, piece.value)
+    if beside is not None:
+        level = level + np.interp(grid, beside.time_s, beside.value)
+    return grid, [level, np.interp(grid, against.time_s, against.value)]
+
+
+def _contact(level: np.ndarray) -> np.ndarray:
+    """How much in contact, 0 to 1, (n,), for a strength (n,)."""
+    half = CONTACT * max(np.percentile(level, 99), np.finfo(float).tiny)
+    return level / (level + half)
+
+
+def _correlation(first: np.ndarray, second: np.ndarray) -> float:
+    """Pearson correlation; 0 where one of the signals does not change."""
+    first, second = first - first.mean(), second - second.mean()
+    size = np.sqrt((first @ first) * (second @ second))
+    return float(first @ second / size) if size > 0 else 0.0

@@ -1,0 +1,36 @@
+"""Stage: windows to a dataset, with labels and, for every run, which part each window belongs to.
+
+Usage: python -m pipeline.dataset touch|velostat_recorded
+"""
+
+import sys
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from pipeline import params, paths, tables
+from pipeline.errors import run_stage
+from pipeline.params import experiment_module
+
+
+def main() -> None:
+    """Label and split the windows of the experiment named on the command line."""
+    values = params.load()
+    experiment = params.experiment_argument(sys.argv, "dataset", values)
+    module, settings = experiment_module(experiment), values[experiment]
+    windows = pyarrow.parquet.read_table(paths.require(paths.windows(experiment), "python -m pipeline.window"))
+    labels = module.labels(windows, settings)
+    table = windows.append_column("y", tables.lists(labels, pa.float32()))
+    counts = []
+    for protocol, seed in params.runs(values, experiment):
+        part = module.split(windows, settings, protocol, seed)
+        table = table.append_column(
+            tables.split_column(protocol, seed), pa.array(part, pa.string()).dictionary_encode()
+        )
+        counts.append(f"{protocol} {seed}: " + ", ".join(f"{(part == name).sum()} {name}" for name in tables.PARTS))
+    tables.write(paths.dataset(experiment), table.schema, [table])
+    print(f"{experiment}: {table.num_rows} windows", *counts, sep="\n  ")
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,268 @@
+"""Touch experiment (LoMP paper): what the devices print, and one recording as frames with ground truth."""
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import alignment, logs, tables
+from pipeline.errors import InputError
+from pipeline.logs import Column, Format
+
+# Ranges are what no such device can exceed: 11.5 days, a 1 kN load cell, a 2 m CNC.
+CLOCK = Column("t_us", "us", 0, 1e12, integer=True)
+LOAD_CELL = Format((CLOCK, Column("fz_n", "N", -1e3, 1e3)), time="t_us")
+CNC = Format((CLOCK, *(Column(name, "mm", -2e3, 2e3) for name in ("x_mm", "y_mm", "z_mm"))), time="t_us")
+HIGHEST_COUNT = 1023  # 10-bit ADC
+
+NO_GROUND_TRUTH = "no ground truth at this time"
+TOO_SHORT = "segment too short to align"
+SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
+
+
+def array_format(elements: int) -> Format:
+    """Lines of the array's microcontroller: time and counts, row-major from the bottom row."""
+    counts = (Column(f"v{k}", "counts", 0, HIGHEST_COUNT, integer=True) for k in range(elements))
+    return Format((CLOCK, *counts), time="t_us")
+
+
+def frames_schema(settings: Mapping) -> pa.Schema:
+    """The frames table for this sensor; `settings` is the block `touch` of params.yaml."""
+    sensor = settings["sensor"]
+    return tables.frames(sensor["rows"] * sensor["cols"], settings["ingest"]["max_touches"], pa.int16())
+
+
+def recordings(folder: Path) -> list[Path]:
+    """The folders `<condition>/<recording>` in `folder`, sorted. InputError where there is none."""
+    found = sorted(path for path in folder.glob("*/*") if path.is_dir())
+    if not found:
+        raise InputError(f"{folder}: no recordings found; expected <condition>/<recording>/array.log in it")
+    return found
+
+
+def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
+    """The logs of one folder as frames on the first load cell's clock: `(frames, rejects, report)`.
+
+    `settings`: the block `touch` of params.yaml. `frames` has the schema `frames_schema`, `rejects` the
+    columns of `logs.REJECTS`, `report` what was understood of each file. Lines of a file = accepted +
+    rejected (+ header).
+
+    Raises InputError for a missing or unknown log, more than `max_touches` touches, too many rejects, and
+    clocks that cannot be aligned.
+    """
+    ingest, elements = settings["ingest"], settings["sensor"]["rows"] * settings["sensor"]["cols"]
+    touches = _touches(folder, ingest["max_touches"])
+    formats = {"array.log": array_format(elements)}
+    for suffix in touches:
+        formats |= {f"load_cell{suffix}.log": LOAD_CELL, f"cnc{suffix}.log": CNC}
+    rows, rejects = {}, {}
+    for name, fmt in formats.items():
+        rows[name], bad = logs.read_log(folder / name, fmt)
+        rejects[name] = [bad]
+        lines = rows[name].num_rows + bad.num_rows
+        _check(folder / name, lines, bad["reason"].to_pylist(), ingest)
+
+    clocks = _clocks(rows, touches, ingest, f"{folder.parent.name}/{folder.name}")
+    time = {}
+    for name in formats:
+        placed = np.array([clock is not None for clock in clocks[name]])[rows[name]["segment"].to_numpy()]
+        rejects[name].append(_rejected(folder / name, rows[name], ~placed, TOO_SHORT))
+        rows[name] = rows[name].filter(pa.array(placed))
+        time[name] = _reference_time(rows[name], clocks[name])
+
+    array, at = rows["array.log"], time["array.log"]
+    force, x, y = (np.empty((len(at), len(touches))) for _ in range(3))
+    known = np.ones(len(at), dtype=bool)
+    for k, suffix in enumerate(touches):
+        cell, cnc = f"load_cell{suffix}.log", f"cnc{suffix}.log"
+        force[:, k], in_cell = alignment.interpolated(at, time[cell], rows[cell]["fz_n"].to_numpy())
+        # Further touches are held by hand: their cnc log tells the operator where, until the next place.
+        place = _matrix(rows[cnc], ["x_mm", "y_mm"])
+        place, in_cnc = alignment.interpolated(at, time[cnc], place, held=k > 0)
+        x[:, k], y[:, k] = place.T
+        known &= in_cell & in_cnc
+    rejects["array.log"].append(_rejected(folder / "array.log", array, ~known, NO_GROUND_TRUTH))
+    if not known.any():
+        raise InputError(f"{folder}: no frame falls into the time of load cell and CNC; record again")
+    # The devices start and stop up to max_clock_offset_s apart, so frames without truth are expected there.
+    inner = (at > at[0] + ingest["max_clock_offset_s"]) & (at < at[-1] - ingest["max_clock_offset_s"])
+    _check(folder / "array.log", len(at), [NO_GROUND_TRUTH] * int((inner & ~known).sum()), ingest)
+
+    counts = _matrix(array, [f"v{k}" for k in range(elements)])
+    frames = tables.frame_rows(
+        frames_schema(settings),
+        folder.parent.name,
+        folder.name,
+        segment=array["segment"].to_numpy()[known],
+        t_s=at[known],
+        v=counts[known],
+        force_n=force[known],
+        x_mm=x[known],
+        y_mm=y[known],
+    )
+    report = {}
+    for name in formats:
+        rejects[name] = pa.concat_tables(rejects[name]).sort_by("line")
+        accepted = frames.num_rows if name == "array.log" else rows[name].num_rows
+        report[name] = {
+            **tables.log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy()),
+            "clocks": [
+                clock
+                and {
+                    "offset_ms": 1e3 * clock.offset_s,
+                    "drift_ppm": 1e6 * clock.drift,
+                    "correlation": clock.correlation,
+                }
+                for clock in clocks[name]
+            ],
+        }
+    return frames, pa.concat_tables(rejects.values()), report
+
+
+def _touches(folder: Path, most: int) -> list[str]:
+    """The suffixes of the touches' logs ('', '_2', '_3', ...), every one of which has both its logs."""
+    found = {path.name for path in folder.glob("*.log")}
+    count = max(1, sum(name.startswith("load_cell") for name in found))
+    suffixes = ["", *(f"_{k}" for k in range(2, count + 1))]
+    wanted = {
+        "array.log",
+        *(f"{device}{suffix}.log" for suffix in suffixes for device in ("load_cell", "cnc")),
+    }
+    if missing := sorted(wanted - found):
+        raise InputError(
+            f"{folder / missing[0]}: log not found; a recording needs array.log, load_cell.log and cnc.log, "
+            "and load_cell_2.log with cnc_2.log (and so on) for each further touch"
+        )
+    if strange := sorted(found - wanted):
+        raise InputError(
+            f"{folder / strange[0]}: no such log is known; name it like load_cell_2.log or remove it"
+        )
+    if count > most:
+        raise InputError(
+            f"{folder}: {count} touches are more than touch.ingest.max_touches ({most}); raise it"
+        )
+    return suffixes
+
+
+def _clocks(
+    rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping, who: str
+) -> dict[str, list[alignment.Clock | None]]:
+    """For each log, the clock of each of its segments; the first load cell's clock is the reference.
+
+    The array answers to the sum of all touches. Load cells printed by one computer share its clock, which
+    shows in equal times; they are summed from the start. One with a clock of its own is placed against the
+    array once that is placed roughly, then both are placed again with all forces known.
+    """
+    limits = {"max_offset_s": ingest["max_clock_offset_s"], "min_correlation": ingest["min_correlation"]}
+    cells = [f"load_cell{suffix}.log" for suffix in touches]
+    signal = {
+        name: _signals(rows[name], lambda t: alignment.force_strength(t[:, 0]), ["fz_n"]) for name in cells
+    }
+    counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
+    array = _signals(rows["array.log"], alignment.array_strength, counts)
+    first = signal[cells[0]]
+    ticks = rows[cells[0]]["t_us"].to_numpy()
+    shared = [
+        name
+        for name in cells[1:]
+        if np.isin(rows[name]["t_us"].to_numpy(), ticks).mean() > SAME_CLOCK
+        and len(signal[name]) == len(first)
+    ]
+    own = [name for name in cells[1:] if name not in shared]
+    together = [_plus(piece, [signal[name][k] for name in shared]) for k, piece in enumerate(first)]
+
+    # While forces are missing from the sum, it explains only a part of the array's response.
+    partly = limits | {"min_correlation": limits["min_correlation"] / 2}
+    clocks = {}
+    clocks[cells[0]], clocks["array.log"] = alignment.place_pair(
+        together, array, who=f"{who}, array.log against load_cell.log", **(partly if own else limits)
+    )
+    for sweep in (partly, limits) if own else ():
+        for name in own:
+            against = alignment.joined(array, clocks["array.log"])
+            others = [alignment.joined(signal[o], clocks[o]) for o in own if o != name and o in clocks]
+            beside = _plus(alignment.joined(together, clocks[cells[0]]), others)
+            clocks[name] = alignment.place_all(
+                signal[name], against, beside=beside, who=f"{who}, {name} against array.log", **sweep
+            )
+        placed = [alignment.joined(signal[name], clocks[name]) for name in own]
+        everything = [
+            _plus(piece, placed, clock) if clock else piece
+            for piece, clock in zip(together, clocks[cells[0]], strict=True)
+        ]
+        clocks[cells[0]], clocks["array.log"] = alignment.place_pair(
+            everything, array, who=f"{who}, array.log against all load cells", **sweep
+        )
+
+    depth = _signals(rows["cnc.log"], lambda t: alignment.depth_strength(t[:, 0]), ["z_mm"])
+    clocks["cnc.log"] = alignment.place_all(
+        depth,
+        alignment.joined(first, clocks[cells[0]]),
+        who=f"{who}, cnc.log against load_cell.log",
+        **limits,
+    )
+    for name, suffix in zip(cells[1:], touches[1:], strict=True):
+        if name in shared:
+            clocks[name] = clocks[cells[0]]
+        target = f"cnc{suffix}.log"
+        if rows[target]["segment"][-1].as_py() + 1 != len(clocks[name]):
+            raise InputError(
+                f"{who}: {target} and {name} share a clock, but only one of them was reset; record again"
+            )
+        clocks[target] = clocks[name]
+    return clocks
+
+
+def _signals(rows: pa.Table, strength, columns: list[str]) -> list[alignment.Signal]:
+    """One signal for each segment of a log, with the strength of these columns, (n, columns)."""
+    segment, time, values = rows["segment"].to_numpy(), _seconds(rows), _matrix(rows, columns)
+    edges = np.flatnonzero(np.diff(segment)) + 1
+    return [
+        alignment.Signal(t, strength(v))
+        for t, v in zip(np.split(time, edges), np.split(values, edges), strict=True)
+    ]
+
+
+def _plus(
+    piece: alignment.Signal, others: list[alignment.Signal], clock: alignment.Clock | None = None
+) -> alignment.Signal:
+    """A signal plus others on the same clock (in reference time, if the piece's clock is given)."""
+    at = clock(piece.time_s) if clock else piece.time_s
+    return alignment.Signal(
+        piece.time_s, sum((np.interp(at, o.time_s, o.value) for o in others), piece.value)
+    )
+
+
+def _seconds(rows: pa.Table) -> np.ndarray:
+    """The device's time in s, (n,)."""
+    return rows["t_us"].to_numpy() / 1e6
+
+
+def _reference_time(rows: pa.Table, clocks: list[alignment.Clock | None]) -> np.ndarray:
+    """The reference time in s, (n,), of rows whose segments all have a clock."""
+    segment, time = rows["segment"].to_numpy(), _seconds(rows)
+    for number in np.unique(segment):
+        time[segment == number] = clocks[number](time[segment == number])
+    return time
+
+
+def _matrix(rows: pa.Table, columns: list[str]) -> np.ndarray:
+    """Columns of one type as (n, columns)."""
+    return np.column_stack([rows[name].to_numpy() for name in columns])
+
+
+def _rejected(path: Path, rows: pa.Table, which: np.ndarray, reason: str) -> pa.Table:
+    """The rows of a log that `which` (n,) marks, as rejects."""
+    numbers = rows["line"].to_numpy()[which].tolist()
+    texts = logs.texts(path, numbers) if numbers else []
+    count = len(numbers)
+    return pa.table([[path.name] * count, numbers, [reason] * count, texts], logs.REJECTS)
+
+
+def _check(path: Path, lines: int, reasons: list[str], ingest: Mapping) -> None:
+    """InputError when the rejects of a file exceed touch.ingest.max_reject_fraction."""
+    logs.check_rejects(
+        path, lines, Counter(reasons), ingest["max_reject_fraction"], "touch.ingest.max_reject_fraction"
+    )

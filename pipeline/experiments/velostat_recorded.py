@@ -1,0 +1,91 @@
+"""Recorded Velostat taxel and load cell: two serial logs with the host's clock, see pipeline/sources.py."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import alignment, logs, tables
+from pipeline.errors import InputError
+from pipeline.logs import Column, Format
+
+CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
+VELOSTAT = Format((Column("reading", "1", 0, 1e5), CLOCK), time="unix_time_s", separator=" ")
+LOAD_CELL = Format((Column("fz_n", "N", -1e3, 1e3), CLOCK), time="unix_time_s", separator=" ")
+
+NO_GROUND_TRUTH = "no ground truth at this time"
+SCHEMA = tables.frames(1, 1, pa.float32())
+
+
+def recordings(folder: Path) -> list[Path]:
+    """The Velostat logs in `folder`/velostat_data, sorted. InputError where there is none."""
+    found = sorted((folder / "velostat_data").glob("*/*.txt"))
+    if not found:
+        raise InputError(
+            f"{folder / 'velostat_data'}: no recordings; run `python -m pipeline.fetch velostat_recorded`"
+        )
+    return found
+
+
+def name_of(path: Path) -> str:
+    """`pike1_force_5/exp1` for `pike1_force_5/exp_pike1_force_5_sensor1_exp1.txt`."""
+    repetition = re.search(r"exp\d+$", path.stem)
+    if not repetition:
+        raise InputError(f"{path}: the file name must end in the repetition, like _exp1.txt")
+    return f"{path.parent.name}/{repetition.group()}"
+
+
+def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
+    """One Velostat log and the load cell's log of the same name as `(frames, rejects, report)`.
+
+    `settings`: the block `velostat_recorded` of params.yaml. A frame is one reading of the taxel; the force
+    is interpolated at its time. Tables and errors as in the touch experiment; x and y are unknown (NaN).
+    """
+    pair = {
+        f"{device}/{path.name}": (path.parents[2] / device / path.parent.name / path.name, fmt)
+        for device, fmt in (("velostat_data", VELOSTAT), ("futek_data", LOAD_CELL))
+    }
+    limit, key = settings["ingest"]["max_reject_fraction"], "velostat_recorded.ingest.max_reject_fraction"
+    rows, rejects = {}, {}
+    for name, (file, fmt) in pair.items():
+        rows[name], rejects[name] = logs.read_log(file, fmt, name)
+        lines = rows[name].num_rows + rejects[name].num_rows
+        logs.check_rejects(file, lines, Counter(rejects[name]["reason"].to_pylist()), limit, key)
+        if rows[name]["segment"][-1].as_py() > 0:
+            raise InputError(
+                f"{file}: the time steps back for good; the host's clock was set during the recording"
+            )
+    taxel, cell = rows
+    at, segment = rows[taxel]["unix_time_s"].to_numpy(), rows[taxel]["segment"].to_numpy()
+    force, known = alignment.interpolated(
+        at, rows[cell]["unix_time_s"].to_numpy(), rows[cell]["fz_n"].to_numpy()
+    )
+    numbers = rows[taxel]["line"].to_numpy()[~known].tolist()
+    texts = logs.texts(path, numbers) if numbers else []
+    columns = [[taxel] * len(numbers), numbers, [NO_GROUND_TRUTH] * len(numbers), texts]
+    rejects[taxel] = pa.concat_tables([rejects[taxel], pa.table(columns, logs.REJECTS)]).sort_by("line")
+    if not known.any():
+        raise InputError(
+            f"{path}: no reading falls into the time of the load cell's log; the two do not belong together"
+        )
+    unknown = np.full((int(known.sum()), 1), np.nan)
+    frames = tables.frame_rows(
+        SCHEMA,
+        path.parent.name,
+        name_of(path),
+        segment=segment[known],
+        t_s=at[known],
+        v=rows[taxel]["reading"].to_numpy()[known, None],
+        force_n=force[known, None],
+        x_mm=unknown,
+        y_mm=unknown,
+    )
+    report = {}
+    for name in pair:
+        accepted = frames.num_rows if name == taxel else rows[name].num_rows
+        time = rows[name]["unix_time_s"].to_numpy()
+        report[name] = tables.log_report(accepted, rejects[name], time, rows[name]["segment"].to_numpy())
+    return frames, pa.concat_tables(rejects.values()), report

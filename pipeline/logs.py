@@ -1,0 +1,421 @@
+"""Raw serial logs: every line becomes a typed row or a reject with its line number and reason.
+
+A log is read in pieces of about 4 MiB. A piece is parsed straight to typed columns by pyarrow; only a piece
+that cannot be is looked at more closely, at first line by line in numpy, last in Python. What cannot be seen,
+because serial lines carry no checksum: a torn line that still has the right number of columns, all in range.
+"""
+
+import os
+import re
+from collections import deque
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import chain, islice
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from pipeline.errors import InputError
+
+EMPTY = "empty line"
+UNREADABLE = "unreadable bytes"  # NUL, control or non-ASCII bytes: noise on the line, a wrong baud rate
+TEXT = "banner or text"
+COLUMNS = "column count"
+NOT_A_NUMBER = "not a number"
+NOT_AN_INTEGER = "not an integer"
+OUT_OF_RANGE = "out of range"
+DUPLICATE = "duplicate"
+OUT_OF_ORDER = "out of order"
+REASONS = (
+    *(EMPTY, UNREADABLE, TEXT, COLUMNS, NOT_A_NUMBER, NOT_AN_INTEGER),
+    *(OUT_OF_RANGE, DUPLICATE, OUT_OF_ORDER),
+)
+REJECTS = pa.schema(
+    [("file", pa.string()), ("line", pa.int64()), ("reason", pa.string()), ("text", pa.string())]
+)
+
+TEXT_LENGTH = 200  # characters of a rejected line that are kept
+PIECE = 1 << 22  # bytes parsed at once; 4 MiB was the fastest of 1 to 8 MiB
+LONGEST_LINE = 64 << 20  # bytes; a file without line ends must not fill the memory
+HOPELESS = 100_000  # lines rejected before the first good one: no log, stop reading
+STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: values outside `low` to `high` (inclusive, in `unit`) cannot come from the device."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    integer: bool = False
+
+    @property
+    def type(self) -> pa.DataType:
+        """The smallest of int16, int64 and float64 that holds the range."""
+        if not self.integer:
+            return pa.float64()
+        return pa.int16() if -(2**15) <= self.low and self.high < 2**15 else pa.int64()
+
+
+@dataclass(frozen=True)
+class Format:
+    """What a line of one device looks like; `time` names the column with the device's clock."""
+
+    columns: tuple[Column, ...]
+    time: str
+    separator: str = ","
+
+    @property
+    def names(self) -> list[str]:
+        """Column names in the order of the line."""
+        return [column.name for column in self.columns]
+
+    @property
+    def header(self) -> str:
+        """The line that would name the columns."""
+        return self.separator.join(self.names)
+
+
+def read_log(path: Path, fmt: Format, name: str | None = None) -> tuple[pa.Table, pa.Table]:
+    """Read a log: `(rows, rejects)`; rows + rejects (+ 1 if line 1 is the header) = lines of the file.
+
+    `rows` has the format's columns, `line` (int32, from 1) and `segment` (int16, from 0; a new one after each
+    reset of the device); its time rises strictly within a segment. `rejects` has the columns of `REJECTS` in
+    the order of the lines, with `name` (default: the file's name) as its file.
+
+    Raises InputError when the file is missing, empty, or has no line of this format.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: log not found; check the folder named in params.yaml")
+    name = path.name if name is None else name
+    pieces, rejects, lines = _parse_file(path, fmt)
+    if not pieces:
+        raise InputError(_nothing_parsed(path, fmt, lines))
+
+    time = np.concatenate([piece[fmt.time].to_numpy() for piece in pieces])
+    line = np.concatenate([piece["line"].to_numpy() for piece in pieces])
+    text_lines = np.array([number for number, reason, _ in rejects if reason == TEXT], dtype=np.int64)
+    keep, segment = order(time, line, text_lines)
+    if not keep.all():
+        rejects += _order_rejects(path, pa.concat_tables(pieces), fmt, time, line, keep, segment)
+        rejects.sort()
+    start = 0
+    for index, piece in enumerate(pieces):  # one by one, so that the log is never in memory twice
+        rows = slice(start, start + piece.num_rows)
+        start = rows.stop
+        piece = piece.append_column("segment", pa.array(segment[rows], pa.int16()))
+        pieces[index] = piece if keep[rows].all() else piece.filter(pa.array(keep[rows]))
+    numbers, reasons, texts = zip(*rejects, strict=True) if rejects else ((), (), ())
+    columns = [[name] * len(rejects), numbers, reasons, texts]
+    return pa.concat_tables(pieces), pa.table([pa.array(c) for c in columns] if rejects else columns, REJECTS)
+
+
+def texts(path: Path, numbers: list[int]) -> list[str]:
+    """The lines with these numbers (from 1, rising) as rejects show them."""
+    wanted = set(numbers)
+    with path.open("rb") as file:
+        return [_shown(raw) for number, raw in enumerate(file, start=1) if number in wanted]
+
+
+def check_rejects(path: Path, lines: int, reasons: Mapping[str, int], limit: float, key: str) -> None:
+    """InputError when more than the share `limit` of the lines is rejected; `reasons`: rejects by reason."""
+    count = sum(reasons.values())
+    if count > limit * lines:
+        reason = max(sorted(reasons), key=reasons.get)
+        raise InputError(
+            f"{path}: {count / lines:.1%} of the {lines} lines cannot be used, most often '{reason}' "
+            f"({reasons[reason]} lines), and the limit is {limit:.1%}; mend or remove the recording, "
+            f"or raise {key} in params.yaml"
+        )
+
+
+def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which rows are in the order of time, and where the device was reset.
+
+    `time`, `line`: (n,), any unit of time and the line numbers; `text_lines`: the line numbers of banners.
+    Returns `keep` (n,) bool and `segment` (n,) int16. Where the clock steps back, the shorter side is out of
+    order: the lines after the step up to the first later than all before, or those before it that are not
+    earlier (a corrupt time far in the future). More than `STRAY` lines on both sides, or a banner in between
+    and at least three lines after, are a reset.
+    """
+    repeated = np.concatenate([[False], time[1:] == time[:-1]])
+    if repeated.any():  # at once, because a clock that stands still repeats itself a million times
+        keep, segment = ~repeated, np.zeros(len(time), dtype=np.int16)
+        keep[~repeated], segment[~repeated] = order(time[~repeated], line[~repeated], text_lines)
+        return keep, np.maximum.accumulate(segment)
+    n = len(time)
+    keep = np.ones(n, dtype=bool)
+    starts = [0]
+    drops = np.flatnonzero(time[1:] <= time[:-1]) + 1
+    last, at = 0, 1  # the last row kept, the first row not yet judged
+    while at < n:
+        if time[at] > time[last]:
+            following = np.searchsorted(drops, at, side="right")
+            stop = drops[following] if following < len(drops) else n
+            last, at = stop - 1, stop
+            continue
+        window = slice(max(starts[-1], at - 10 * STRAY), at)
+        kept = np.flatnonzero(keep[window])[-STRAY - 1 :] + window.start
+        before = kept[time[kept] >= time[at]]
+        later = time[at : at + STRAY + 1] > time[last]
+        after = int(np.argmax(later)) if later.any() else len(later)
+        banner = np.searchsorted(text_lines, line[at]) > np.searchsorted(text_lines, line[last])
+        if min(len(before), after) > STRAY or (banner and after >= 3):
+            starts.append(at)
+            last, at = at, at + 1
+        elif after <= len(before):
+            keep[at : at + after] = False
+            at += after
+        else:
+            keep[before] = False
+            if len(before) == len(kept) and window.start == starts[-1]:
+                starts[-1] = at  # nothing is left before: the segment starts here
+            last, at = at, at + 1
+    segment = np.zeros(n, dtype=np.int16)
+    for start in starts[1:]:
+        segment[start:] += 1
+    return keep, segment
+
+
+def _parse_file(path: Path, fmt: Format) -> tuple[list[pa.Table], list[tuple[int, str, str]], int]:
+    """Typed tables with a `line` column, rejects as (line, reason, text), and the number of lines read."""
+    tables: list[pa.Table] = []
+    rejects: list[tuple[int, str, str]] = []
+    lines = 0
+    pieces = _pieces(path)
+    first = next(pieces, b"")
+    header, _, rest = first.partition(b"\n")
+    if header.strip() == fmt.header.encode():
+        first, lines = rest, 1
+    pieces = chain([first] if first else [], pieces)
+    workers = os.cpu_count() or 1
+    with ThreadPoolExecutor(workers) as pool:
+        waiting = deque(pool.submit(_parse_piece, piece, fmt) for piece in islice(pieces, 2 * workers))
+        while waiting:
+            table, bad, count = waiting.popleft().result()
+            waiting.extend(pool.submit(_parse_piece, piece, fmt) for piece in islice(pieces, 1))
+            if table.num_rows:
+                number = pa.array(table["line"].to_numpy() + np.int32(lines + 1))
+                tables.append(table.set_column(table.num_columns - 1, "line", number))
+            rejects += [(lines + 1 + index, reason, text) for index, reason, text in bad]
+            lines += count
+            if not tables and len(rejects) > HOPELESS:
+                break
+    return tables, rejects, lines
+
+
+def _pieces(path: Path) -> Iterator[bytes]:
+    """The file in pieces of whole lines, without the byte order mark some editors put first."""
+    carry: list[bytes] = []
+    with path.open("rb") as file:
+        if file.read(3) != b"\xef\xbb\xbf":
+            file.seek(0)
+        while block := file.read(PIECE):
+            cut = block.rfind(b"\n") + 1
+            if not cut:
+                carry.append(block)
+                if len(carry) * PIECE > LONGEST_LINE:
+                    raise InputError(
+                        f"{path}: no line end within {LONGEST_LINE >> 20} MiB, so this is no text log; "
+                        "put the file that the device printed there"
+                    )
+                continue
+            yield b"".join([*carry, block[:cut]])
+            carry = [block[cut:]]
+    if last := b"".join(carry):
+        yield last
+
+
+def _parse_piece(piece: bytes, fmt: Format) -> tuple[pa.Table, list[tuple[int, str, str]], int]:
+    """Rows with `line` (int32, from 0 in this piece), rejects as (line, reason, text), number of lines.
+
+    Three passes, each dearer than the one before and seldom needed: without the lines that are too short,
+    without those with an empty field or a byte that no number has, without those that `_reason` refuses.
+    """
+    data = np.frombuffer(piece, dtype=np.uint8)
+    ends = np.flatnonzero(data == ord("\n")) + 1
+    if not piece.endswith(b"\n"):
+        ends = np.append(ends, len(piece))
+    starts = np.concatenate([[0], ends[:-1]])
+    good = ends - starts >= 2 * len(fmt.columns) - 1  # a digit a column and the separators
+    rows = _typed(piece, starts, ends, good, fmt, wide=False)
+    if rows is None:
+        odd = ~_number_bytes(fmt)[data]
+        between = (data == ord(fmt.separator)) | (data == ord("\n"))
+        odd[1:] |= between[1:] & between[:-1]  # nothing between two separators
+        good[np.searchsorted(ends, np.flatnonzero(odd), side="right")] = False
+        rows = _typed(piece, starts, ends, good, fmt, wide=True)
+    if rows is None:
+        for index in np.flatnonzero(good):
+            good[index] = _reason(piece[starts[index] : ends[index]], fmt) is None
+        rows = _typed(piece, starts, ends, good, fmt, wide=True)
+        if rows is None:
+            raise AssertionError("a piece of lines that were all found good could not be parsed")
+    table, line = rows
+    possible = np.ones(len(line), dtype=bool)
+    for column in fmt.columns:
+        values = table[column.name].to_numpy()
+        if len(values) and not (values.min() >= column.low and values.max() <= column.high):  # also for NaN
+            possible &= (values >= column.low) & (values <= column.high)
+    if not possible.all():
+        table, line = table.filter(pa.array(possible)), line[possible]
+    # From wide to the smallest types; nothing to do otherwise.
+    table = table.cast(pa.schema([(column.name, column.type) for column in fmt.columns]))
+    bad = np.ones(len(ends), dtype=bool)
+    bad[line] = False
+    rejects = []
+    for index in np.flatnonzero(bad).tolist():
+        raw = piece[starts[index] : ends[index]]
+        rejects.append((index, _reason(raw, fmt), _shown(raw)))
+    return table.append_column("line", pa.array(line.astype(np.int32))), rejects, len(ends)
+
+
+def _typed(
+    piece: bytes, starts: np.ndarray, ends: np.ndarray, good: np.ndarray, fmt: Format, wide: bool
+) -> tuple[pa.Table, np.ndarray] | None:
+    """The good lines as typed columns and the line (from 0) of each row; None if one is not of the format.
+
+    A line with another number of columns is left out. `wide`: every integer as int64, so that a count of
+    99999 can be read and then found out of range.
+    """
+    line = np.flatnonzero(good)
+    if len(line) < len(good):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+        runs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        piece = b"".join([piece[starts[first] : ends[stop - 1]] for first, stop in runs])
+    if not len(line):
+        return pa.schema([(column.name, column.type) for column in fmt.columns]).empty_table(), line
+    if not piece.isascii() or b"x" in piece or b"X" in piece:  # pyarrow reads 0x10 as 16
+        return None
+    skipped: list[int] = []
+
+    def skip(row: pyarrow.csv.InvalidRow) -> str:
+        skipped.append(row.number - 1)  # row.number is None when use_threads is on
+        return "skip"
+
+    try:
+        table = pyarrow.csv.read_csv(
+            pa.BufferReader(piece),
+            read_options=pyarrow.csv.ReadOptions(
+                use_threads=False, column_names=fmt.names, block_size=len(piece) + 1
+            ),
+            parse_options=pyarrow.csv.ParseOptions(
+                delimiter=fmt.separator,
+                quote_char=False,
+                ignore_empty_lines=False,
+                invalid_row_handler=skip,
+            ),
+            convert_options=pyarrow.csv.ConvertOptions(
+                column_types={
+                    column.name: pa.int64() if wide and column.integer else column.type
+                    for column in fmt.columns
+                },
+                null_values=[],
+            ),
+        )
+    except pa.ArrowInvalid:
+        return None
+    if table.num_rows + len(skipped) != len(line):  # pyarrow also ends a line at a lone carriage return
+        return None
+    return table, np.delete(line, skipped) if skipped else line
+
+
+def _number_bytes(fmt: Format) -> np.ndarray:
+    """(256,) bool: the bytes that a good line of this format can have."""
+    allowed = np.zeros(256, dtype=bool)
+    letters = "" if all(column.integer for column in fmt.columns) else ".+eE"
+    allowed[[ord(c) for c in f"0123456789- \t\r\n{fmt.separator}{letters}"]] = True
+    return allowed
+
+
+_INTEGER = re.compile(rb"[ \t]*-?[0-9]+[ \t]*")
+_FLOAT = re.compile(rb"[ \t]*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?[ \t]*")
+_NOT_FINITE = re.compile(rb"[ \t]*[-+]?(nan|inf)[a-z()]*[ \t]*", re.IGNORECASE)
+_CONTROL = re.compile(rb"[^\t\x20-\x7e]")
+
+
+def _reason(raw: bytes, fmt: Format) -> str | None:
+    """Why a line is no row of this format, or None if it is one."""
+    raw = _content(raw)
+    if not raw.strip():
+        return EMPTY
+    if _CONTROL.search(raw):
+        return UNREADABLE
+    fields = raw.split(fmt.separator.encode())
+    if len(fields) != len(fmt.columns):
+        return TEXT if re.search(rb"[A-Za-z]{2}", raw) else COLUMNS
+    if not any(_FLOAT.fullmatch(field) or _NOT_FINITE.fullmatch(field) for field in fields):
+        return TEXT if re.search(rb"[A-Za-z]", raw) else NOT_A_NUMBER
+    for field, column in zip(fields, fmt.columns, strict=True):
+        if not _FLOAT.fullmatch(field):
+            return NOT_A_NUMBER
+        if column.integer and not _INTEGER.fullmatch(field):
+            return NOT_AN_INTEGER
+    for field, column in zip(fields, fmt.columns, strict=True):
+        if not column.low <= float(field) <= column.high:
+            return OUT_OF_RANGE
+    return None
+
+
+def _content(raw: bytes) -> bytes:
+    """A line without its line end."""
+    return raw.removesuffix(b"\n").removesuffix(b"\r")
+
+
+def _shown(raw: bytes) -> str:
+    """A line as printable text, cut to TEXT_LENGTH characters."""
+    text = _content(raw)[: 4 * TEXT_LENGTH].decode("utf-8", errors="backslashreplace")
+    return "".join(c if c.isprintable() or c == "\t" else f"\\x{ord(c):02x}" for c in text)[:TEXT_LENGTH]
+
+
+def _order_rejects(
+    path: Path,
+    rows: pa.Table,
+    fmt: Format,
+    time: np.ndarray,
+    line: np.ndarray,
+    keep: np.ndarray,
+    segment: np.ndarray,
+) -> list[tuple[int, str, str]]:
+    """The rows that are not kept as (line, reason, text): a duplicate equals a kept row of its segment."""
+    dropped = np.flatnonzero(~keep)
+    twin = np.full(len(dropped), -1)
+    for number in np.unique(segment[dropped]):
+        kept = np.flatnonzero(keep & (segment == number))
+        if not len(kept):
+            continue
+        mine = np.flatnonzero(segment[dropped] == number)
+        found = kept[np.minimum(np.searchsorted(time[kept], time[dropped[mine]]), len(kept) - 1)]
+        twin[mine] = np.where(time[found] == time[dropped[mine]], found, -1)
+    same = twin >= 0
+    ours, theirs = rows.take(pa.array(dropped[same])), rows.take(pa.array(twin[same]))
+    equal = np.ones(same.sum(), dtype=bool)
+    for column in fmt.columns:
+        equal &= ours[column.name].to_numpy() == theirs[column.name].to_numpy()
+    duplicate = np.zeros(len(dropped), dtype=bool)
+    duplicate[same] = equal
+
+    numbers = line[dropped].tolist()
+    reasons = np.where(duplicate, DUPLICATE, OUT_OF_ORDER).tolist()
+    return list(zip(numbers, reasons, texts(path, numbers), strict=True))
+
+
+def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:
+    """The sentence for a file without a single good line."""
+    shown = fmt.header if len(fmt.names) <= 6 else fmt.separator.join([*fmt.names[:2], "...", fmt.names[-1]])
+    expected = f"expected lines of {len(fmt.names)} columns, {shown}"
+    if lines == 0:
+        return f"{path}: the file is empty; {expected}"
+    with path.open("rb") as file:
+        first = _content(file.readline(4 * TEXT_LENGTH))
+    if first.strip() == fmt.header.encode():
+        return f"{path}: the file has a header but no line of numbers; {expected}"
+    reason = _reason(first, fmt)
+    count = len(first.split(fmt.separator.encode()))
+    what = f"{reason}: " if reason in (EMPTY, UNREADABLE) else f"{count} column{'s' * (count > 1)}: "
+    return f"{path}: no line can be read; line 1 has {what}{_shown(first)[:60]!r}, {expected}"

@@ -1,0 +1,24 @@
+"""CNN (LoMP paper, Table I, its reference 19): the frames of a window are the channels of one image."""
+
+from torch import nn
+
+from pipeline.fitting import Spec, TorchRegressor, training_settings
+
+
+def build(spec: Spec, *, channels: list[int], hidden: list[int], training: dict) -> TorchRegressor:
+    """Convolutions 3x3 8-32-64-64 on 5x5, linear 1600-256-256-400: 636,208 parameters."""
+    return TorchRegressor(lambda: _network(spec, channels, hidden), spec, training_settings(training))
+
+
+def _network(spec: Spec, channels: list[int], hidden: list[int]) -> nn.Sequential:
+    layers = [nn.Unflatten(2, (spec.rows, spec.cols))]
+    width = spec.frames
+    for wider in channels:
+        layers += [nn.Conv2d(width, wider, 3, padding=1), nn.ReLU()]
+        width = wider
+    layers.append(nn.Flatten())
+    width *= spec.elements
+    for narrower in hidden:
+        layers += [nn.Linear(width, narrower), nn.ReLU()]
+        width = narrower
+    return nn.Sequential(*layers, nn.Linear(width, spec.outputs))

@@ -1,0 +1,30 @@
+"""ConvLSTM (LoMP paper, Table I, its reference 15): an LSTM whose states are images of the sensor's shape."""
+
+import torch
+from torch import nn
+
+from pipeline.fitting import Spec, TorchRegressor, training_settings
+
+
+def build(spec: Spec, *, filters: int, training: dict) -> TorchRegressor:
+    """32 filters 3x3 on 5x5 (38,144), linear 800-400: 358,544 parameters."""
+    return TorchRegressor(lambda: _ConvLstm(spec, filters), spec, training_settings(training))
+
+
+class _ConvLstm(nn.Module):
+    def __init__(self, spec: Spec, filters: int):
+        super().__init__()
+        self.shape = (filters, spec.rows, spec.cols)
+        self.gates = nn.Conv2d(1 + filters, 4 * filters, 3, padding=1)
+        self.readout = nn.Linear(filters * spec.elements, spec.outputs)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        filters, rows, cols = self.shape
+        images = x.view(len(x), -1, 1, rows, cols)
+        state = memory = x.new_zeros(len(x), *self.shape)
+        for image in images.unbind(1):
+            gates = self.gates(torch.cat([image, state], 1))
+            into, forget, out = torch.sigmoid(gates[:, : 3 * filters]).chunk(3, 1)
+            memory = forget * memory + into * torch.tanh(gates[:, 3 * filters :])
+            state = out * torch.tanh(memory)
+        return self.readout(state.flatten(1))

@@ -1,0 +1,17 @@
+"""Linear regression (LoMP paper, Table I): ordinary least squares on all frames of the window."""
+
+from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from pipeline.fitting import SklearnRegressor, Spec
+
+
+def build(spec: Spec) -> SklearnRegressor:
+    """200 inputs, 400 outputs and their intercepts: 80,400 fitted numbers."""
+    return SklearnRegressor(
+        lambda seed: make_pipeline(StandardScaler(), LinearRegression()),
+        spec,
+        count=lambda fitted: fitted[-1].coef_.size + fitted[-1].intercept_.size,
+        macs=spec.frames * spec.elements * spec.outputs,
+    )

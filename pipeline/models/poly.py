@@ -1,0 +1,26 @@
+"""Polynomial regression (LoMP paper, Table I): all products of the last frame's values, ridge read-out."""
+
+from math import comb
+
+from sklearn.linear_model import Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+from pipeline.fitting import SklearnRegressor, Spec
+
+
+def build(spec: Spec, *, degree: int, ridge: float) -> SklearnRegressor:
+    """Degree 2 of 25 elements gives 350 features and the intercept: 140,400 fitted numbers.
+
+    `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
+    """
+    features = comb(spec.elements + degree, degree) - 1
+    return SklearnRegressor(
+        lambda seed: make_pipeline(
+            StandardScaler(), PolynomialFeatures(degree, include_bias=False), Ridge(ridge, solver="cholesky")
+        ),
+        spec,
+        count=lambda fitted: fitted[-1].coef_.size + fitted[-1].intercept_.size,
+        macs=features - spec.elements + features * spec.outputs,  # the products, then the read-out
+        last_frame=True,
+    )

@@ -1,0 +1,59 @@
+"""RBF-Net (LoMP paper, Table I, its reference 17): Gaussian units around k-means centres, ridge read-out."""
+
+import numpy as np
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.cluster import KMeans
+from sklearn.linear_model import Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from pipeline.errors import InputError
+from pipeline.fitting import SklearnRegressor, Spec
+
+
+def build(spec: Spec, *, centres: int, width: float, ridge: float) -> SklearnRegressor:
+    """500 centres on 200 inputs (100,000) and a read-out to 400 outputs (200,400): 300,400 fitted numbers.
+
+    `width`: width of all Gaussians in units of the mean distance from a centre to its nearest neighbour.
+    `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
+    """
+    return SklearnRegressor(
+        lambda seed: make_pipeline(
+            StandardScaler(), GaussianFeatures(centres, width, seed), Ridge(ridge, solver="cholesky")
+        ),
+        spec,
+        count=lambda fitted: fitted[1].centres_.size + fitted[-1].coef_.size + fitted[-1].intercept_.size,
+        macs=centres * (spec.frames * spec.elements + spec.outputs),
+        trusted=("pipeline.models.rbf.GaussianFeatures",),
+    )
+
+
+class GaussianFeatures(TransformerMixin, BaseEstimator):
+    """exp(-distance^2 / (2 width^2)) to each of `centres` k-means centres; x (n, inputs) to (n, centres)."""
+
+    def __init__(self, centres: int, width: float, seed: int):
+        self.centres = centres
+        self.width = width
+        self.seed = seed
+
+    def fit(self, x: np.ndarray, y=None) -> "GaussianFeatures":
+        """Place the centres and set the shared width; InputError for fewer windows than centres."""
+        if len(x) < self.centres:
+            raise InputError(
+                f"rbf: centres is {self.centres}, but there are only {len(x)} training windows; lower it"
+            )
+        kmeans = KMeans(self.centres, n_init=1, max_iter=50, random_state=self.seed).fit(x)
+        self.centres_ = kmeans.cluster_centers_
+        distances = np.sqrt(self._squares(self.centres_))
+        np.fill_diagonal(distances, np.inf)
+        nearest = distances.min(axis=1).mean() if self.centres > 1 else np.sqrt(kmeans.inertia_ / len(x))
+        self.width_ = float(self.width * nearest)
+        return self
+
+    def transform(self, x: np.ndarray) -> np.ndarray:
+        """Activations (n, centres), each between 0 and 1."""
+        return np.exp(self._squares(x) / (-2 * self.width_**2))
+
+    def _squares(self, x: np.ndarray) -> np.ndarray:
+        squares = np.square(x).sum(1)[:, None] - 2 * x @ self.centres_.T + np.square(self.centres_).sum(1)
+        return np.maximum(squares, 0)  # rounding can leave -1e-12

@@ -1,0 +1,22 @@
+"""RNN (LoMP paper, Table I, its reference 18): an LSTM over the frames, read out from its last state."""
+
+import torch
+from torch import nn
+
+from pipeline.fitting import Spec, TorchRegressor, training_settings
+
+
+def build(spec: Spec, *, layers: int, hidden: int, training: dict) -> TorchRegressor:
+    """LSTM 2 x 128 on (8, 25), linear 128-400: 263,056 parameters."""
+    return TorchRegressor(lambda: _Lstm(spec, layers, hidden), spec, training_settings(training))
+
+
+class _Lstm(nn.Module):
+    def __init__(self, spec: Spec, layers: int, hidden: int):
+        super().__init__()
+        self.lstm = nn.LSTM(spec.elements, hidden, layers, batch_first=True)
+        self.readout = nn.Linear(hidden, spec.outputs)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        states, _ = self.lstm(x)  # (n, frames, hidden)
+        return self.readout(states[:, -1])

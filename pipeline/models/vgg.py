@@ -1,0 +1,51 @@
+"""VGG-16 (LoMP paper, Table I, its reference 20): the frames of a window are the channels of one image."""
+
+import torch
+from torch import nn
+
+from pipeline.errors import InputError
+from pipeline.fitting import Spec, TorchRegressor, training_settings
+
+CONVOLUTIONS = (2, 2, 3, 3, 3)  # a stage; 13 of the 16 layers
+
+
+def build(spec: Spec, *, channels: list[int], training: dict) -> TorchRegressor:
+    """Channels 64, 128, 256, 512, 512 on 5x5, linear 512-400: 14,922,768 parameters.
+
+    Differs from paper: one linear layer instead of VGG-16's three (there are 512 features, not 25,088), and
+    pools that round up, without which 5x5 elements would not survive five of them.
+    Raises InputError unless `channels` has one width a stage.
+    """
+    if len(channels) != len(CONVOLUTIONS):
+        raise InputError(f"vgg: channels must give {len(CONVOLUTIONS)} widths, not {channels!r}")
+    return TorchRegressor(lambda: _network(spec, channels), spec, training_settings(training))
+
+
+def _network(spec: Spec, channels: list[int]) -> nn.Sequential:
+    layers = [nn.Unflatten(2, (spec.rows, spec.cols))]
+    width, rows, cols = spec.frames, spec.rows, spec.cols
+    for convolutions, wider in zip(CONVOLUTIONS, channels, strict=True):
+        for _ in range(convolutions):
+            layers += [_Convolution(width, wider, 3, padding=1), nn.ReLU()]
+            width = wider
+        layers.append(nn.MaxPool2d(2, ceil_mode=True))
+        rows, cols = (rows + 1) // 2, (cols + 1) // 2
+    network = nn.Sequential(*layers, nn.Flatten(), nn.Linear(width * rows * cols, spec.outputs))
+    for layer in network:
+        if isinstance(layer, nn.Conv2d):  # without batch norm, 13 layers train only from this scale
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            nn.init.zeros_(layer.bias)
+    return network.to(memory_format=torch.channels_last)
+
+
+class _Convolution(nn.Conv2d):
+    """3x3 convolution with padding 1. On an image of one pixel only the kernel's centre meets data.
+
+    The same result for a ninth of the work: on 5x5 elements in 6 of 13 layers, which makes training 1.6
+    times and a window 3 times faster.
+    """
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        if x.shape[2:] != (1, 1):
+            return super().forward(x)
+        return nn.functional.linear(x.flatten(1), self.weight[:, :, 1, 1], self.bias)[:, :, None, None]

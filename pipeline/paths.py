@@ -1,0 +1,83 @@
+"""Where every file of an experiment lies, relative to the repository root."""
+
+from pathlib import Path
+
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parent.parent
+PARAMS = ROOT / "params.yaml"
+SOURCES = ROOT / "data" / "sources"
+REPORTS = ROOT / "reports"
+
+
+def experiment_folder(experiment: str) -> Path:
+    """`data/<experiment>`: everything the stages of one experiment write."""
+    return ROOT / "data" / experiment
+
+
+def logs(experiment: str) -> Path:
+    """Raw logs written by the simulator: `<condition>/<recording>/<device>.log`."""
+    return experiment_folder(experiment) / "logs"
+
+
+def frames(experiment: str) -> Path:
+    """Aligned, validated frames (output of ingest)."""
+    return experiment_folder(experiment) / "frames.parquet"
+
+
+def rejects(experiment: str) -> Path:
+    """Every rejected line with its file, number, reason and text (output of ingest)."""
+    return experiment_folder(experiment) / "rejects.parquet"
+
+
+def ingest_report(experiment: str) -> Path:
+    """What ingest understood: rates, clock offsets, gaps, reject counts per recording."""
+    return experiment_folder(experiment) / "ingest.json"
+
+
+def windows(experiment: str) -> Path:
+    """One row a window (output of window)."""
+    return experiment_folder(experiment) / "windows.parquet"
+
+
+def dataset(experiment: str) -> Path:
+    """Windows with labels and one split column a run (output of dataset)."""
+    return experiment_folder(experiment) / "dataset.parquet"
+
+
+def model_folder(experiment: str, model: str) -> Path:
+    """Everything `train` writes for one model: a folder a run, named `<protocol>-<seed>`."""
+    return experiment_folder(experiment) / "models" / model
+
+
+def run_folder(experiment: str, model: str, protocol: str, seed: int) -> Path:
+    """One trained model: its files, `history.csv` and `fit.json`."""
+    return model_folder(experiment, model) / f"{protocol}-{seed}"
+
+
+def training_times(experiment: str, model: str) -> Path:
+    """Measured training seconds, apart from the model because they differ from run to run."""
+    return experiment_folder(experiment) / "latency" / f"{model}.train.csv"
+
+
+def latency(experiment: str) -> Path:
+    """Measured inference times (output of latency)."""
+    return experiment_folder(experiment) / "latency" / "latency.csv"
+
+
+def predictions(experiment: str) -> Path:
+    """A Parquet file a model with the predictions of all its runs on the test windows."""
+    return experiment_folder(experiment) / "predictions"
+
+
+def scores(experiment: str) -> Path:
+    """One row a metric (output of evaluate), in full precision."""
+    return experiment_folder(experiment) / "scores.csv"
+
+
+def require(path: Path, made_by: str) -> Path:
+    """`path`, or the sentence that says which stage makes it."""
+    if not path.exists():
+        shown = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
+        raise InputError(f"{shown}: not found; run `{made_by}` first (or `dvc repro` for everything)")
+    return path

@@ -1,0 +1,159 @@
+"""What params.yaml may say: every block, key, kind and range outside the models' own blocks.
+
+A model's block is checked against the signature of its `build` (pipeline/params.py), so that a new model
+needs no edit here.
+"""
+
+from collections.abc import Callable, Mapping
+
+Check = Callable[[object], str | None]
+
+
+def number(low: float = float("-inf"), high: float = float("inf")) -> Check:
+    """A check that accepts any number in [low, high]."""
+
+    def check(value):
+        if isinstance(value, str):
+            return "a number (YAML reads 1e-3 as text: write 1.0e-3)"
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return "a number"
+        return None if low <= value <= high else f"a number from {low:g} to {high:g}"
+
+    return check
+
+
+def integer(low: int, high: int = 2**31) -> Check:
+    """A check that accepts whole numbers in [low, high]."""
+
+    def check(value):
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        return None if whole and low <= value <= high else f"a whole number from {low} to {high}"
+
+    return check
+
+
+def flag(value):
+    """true or false."""
+    return None if isinstance(value, bool) else "true or false"
+
+
+def text(value):
+    """Any non-empty text."""
+    return None if isinstance(value, str) and value else "text"
+
+
+def one_of(*choices: str) -> Check:
+    """A check that accepts exactly these words."""
+    return lambda value: None if value in choices else f"one of {', '.join(choices)}"
+
+
+def many(item: Check) -> Check:
+    """A check that accepts a non-empty list without repeats whose entries all pass `item`."""
+
+    def check(value):
+        if not isinstance(value, list) or not value or len(set(map(str, value))) < len(value):
+            return "a non-empty list without repeats"
+        return next((f"a list of which each is {wrong}" for wrong in map(item, value) if wrong), None)
+
+    return check
+
+
+def mapping(value):
+    """A non-empty block whose keys are free (models)."""
+    return None if isinstance(value, Mapping) and value else "a non-empty block"
+
+
+positive = number(1e-12)
+fraction = number(0.0, 1.0)
+window = {
+    "frames": integer(1),
+    "frame_step": integer(1),
+    "stride": integer(1),
+    "contact_threshold_n": positive,
+}
+seeds = {"seeds": many(integer(0))}
+latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
+
+SCHEMA = {
+    "experiments": many(one_of("touch", "velostat_recorded")),
+    "touch": {
+        "source": text,
+        "sensor": {"rows": integer(1), "cols": integer(1), "pitch_mm": positive, "element_mm": positive},
+        "yardstick": {"model": text, "condition": text, "metric": text, "published": positive},
+        "simulate": {
+            "seed": integer(0),
+            "single": {
+                "points_per_side": integer(1),
+                "depths": integer(1),
+                "repetitions": integer(1),
+                "presses_per_recording": integer(2),
+            },
+            "double": {"recordings": integer(1), "presses_per_recording": integer(2)},
+            "demonstrations": {"repetitions": integer(1)},
+            "pressure": {"lowest_kpa": positive, "highest_kpa": positive, "location_spread": fraction},
+            "press": {
+                "approach_s": positive,
+                "hold_s": positive,
+                "release_s": positive,
+                "travel_s": positive,
+                "timing_spread": fraction,
+            },
+            "hand": {"slower": positive, "shift_mm": number(0), "tilt_deg": number(0, 45)},
+            "contact": {"silicone_spread_mm": number(0)},
+            "material": {"resistance_scale_ohm": positive, "gain_spread": number(0), "exponent_spread": number(0)},
+            "circuit": {
+                "supply_v": positive,
+                "reference_ohm": positive,
+                "adc_levels": integer(2),
+                "noise_counts": number(0),
+            },
+            "devices": {
+                "array_hz": positive,
+                "load_cell_hz": positive,
+                "cnc_hz": positive,
+                "force_noise_n": number(0),
+                "clock_offset_s": number(0),
+                "clock_drift_ppm": number(0),
+            },
+            "faults": {
+                "torn": fraction,
+                "duplicated": fraction,
+                "missing": fraction,
+                "out_of_range": fraction,
+                "out_of_order": fraction,
+                "resets": integer(0),
+            },
+            "effects": {
+                "load_sharing": flag,
+                "creep": flag,
+                "hysteresis": flag,
+                "release": flag,
+                "element_spread": flag,
+                "crosstalk": flag,
+                "noise": flag,
+                "hand_error": flag,
+                "line_faults": flag,
+            },
+        },
+        "ingest": {
+            "max_reject_fraction": fraction,
+            "max_clock_offset_s": positive,
+            "min_correlation": fraction,
+            "max_touches": integer(1),
+        },
+        "window": window,
+        "label": {"tip_radius_mm": positive, "map_rows": integer(1), "map_cols": integer(1)},
+        "split": {"seed": integer(0), "train": fraction, "validation": fraction},
+        "protocols": {"press": seeds, "random_window": seeds},
+        "models": mapping,
+        "latency": latency,
+    },
+    "velostat_recorded": {
+        "ingest": {"max_reject_fraction": fraction},
+        "window": window,
+        "split": {"validation": fraction},
+        "protocols": {"repetition": seeds},
+        "models": mapping,
+        "latency": latency,
+    },
+}

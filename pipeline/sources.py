@@ -1,0 +1,71 @@
+"""Public recordings that a user downloads by name; their licences keep them out of this repository.
+
+A source is a list of files at one pinned commit of a public repository. The SHA-256 of every file is in
+`pipeline/<name>.sha256`, one `<digest>  <path>` line a file, as `sha256sum` writes it.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from pipeline import paths
+from pipeline.errors import InputError
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a set of recordings comes from. `folder` is the folder in the repository its paths start at."""
+
+    repository: str
+    commit: str
+    folder: str
+    licence: str
+
+
+SOURCES = {
+    "velostat_recorded": Source(
+        repository="Lupasic/tactile-sensor-velostat",
+        commit="c319860a13fcde964917329370ae31314024a96f",
+        folder="src/experimental_data",
+        licence="none given: use the recordings, do not redistribute them",
+    ),
+}
+
+
+def source(name: str) -> Source:
+    """The source called `name`. Raises InputError for an unknown name."""
+    if name not in SOURCES:
+        raise InputError(f"{name}: no such source; choose one of {', '.join(sorted(SOURCES))}")
+    return SOURCES[name]
+
+
+def files(name: str) -> dict[str, str]:
+    """SHA-256 (64 hex digits) of every file of a source, by its path inside the source's folder."""
+    source(name)
+    lines = Path(__file__).with_name(f"{name}.sha256").read_text().splitlines()
+    return {path: digest for digest, path in (line.split(maxsplit=1) for line in lines)}
+
+
+def address(name: str, path: str) -> str:
+    """The public address of one file, at the pinned commit."""
+    s = source(name)
+    return f"https://raw.githubusercontent.com/{s.repository}/{s.commit}/{quote(f'{s.folder}/{path}')}"
+
+
+def folder(name: str) -> Path:
+    """`data/sources/<name>`, where `python -m pipeline.fetch <name>` puts the files."""
+    source(name)
+    return paths.SOURCES / name
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file, 64 hex digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def is_complete(name: str, at: Path | None = None) -> bool:
+    """True if every file of the source is there and right, in `at` (default: `folder(name)`)."""
+    at = folder(name) if at is None else at
+    return all((at / path).is_file() and sha256(at / path) == digest for path, digest in files(name).items())

@@ -1,0 +1,331 @@
+"""The ingest stage: faults at known lines end up in the rejects table, everything else in the frames."""
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline import ingest, paths, sources, tables
+from pipeline.errors import InputError
+from pipeline.experiments import touch, velostat_recorded
+
+SETTINGS = {
+    "source": "simulated",
+    "sensor": {"rows": 2, "cols": 3, "pitch_mm": 12.0, "element_mm": 11.5},
+    "ingest": {
+        "max_reject_fraction": 0.05,
+        "max_clock_offset_s": 5.0,
+        "min_correlation": 0.5,
+        "max_touches": 3,
+    },
+}
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """An empty repository root."""
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "SOURCES", tmp_path / "data" / "sources")
+    return tmp_path
+
+
+def presses(seconds, seed):
+    """(t on a 5 ms grid, force): trapezoid presses of varying depth."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, seconds, 0.005)
+    force, start = np.zeros(len(t)), 1.5
+    while start < seconds - 1.5:
+        knots = start + np.cumsum([0, 0.2, 0.3, 0.2]) * rng.uniform(0.8, 1.2)
+        force += rng.uniform(4, 40) * np.interp(t, knots, [0, 1, 1, 0])
+        start = knots[-1] + rng.uniform(0.2, 0.4)
+    return t, force
+
+
+def lines(t, columns, start, stop, hz, boot_us, pattern):
+    """What a device prints between two true times."""
+    at = np.arange(start, stop, 1 / hz)
+    values = [np.interp(at, t, column) for column in columns]
+    stamps = boot_us + np.round((at - start) * 1e6).astype(int)
+    return [
+        f"{s}," + ",".join(pattern % v for v in row)
+        for s, row in zip(stamps, np.transpose(values), strict=True)
+    ]
+
+
+def logs_of(seconds=20.0, seed=0, touches=1, reset_at=None, shared=True):
+    """Lines of every log. x runs as 2 t and y as 3 t, so that interpolated positions tell the true time."""
+    t, force = presses(seconds, seed)
+    counts = [10 + 20 * force**0.7 * share for share in (0.2, 0.4, 1.0, 0.5, 0.1, 0.05)]
+    logs = {}
+    for k in range(1, touches + 1):
+        suffix, second = ("", 0.0) if k == 1 else (f"_{k}", presses(seconds, seed + k)[1])
+        mine = force if k == 1 else second
+        start, boot = (0.5, 8_000_000) if k == 1 or shared else (1.0, 60_000_000)
+        if k > 1:
+            counts = [
+                c + 20 * mine**0.7 * share
+                for c, share in zip(counts, (1.0, 0.3, 0.1, 0, 0, 0.1), strict=True)
+            ]
+        logs[f"load_cell{suffix}.log"] = lines(t, [mine], start, seconds, 100, boot, "%.3f")
+        place = [2 * t, 3 * t, -(mine ** (2 / 3))]
+        if k == 1:
+            start, boot = 0.0, 500_000
+        logs[f"cnc{suffix}.log"] = lines(t, place, start, seconds, 50, boot, "%.3f")
+    whole = [1.0, seconds] if reset_at is None else [1.0, reset_at, reset_at + 1.2, seconds]
+    logs["array.log"] = []
+    for k in range(0, len(whole), 2):
+        boot = 3_000_000 if k == 0 else 350_000
+        logs["array.log"] += ["array ready", *lines(t, counts, whole[k], whole[k + 1], 50, boot, "%d")]
+    return logs
+
+
+def save(folder, logs):
+    folder.mkdir(parents=True)
+    for name, content in logs.items():
+        (folder / name).write_text("\n".join(content) + "\n")
+    return folder
+
+
+def run(root, settings=SETTINGS):
+    ingest.ingest_touch(settings)
+    data = root / "data" / "touch"
+    report = json.loads((data / "ingest.json").read_text())
+    return pq.read_table(data / "frames.parquet"), pq.read_table(data / "rejects.parquet"), report
+
+
+def test_faults_at_known_lines_are_the_rejects(root):
+    logs = logs_of()
+    array = logs["array.log"]
+    array[200] = array[200][:7]  # line 201
+    array[300] = array[300].rpartition(",")[0] + ",99999"
+    array.insert(400, array[399])
+    array[500], array[501] = array[501], array[500]
+    del array[600]
+    logs["load_cell.log"][1000] = "nan,1.0"
+    save(root / "data/touch/logs/single/run000", logs)
+    frames, rejects, report = run(root)
+    found = [
+        tuple(row.values())[2:5] for row in rejects.to_pylist() if row["reason"] != touch.NO_GROUND_TRUTH
+    ]
+    assert sorted(found) == [
+        ("array.log", 1, "banner or text"),
+        ("array.log", 201, "column count"),
+        ("array.log", 301, "out of range"),
+        ("array.log", 401, "duplicate"),
+        ("array.log", 502, "out of order"),
+        ("load_cell.log", 1001, "not a number"),
+    ]
+    assert set(rejects["recording"].to_pylist()) == {"run000"} and rejects.schema == tables.REJECTS
+    files = report["recordings"]["single/run000"]["files"]
+    for name, content in logs.items():
+        assert (
+            files[name]["lines"]
+            == len(content)
+            == files[name]["accepted"] + sum(files[name]["rejects"].values())
+        )
+    assert (
+        frames.num_rows == files["array.log"]["accepted"] == report["recordings"]["single/run000"]["frames"]
+    )
+    # Missing frames: the torn one, the one out of range, the late one and the deleted one.
+    assert files["array.log"]["gaps"] == 4
+    assert np.flatnonzero(frames["gap_before"].to_numpy())[0] == 0
+    assert frames["gap_before"].to_numpy().sum() == 1 + 4
+    assert files["array.log"]["rate_hz"] == pytest.approx(50) and files["cnc.log"]["segments"] == 1
+
+
+def test_frames_have_the_truth_of_their_time(root):
+    save(root / "data/touch/logs/single/run000", logs_of(seconds=60))
+    frames, _, report = run(root)
+    assert frames.schema.equals(tables.frames(6, 3, frames.schema.field("v").type.value_type))
+    assert frames.schema.field("v").type.value_type == "int16"
+    t = frames["t_s"].to_numpy()
+    # The load cell prints 8 s at the true time 0.5 s; x runs as 2 t, y as 3 t.
+    true = t - 7.5
+    x, y, force = (np.array(frames[name].to_pylist()) for name in ("x_mm", "y_mm", "force_n"))
+    assert np.abs(x[:, 0] / 2 - true).max() < 0.01 and np.abs(y[:, 0] / 3 - true).max() < 0.01
+    grid, expected = presses(60, 0)
+    # Up to 250 N/s between samples 10 ms apart: a corner of the press is cut by up to 0.6 N.
+    assert np.abs(force[:, 0] - np.interp(true, grid, expected)).max() < 0.7
+    assert np.isnan(force[:, 1:]).all() and np.isnan(x[:, 1:]).all()
+    first = 1.0 + 7.5  # true start of the array's log, on the load cell's clock
+    assert t[0] == pytest.approx(first, abs=0.01)
+    clock = report["recordings"]["single/run000"]["files"]["array.log"]["clocks"][0]
+    assert clock["offset_ms"] == pytest.approx(1e3 * (first - 3.0), abs=10)
+
+
+def test_frames_without_ground_truth_are_rejects_with_their_lines(root):
+    logs = logs_of(seconds=60)
+    logs["load_cell.log"] = logs["load_cell.log"][: -3 * 100]  # stops 3 s early: within max_clock_offset_s
+    del logs["cnc.log"][1500:1510]  # a hole of 0.2 s: 10 intervals
+    save(root / "data/touch/logs/single/run000", logs)
+    frames, rejects, _ = run(root)
+    missed = [row["line"] for row in rejects.to_pylist() if row["reason"] == touch.NO_GROUND_TRUTH]
+    late, hole = [n for n in missed if n > 2500], [n for n in missed if n <= 2500]
+    assert len(late) == pytest.approx(150, abs=2) and late[-1] == len(logs["array.log"])
+    assert len(hole) == pytest.approx(11, abs=2) and np.ptp(hole) == len(hole) - 1
+    assert frames["gap_before"].to_numpy().sum() == 2
+
+
+def test_a_load_cell_that_stops_early_is_refused(root):
+    logs = logs_of(seconds=60)
+    logs["load_cell.log"] = logs["load_cell.log"][: 30 * 100]
+    save(root / "data/touch/logs/single/run000", logs)
+    with pytest.raises(InputError, match="array.log: .*'no ground truth at this time'"):
+        run(root)
+
+
+def test_a_reset_gives_two_aligned_segments(root):
+    save(root / "data/touch/logs/single/run000", logs_of(seconds=40, reset_at=15.0))
+    frames, rejects, report = run(root)
+    segment, t = frames["segment"].to_numpy(), frames["t_s"].to_numpy()
+    assert np.unique(segment).tolist() == [0, 1]
+    x = np.array(frames["x_mm"].to_pylist())[:, 0]
+    starts = np.flatnonzero(np.diff(segment, prepend=-1))
+    assert t[starts] - 7.5 == pytest.approx([1.0, 16.2], abs=0.02)
+    assert np.abs(x / 2 - (t - 7.5)).max() < 0.01
+    assert frames["gap_before"].to_numpy()[starts].all()
+    assert len(report["recordings"]["single/run000"]["files"]["array.log"]["clocks"]) == 2
+
+
+def test_a_segment_too_short_to_align_is_rejected_whole(root):
+    save(root / "data/touch/logs/single/run000", logs_of(seconds=60, reset_at=58.0))
+    frames, rejects, _ = run(root)
+    short = [row for row in rejects.to_pylist() if row["reason"] == touch.TOO_SHORT]
+    assert len(short) == 40 and short[0]["line"] == 2 + 57 * 50 + 1 and short[0]["text"].startswith("350000,")
+    assert np.unique(frames["segment"].to_numpy()).tolist() == [0]
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_further_touches_fill_their_columns(root, shared):
+    save(root / "data/touch/logs/double/run000", logs_of(seconds=60, touches=2, shared=shared))
+    frames, _, report = run(root)
+    true = frames["t_s"].to_numpy() - 7.5
+    force, x = (np.array(frames[name].to_pylist()) for name in ("force_n", "x_mm"))
+    grid, expected = presses(60, 2)
+    assert np.sqrt(np.mean((force[:, 1] - np.interp(true, grid, expected)) ** 2)) < 2.0
+    # Targets are held until the next one, 20 ms later.
+    assert np.abs(x[:, 1] / 2 - true).max() < 0.04
+    assert np.isnan(force[:, 2]).all()
+    clocks = {name: file["clocks"] for name, file in report["recordings"]["double/run000"]["files"].items()}
+    assert (clocks["load_cell_2.log"] == clocks["load_cell.log"]) == shared
+    assert clocks["cnc_2.log"] == clocks["load_cell_2.log"]
+
+
+def test_the_same_logs_give_the_same_bytes(root):
+    save(root / "data/touch/logs/single/run000", logs_of())
+    save(root / "data/touch/logs/single/run001", logs_of(seed=4))
+    names = ("frames.parquet", "rejects.parquet", "ingest.json")
+    run(root)
+    first = [(root / "data/touch" / name).read_bytes() for name in names]
+    frames, _, _ = run(root)
+    assert [(root / "data/touch" / name).read_bytes() for name in names] == first
+    assert frames["recording"].unique().to_pylist() == ["run000", "run001"]
+    assert not list((root / "data/touch").glob("*.unfinished"))
+
+
+def test_own_logs_are_read_from_the_named_folder(root):
+    save(root / "my/logs/single/monday", logs_of())
+    frames, _, _ = run(root, SETTINGS | {"source": "my/logs"})
+    assert frames["recording"].unique().to_pylist() == ["monday"]
+
+
+def broken(change):
+    logs = logs_of()
+    change(logs)
+    return logs
+
+
+BAD = {
+    "too many rejects": (
+        lambda logs: logs["load_cell.log"].__setitem__(slice(100, 600, 2), ["12,"] * 250),
+        "load_cell.log: 12.8% of the 1950 lines cannot .*'not a number'.*5.0%.*ingest.max_reject_fraction",
+    ),
+    "no CNC": (lambda logs: logs.pop("cnc.log"), "cnc.log: log not found"),
+    "no target": (lambda logs: logs.update({"load_cell_2.log": ["1,2"]}), "cnc_2.log: log not found"),
+    "strange log": (lambda logs: logs.update({"cnc_left.log": ["1,2"]}), "cnc_left.log: no such log"),
+    "wrong array size": (
+        lambda logs: logs.update({"array.log": ["1,2,3"] * 100}),
+        "array.log: no line can be read; line 1 has 3 columns.*expected lines of 7 columns",
+    ),
+    "empty file": (lambda logs: logs.update({"cnc.log": []}), "cnc.log: no line can be read"),
+    "logs of another recording": (
+        lambda logs: logs.update({"load_cell.log": logs_of(seed=9)["load_cell.log"]}),
+        "single/run000, array.log against load_cell.log: the signals do not follow",
+    ),
+    "too many touches": (
+        lambda logs: logs.update({f"{d}_{k}.log": ["1,2"] for d in ("load_cell", "cnc") for k in (2, 3, 4)}),
+        "4 touches are more than touch.ingest.max_touches \\(3\\)",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_bad_input_is_one_sentence_and_leaves_no_table(fault, root):
+    change, sentence = BAD[fault]
+    save(root / "data/touch/logs/single/run000", broken(change))
+    with pytest.raises(InputError, match=sentence) as error:
+        run(root)
+    assert "\n" not in str(error.value)
+    assert not (root / "data/touch/frames.parquet").exists()
+
+
+def test_missing_folders_are_one_sentence(root):
+    with pytest.raises(InputError, match="run `python -m pipeline.simulate touch` first"):
+        run(root)
+    with pytest.raises(InputError, match="touch.source: there is no folder nowhere"):
+        run(root, SETTINGS | {"source": "nowhere"})
+    (root / "empty").mkdir()
+    with pytest.raises(InputError, match="empty: no recordings found"):
+        run(root, SETTINGS | {"source": "empty"})
+
+
+def velostat(root, repetition, seconds=5.0):
+    """Two small logs in the published layout; the force is 2 (t - 1.6e9)."""
+    for device, hz, late in (("velostat_data", 143.0, 0.0), ("futek_data", 250.0, 0.1)):
+        t = 1.6e9 + late + np.arange(0, seconds, 1 / hz)
+        values = 800 - t + 1.6e9 if device == "velostat_data" else 2 * (t - 1.6e9)
+        folder = sources.folder("velostat_recorded") / device / "pike1_force_5"
+        path = folder / f"exp_pike1_force_5_sensor1_{repetition}.txt"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("".join(f"{v:.4f} {s:.6f}\n" for v, s in zip(values, t, strict=True)))
+    return path
+
+
+VELOSTAT_SETTINGS = {"ingest": {"max_reject_fraction": 0.05}}
+
+
+def test_velostat_recordings_share_a_clock(root, monkeypatch):
+    monkeypatch.setattr(sources, "is_complete", lambda name: True)
+    velostat(root, "exp1")
+    velostat(root, "exp2")
+    ingest.ingest_velostat_recorded(VELOSTAT_SETTINGS)
+    data = root / "data" / "velostat_recorded"
+    frames, rejects = pq.read_table(data / "frames.parquet"), pq.read_table(data / "rejects.parquet")
+    assert frames.schema.equals(velostat_recorded.SCHEMA)
+    assert frames["recording"].unique().to_pylist() == ["pike1_force_5/exp1", "pike1_force_5/exp2"]
+    t = frames["t_s"].to_numpy() - 1.6e9
+    assert np.array(frames["force_n"].to_pylist())[:, 0] == pytest.approx(2 * t, abs=1e-3)
+    assert np.array(frames["v"].to_pylist())[:, 0] == pytest.approx(800 - t, abs=1e-3)
+    # The load cell starts 0.1 s late: 15 readings have no force.
+    assert rejects["line"].to_pylist() == [*range(1, 16)] * 2
+    names = [f"velostat_data/exp_pike1_force_5_sensor1_{repetition}.txt" for repetition in ("exp1", "exp2")]
+    assert sorted(set(rejects["file"].to_pylist())) == names
+    assert json.loads((data / "ingest.json").read_text())["run"] is True
+
+
+def test_a_velostat_log_without_its_pair_is_refused(root, monkeypatch):
+    monkeypatch.setattr(sources, "is_complete", lambda name: True)
+    velostat(root, "exp1").unlink()
+    with pytest.raises(InputError, match="futek_data/pike1_force_5/.*log not found"):
+        ingest.ingest_velostat_recorded(VELOSTAT_SETTINGS)
+
+
+def test_without_recordings_the_stage_says_so(root, monkeypatch):
+    monkeypatch.setattr(sources, "is_complete", lambda name: False)
+    ingest.ingest_velostat_recorded(VELOSTAT_SETTINGS)
+    data = root / "data" / "velostat_recorded"
+    assert pq.read_table(data / "frames.parquet").num_rows == 0
+    assert pq.read_table(data / "rejects.parquet").schema.equals(tables.REJECTS)
+    report = json.loads((data / "ingest.json").read_text())
+    assert report["run"] is False and "pipeline.fetch velostat_recorded" in report["reason"]

@@ -1,0 +1,249 @@
+"""Raw logs: every line becomes a row or a reject with the right number and reason."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline import logs
+from pipeline.errors import InputError
+from pipeline.logs import Column, Format, read_log
+
+CLOCK = Column("t_us", "us", 0, 1e12, integer=True)
+COUNTS = Format((CLOCK, Column("v0", "counts", 0, 1023, True), Column("v1", "counts", 0, 1023, True)), "t_us")
+SPACED = Format((Column("reading", "1", 0, 1e5), Column("unix_s", "s", 1e9, 4e9)), "unix_s", separator=" ")
+
+
+def write(tmp_path: Path, content: bytes) -> Path:
+    path = tmp_path / "device.log"
+    path.write_bytes(content)
+    return path
+
+
+def line_count(content: bytes) -> int:
+    return content.count(b"\n") + bool(content and not content.endswith(b"\n"))
+
+
+def rejects_of(content: bytes, tmp_path: Path, fmt: Format = COUNTS) -> list[tuple[int, str]]:
+    rows, rejects = read_log(write(tmp_path, content), fmt)
+    assert rows.num_rows + rejects.num_rows == line_count(content)
+    both = rows["line"].to_pylist() + rejects["line"].to_pylist()
+    assert sorted(both) == list(range(1, len(both) + 1))
+    assert set(rejects["reason"].to_pylist()) <= set(logs.REASONS)
+    return list(zip(rejects["line"].to_pylist(), rejects["reason"].to_pylist(), strict=True))
+
+
+def frame(k: int) -> bytes:
+    return f"{20_000 * k},{k % 1000},{(7 * k) % 1000}\n".encode()
+
+
+FAULTS = {
+    "empty": (b"\n", logs.EMPTY),
+    "blank": (b"  \t\r\n", logs.EMPTY),
+    "banner": (b"tactile array 5x5 ready\n", logs.TEXT),
+    "banner with commas": (b"array, ready, go\n", logs.TEXT),
+    "torn": (b"20070,12\n", logs.COLUMNS),
+    "glued": (b"20070,12,1320090,13,14\n", logs.COLUMNS),
+    "empty field": (b"20070,,13\n", logs.NOT_A_NUMBER),
+    "empty last field": (b"20070,12,\n", logs.NOT_A_NUMBER),
+    "letter": (b"20070,1x2,13\n", logs.NOT_A_NUMBER),
+    "hexadecimal": (b"20070,0x12,13\n", logs.NOT_A_NUMBER),
+    "nan": (b"20070,nan,13\n", logs.NOT_A_NUMBER),
+    "infinite": (b"20070,-inf,13\n", logs.NOT_A_NUMBER),
+    "fraction": (b"20070,12.5,13\n", logs.NOT_AN_INTEGER),
+    "too high": (b"20070,1024,13\n", logs.OUT_OF_RANGE),
+    "far too high": (b"20070,99999999999999999999999,13\n", logs.OUT_OF_RANGE),
+    "negative": (b"20070,-1,13\n", logs.OUT_OF_RANGE),
+    "NUL": (b"20070,1\x002,13\n", logs.UNREADABLE),
+    "not UTF-8": (b"20070,1\xff,13\n", logs.UNREADABLE),
+    "carriage return inside": (b"20070,12\r,13\n", logs.UNREADABLE),
+    "quoted": (b'20070,"12",13\n', logs.NOT_A_NUMBER),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_bad_line_is_rejected_alone_with_its_reason(fault, tmp_path):
+    line, reason = FAULTS[fault]
+    content = b"".join(map(frame, range(10))) + line + b"".join(map(frame, range(11, 20)))
+    assert rejects_of(content, tmp_path) == [(11, reason)]
+
+
+def test_all_faults_in_one_file(tmp_path):
+    pieces, expected, number = [], [], 0
+    for k, (line, reason) in enumerate(FAULTS.values()):
+        pieces += [frame(2 * k), line, frame(2 * k + 1)]
+        expected.append((number + 2, reason))
+        number += 3
+    assert rejects_of(b"".join(pieces), tmp_path) == expected
+
+
+def test_rows_are_typed_and_keep_their_values(tmp_path):
+    rows, rejects = read_log(write(tmp_path, b"t_us,v0,v1\r\n0,1,2\r\n20000, 3 ,1023"), COUNTS)
+    assert rejects.num_rows == 0
+    assert rows.to_pydict() == {
+        "t_us": [0, 20000], "v0": [1, 3], "v1": [2, 1023], "line": [2, 3], "segment": [0, 0],
+    }  # fmt: skip
+    assert [str(kind) for kind in rows.schema.types] == ["int64", "int16", "int16", "int32", "int16"]
+
+
+def test_floats_and_spaces(tmp_path):
+    content = b"803.5 1637849124.385191\n1e2 1637849124.4\n  1637849125.0\n5 1637849126 \nnan 1637849127.0\n"
+    assert rejects_of(content, tmp_path, SPACED) == [
+        (3, logs.COLUMNS),
+        (4, logs.COLUMNS),
+        (5, logs.NOT_A_NUMBER),
+    ]
+    rows, _ = read_log(tmp_path / "device.log", SPACED)
+    assert rows["reading"].to_pylist() == [803.5, 100.0]
+    assert rows["unix_s"].to_pylist() == [1637849124.385191, 1637849124.4]
+
+
+def test_text_of_a_reject_is_short_and_printable(tmp_path):
+    rows, rejects = read_log(write(tmp_path, frame(0) + b"\x00\xff" * 300 + b"\n" + frame(1)), COUNTS)
+    text = rejects["text"][0].as_py()
+    assert text.startswith("\\x00\\xff") and len(text) == 200
+    assert rejects["file"].to_pylist() == ["device.log"]
+
+
+def test_duplicate_and_late_lines(tmp_path):
+    order = [0, 1, 1, 2, 4, 3, 5, 6]
+    found = rejects_of(b"".join(map(frame, order)), tmp_path)
+    assert found == [(3, logs.DUPLICATE), (6, logs.OUT_OF_ORDER)]
+
+
+def test_a_block_sent_twice_is_a_duplicate(tmp_path):
+    order = [*range(10), *range(5, 10), *range(10, 30)]
+    found = rejects_of(b"".join(map(frame, order)), tmp_path)
+    assert found == [(line, logs.DUPLICATE) for line in range(11, 16)]
+
+
+def test_a_time_far_in_the_future_costs_one_line(tmp_path):
+    content = b"".join(map(frame, range(10))) + b"900000000,1,1\n" + b"".join(map(frame, range(10, 200)))
+    assert rejects_of(content, tmp_path) == [(11, logs.OUT_OF_ORDER)]
+
+
+def test_same_time_with_other_values_is_out_of_order(tmp_path):
+    assert rejects_of(frame(0) + frame(1) + b"20000,9,9\n" + frame(2), tmp_path) == [(3, logs.OUT_OF_ORDER)]
+
+
+def test_a_clock_that_stands_still(tmp_path):
+    content = b"".join(map(frame, range(10))) + frame(9) * 200_000 + b"".join(map(frame, range(10, 20)))
+    rows, rejects = read_log(write(tmp_path, content), COUNTS)
+    assert rows["t_us"].to_pylist() == [20_000 * k for k in range(20)]
+    assert rejects["reason"].unique().to_pylist() == [logs.DUPLICATE]
+
+
+@pytest.mark.parametrize("banner", [b"", b"array ready\n"])
+def test_a_reset_starts_a_segment(banner, tmp_path):
+    content = b"".join(map(frame, range(500, 900))) + banner + b"".join(map(frame, range(3, 303)))
+    content += banner + b"".join(map(frame, range(300)))
+    rows, rejects = read_log(write(tmp_path, content), COUNTS)
+    assert np.bincount(rows["segment"].to_numpy()).tolist() == [400, 300, 300]
+    assert rejects.num_rows == 2 * bool(banner)
+    for segment in range(3):
+        time = rows["t_us"].to_numpy()[rows["segment"].to_numpy() == segment]
+        assert (np.diff(time) > 0).all()
+
+
+def test_an_early_reset_is_seen_by_its_banner(tmp_path):
+    content = b"".join(map(frame, range(5, 15))) + b"ready\n" + b"".join(map(frame, range(200)))
+    rows, _ = read_log(write(tmp_path, content), COUNTS)
+    assert np.bincount(rows["segment"].to_numpy()).tolist() == [10, 200]
+
+
+def test_byte_order_mark_and_header_after_a_banner(tmp_path):
+    rows, rejects = read_log(write(tmp_path, b"\xef\xbb\xbf" + frame(0) + b"t_us,v0,v1\n" + frame(1)), COUNTS)
+    assert rows["line"].to_pylist() == [1, 3]
+    assert rejects["reason"].to_pylist() == [logs.TEXT]
+
+
+def test_pieces_do_not_show(tmp_path, monkeypatch):
+    pieces = [frame(k) if k % 7 else FAULTS[sorted(FAULTS)[k // 7 % len(FAULTS)]][0] for k in range(700)]
+    path = write(tmp_path, b"".join(pieces))
+    whole = read_log(path, COUNTS)
+    monkeypatch.setattr(logs, "PIECE", 100)
+    for one, other in zip(whole, read_log(path, COUNTS), strict=True):
+        assert one.to_pydict() == other.to_pydict()
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"", "the file is empty"),
+        (b"t_us,v0,v1\n", "a header but no line of numbers"),
+        (b"1,2\n3,4\n", "line 1 has 2 columns: '1,2', expected lines of 3 columns, t_us,v0,v1"),
+        (bytes(range(256)) * 20, "line 1 has unreadable bytes"),
+        (b"\n\n", "line 1 has empty line"),
+    ],
+)
+def test_a_hopeless_file_is_one_sentence(content, found, tmp_path):
+    with pytest.raises(InputError, match="device.log: ") as error:
+        read_log(write(tmp_path, content), COUNTS)
+    assert found in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(InputError, match="none.log: log not found"):
+        read_log(tmp_path / "none.log", COUNTS)
+
+
+def test_reading_a_hopeless_file_stops_early(tmp_path, monkeypatch):
+    monkeypatch.setattr(logs, "PIECE", 1000)
+    monkeypatch.setattr(logs, "HOPELESS", 100)
+    parsed = []
+    parse = logs._parse_piece
+    monkeypatch.setattr(logs, "_parse_piece", lambda *a: parsed.append(1) or parse(*a))
+    with pytest.raises(InputError, match="no line can be read"):
+        read_log(write(tmp_path, b"1,2\n" * 100_000), COUNTS)
+    assert len(parsed) < 50
+
+
+def test_a_file_without_line_ends(tmp_path, monkeypatch):
+    monkeypatch.setattr(logs, "PIECE", 1000)
+    monkeypatch.setattr(logs, "LONGEST_LINE", 10_000)
+    with pytest.raises(InputError, match="no line end"):
+        read_log(write(tmp_path, b"\x00" * 50_000), COUNTS)
+
+
+def test_check_rejects_names_everything(tmp_path):
+    logs.check_rejects(Path("a.log"), 100, {"column count": 2}, 0.02, "x.limit")
+    with pytest.raises(InputError) as error:
+        logs.check_rejects(Path("a.log"), 100, {"column count": 2, "duplicate": 1}, 0.02, "x.limit")
+    for word in ("a.log", "3.0%", "column count", "2.0%", "x.limit"):
+        assert word in str(error.value)
+
+
+FIELD = st.sampled_from(
+    [b"1", b"20", b"-3", b" 7 ", b"1023", b"5000", b"1e3", b"nan", b"0x1", b"+2", b"", b"\x00"]
+)
+LINE = st.one_of(
+    st.lists(FIELD, min_size=1, max_size=4).map(b",".join),
+    st.integers(0, 300).map(lambda k: frame(k)[:-1]),
+    st.integers(0, 300).map(lambda k: frame(k)[: k % 9]),
+    st.binary(max_size=12),
+)
+FILE = st.lists(st.tuples(LINE, st.sampled_from([b"\n", b"\r\n", b"\r", b""]))).map(
+    lambda lines: b"".join(text + end for text, end in lines)
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(tail=FILE)
+def test_no_line_is_lost(tail, tmp_path):
+    content = b"".join(map(frame, range(301, 305))) + tail
+    rejects_of(content, tmp_path)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(lines=st.lists(LINE.filter(lambda line: b"\n" not in line), max_size=12))
+def test_a_line_is_judged_by_itself(lines, tmp_path):
+    """What the fast routes accept is what the line-by-line rule accepts, whatever stands around the line."""
+    content = b"".join(line + b"\n" for line in [b"0,1,2", *lines])
+    _, rejects = read_log(write(tmp_path, content), COUNTS)
+    sequence = {logs.DUPLICATE, logs.OUT_OF_ORDER}
+    judged = zip(rejects["line"].to_pylist(), rejects["reason"].to_pylist(), strict=True)
+    found = {line: reason for line, reason in judged if reason not in sequence}
+    alone = {k: logs._reason(line, COUNTS) for k, line in enumerate([b"0,1,2", *lines], start=1)}
+    assert found == {k: reason for k, reason in alone.items() if reason}

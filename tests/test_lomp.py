@@ -1,0 +1,213 @@
+"""LoMP's stacked weights and hand-written backward pass against one plain module an element."""
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from pipeline.errors import InputError
+from pipeline.fitting import Spec
+from pipeline.models import lomp
+
+TRAINING = dict(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, plateau=1, drop=0.3)
+
+
+def network(spec, hidden=128, readout=(128, 64), neighbours=4, alpha=0.1):
+    torch.manual_seed(0)
+    return lomp.Lomp(spec, hidden, list(readout), neighbours, alpha)
+
+
+class Naive(nn.Module):
+    """Equations 2 to 6 with a GRUCell and a few Linear layers for every element, looped over."""
+
+    def __init__(self, stacked: lomp.Lomp):
+        super().__init__()
+        spec, hidden = stacked.spec, stacked.hidden
+        self.spec, self.hidden, self.alpha = spec, hidden, stacked.alpha
+        self.corners = (
+            stacked.neighbours[0].sum() > 2
+        )  # a corner has 2 neighbours, or 3 with its diagonal one
+        cells = range(spec.elements)
+        self.gru = nn.ModuleList(nn.GRUCell(1, hidden) for _ in cells)
+        self.u = nn.Linear(hidden, hidden)
+        self.p = nn.ModuleList(nn.Linear(hidden, hidden) for _ in cells)
+        widths = [2 * hidden, *[weight.shape[2] for weight in stacked.readout]]
+        self.f = nn.ModuleList(
+            nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True))
+            for _ in cells
+        )
+        # each tensor here, and where it comes from in the stacked network (weights transposed)
+        self.twins = [(self.u.weight, lambda s: s.message.T), (self.u.bias, lambda s: s.message_bias)]
+        for i in cells:
+            gru = self.gru[i]
+            self.twins += [
+                (gru.weight_ih, lambda s, i=i: torch.cat([s.gate_input[i], s.candidate_input[i]], 1).T),
+                (gru.weight_hh, lambda s, i=i: torch.cat([s.gate_state[i], s.candidate_state[i]], 1).T),
+                (
+                    gru.bias_ih,
+                    lambda s, i=i: torch.cat([s.gate_input_bias[i], s.candidate_input_bias[i]], 1)[0],
+                ),
+                (
+                    gru.bias_hh,
+                    lambda s, i=i: torch.cat([s.gate_state_bias[i], s.candidate_state_bias[i]], 1)[0],
+                ),
+                (self.p[i].weight, lambda s, i=i: s.update[i].T),
+                (self.p[i].bias, lambda s, i=i: s.update_bias[i, 0]),
+            ]
+            for k, layer in enumerate(self.f[i]):
+                self.twins.append((layer.weight, lambda s, i=i, k=k: s.readout[k][i].T))
+                self.twins.append((layer.bias, lambda s, i=i, k=k: s.readout_bias[k][i, 0]))
+        with torch.no_grad():
+            for mine, theirs in self.twins:
+                mine.copy_(theirs(stacked))
+
+    def neighbours(self, i):
+        row, col = divmod(i, self.spec.cols)
+        steps = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+        steps += [(1, 1), (1, -1), (-1, 1), (-1, -1)] if self.corners else []
+        for r, c in ((row + a, col + b) for a, b in steps):
+            if 0 <= r < self.spec.rows and 0 <= c < self.spec.cols:
+                yield r * self.spec.cols + c
+
+    def forward(self, x):
+        cells = range(self.spec.elements)
+        h = [x.new_zeros(len(x), self.hidden) for _ in cells]
+        for t in range(self.spec.frames):
+            h1 = [self.gru[i](x[:, t, i : i + 1], h[i]) for i in cells]
+            sent = [torch.relu(self.u(state)) for state in h1]
+            message = [sum((sent[j] for j in self.neighbours(i)), torch.zeros_like(h1[i])) for i in cells]
+            h = [torch.relu(self.p[i](h1[i] + self.alpha * message[i])) for i in cells]
+        tall, wide = self.spec.map_rows // self.spec.rows, self.spec.map_cols // self.spec.cols
+        image = x.new_zeros(len(x), self.spec.map_rows, self.spec.map_cols)
+        for i in cells:
+            p = torch.cat([h[i], h1[i]], 1)
+            for layer in self.f[i][:-1]:
+                p = torch.relu(layer(p))
+            row, col = divmod(i, self.spec.cols)
+            block = self.f[i][-1](p).view(len(x), tall, wide)
+            image[:, row * tall : (row + 1) * tall, col * wide : (col + 1) * wide] = block
+        return image.flatten(1)
+
+
+@pytest.mark.parametrize("neighbours", [4, 8])
+@pytest.mark.parametrize(
+    "spec, hidden, readout",
+    [
+        (Spec(8, 5, 5, 20, 20), 128, (128, 64)),
+        (Spec(3, 2, 4, 6, 4), 8, (5,)),
+        (Spec(1, 2, 2, 4, 4), 4, (3,)),
+    ],
+    ids=["paper", "oblong", "one frame"],
+)
+def test_outputs_and_all_gradients_equal_a_loop_over_modules(spec, hidden, readout, neighbours):
+    stacked = network(spec, hidden, readout, neighbours, alpha=0.3)
+    naive = Naive(stacked)
+    x = torch.randn(6, spec.frames, spec.elements)
+    target = torch.randn(6, spec.outputs)
+    ours, theirs = stacked(x), naive(x)
+    torch.testing.assert_close(ours, theirs, rtol=1e-5, atol=1e-5)
+    ((ours - target) ** 2).sum().backward()
+    ((theirs - target) ** 2).sum().backward()
+    gradients = {name: weight.grad for name, weight in stacked.named_parameters()}
+    compared = 0
+    # a stand-in for the stacked network that holds its gradients under the same names
+    holder = type("Gradients", (), {})()
+    for name, gradient in gradients.items():
+        owner, _, number = name.partition(".")
+        if number:
+            holder.__dict__.setdefault(owner, []).append(gradient)
+        else:
+            setattr(holder, name, gradient)
+    for mine, theirs in naive.twins:
+        scale = float(mine.grad.abs().max()) or 1.0
+        assert float((theirs(holder) - mine.grad).abs().max()) <= 1e-5 * max(scale, 1.0)
+        compared += mine.numel()
+    assert compared == sum(weight.numel() for weight in stacked.parameters())
+
+
+def test_gradients_are_slopes():
+    stacked = network(Spec(3, 2, 2, 2, 2), hidden=3, readout=[4]).double()
+    x = torch.randn(5, 3, 4, dtype=torch.float64)
+    stacked(x).square().sum().backward()
+    step = 1e-6
+    for name, weight in stacked.named_parameters():
+        direction = torch.randn_like(weight)
+        losses = []
+        for sign in (1, -1):
+            with torch.no_grad():
+                weight += sign * step * direction
+                losses.append(float(stacked(x).square().sum()))
+                weight -= sign * step * direction
+        slope = (losses[0] - losses[1]) / (2 * step)
+        assert slope == pytest.approx(float((weight.grad * direction).sum()), rel=1e-6, abs=1e-8), name
+
+
+def test_a_batch_does_not_see_the_one_before():
+    stacked = network(Spec(8, 5, 5, 20, 20), hidden=16, readout=[8])
+    x = torch.randn(4, 8, 25)
+    with torch.no_grad():
+        first = stacked(x)
+        stacked(torch.randn(4, 8, 25))
+        stacked(torch.randn(9, 8, 25))
+        torch.testing.assert_close(stacked(x), first, rtol=0, atol=0)
+        torch.testing.assert_close(stacked(x[:1]), first[:1], rtol=1e-5, atol=1e-6)
+
+
+def test_backward_after_another_forward_is_refused():
+    stacked = network(Spec(8, 5, 5, 20, 20), hidden=4, readout=[4])
+    x = torch.randn(2, 8, 25)
+    loss = stacked(x).sum()
+    stacked(x)
+    with pytest.raises(RuntimeError, match="overwritten"):
+        loss.backward()
+
+
+def test_neighbours_of_corner_edge_and_centre():
+    four, eight = lomp.neighbour_matrix(5, 5, 4), lomp.neighbour_matrix(5, 5, 8)
+    assert four[0].nonzero().flatten().tolist() == [1, 5]
+    assert eight[0].nonzero().flatten().tolist() == [1, 5, 6]
+    assert four[12].nonzero().flatten().tolist() == [7, 11, 13, 17]
+    assert eight[12].sum() == 8 and eight[10].sum() == 5
+    assert torch.equal(four, four.T) and torch.equal(eight, eight.T)
+    assert lomp.neighbour_matrix(1, 1, 4).tolist() == [[0.0]]
+
+
+def test_without_messages_an_element_sees_only_itself():
+    stacked = network(Spec(8, 5, 5, 20, 20), hidden=8, readout=[8], alpha=0.0)
+    x = torch.randn(1, 8, 25)
+    other = x.clone()
+    other[:, :, 7] += 1  # second row, third column
+    with torch.no_grad():
+        change = (stacked(x) - stacked(other)).view(20, 20) != 0
+    assert change[4:8, 8:12].any()
+    change[4:8, 8:12] = False
+    assert not change.any()
+
+
+def test_message_reach_grows_with_frames_and_alpha():
+    x = torch.randn(1, 1, 25)
+    other = x.clone()
+    other[:, :, 12] += 1
+    with torch.no_grad():
+        stacked = network(Spec(1, 5, 5, 5, 5), hidden=8, readout=[8])
+        changed = ((stacked(x) - stacked(other)) != 0).view(25).nonzero().flatten().tolist()
+    assert set(changed) <= {7, 11, 12, 13, 17} and 12 in changed and len(changed) > 1
+
+
+@pytest.mark.parametrize(
+    "change, named", [({"neighbours": 6}, "neighbours"), ({"spec": Spec(8, 5, 5, 19, 20)}, "19x20")]
+)
+def test_impossible_settings_are_refused(change, named):
+    settings = dict(spec=Spec(8, 5, 5, 20, 20), hidden=4, readout=[4], neighbours=4, alpha=0.1) | change
+    with pytest.raises(InputError, match=named):
+        lomp.build(settings.pop("spec"), **settings, training=TRAINING)
+
+
+def test_macs_per_window():
+    model = lomp.build(
+        Spec(8, 5, 5, 20, 20), hidden=128, readout=[128, 64], neighbours=4, alpha=0.1, training=TRAINING
+    )
+    recurrent = 384 + 128 * 384 + 2 * 128 * 128  # GRU, U, P of one element and frame
+    readout = 256 * 128 + 128 * 64 + 64 * 16
+    assert model.macs() == 25 * (8 * recurrent + readout) == 17_510_400
+    assert model.predict(np.zeros((1, 8, 25), np.float32)).shape == (1, 400)

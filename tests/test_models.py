@@ -1,0 +1,215 @@
+"""The ten touch models: size, shapes, files, repeatability, and that each of them learns."""
+
+import importlib
+import inspect
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.errors import InputError
+from pipeline.fitting import Spec
+
+PAPER = Spec(8, 5, 5, 20, 20)
+SMALL = Spec(3, 2, 2, 4, 4)
+
+
+def training(**changes):
+    return dict(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=9, plateau=9, drop=0.3) | changes
+
+
+PAPER_SETTINGS = {
+    "constant": {},
+    "linear": {},
+    "poly": dict(degree=2, ridge=1.0),
+    "tree": dict(min_samples_leaf=5, max_features=1.0),
+    "rbf": dict(centres=500, width=2.0, ridge=1e-3),
+    "rnn": dict(layers=2, hidden=128, training=training()),
+    "cnn": dict(channels=[32, 64, 64], hidden=[256, 256], training=training()),
+    "convlstm": dict(filters=32, training=training()),
+    "vgg": dict(channels=[64, 128, 256, 512, 512], training=training(learning_rate=1e-4)),
+    "lomp": dict(hidden=128, readout=[128, 64], neighbours=4, alpha=0.1, training=training()),
+}
+SMALL_SETTINGS = {
+    "constant": {},
+    "linear": {},
+    "poly": dict(degree=2, ridge=1.0),
+    "tree": dict(min_samples_leaf=5, max_features=0.5),
+    "rbf": dict(centres=20, width=2.0, ridge=1e-3),
+    "rnn": dict(layers=2, hidden=16, training=training()),
+    "cnn": dict(channels=[4, 8], hidden=[16], training=training()),
+    "convlstm": dict(filters=8, training=training()),
+    "vgg": dict(channels=[16, 16, 32, 32, 32], training=training()),
+    "lomp": dict(hidden=16, readout=[8], neighbours=4, alpha=0.1, training=training()),
+}
+NETWORKS = [key for key, settings in SMALL_SETTINGS.items() if "training" in settings]
+ONE_ELEMENT = ["constant", "linear", "poly", "tree", "rbf", "rnn"]  # rows of the recorded single-element task
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def build(key, spec, settings, **training_changes):
+    settings = dict(settings)
+    if training_changes and "training" in settings:
+        settings["training"] = settings["training"] | training_changes
+    return importlib.import_module(f"pipeline.models.{key}").build(spec, **settings)
+
+
+def windows(spec, n, seed=0):
+    """A press that grows over the window; its map is the elements' last values, spread over their blocks."""
+    rng = np.random.default_rng(seed)
+    press = rng.uniform(0, 1, (n, spec.elements))
+    ramp = np.linspace(0.3, 1, spec.frames)[None, :, None]
+    x = 100 + 800 * press[:, None] * ramp + rng.normal(0, 2, (n, spec.frames, spec.elements))
+    image = press.reshape(n, spec.rows, spec.cols)
+    image = image.repeat(spec.map_rows // spec.rows, 1).repeat(spec.map_cols // spec.cols, 2)
+    return x.astype(np.float32), (300 * image**1.5).reshape(n, -1).astype(np.float32)
+
+
+def rmse(model, part):
+    return float(np.sqrt(np.mean((model.predict(part[0]) - part[1]) ** 2)))
+
+
+@pytest.mark.parametrize(
+    "key, count",
+    [
+        ("constant", 400),
+        ("linear", 80_400),
+        ("poly", 140_400),
+        ("rbf", 300_400),
+        ("rnn", 263_056),
+        ("cnn", 636_208),
+        ("convlstm", 358_544),
+        ("vgg", 14_922_768),
+        ("lomp", 2_741_712),
+    ],
+)
+def test_number_of_parameters(key, count):
+    model = build(key, PAPER, PAPER_SETTINGS[key])
+    if key not in NETWORKS:
+        part = windows(PAPER, 510)
+        model.fit(part, part, seed=0)
+    assert model.parameters() == count
+
+
+def test_number_of_parameters_of_a_tree():
+    part = windows(SMALL, 60)
+    one_leaf = build("tree", SMALL, dict(min_samples_leaf=60, max_features=1.0))
+    one_leaf.fit(part, part, seed=0)
+    assert one_leaf.parameters() == SMALL.outputs
+    two_leaves = build("tree", SMALL, dict(min_samples_leaf=30, max_features=1.0))
+    two_leaves.fit(part, part, seed=0)
+    assert two_leaves.parameters() == 1 + 2 * SMALL.outputs
+
+
+@pytest.mark.parametrize(
+    "key, macs",
+    [
+        ("constant", 0),
+        ("linear", 200 * 400),
+        ("poly", 325 + 350 * 400),
+        ("tree", None),
+        ("rbf", 500 * 200 + 500 * 400),
+        ("rnn", 8 * 4 * 128 * (25 + 3 * 128) + 128 * 400),
+        ("cnn", 25 * 9 * (8 * 32 + 32 * 64 + 64 * 64) + 1600 * 256 + 256 * 256 + 256 * 400),
+        ("convlstm", 8 * 25 * 9 * 33 * 128 + 800 * 400),
+        ("lomp", 17_510_400),
+    ],
+)
+def test_multiply_accumulates(key, macs):
+    assert build(key, PAPER, PAPER_SETTINGS[key]).macs() == macs
+
+
+@pytest.mark.parametrize("key", SMALL_SETTINGS)
+def test_learns_better_than_the_mean(key):
+    train, validation = windows(SMALL, 320), windows(SMALL, 80, seed=1)
+    rate = 1e-3 if key == "vgg" else 4e-3
+    model = build(key, SMALL, SMALL_SETTINGS[key], max_epochs=25, learning_rate=rate)
+    history = model.fit(train, validation, seed=0)
+    mean = np.sqrt(np.mean((validation[1] - train[1].mean(0)) ** 2))
+    if key == "constant":
+        assert rmse(model, validation) == pytest.approx(mean, rel=1e-5)
+    else:
+        # 13 narrow layers without batch norm learn in so few steps only how strong the presses are together
+        assert rmse(model, validation) < (0.9 if key == "vgg" else 0.7) * mean
+    best = history[model.summary.best_epoch - 1]
+    assert set(best) == {"epoch", "train_loss", "validation_loss", "learning_rate"}
+    assert rmse(model, validation) == pytest.approx(np.sqrt(best["validation_loss"]), rel=1e-4)
+
+
+@pytest.mark.parametrize("key", SMALL_SETTINGS)
+def test_save_and_load_give_the_same_predictions_and_the_same_bytes(key, tmp_path):
+    part = windows(SMALL, 40)
+    runs = {}
+    for name, seed in (("first", 3), ("again", 3), ("other", 4)):
+        model = build(key, SMALL, SMALL_SETTINGS[key])
+        model.fit(part, part, seed=seed)
+        (tmp_path / name).mkdir()
+        model.save(tmp_path / name)
+        runs[name] = {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()}
+    assert runs["first"] == runs["again"]
+    if key in (*NETWORKS, "tree", "rbf"):
+        assert runs["first"] != runs["other"]
+    loaded = build(key, SMALL, SMALL_SETTINGS[key])
+    loaded.load(tmp_path / "other")
+    x, _ = windows(SMALL, 7, seed=5)
+    np.testing.assert_array_equal(loaded.predict(x), model.predict(x))
+    assert loaded.parameters() == model.parameters()
+
+
+@pytest.mark.parametrize("key", SMALL_SETTINGS)
+@pytest.mark.parametrize("spec", [Spec(8, 1, 1, 1, 1), Spec(8, 10, 10, 40, 40)], ids=["1x1", "10x10"])
+def test_other_arrays(key, spec):
+    if spec.elements == 1 and key not in ONE_ELEMENT:
+        pytest.skip("not a row of the single-element task")
+    part = windows(spec, 30)
+    model = build(key, spec, SMALL_SETTINGS[key])
+    model.fit(part, part, seed=0)
+    maps = model.predict(part[0][:1])
+    assert maps.shape == (1, spec.outputs) and maps.dtype == np.float32
+    np.testing.assert_allclose(model.predict(part[0])[:1], maps, rtol=1e-3, atol=1e-2)
+
+
+def test_vgg_trains_at_full_size_on_thirty_windows():
+    part = windows(PAPER, 30)
+    model = build("vgg", PAPER, PAPER_SETTINGS["vgg"])
+    history = model.fit(part, part, seed=0)
+    assert len(history) == 1 and np.isfinite(history[0]["validation_loss"])
+
+
+def test_vgg_centre_of_the_kernel_is_the_whole_convolution_on_one_pixel():
+    from pipeline.models.vgg import _Convolution
+
+    layer = _Convolution(6, 5, 3, padding=1)
+    x = torch.randn(4, 6, 1, 1)
+    plain = torch.nn.functional.conv2d(x, layer.weight, layer.bias, padding=1)
+    torch.testing.assert_close(layer(x), plain, rtol=1e-5, atol=1e-6)
+    ours = torch.autograd.grad(layer(x).square().sum(), layer.weight)[0]
+    torch.testing.assert_close(ours, torch.autograd.grad(plain.square().sum(), layer.weight)[0])
+
+
+@pytest.mark.parametrize("key", SMALL_SETTINGS)
+def test_build_takes_settings_by_keyword_without_defaults(key):
+    signature = inspect.signature(importlib.import_module(f"pipeline.models.{key}").build)
+    spec, *settings = signature.parameters.values()
+    assert spec.name == "spec"
+    assert {setting.name for setting in settings} == set(PAPER_SETTINGS[key])
+    assert all(setting.kind is setting.KEYWORD_ONLY for setting in settings)
+    assert all(setting.default is setting.empty for setting in settings)
+
+
+def test_rbf_with_too_few_windows_is_refused():
+    part = windows(SMALL, 10)
+    with pytest.raises(InputError, match="centres is 20, but there are only 10"):
+        build("rbf", SMALL, SMALL_SETTINGS["rbf"]).fit(part, part, seed=0)
+
+
+def test_vgg_with_a_wrong_number_of_stages_is_refused():
+    with pytest.raises(InputError, match="channels must give 5 widths"):
+        build("vgg", SMALL, SMALL_SETTINGS["vgg"] | {"channels": [8, 8]})
