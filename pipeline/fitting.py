@@ -279,7 +279,7 @@ class SklearnRegressor:
 
     def parameters(self) -> int:
         """Number of fitted numbers (scaling constants not counted, as for networks)."""
-        return self.count(self._fitted())
+        return int(self.count(self._fitted()))
 
     def macs(self) -> int | None:
         """Multiply-accumulates for one window; None for a model that only compares."""

@@ -3,11 +3,19 @@
 from collections.abc import Mapping
 
 import numpy as np
+import pyarrow as pa
+
+from pipeline import tables
 
 
 def pressure_kpa(force_n: np.ndarray, tip_radius_mm: float) -> np.ndarray:
     """Mean pressure under a flat tip of radius r: F / (pi r^2), in kPa; negative load-cell noise counts as 0."""
     return np.maximum(force_n, 0) / (np.pi * (tip_radius_mm * 1e-3) ** 2) / 1e3
+
+
+def peaks_kpa(windows: pa.Table, settings: Mapping) -> np.ndarray:
+    """True pressure of each touch at each window's last frame, (n, touches) in kPa, NaN where there is none."""
+    return pressure_kpa(tables.matrix(windows["force_n"]), settings["label"]["tip_radius_mm"])
 
 
 def cell_centres(sensor: Mapping, label: Mapping) -> tuple[np.ndarray, np.ndarray]:

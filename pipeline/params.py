@@ -115,3 +115,9 @@ def experiment_argument(argv: list[str], stage: str, params: Mapping) -> str:
 def experiment_module(experiment: str):
     """`pipeline/experiments/<experiment>.py`: its task, labels, splits and metrics."""
     return importlib.import_module(f"pipeline.experiments.{experiment}")
+
+
+def shapes(settings: Mapping) -> tuple[int, int, int, int, int]:
+    """(frames, rows, cols, map_rows, map_cols) of an experiment's task; settings: its block of params.yaml."""
+    sensor, label = settings["sensor"], settings["label"]
+    return settings["window"]["frames"], sensor["rows"], sensor["cols"], label["map_rows"], label["map_cols"]

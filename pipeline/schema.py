@@ -65,6 +65,7 @@ def mapping(value):
 
 positive = number(1e-12)
 fraction = number(0.0, 1.0)
+one = integer(1, 1)  # the recordings are of one taxel
 window = {
     "frames": integer(1),
     "frame_step": integer(1),
@@ -76,6 +77,7 @@ latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": intege
 
 SCHEMA = {
     "experiments": many(one_of("touch", "velostat_recorded")),
+    "device": one_of("auto", "cpu", "cuda"),
     "touch": {
         "source": text,
         "sensor": {"rows": integer(1), "cols": integer(1), "pitch_mm": positive, "element_mm": positive},
@@ -149,6 +151,8 @@ SCHEMA = {
         "latency": latency,
     },
     "velostat_recorded": {
+        "sensor": {"rows": one, "cols": one},
+        "label": {"map_rows": one, "map_cols": one},
         "ingest": {"max_reject_fraction": fraction},
         "window": window,
         "split": {"validation": fraction},

@@ -137,6 +137,11 @@ def matrix(column: pa.ChunkedArray) -> np.ndarray:
     return column.combine_chunks().flatten().to_numpy().reshape(-1, size)
 
 
+def names(column: pa.ChunkedArray) -> np.ndarray:
+    """A dictionary column of names as (n,) strings."""
+    return column.to_numpy(zero_copy_only=False).astype(str)
+
+
 def lists(values: np.ndarray, kind: pa.DataType) -> pa.Array:
     """(n, size) as a fixed-size-list column of `kind`."""
     return _lists(values, pa.list_(kind, values.shape[1]))
@@ -164,7 +169,7 @@ class Dataset(NamedTuple):
 
     def part(self, protocol: str, seed: int) -> np.ndarray:
         """(n,) name of the part each window belongs to."""
-        return self.rows[split_column(protocol, seed)].to_numpy(zero_copy_only=False).astype(str)
+        return names(self.rows[split_column(protocol, seed)])
 
 
 def read_dataset(path: Path, frames: int) -> Dataset:
@@ -172,3 +177,16 @@ def read_dataset(path: Path, frames: int) -> Dataset:
     table = pyarrow.parquet.read_table(path)
     x = matrix(table["x"]).astype(np.float32)
     return Dataset(x.reshape(len(x), frames, -1), matrix(table["y"]), table.drop_columns(["x", "y"]))
+
+
+def prediction_rows(protocol: str, seed: int, windows: np.ndarray, predicted: np.ndarray) -> pa.Table:
+    """Predictions of one run: protocol, seed, window (row of the dataset), prediction (outputs)."""
+    n = len(windows)
+    return pa.table(
+        {
+            "protocol": pa.array([protocol] * n, pa.string()).dictionary_encode().cast(NAME),
+            "seed": pa.array(np.full(n, seed, np.int16)),
+            "window": pa.array(windows.astype(np.int32)),
+            "prediction": lists(predicted.astype(np.float32), pa.float32()),
+        }
+    )

@@ -7,6 +7,7 @@ server that MLFLOW_TRACKING_URI names.
 import os
 
 from pipeline import tracking
+from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 from pipeline.params import load
 
@@ -18,7 +19,7 @@ def track(params: dict) -> None:
     """
     runs = []
     for experiment in params["experiments"]:
-        reason = tracking.why_not_run(experiment)
+        reason = why_not_run(experiment)
         if reason is not None:
             print(f"{experiment}: not run, so nothing to track ({reason})")
             continue

@@ -71,15 +71,6 @@ def receipt() -> Path:
     return store_folder() / "tracked.csv"
 
 
-def why_not_run(experiment: str) -> str | None:
-    """The reason that ingest gave for not running `experiment` (recordings absent), or None if it ran.
-
-    Raises InputError if the report of ingest is missing or is not JSON.
-    """
-    report = _read_json(paths.ingest_report(experiment), made_by="dvc repro ingest")
-    return None if report.get("run", True) else str(report.get("reason", "no reason given"))
-
-
 def read_runs(experiment: str, params: dict) -> list[TrackedRun]:
     """Every run that `params[experiment]` lists, in its order: protocol, then model, then seed.
 

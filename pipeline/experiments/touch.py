@@ -8,8 +8,10 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import alignment, logs, tables
+from pipeline import labels as labels_kpa
 from pipeline.errors import InputError
 from pipeline.logs import Column, Format
+from pipeline.seeding import generator
 
 # Ranges are what no such device can exceed: 11.5 days, a 1 kN load cell, a 2 m CNC.
 CLOCK = Column("t_us", "us", 0, 1e12, integer=True)
@@ -266,3 +268,30 @@ def _check(path: Path, lines: int, reasons: list[str], ingest: Mapping) -> None:
     logs.check_rejects(
         path, lines, Counter(reasons), ingest["max_reject_fraction"], "touch.ingest.max_reject_fraction"
     )
+
+
+def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
+    """Pressure maps (eq. 1) at each window's last frame, (n, map_rows * map_cols) in kPa, float32."""
+    x, y = tables.matrix(windows["x_mm"]), tables.matrix(windows["y_mm"])
+    peak = labels_kpa.peaks_kpa(windows, settings)
+    maps = labels_kpa.pressure_maps(peak, x, y, settings["sensor"], settings["label"])
+    return maps.reshape(len(maps), -1)
+
+
+def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
+    """The part of each window in one run, (n,) of 'train', 'validation', 'test'.
+
+    Only single touches are divided, 8:1:1, anew for every seed: by press, or (`random_window`, what the paper
+    seems to have done) window by window, so that windows of one press fall on all sides. All other conditions
+    are test data: models never see more than one touch (section IV-A).
+    """
+    single = tables.names(windows["condition"]) == "single"
+    unit = windows["press"].to_numpy() if protocol == "press" else np.arange(windows.num_rows)
+    units = np.unique(unit[single])
+    shares = settings["split"]
+    order = generator(shares["seed"], "split", protocol, seed).permutation(units)
+    edges = np.round(np.cumsum([shares["train"], shares["validation"]]) * len(units)).astype(int)
+    part = np.full(windows.num_rows, "test", dtype=object)
+    for name, chosen in zip(("train", "validation"), np.split(order, edges)[:2], strict=True):
+        part[single & np.isin(unit, chosen)] = name
+    return part

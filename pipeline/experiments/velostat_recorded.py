@@ -89,3 +89,25 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
         time = rows[name]["unix_time_s"].to_numpy()
         report[name] = tables.log_report(accepted, rejects[name], time, rows[name]["segment"].to_numpy())
     return frames, pa.concat_tables(rejects.values()), report
+
+
+def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
+    """Force at each window's last frame, (n, 1) in N."""
+    return tables.matrix(windows["force_n"])
+
+
+def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
+    """The part of each window, (n,): repetition exp2 is the test, the last presses of every exp1 the validation.
+
+    The same for every seed: the recordings decide.
+    """
+    recording, press = tables.names(windows["recording"]), windows["press"].to_numpy()
+    part = np.full(windows.num_rows, "test", dtype=object)
+    for name in np.unique(recording):
+        if not name.endswith("exp1"):
+            continue
+        rows = recording == name
+        numbers = np.unique(press[rows])
+        kept = max(1, round(len(numbers) * (1 - settings["split"]["validation"])))
+        part[rows] = np.where(press[rows] <= numbers[kept - 1], "train", "validation")
+    return part

@@ -1,0 +1,19 @@
+"""Whether an experiment could run: recorded data may be absent on a machine."""
+
+import json
+
+from pipeline import paths
+from pipeline.errors import InputError
+
+
+def why_not_run(experiment: str) -> str | None:
+    """The reason that ingest gave for not running `experiment` (recordings absent), or None if it ran.
+
+    Raises InputError if the report of ingest is missing or is not JSON.
+    """
+    path = paths.require(paths.ingest_report(experiment), f"python -m pipeline.ingest {experiment}")
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not valid JSON ({error}); run `python -m pipeline.ingest {experiment}`") from error
+    return None if report["run"] else report["reason"]

@@ -1,0 +1,91 @@
+"""Stage: predictions and scores of every trained model on the test part (which nothing before this reads).
+
+Usage: python -m pipeline.evaluate touch|velostat_recorded
+"""
+
+import csv
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from tqdm import tqdm
+
+from pipeline import metrics, params, paths, tables, workers
+from pipeline.availability import why_not_run
+from pipeline.errors import run_stage
+
+COLUMNS = ("experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n")
+
+
+def evaluate_model(experiment: str, model: str, target: Path, report) -> list[tuple]:
+    """Predict with every run of one model, write the predictions to `target`, return rows of scores.csv.
+
+    A run whose training diverged before any usable epoch predicts NaN and keeps its rows, with NaN as value.
+    """
+    import torch
+
+    from pipeline.fitting import Spec
+
+    torch.set_num_threads(1)
+    values = params.load()
+    settings = values[experiment]
+    score, pooled = getattr(metrics, experiment), metrics.POOLED.get(experiment, ())
+    spec = Spec(*params.shapes(settings))
+    block = params.model_settings(values, experiment, model)
+    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
+    condition = tables.names(data.rows["condition"])
+    scores, parts = [], []
+    for protocol, seed in params.runs(values, experiment):
+        folder = paths.require(
+            paths.run_folder(experiment, model, protocol, seed), f"python -m pipeline.train {experiment} {model}"
+        )
+        regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
+        regressor.load(folder)
+        rows = np.flatnonzero(data.part(protocol, seed) == "test")
+        predicted = regressor.predict(data.x[rows])
+        if json.loads((folder / "fit.json").read_text())["best_epoch"] == 0:
+            predicted[:] = np.nan
+        for name in [*np.unique(condition[rows]), *pooled]:
+            chosen = rows if name in pooled else rows[condition[rows] == name]
+            picked = predicted if name in pooled else predicted[condition[rows] == name]
+            windows = data.rows.take(pa.array(chosen))
+            for metric, unit, value, n in score(windows, data.y[chosen], picked, settings):
+                scores.append((experiment, protocol, name, model, seed, metric, unit, value, n))
+        parts.append(tables.prediction_rows(protocol, seed, rows, predicted))
+        report()
+    tables.write(target / f"{model}.parquet", parts[0].schema, parts)
+    return scores
+
+
+def main() -> None:
+    """Evaluate the experiment named on the command line."""
+    values = params.load()
+    experiment = params.experiment_argument(sys.argv, "evaluate", values)
+    models, runs = list(values[experiment]["models"]), params.runs(values, experiment)
+    target = paths.predictions(experiment)
+    draft = target.with_name("predictions.unfinished")
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir(parents=True)
+    found = {}
+    if why_not_run(experiment) is None:
+        tasks = {model: (experiment, model, draft) for model in models}
+        with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
+            found = dict(workers.run(evaluate_model, tasks, bar, steps=len(runs)))
+    scores = paths.scores(experiment)
+    unfinished = scores.with_name("scores.csv.unfinished")
+    with open(unfinished, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for model in models:
+            writer.writerows(found.get(model, []))
+    shutil.rmtree(target, ignore_errors=True)
+    draft.rename(target)
+    os.replace(unfinished, scores)
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,79 @@
+"""Figures of the recorded Velostat taxel."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pyarrow as pa
+from matplotlib.lines import Line2D
+
+from pipeline import figures, tables
+from pipeline.figures import MEASURED, style
+
+SHOWN_S = 15  # of a recording, around its largest force
+GAP = 3.0  # median intervals between windows; lines are interrupted at longer ones
+
+
+def force_over_time(
+    path: Path,
+    windows: pa.Table,
+    test: np.ndarray,
+    predicted: Mapping[str, np.ndarray],
+    recordings: Sequence[str],
+) -> None:
+    """Measured and predicted force (N) over time, a panel a recording.
+
+    test: (n,) bool; predicted: model -> (n, 1) in N.
+    """
+    recording = tables.names(windows["recording"])
+    truth, time = tables.matrix(windows["y"])[:, 0], windows["t_s"].to_numpy()
+    figure, axes = plt.subplots(len(recordings), 1, figsize=(9, 2.2 * len(recordings) + 1), squeeze=False)
+    for ax, name in zip(axes[:, 0], recordings, strict=True):
+        rows = np.flatnonzero(test & (recording == name))
+        middle = time[rows[truth[rows].argmax()]]
+        rows = rows[np.abs(time[rows] - middle) <= SHOWN_S / 2]
+        at = time[rows] - time[rows[0]]
+        steps = np.diff(at)
+        breaks = np.flatnonzero(steps > GAP * np.median(steps)) + 1 if len(steps) else []
+        at = np.insert(at, breaks, np.nan)
+        for model, force in predicted.items():
+            look = style(model)
+            ax.plot(at, np.insert(force[rows, 0], breaks, np.nan), color=look.color, linestyle=look.linestyle)
+        ax.plot(at, np.insert(truth[rows], breaks, np.nan), **(MEASURED | {"linewidth": 1.1}))
+        ax.set(ylabel="Force (N)", title=name)
+    axes[-1, 0].set_xlabel("Time (s)")
+    handles = [
+        Line2D([], [], **MEASURED),
+        *(Line2D([], [], color=style(m).color, linestyle=style(m).linestyle) for m in predicted),
+    ]
+    figure.legend(
+        handles,
+        ["measured", *(style(m).label for m in predicted)],
+        loc="outside lower center",
+        ncols=len(handles),
+    )
+    figure.suptitle("Measured and predicted force on test recordings")
+    figures.save(figure, path)
+
+
+def speed_against_accuracy(
+    path: Path, time_ms: Mapping[str, float], error: Mapping[str, float], batch: int
+) -> None:
+    """Measured time of one prediction (ms) against RMSE over all test recordings (N)."""
+    figure, ax = plt.subplots(figsize=(6.4, 4.2))
+    handles = {}
+    for model, value in error.items():
+        if np.isfinite(value):
+            look = style(model)
+            handles[model] = ax.plot(time_ms[model], value, look.marker, color=look.color, markersize=8)[0]
+    ax.set(
+        xscale="log",
+        xlabel=f"Median time of a prediction, batch {batch} (ms)",
+        ylabel="RMSE (N)",
+        title="Speed and accuracy (lower left is better)",
+    )
+    ax.set_ylim(bottom=0)
+    figures.plain_log(ax.xaxis)
+    figure.legend(handles.values(), [style(model).label for model in handles], loc="outside right upper")
+    figures.save(figure, path)

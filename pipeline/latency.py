@@ -1,0 +1,101 @@
+"""Stage: how long a prediction takes, and what the model weighs. Runs alone, on one thread.
+
+Usage: python -m pipeline.latency touch|velostat_recorded
+"""
+
+import csv
+import os
+import statistics
+import sys
+import time
+
+import numpy as np
+from tqdm import tqdm
+
+from pipeline import params, paths, tables
+from pipeline.availability import why_not_run
+from pipeline.errors import run_stage
+
+COLUMNS = (
+    "experiment",
+    "model",
+    "batch",
+    "threads",
+    "p50_ms",
+    "p95_ms",
+    "params",
+    "macs",
+    "train_s",
+    "size_bytes",
+)
+
+
+def prediction_times(predict, x: np.ndarray, batch: int, settings: dict) -> np.ndarray:
+    """Milliseconds of each of `settings.calls` predictions of `batch` windows after `settings.warm_up` of them.
+
+    x: (n, frames, elements); every call gets the next windows, as a stream would.
+    """
+    starts = [(k * batch) % max(1, len(x) - batch + 1) for k in range(settings["warm_up"] + settings["calls"])]
+    taken = []
+    for start in starts:
+        windows = x[start : start + batch]
+        began = time.perf_counter()
+        predict(windows)
+        taken.append((time.perf_counter() - began) * 1e3)
+    return np.array(taken[settings["warm_up"] :])
+
+
+def training_seconds(experiment: str, model: str, protocol: str) -> float:
+    """Median over the seeds of the main protocol of the measured training time, in s."""
+    path = paths.require(paths.training_times(experiment, model), f"python -m pipeline.train {experiment} {model}")
+    with open(path, newline="", encoding="ascii") as file:
+        return statistics.median(float(row["train_s"]) for row in csv.DictReader(file) if row["protocol"] == protocol)
+
+
+def main() -> None:
+    """Time every model of the experiment named on the command line, first run of each."""
+    values = params.load()
+    experiment = params.experiment_argument(sys.argv, "latency", values)
+    settings = values[experiment]["latency"]
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = str(settings["threads"])
+    rows = []
+    if why_not_run(experiment) is None:
+        import torch
+        from threadpoolctl import threadpool_limits
+
+        from pipeline.fitting import Spec
+
+        torch.set_num_threads(settings["threads"])
+        spec = Spec(*params.shapes(values[experiment]))
+        protocol, seed = params.runs(values, experiment)[0]
+        data = tables.read_dataset(paths.dataset(experiment), spec.frames)
+        x = data.x[data.part(protocol, seed) == "test"]
+        if len(x) < max(settings["batches"]):  # a tiny dataset: the time does not depend on the values
+            x = np.resize(x, (max(settings["batches"]), *x.shape[1:]))
+        for model in tqdm(values[experiment]["models"], desc=f"latency {experiment}", unit="model"):
+            folder = paths.run_folder(experiment, model, protocol, seed)
+            where = f"{experiment}.models.{model}"
+            regressor = params.build_model(model, spec, params.model_settings(values, experiment, model), where)
+            regressor.load(folder)
+            size = sum(
+                file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json")
+            )
+            with threadpool_limits(settings["threads"]):
+                for batch in settings["batches"]:
+                    times = prediction_times(regressor.predict, x, batch, settings)
+                    p50, p95 = np.percentile(times, [50, 95])
+                    costs = (regressor.parameters(), regressor.macs(), training_seconds(experiment, model, protocol))
+                    rows.append((experiment, model, batch, settings["threads"], p50, p95, *costs, size))
+    target = paths.latency(experiment)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = target.with_name(target.name + ".unfinished")
+    with open(draft, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(rows)
+    os.replace(draft, target)
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,81 @@
+"""Scores: one function an experiment, named like it, from truth and prediction to rows of scores.csv."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+from scipy.ndimage import maximum_filter
+
+from pipeline import labels, tables
+
+LOWEST_PEAK_KPA = 15.0  # half the smallest peak pressure of the data: less does not count as a touch found
+POOLED = {"velostat_recorded": ("all",)}  # conditions more: all test windows of an experiment together
+
+Row = tuple[str, str, float, int]  # metric, unit, value, number of windows or touches
+
+
+def overall(truth: np.ndarray, predicted: np.ndarray, unit: str) -> list[Row]:
+    """RMSE and R2 over all outputs of all windows; truth, predicted: (n, outputs) in `unit`."""
+    error = predicted.astype(np.float64) - truth
+    total = np.square(truth - truth.mean(dtype=np.float64), dtype=np.float64).sum()
+    r2 = float(1 - np.square(error).sum() / total) if total > 0 else float("nan")
+    return [("rmse", unit, float(np.sqrt(np.mean(np.square(error)))), len(truth)), ("r2", "1", r2, len(truth))]
+
+
+def velostat_recorded(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
+    """RMSE in N and R2 of force; truth, predicted: (n, 1) in N."""
+    return overall(truth, predicted, "N")
+
+
+def touch(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
+    """Scores of one run on the windows of one condition.
+
+    truth, predicted: (n, map_rows * map_cols) in kPa.
+    * rmse: over all cells of all windows, as Table I of the paper.
+    * r2: share of the variance over all cells and windows that is explained.
+    * peak_error: mean over touches of |largest predicted value near the touch - true pressure|; near = within
+      one element pitch; n counts touches above touch.window.contact_threshold_n.
+    * location_error: mean distance from a touch to the centre of the largest predicted cell near it.
+    * touches_found: share of windows in contact whose predicted map has as many peaks as there are touches.
+    """
+    sensor, label = settings["sensor"], settings["label"]
+    shape = (label["map_rows"], label["map_cols"])
+    rows = overall(truth, predicted, "kPa")
+    peak = labels.peaks_kpa(windows, settings)
+    force, x, y = (tables.matrix(windows[name]) for name in ("force_n", "x_mm", "y_mm"))
+    touched = np.nan_to_num(force) > settings["window"]["contact_threshold_n"]
+    centre_x, centre_y = labels.cell_centres(sensor, label)
+    maps = predicted.reshape(-1, *shape)
+    window, touch = np.nonzero(touched)
+    away = np.hypot(
+        centre_x[None, None, :] - x[window, touch][:, None, None],
+        centre_y[None, :, None] - y[window, touch][:, None, None],
+    )  # (touches, map_rows, map_cols)
+    near = np.where(away <= sensor["pitch_mm"], maps[window], -np.inf).reshape(len(window), -1)
+    largest = near.argmax(axis=1)
+    picked = np.arange(len(window))
+    missing = float("nan")
+    rows.append(
+        (
+            "peak_error",
+            "kPa",
+            float(np.mean(np.abs(near[picked, largest] - peak[window, touch]))) if len(window) else missing,
+            len(window),
+        )
+    )
+    distance = away.reshape(len(window), -1)[picked, largest]
+    rows.append(("location_error", "mm", float(np.mean(distance)) if len(window) else missing, len(window)))
+    in_contact = touched.any(axis=1)
+    found = peak_count(maps[in_contact], LOWEST_PEAK_KPA) == touched[in_contact].sum(axis=1)
+    rows.append(("touches_found", "1", float(np.mean(found)) if len(found) else missing, int(in_contact.sum())))
+    return rows
+
+
+def peak_count(maps: np.ndarray, lowest: float) -> np.ndarray:
+    """(n,) number of cells of maps (n, rows, cols) that are at least `lowest` and the largest of 5 x 5 cells.
+
+    5 x 5: two touches closer than 3 cells (9 mm) would be one blob, their Gaussians having sigma = 1 cell.
+    """
+    return ((maps == maximum_filter(maps, size=(1, 5, 5), mode="constant", cval=-np.inf)) & (maps >= lowest)).sum(
+        axis=(1, 2)
+    )

@@ -1,0 +1,180 @@
+"""Stage: what people read: tables, figures and findings of one experiment in reports/<experiment>.
+
+Everything with a measured time in it is in reports/<experiment>/speed; reports/<experiment>/accuracy is the
+same in every run.
+Usage: python -m pipeline.render touch|velostat_recorded
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet
+
+from pipeline import (
+    figures_touch,
+    figures_velostat,
+    params,
+    paths,
+    report_touch,
+    report_velostat,
+    results,
+    tables,
+)
+from pipeline.availability import why_not_run
+from pipeline.differences import read_differences
+from pipeline.errors import run_stage
+from pipeline.report_touch import write_text
+
+CODE = Path(__file__).resolve().parent
+
+
+def render_touch(settings: dict, target: Path) -> None:
+    """Write the report of `touch` into the new folder `target`; settings: its block of params.yaml."""
+    accuracy = target / "accuracy"
+    scores = results.Scores("touch", settings)
+    latency = results.read_latency("touch", settings)
+    table = results.read_windows("touch")
+    protocol = next(iter(settings["protocols"]))
+    seed = settings["protocols"][protocol]["seeds"][0]
+    windows = figures_touch.windows_of(table, settings, protocol, seed)
+    present = set(windows.condition)
+    known = ("single", "double", "three", "slide", "tape")
+    conditions = [name for name in known if name in present] + sorted(present - set(known))
+    fits = {
+        (model, name): [results.read_fit("touch", model, name, number) for number in block["seeds"]]
+        for model in settings["models"]
+        for name, block in settings["protocols"].items()
+    }
+    maps = {
+        model: results.read_predictions("touch", model, protocol, seed, table).reshape(windows.truth.shape)
+        for model in settings["models"]
+    }
+    frames_path = paths.require(paths.frames("touch"), "python -m pipeline.ingest touch")
+    frames = pyarrow.parquet.read_table(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
+
+    _write_csv(accuracy / "table1.csv", report_touch.score_table(scores, settings, conditions))
+    write_text(accuracy / "table1.md", report_touch.table_one(scores, settings, conditions))
+    write_text(accuracy / "training.md", report_touch.training(fits, settings))
+    trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
+    differences = read_differences(CODE)
+    write_text(
+        accuracy / "README.md", report_touch.findings(scores, settings, conditions, trained, differences)
+    )
+
+    figures_touch.learning_curves(
+        accuracy / "learning_curves.png",
+        {model: fits[model, protocol] for model in settings["models"]},
+        protocol,
+    )
+    figures_touch.characteristic_curve(accuracy / "figure2b.png", settings)
+    figures_touch.peak_pressure(accuracy / "figure4.png", windows, maps, settings)
+    figures_touch.press_location(accuracy / "figure5.png", frames, settings)
+    if "double" in conditions:
+        figures_touch.double_touch(accuracy / "figure6.png", windows, maps, settings)
+    figures_touch.error_distribution(accuracy / "figure7.png", windows, maps, settings)
+    if present & set(figures_touch.SEVERAL_TOUCHES):
+        figures_touch.pressure_maps(accuracy / "figure8.png", windows, maps, settings)
+
+    time_ms = _write_speed(target / "speed", latency, settings, "touch")
+    errors = {
+        condition: {
+            model: scores.estimate(protocol, condition, model, "rmse") for model in settings["models"]
+        }
+        for condition in report_touch.TABLE_CONDITIONS
+        if condition in conditions
+    }
+    figures_touch.speed_against_accuracy(
+        target / "speed" / "tradeoff.png", time_ms, errors, settings["latency"]["batches"][0]
+    )
+
+
+def render_velostat_recorded(settings: dict, target: Path) -> None:
+    """Write the report of `velostat_recorded` into the new folder `target`; settings: its block of params."""
+    accuracy = target / "accuracy"
+    scores = results.Scores("velostat_recorded", settings)
+    latency = results.read_latency("velostat_recorded", settings)
+    table = results.read_windows("velostat_recorded")
+    protocol = next(iter(settings["protocols"]))
+    seed = settings["protocols"][protocol]["seeds"][0]
+    test = tables.names(table[tables.split_column(protocol, seed)]) == "test"
+    recordings = sorted(set(tables.names(table["recording"])[test]))
+    groups = ["all", *sorted({name.split("/")[0] for name in recordings}, key=_by_force)]
+    best = report_velostat.best_model(scores, settings, protocol)
+    drawn = [model for model in settings["models"] if model in ("linear", best)]
+    predicted = {
+        model: results.read_predictions("velostat_recorded", model, protocol, seed, table)
+        for model in settings["models"]
+    }
+
+    _write_csv(accuracy / "table.csv", report_velostat.score_table(scores, settings, groups))
+    write_text(accuracy / "table.md", report_velostat.score_text(scores, settings, groups))
+    write_text(accuracy / "README.md", report_velostat.findings(scores, settings, groups, best))
+    # The recordings that the best model (or, if all failed, the first) reads best, in the middle and worst.
+    judge = best or next(iter(settings["models"]))
+    order = sorted(
+        recordings,
+        key=lambda name: scores.estimate(protocol, name.split("/")[0], judge, "r2").mean,
+        reverse=True,
+    )
+    chosen = [order[k] for k in sorted({0, len(order) // 2, len(order) - 1})]
+    figures_velostat.force_over_time(
+        accuracy / "figure.png", table, test, {model: predicted[model] for model in drawn}, chosen
+    )
+
+    time_ms = _write_speed(target / "speed", latency, settings, "velostat_recorded")
+    error = {model: scores.estimate(protocol, "all", model, "rmse").mean for model in settings["models"]}
+    figures_velostat.speed_against_accuracy(
+        target / "speed" / "tradeoff.png", time_ms, error, settings["latency"]["batches"][0]
+    )
+
+
+def _by_force(name: str) -> tuple:
+    """pike1_force_5 before pike1_force_10."""
+    return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in name.split("_"))
+
+
+def _write_csv(path: Path, table: pd.DataFrame) -> None:
+    table.to_csv(path, index=False, lineterminator="\n", float_format=_repr)
+
+
+def _repr(value: float) -> str:
+    """The shortest text that reads back as the same number."""
+    return repr(float(value))
+
+
+def _write_speed(folder: Path, latency: dict, settings: dict, experiment: str) -> dict[str, float]:
+    """Write table2.csv and table2.md; returns the median ms at the first batch size, by model."""
+    _write_csv(folder / "table2.csv", report_touch.speed_table(latency, settings, experiment))
+    write_text(folder / "table2.md", report_touch.table_two(latency, settings, experiment))
+    first = settings["latency"]["batches"][0]
+    return {model: float(np.float64(latency[model, first]["p50_ms"])) for model in settings["models"]}
+
+
+def main() -> None:
+    """Render the experiment named on the command line; its folder in reports/ is replaced whole."""
+    stages = {"touch": render_touch, "velostat_recorded": render_velostat_recorded}
+    values = params.load()
+    experiment = params.experiment_argument(sys.argv, "render", values)
+    target = paths.REPORTS / experiment
+    draft = target.with_name(f"{experiment}.unfinished")
+    shutil.rmtree(draft, ignore_errors=True)
+    for part in ("accuracy", "speed"):
+        (draft / part).mkdir(parents=True)
+    reason = why_not_run(experiment)
+    if reason is None:
+        stages[experiment](values[experiment], draft)
+    else:
+        for part in ("accuracy", "speed"):
+            write_text(
+                draft / part / "README.md", f"# {experiment}: not run\n\n{reason[0].upper()}{reason[1:]}.\n"
+            )
+    shutil.rmtree(target, ignore_errors=True)
+    draft.rename(target)
+    print(f"reports/{experiment}: {sum(path.is_file() for path in target.rglob('*'))} files")
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,389 @@
+"""What reports/touch says: Table I and Table II beside the published numbers, training, and findings."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.figures import style
+from pipeline.markdown import interval, number, size, table
+from pipeline.results import Estimate, Fit, Scores, published
+
+# Models as the paper prints them; a model that is not listed has no published number.
+PRINTED = {
+    "linear": "Linear Regression",
+    "poly": "Polynomial Regression",
+    "tree": "Decision Tree Regression",
+    "rbf": "RBF-Net",
+    "cnn": "CNN",
+    "vgg": "VGG-16",
+    "convlstm": "ConvLSTM",
+    "rnn": "RNN",
+    "lomp": "LoMP",
+}
+METRICS = {  # metric: header, digits
+    "peak_error": ("Peak error (mean, kPa, lower is better)", 2),
+    "location_error": ("Location error (mean, mm, lower is better)", 2),
+    "touches_found": ("Touches found (share of windows, higher is better)", 3),
+    "r2": ("R2 (share of variance, higher is better)", 3),
+}
+UNITS = {"rmse": "kPa", "peak_error": "kPa", "location_error": "mm", "touches_found": "1", "r2": "1"}
+TABLE_CONDITIONS = ("single", "double")
+
+
+def published_value(model: str, condition: str) -> float:
+    """The paper's number for a model of ours, NaN if it has none."""
+    return published().get((PRINTED.get(model, ""), condition), np.nan)
+
+
+def score_table(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> pd.DataFrame:
+    """table1.csv: a row for every protocol, condition, model and metric, in full precision."""
+    rows = []
+    for protocol in settings["protocols"]:
+        for condition in conditions:
+            for model in settings["models"]:
+                for metric, unit in UNITS.items():
+                    found = scores.estimate(protocol, condition, model, metric)
+                    paper = published_value(model, f"{condition} touch") if metric == "rmse" else np.nan
+                    rows.append((protocol, condition, model, metric, unit, paper, *found))
+    names = [
+        "protocol",
+        "condition",
+        "model",
+        "metric",
+        "unit",
+        "published",
+        "mean",
+        "low",
+        "high",
+        "runs",
+        "failed",
+    ]
+    return pd.DataFrame(rows, columns=names)
+
+
+def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> str:
+    """table1.md: RMSE beside the published one, then the further metrics, for every protocol."""
+    both = [name for name in TABLE_CONDITIONS if name in conditions]
+    others = [name for name in conditions if name not in both]
+    text = ["# Table I: accuracy\n"]
+    text.append(
+        "Ours: mean [95 % t interval] over seeds, each of which draws another split and another start. "
+        "Published: the paper's one number. The models are fitted to single touches only.\n"
+    )
+    for protocol, block in settings["protocols"].items():
+        n = len(block["seeds"])
+        text.append(f"## Split `{protocol}`, {n} {'seed' if n == 1 else 'seeds'}\n")
+        text.append(_protocol_note(protocol, n))
+        header = ["Model"]
+        for condition in both:
+            header += [f"{condition}: published RMSE (kPa)", f"{condition}: our mean RMSE (kPa), n = {n}"]
+        rows = []
+        for model in settings["models"]:
+            row = [style(model).label]
+            for condition in both:
+                row.append(number(published_value(model, f"{condition} touch")))
+                row.append(interval(scores.estimate(protocol, condition, model, "rmse")))
+            rows.append(row)
+        text.append("RMSE over all cells and windows (kPa, lower is better):\n")
+        text.append(table(header, rows))
+        for condition in both:
+            text.append(f"Further metrics, {condition} touch:\n")
+            text.append(_further(scores, settings, protocol, condition))
+        if others:
+            text.append(
+                "RMSE of the demonstrations, which the paper shows without numbers (kPa, lower is better):\n"
+            )
+            rows = [
+                [
+                    style(model).label,
+                    *(interval(scores.estimate(protocol, name, model, "rmse")) for name in others),
+                ]
+                for model in settings["models"]
+            ]
+            text.append(table(["Model", *others], rows))
+    absent = [name for name in TABLE_CONDITIONS if name not in conditions]
+    if absent:
+        text.append(f"There are no recordings of: {', '.join(absent)} touch.\n")
+    return "\n".join(text)
+
+
+def _further(scores: Scores, settings: Mapping, protocol: str, condition: str) -> str:
+    rows = [
+        [
+            style(model).label,
+            *(
+                interval(scores.estimate(protocol, condition, model, name), d)
+                for name, (_, d) in METRICS.items()
+            ),
+        ]
+        for model in settings["models"]
+    ]
+    return table(["Model", *(header for header, _ in METRICS.values())], rows)
+
+
+def _protocol_note(protocol: str, n: int) -> str:
+    notes = {
+        "press": "No press has windows on two sides of the split. These are the numbers to believe.",
+        "random_window": "As the paper seems to have done it: windows of one press fall on all sides, which "
+        "flatters every model that can remember.",
+    }
+    note = notes.get(protocol, "")
+    return f"{note} One seed has no interval.\n" if n == 1 else f"{note}\n"
+
+
+def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> str:
+    """training.md: how every fit ended; fits: (model, protocol) -> a fit a seed."""
+    trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
+    rows = []
+    for (model, protocol), runs in fits.items():
+        epochs, best, reasons = ("-", "-", "closed form")
+        if any(fit.stop_reason != "closed_form" for fit in runs):
+            epochs = ", ".join(str(fit.epochs) for fit in runs)
+            best = ", ".join(str(fit.best_epoch) for fit in runs)
+            reasons = ", ".join(fit.stop_reason for fit in runs)
+        sizes = sorted({fit.parameters for fit in runs})
+        shown = size(sizes[0]) if len(sizes) == 1 else f"{size(sizes[0])} to {size(sizes[-1])}"
+        rows.append([style(model).label, protocol, shown, epochs, best, reasons])
+    limits = ", ".join(
+        f"{style(model).label} {block['training']['max_epochs']}"
+        for model, block in settings["models"].items()
+        if isinstance(block, Mapping) and "training" in block
+    )
+    return "\n".join(
+        [
+            "# Training\n",
+            stops_sentence(trained) + "\n",
+            f"Most epochs allowed: {limits or 'no model is trained in epochs'}. The weights of the best "
+            "epoch (lowest validation loss) are kept. Lists are in the order of the seeds.\n",
+            table(["Model", "Split", "Parameters", "Epochs run", "Best epoch", "Stopped by"], rows),
+        ]
+    )
+
+
+def stops_sentence(trained: Sequence[Fit]) -> str:
+    """How many of the runs trained in epochs stopped for which reason."""
+    reasons = [fit.stop_reason for fit in trained]
+    parts = [
+        f"Of {len(reasons)} runs trained in epochs, {reasons.count('patience')} stopped by patience",
+        f"{reasons.count('max_epochs')} reached the allowed number of epochs",
+        f"{reasons.count('diverged')} diverged",
+    ]
+    return ", ".join(parts[:2]) + f" and {parts[2]}."
+
+
+def findings(
+    scores: Scores,
+    settings: Mapping,
+    conditions: Sequence[str],
+    trained: Sequence[Fit],
+    differences: Sequence[tuple[str, str]],
+) -> str:
+    """README.md: what the numbers say, in sentences that are computed from them."""
+    protocol = next(iter(settings["protocols"]))
+    seeds = len(settings["protocols"][protocol]["seeds"])
+    by_condition = {
+        condition: {m: scores.estimate(protocol, condition, m, "rmse") for m in settings["models"]}
+        for condition in conditions
+    }
+    lines = [
+        "# LoMP (touch): results\n",
+        f"RMSE in kPa on test data, `{protocol}` split, mean over {seeds} seeds [95 % t interval]. "
+        "[Table I](table1.md), [training](training.md), [speed](speed/table2.md).\n",
+        "## Findings\n",
+    ]
+    for condition in TABLE_CONDITIONS:
+        if condition in by_condition:
+            lines += best_sentences(condition, by_condition[condition])
+        else:
+            lines.append(f"- There are no recordings of {condition} touch.")
+    if "double" in by_condition and "lomp" in by_condition["double"]:
+        lines.append(double_sentence(by_condition["double"]))
+    if "constant" in settings["models"]:
+        lines += [
+            floor_sentence(name, found) for name, found in by_condition.items() if name in TABLE_CONDITIONS
+        ]
+    lines += optimism_sentences(scores, settings, protocol)
+    lines.append(yardstick_sentence(scores, settings, protocol))
+    lines.append(f"- {stops_sentence(trained)}")
+    lines.append("\n## Figures\n")
+    captions = {
+        "figure2b": "characteristic curve of the fitted film",
+        "figure4": "peak pressure over single-touch test windows",
+        "figure5": "counts and pressure for press locations within one element (3 mm apart at the default "
+        "grid; the paper says 2.875 mm, a quarter of the element instead of the pitch)",
+        "figure6": "double touch over time",
+        "figure7": "error with one touch and with two",
+        "figure8": "pressure maps",
+        "learning_curves": "loss over epochs",
+    }
+    absent = {"figure6"} if "double" not in conditions else set()
+    absent |= {"figure8"} if list(conditions) == ["single"] else set()
+    lines += [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items() if name not in absent]
+    lines.append(
+        f"\nFigures 4 and 6 to 8 show the run `{protocol}`, "
+        f"seed {settings['protocols'][protocol]['seeds'][0]}.\n"
+    )
+    lines.append("## Where the code differs from the papers\n")
+    lines += [f"- `{file}`: {text}" for file, text in differences] or ["- Nowhere."]
+    return "\n".join(lines) + "\n"
+
+
+def _usable(found: Mapping[str, Estimate]) -> list[str]:
+    """Models without a failed run, the lowest mean first."""
+    return sorted((m for m, e in found.items() if e.runs and not e.failed), key=lambda m: found[m].mean)
+
+
+def best_sentences(condition: str, found: Mapping[str, Estimate]) -> list[str]:
+    """Which model is best; LoMP beside it."""
+    order = _usable(found)
+    if not order:
+        return [f"- {condition.capitalize()} touch: every model has a failed run."]
+    best = order[0]
+    lines = [
+        f"- {condition.capitalize()} touch: {style(best).label} is best with {interval(found[best])} kPa."
+    ]
+    if failed := [style(m).label for m, e in found.items() if e.failed]:
+        lines.append(f"- {condition.capitalize()} touch: runs failed for {', '.join(failed)}.")
+    if condition == "single" and "lomp" in order:
+        ratio = found["lomp"].mean / found[best].mean
+        paper = {m: published_value(m, "single touch") for m in PRINTED}
+        lowest = min(paper, key=lambda m: paper[m])
+        lines.append(
+            f"- Single touch: LoMP has {interval(found['lomp'])} kPa, {ratio:.2f} times the best model's "
+            f"RMSE; in the paper {paper['lomp'] / paper[lowest]:.2f} times (best: {style(lowest).label})."
+        )
+    return lines
+
+
+def double_sentence(found: Mapping[str, Estimate]) -> str:
+    """Whether double touch comes out in LoMP's favour, plainly."""
+    order = _usable(found)
+    lomp = found["lomp"]
+    if lomp.failed:
+        return f"- Double touch does NOT come out in LoMP's favour: LoMP {interval(lomp)}."
+    better = [m for m in order if m != "lomp" and found[m].mean <= lomp.mean]
+    ours = f"{interval(lomp)} kPa"
+    if better:
+        named = ", ".join(f"{style(m).label} ({interval(found[m])})" for m in better)
+        return (
+            f"- Double touch does NOT come out in LoMP's favour here: LoMP has {ours}; "
+            f"as good or better: {named}."
+        )
+    others = [m for m in order if m != "lomp"]
+    if not others:
+        return f"- Double touch: LoMP has {ours}; no other model is without a failed run."
+    second = others[0]
+    paper = {m: published_value(m, "double touch") for m in PRINTED}
+    runner_up = min((m for m in paper if m != "lomp"), key=lambda m: paper[m])
+    apart = ""
+    if lomp.runs > 1 and found[second].runs > 1 and lomp.high >= found[second].low:
+        apart = " The two intervals overlap, so this is not certain."
+    return (
+        f"- Double touch comes out in LoMP's favour: LoMP has {ours}, the next model, {style(second).label}, "
+        f"{found[second].mean / lomp.mean:.2f} times as much; in the paper "
+        f"{paper[runner_up] / paper['lomp']:.2f} times ({style(runner_up).label}).{apart}"
+    )
+
+
+def floor_sentence(condition: str, found: Mapping[str, Estimate]) -> str:
+    """Which models are no better than the mean map of the training data."""
+    floor = found["constant"].mean
+    worse = [style(m).label for m, e in found.items() if m != "constant" and not e.mean < floor]
+    text = f"- {condition.capitalize()} touch: a constant map has {number(floor)} kPa; "
+    return text + (f"no better than that: {', '.join(worse)}." if worse else "every model is better.")
+
+
+def optimism_sentences(scores: Scores, settings: Mapping, protocol: str) -> list[str]:
+    """How much lower the single-touch RMSE looks when windows of one press are on both sides."""
+    lines = []
+    for other in settings["protocols"]:
+        if other == protocol:
+            continue
+        ratios = {}
+        for model in settings["models"]:
+            ours, theirs = (scores.estimate(name, "single", model, "rmse") for name in (protocol, other))
+            if model != "constant" and not ours.failed and not theirs.failed and theirs.mean > 0:
+                ratios[model] = ours.mean / theirs.mean
+        if ratios:
+            least, most = min(ratios, key=ratios.get), max(ratios, key=ratios.get)
+            lines.append(
+                f"- Single touch: the RMSE of the `{protocol}` split is {ratios[least]:.2f} "
+                f"({style(least).label}) to {ratios[most]:.2f} ({style(most).label}) times that of "
+                f"the `{other}` split."
+            )
+    return lines
+
+
+def yardstick_sentence(scores: Scores, settings: Mapping, protocol: str) -> str:
+    """The one number the scene's difficulty was set by, beside the published one."""
+    chosen = settings["yardstick"]
+    if settings["source"] != "simulated":
+        return "- The data are recorded, so no yardstick was used."
+    if chosen["model"] not in settings["models"]:
+        return (
+            f"- Yardstick of the scene: {chosen['model']} is not among the models, so it cannot be compared."
+        )
+    ours = scores.estimate(protocol, chosen["condition"], chosen["model"], chosen["metric"])
+    return (
+        f"- Yardstick of the scene, the one number that it was set by: {style(chosen['model']).label}, "
+        f"{chosen['condition']} touch, {chosen['metric']}: ours {interval(ours)}, published "
+        f"{number(chosen['published'])} kPa ({100 * (ours.mean / chosen['published'] - 1):+.0f} %). "
+        "All other numbers are predictions."
+    )
+
+
+def speed_table(latency: Mapping[tuple[str, int], dict], settings: Mapping, experiment: str) -> pd.DataFrame:
+    """table2.csv: the measured times beside the published ones, a row for every model and batch."""
+    rows = []
+    for model in settings["models"]:
+        for batch in settings["latency"]["batches"]:
+            row = latency[model, batch]
+            paper = published_value(model, "single touch (GTX 1070)") if experiment == "touch" else np.nan
+            names = ("threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes")
+            rows.append((model, batch, paper, *(row[name] for name in names)))
+    columns = ["model", "batch", "published_ms", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s"]
+    return pd.DataFrame(rows, columns=[*columns, "size_bytes"])
+
+
+def table_two(latency: Mapping[tuple[str, int], dict], settings: Mapping, experiment: str) -> str:
+    """table2.md: time, size and cost of every model."""
+    batches = settings["latency"]["batches"]
+    has_paper = experiment == "touch"
+    header = ["Model", *(["published, GTX 1070 (ms)"] if has_paper else [])]
+    header += [f"batch {batch}: median / 95 % (ms)" for batch in batches]
+    header += ["Parameters", "MACs a window", "Training (s)", "File (bytes)"]
+    rows = []
+    for model in settings["models"]:
+        row = [style(model).label]
+        if has_paper:
+            row.append(number(published_value(model, "single touch (GTX 1070)")))
+        for batch in batches:
+            times = latency[model, batch]
+            row.append(f"{times['p50_ms']:.3f} / {times['p95_ms']:.3f}")
+        one = latency[model, batches[0]]
+        row += [size(one["params"]), size(one["macs"]), f"{one['train_s']:.1f}", size(one["size_bytes"])]
+        rows.append(row)
+    title = "# Table II: time of a prediction\n" if has_paper else "# Time of a prediction\n"
+    threads = settings["latency"]["threads"]
+    return "\n".join(
+        [
+            title,
+            f"Ours: median and 95th percentile of {settings['latency']['calls']} predictions of a whole "
+            f"batch on {threads} CPU {'thread' if threads == 1 else 'threads'}; lower is better everywhere. "
+            "Times differ from run to run and from machine to machine"
+            + (
+                "; the published ones were taken on a GPU and do not compare in absolute terms."
+                if has_paper
+                else "."
+            )
+            + " Training: median over the seeds.\n",
+            table(header, rows),
+        ]
+    )
+
+
+def write_text(path: Path, text: str) -> None:
+    """UTF-8 with Unix line ends on every machine."""
+    path.write_text(text, encoding="utf-8", newline="\n")

@@ -1,0 +1,176 @@
+"""What the reports read: scores, fits, times and predictions. A missing file or row is an error, no gap."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pyarrow.compute as pc
+import pyarrow.parquet
+from scipy.special import stdtrit
+
+from pipeline import paths, tables
+from pipeline.errors import InputError
+
+PUBLISHED = Path(__file__).with_name("published.csv")
+CONFIDENCE = 0.95
+
+
+class Estimate(NamedTuple):
+    """Mean over the runs that did not fail, with its t interval; NaN where too few runs are left."""
+
+    mean: float
+    low: float
+    high: float
+    runs: int
+    failed: int
+
+
+def estimate(values: Sequence[float]) -> Estimate:
+    """Mean and 95 % t interval of one value a run; a run is failed where its value is not finite."""
+    values = np.asarray(values, dtype=float)
+    good = values[np.isfinite(values)]
+    n, failed = len(good), len(values) - len(good)
+    if n == 0:
+        return Estimate(np.nan, np.nan, np.nan, 0, failed)
+    mean = float(good.mean())
+    if n == 1:
+        return Estimate(mean, np.nan, np.nan, 1, failed)
+    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * good.std(ddof=1) / np.sqrt(n))
+    return Estimate(mean, mean - half, mean + half, n, failed)
+
+
+def shown(path: Path) -> str:
+    """`path` as a message names it: relative to the repository."""
+    return path.relative_to(paths.ROOT).as_posix() if path.is_relative_to(paths.ROOT) else str(path)
+
+
+def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
+    """A CSV table that has at least `columns`. Raises InputError otherwise."""
+    try:
+        table = pd.read_csv(paths.require(path, made_by))
+    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
+        raise InputError(f"{shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
+    for column in columns:
+        if column not in table.columns:
+            raise InputError(f"{shown(path)}: column '{column}' is missing; run `{made_by}` again")
+    return table
+
+
+def published() -> dict[tuple[str, str], float]:
+    """Tables I and II of the LoMP paper: (model's printed name, condition) -> RMSE in kPa, or time in ms."""
+    table = pd.read_csv(PUBLISHED)
+    table = table[table["paper"] == "lomp"]
+    return {(row.model, row.condition): row.value for row in table.itertuples()}
+
+
+class Scores:
+    """scores.csv of one experiment, looked up row by row."""
+
+    def __init__(self, experiment: str, settings: dict):
+        self.made_by = f"python -m pipeline.evaluate {experiment}"
+        self.path = paths.scores(experiment)
+        self.protocols = settings["protocols"]
+        key = ["protocol", "condition", "model", "seed", "metric"]
+        table = read_csv(self.path, [*key, "unit", "value"], self.made_by)
+        repeated = table[table.duplicated(key)]
+        if len(repeated):
+            row = ", ".join(str(value) for value in repeated.iloc[0][key])
+            raise InputError(f"{shown(self.path)}: two rows for {row}; run `{self.made_by}` again")
+        self._values = {
+            (row.protocol, row.condition, row.model, int(row.seed), row.metric): float(row.value)
+            for row in table.itertuples()
+        }
+
+    def runs(self, protocol: str, condition: str, model: str, metric: str) -> list[float]:
+        """One value a seed of params.yaml, NaN for a failed run. Raises InputError that names a missing row.
+
+        A run without an RMSE failed, whatever its other metrics say (no peak can be found in a map of NaN).
+        """
+        found = []
+        for seed in self.protocols[protocol]["seeds"]:
+            key = (protocol, condition, model, seed, metric)
+            if key not in self._values:
+                raise InputError(
+                    f"{shown(self.path)}: no row for protocol {protocol}, condition {condition}, "
+                    f"model {model}, seed {seed}, metric {metric}; run `{self.made_by}` again"
+                )
+            failed = np.isnan(self._values.get((*key[:4], "rmse"), 0.0))
+            found.append(np.nan if failed else self._values[key])
+        return found
+
+    def estimate(self, protocol: str, condition: str, model: str, metric: str) -> Estimate:
+        """Mean and interval over the seeds of one protocol."""
+        return estimate(self.runs(protocol, condition, model, metric))
+
+
+def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
+    """latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
+    path, made_by = paths.latency(experiment), f"python -m pipeline.latency {experiment}"
+    wanted = ["model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes"]
+    rows = {(row["model"], row["batch"]): row for row in read_csv(path, wanted, made_by).to_dict("records")}
+    for model in settings["models"]:
+        for batch in settings["latency"]["batches"]:
+            if (model, batch) not in rows:
+                raise InputError(
+                    f"{shown(path)}: no row for model {model}, batch {batch}; run `{made_by}` again"
+                )
+    return rows
+
+
+class Fit(NamedTuple):
+    """How one run was trained: fit.json and history.csv (epoch, train_loss, validation_loss)."""
+
+    stop_reason: str
+    best_epoch: int
+    epochs: int
+    parameters: int
+    history: pd.DataFrame
+
+
+def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
+    """The fit of one run. Raises InputError for a missing or broken file."""
+    folder = paths.run_folder(experiment, model, protocol, seed)
+    made_by = f"python -m pipeline.train {experiment} {model}"
+    path = paths.require(folder / "fit.json", made_by)
+    try:
+        fit = json.loads(path.read_text(encoding="utf-8"))
+        values = [fit[name] for name in ("stop_reason", "best_epoch", "epochs", "parameters")]
+    except (json.JSONDecodeError, UnicodeDecodeError, KeyError) as error:
+        raise InputError(f"{shown(path)}: no fit summary ({error}); run `{made_by}` again") from error
+    history = read_csv(folder / "history.csv", ["epoch", "train_loss", "validation_loss"], made_by)
+    return Fit(*values, history)
+
+
+def read_windows(experiment: str) -> pyarrow.Table:
+    """The dataset's table."""
+    return pyarrow.parquet.read_table(
+        paths.require(paths.dataset(experiment), f"python -m pipeline.dataset {experiment}")
+    )
+
+
+def read_predictions(
+    experiment: str, model: str, protocol: str, seed: int, windows: pyarrow.Table
+) -> np.ndarray:
+    """Predictions of one run on all windows of the dataset, (windows, outputs); NaN outside its test part.
+
+    Raises InputError where a test window has no prediction.
+    """
+    made_by = f"python -m pipeline.evaluate {experiment}"
+    path = paths.require(paths.predictions(experiment) / f"{model}.parquet", made_by)
+    table = pyarrow.parquet.read_table(path)
+    table = table.filter(
+        (pc.field("protocol").cast("string") == protocol) & (pc.field("seed") == seed)
+    ).combine_chunks()
+    test = np.flatnonzero(tables.names(windows[tables.split_column(protocol, seed)]) == "test")
+    rows = table["window"].to_numpy()
+    if not np.array_equal(np.sort(rows), test):
+        raise InputError(
+            f"{shown(path)}: {len(rows)} predictions of {protocol} seed {seed} do not match the "
+            f"{len(test)} test windows; run `{made_by}` again"
+        )
+    result = np.full((windows.num_rows, table.schema.field("prediction").type.list_size), np.nan, np.float32)
+    result[rows] = tables.matrix(table["prediction"])
+    return result

@@ -1,0 +1,65 @@
+"""Set params.yaml to a committed scale: `python -m pipeline.scale laptop|full`.
+
+A scale is a file scales/<name>.yaml of dotted keys and values; all other settings and the comments stay.
+"""
+
+import difflib
+import os
+import sys
+from pathlib import Path
+
+import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+from pipeline import params, paths
+from pipeline.errors import InputError, run_stage
+
+
+def set_values(values: dict, params_file: Path) -> None:
+    """Replace the values of dotted keys (`touch.window.stride`) in a params file; InputError for an unknown key."""
+    editor = YAML()
+    editor.width = 4096  # never wrap a line
+    content = editor.load(params_file.read_text(encoding="utf-8"))
+    for dotted, value in values.items():
+        *path, last = dotted.split(".")
+        block = content
+        for key in [*path, last]:
+            if not isinstance(block, dict) or key not in block:
+                near = difflib.get_close_matches(key, list(block) if isinstance(block, dict) else [], n=1)
+                hint = f"; did you mean '{near[0]}'?" if near else ""
+                raise InputError(f"{params_file.name}: there is no key '{dotted}'{hint}")
+            parent, block = block, block[key]
+        parent[last] = _flow(value)
+    draft = params_file.with_name(params_file.name + ".unfinished")
+    with open(draft, "w", encoding="utf-8") as file:
+        editor.dump(content, file)
+    os.replace(draft, params_file)
+
+
+def _flow(value):
+    """Lists and blocks on one line, as the rest of params.yaml writes them."""
+    if isinstance(value, list):
+        sequence = CommentedSeq(value)
+        sequence.fa.set_flow_style()
+        return sequence
+    if isinstance(value, dict):
+        block = CommentedMap({key: _flow(item) for key, item in value.items()})
+        block.fa.set_flow_style()
+        return block
+    return value
+
+
+def main() -> None:
+    """Apply the scale named on the command line."""
+    known = sorted(path.stem for path in (paths.ROOT / "scales").glob("*.yaml"))
+    if len(sys.argv) != 2 or sys.argv[1] not in known:
+        raise InputError(f"usage: python -m pipeline.scale {'|'.join(known)}")
+    values = yaml.safe_load((paths.ROOT / "scales" / f"{sys.argv[1]}.yaml").read_text(encoding="utf-8"))
+    set_values(values, paths.PARAMS)
+    params.load()
+    print(f"params.yaml: {len(values)} values set to the {sys.argv[1]} scale; run `dvc repro`")
+
+
+if __name__ == "__main__":
+    run_stage(main)

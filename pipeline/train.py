@@ -1,0 +1,107 @@
+"""Stage: train one model for every protocol and seed of an experiment. Writes models; scoring is `evaluate`.
+
+The runs are independent: they go to as many processes as there are cores (WORKERS=n for another number), each
+with one thread, which gives the same numbers whatever the number of processes.
+Usage: python -m pipeline.train touch|velostat_recorded MODEL
+"""
+
+import csv
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tqdm import tqdm
+
+from pipeline import params, paths, tables, workers
+from pipeline.availability import why_not_run
+from pipeline.errors import InputError, run_stage
+
+
+def train_run(
+    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+) -> float:
+    """Train one run and write its files to the new folder `target`; returns the seconds that fitting took.
+
+    Files: the model's own, history.csv (a row an epoch, losses in the label's unit squared) and fit.json.
+    """
+    import torch
+
+    from pipeline.fitting import Spec
+
+    torch.set_num_threads(1)
+    values = params.load()
+    settings = values[experiment]
+    spec = Spec(*params.shapes(settings))
+    block = params.model_settings(values, experiment, model)
+    regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
+    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
+    part = data.part(protocol, seed)
+    train, validation = ((data.x[part == name], data.y[part == name]) for name in ("train", "validation"))
+    for name, (x, _) in (("train", train), ("validation", validation)):
+        if not len(x):
+            raise InputError(
+                f"{experiment}, {protocol} split, seed {seed}: no window in the {name} part; record more presses"
+            )
+    del data
+    started = time.perf_counter()
+    history = regressor.fit(train, validation, seed=seed, device=values["device"], progress=report)
+    seconds = time.perf_counter() - started
+    target.mkdir(parents=True)
+    regressor.save(target)
+    with open(target / "history.csv", "w", newline="", encoding="ascii") as file:
+        writer = csv.DictWriter(file, fieldnames=list(history[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(history)
+    fit = {
+        "stop_reason": regressor.summary.stop_reason,
+        "best_epoch": regressor.summary.best_epoch,
+        "epochs": len(history),
+        "parameters": regressor.parameters(),
+        "macs": regressor.macs(),
+        "settings": block,
+    }
+    (target / "fit.json").write_text(json.dumps(fit, indent=1) + "\n", encoding="ascii")
+    return seconds
+
+
+def train(experiment: str, model: str) -> None:
+    """Train every (protocol, seed) of one model, with a progress bar over all epochs of all runs."""
+    values = params.load()
+    block = params.model_settings(values, experiment, model)
+    target, times = paths.model_folder(experiment, model), paths.training_times(experiment, model)
+    draft = target.with_name(f"{model}.{os.getpid()}.unfinished")
+    shutil.rmtree(target, ignore_errors=True)
+    runs = params.runs(values, experiment) if why_not_run(experiment) is None else []
+    draft.mkdir(parents=True)
+    seconds = {}
+    if runs:
+        epochs = block.get("training", {}).get("max_epochs", 1)
+        with tqdm(total=epochs * len(runs), desc=f"train {experiment} {model}", unit="epoch") as bar:
+            tasks = {
+                (protocol, seed): (experiment, model, protocol, seed, draft / f"{protocol}-{seed}")
+                for protocol, seed in runs
+            }
+            for key, result in workers.run(train_run, tasks, bar, steps=epochs):
+                seconds[key] = result
+    times.parent.mkdir(parents=True, exist_ok=True)
+    with open(times, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["protocol", "seed", "train_s"])
+        writer.writerows([protocol, seed, seconds[protocol, seed]] for protocol, seed in runs)
+    draft.rename(target)
+
+
+def main() -> None:
+    """Train the model named on the command line."""
+    experiments = params.load()["experiments"]
+    if len(sys.argv) != 3 or sys.argv[1] not in experiments:
+        raise InputError(f"usage: python -m pipeline.train {'|'.join(experiments)} MODEL")
+    train(sys.argv[1], sys.argv[2])
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,88 @@
+"""Independent tasks in parallel processes that die with the stage that started them."""
+
+import ctypes
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+
+from tqdm import tqdm
+
+from pipeline.errors import InputError
+
+
+def die_with_parent() -> None:
+    """Have Linux end this process when its parent ends: a killed `dvc repro` leaves nobody writing."""
+    if sys.platform == "linux":
+        pr_set_pdeathsig = 1
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
+def count() -> int:
+    """Number of worker processes: the variable WORKERS, or the cores this process may use."""
+    given = os.environ.get("WORKERS", "")
+    if given and (not given.isdigit() or int(given) < 1):
+        raise InputError(f"WORKERS={given}: expected a whole number of 1 or more")
+    return int(given) if given else len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+
+
+def run(
+    function: Callable, tasks: Mapping[Hashable, tuple], bar: tqdm, steps: int = 1
+) -> Iterator[tuple[Hashable, object]]:
+    """Call `function(*arguments, report)` for every task in processes of one thread; yield (key, result).
+
+    Results come as they finish. `bar` moves by one for every call of `report` in a task and, at a task's end,
+    by what is left of its `steps` (early stopping). An InputError of a task is raised here.
+    """
+    context = multiprocessing.get_context("spawn")
+    with context.Manager() as manager:
+        progress = manager.Queue()
+        with ProcessPoolExecutor(min(count(), len(tasks)), context, initializer=_start) as pool:
+            futures = {
+                pool.submit(_call, function, arguments, progress, number): (number, key)
+                for number, (key, arguments) in enumerate(tasks.items())
+            }
+            done_steps = [0] * len(tasks)
+            waiting = set(futures)
+            try:
+                while waiting:
+                    finished, waiting = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
+                    _advance(progress, done_steps, bar)
+                    for future in finished:
+                        number, key = futures[future]
+                        result = future.result()
+                        bar.update(steps - done_steps[number])
+                        yield key, result
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                for process in multiprocessing.active_children():
+                    process.terminate()
+                raise
+
+
+def _advance(progress, done_steps: list[int], bar: tqdm) -> None:
+    while True:
+        try:
+            number, note = progress.get_nowait()
+        except queue.Empty:
+            return
+        done_steps[number] += 1
+        bar.set_postfix_str(note, refresh=False)
+        bar.update(1)
+
+
+def _start() -> None:
+    die_with_parent()
+    # Before the first import of numpy and torch: their thread pools are sized when they load.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"
+
+
+def _call(function: Callable, arguments: tuple, progress, number: int):
+    def report(*numbers) -> None:
+        progress.put((number, " ".join(f"{value:.4g}" for value in numbers[2:])))
+
+    return function(*arguments, report)

@@ -1,0 +1,65 @@
+"""A scratch copy of the project in which the pipeline can run without touching the checkout."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parent.parent
+PARTS = ("pipeline", "data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
+PARTS += ("dvc.yaml", "params.yaml", "scales")
+
+
+class Project:
+    """A copy of the project in `folder`, at miniature scale, with a DVC of its own."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder / "project"
+        for part in PARTS:
+            source, target = ROOT / part, self.folder / part
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if source.is_dir():
+                shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
+            else:
+                shutil.copy(source, target)
+        self.environment = os.environ | {
+            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+            "PYTHONPATH": str(self.folder),
+            "DVC_NO_ANALYTICS": "1",
+            "DVC_GLOBAL_CONFIG_DIR": str(folder / "global"),
+            "DVC_SYSTEM_CONFIG_DIR": str(folder / "system"),
+            "DVC_SITE_CACHE_DIR": str(folder / "site"),
+        }
+        self.environment.pop("MLFLOW_TRACKING_URI", None)
+        self.set(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()))
+        self.dvc("init", "--no-scm", "--quiet")
+
+    def set(self, values: dict) -> None:
+        """Change dotted keys of params.yaml."""
+        from pipeline.scale import set_values
+
+        set_values(values, self.folder / "params.yaml")
+
+    def dvc(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
+        """Run dvc in the copy; with `check`, a failure shows what it printed."""
+        return self.run("-m", "dvc", *arguments, check=check)
+
+    def run(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
+        """Run this Python in the copy; with `check`, a failure shows what it printed."""
+        done = subprocess.run(
+            [sys.executable, *arguments], cwd=self.folder, env=self.environment, capture_output=True, text=True
+        )
+        assert not check or done.returncode == 0, f"{arguments}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+        return done
+
+
+@pytest.fixture(scope="session")
+def miniature(tmp_path_factory) -> Project:
+    """The whole pipeline, run once at miniature scale with `dvc repro`."""
+    project = Project(tmp_path_factory.mktemp("miniature"))
+    project.output = project.dvc("repro").stdout
+    return project

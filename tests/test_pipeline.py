@@ -1,0 +1,223 @@
+"""The whole pipeline at miniature scale: every stage, all ten models, through `dvc repro`."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+import yaml
+
+MODELS = ["constant", "linear", "poly", "tree", "rbf", "cnn", "vgg", "convlstm", "rnn", "lomp"]
+
+
+def lock(project) -> dict:
+    """Hash of every output of dvc.lock but the measured times and the MLflow store."""
+    stages = yaml.safe_load((project.folder / "dvc.lock").read_text())["stages"]
+    outs = {out["path"]: out["md5"] for stage in stages.values() for out in stage["outs"]}
+    measured = ("latency", "speed", "mlruns")
+    return {path: value for path, value in outs.items() if not any(word in path for word in measured)}
+
+
+def mlflow_runs(project) -> list[tuple]:
+    """(experiment, protocol, model, seed) of every active run in the MLflow store."""
+    with sqlite3.connect(project.folder / "mlruns" / "mlflow.db") as store:
+        rows = store.execute(
+            "select run_uuid, key, value from tags join runs using (run_uuid) where lifecycle_stage = 'active'"
+        ).fetchall()
+    runs: dict = {}
+    for run, key, value in rows:
+        runs.setdefault(run, {})[key] = value
+    return sorted((r["experiment"], r["protocol"], r["model"], int(r["seed"])) for r in runs.values())
+
+
+EXPECTED_RUNS = sorted(
+    ("touch", protocol, model, seed)
+    for protocol, seeds in (("press", (0, 1)), ("random_window", (0,)))
+    for model in MODELS
+    for seed in seeds
+)
+
+
+def test_scores_hold_every_model_condition_and_seed(miniature):
+    scores = pd.read_csv(miniature.folder / "reports" / "scores.csv")
+    assert list(scores.columns) == [
+        "experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n",
+    ]  # fmt: skip
+    rmse = scores[(scores.metric == "rmse") & (scores.experiment == "touch")]
+    for condition in ("single", "double"):
+        found = rmse[rmse.condition == condition]
+        assert sorted(("touch", *row) for row in zip(found.protocol, found.model, found.seed, strict=True)) == EXPECTED_RUNS
+        assert found.value.gt(0).all() and found.n.gt(0).all()
+
+
+def test_latency_holds_every_model_and_batch(miniature):
+    latency = pd.read_csv(miniature.folder / "reports" / "latency.csv")
+    assert set(latency.columns) >= {"experiment", "model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs"}
+    assert set(latency.columns) >= {"train_s", "size_bytes"}
+    touch = latency[latency.experiment == "touch"]
+    assert sorted(zip(touch.model, touch.batch, strict=True)) == sorted((m, b) for m in MODELS for b in (1, 16))
+    assert (touch.p50_ms <= touch.p95_ms).all() and touch.p50_ms.gt(0).all()
+
+
+def test_table_one_can_be_recomputed_from_the_scores(miniature):
+    scores = pd.read_csv(miniature.folder / "reports" / "scores.csv")
+    table = pd.read_csv(miniature.folder / "reports" / "touch" / "accuracy" / "table1.csv")
+    for row in table.itertuples():
+        chosen = scores[
+            (scores.experiment == "touch")
+            & (scores.protocol == row.protocol)
+            & (scores.condition == row.condition)
+            & (scores.model == row.model)
+            & (scores.metric == row.metric)
+        ]
+        assert row.mean == pytest.approx(chosen.value.mean(), nan_ok=True), row
+
+
+def test_no_press_is_on_two_sides(miniature):
+    dataset = pd.read_parquet(
+        miniature.folder / "data/touch/dataset.parquet",
+        columns=["condition", "press", "split_press_0", "split_press_1", "split_random_window_0"],
+    )
+    single = dataset[dataset.condition == "single"]
+    for column in ("split_press_0", "split_press_1"):
+        assert single.groupby("press")[column].nunique().eq(1).all()
+        assert set(single[column]) == {"train", "validation", "test"}
+    # The paper's own protocol does put one press on several sides: that is its optimism.
+    assert single.groupby("press")["split_random_window_0"].nunique().gt(1).any()
+    assert (dataset[dataset.condition != "single"].split_press_0 == "test").all()
+
+
+def test_every_injected_fault_is_in_the_rejects(miniature):
+    folder = miniature.folder / "data" / "touch"
+    rejects = pd.read_parquet(folder / "rejects.parquet")
+    known = set(zip(rejects.condition, rejects.recording, rejects.file, rejects.line, strict=True))
+    with open(folder / "logs" / "faults.csv", newline="") as file:
+        faults = [row for row in csv.DictReader(file) if row["fault"] not in ("missing", "reset")]
+    assert faults
+    for fault in faults:
+        place = (fault["condition"], fault["recording"], fault["file"], int(fault["line"]))
+        assert place in known, fault
+    report = json.loads((folder / "ingest.json").read_text())
+    for name, recording in report["recordings"].items():
+        for file, log in recording["files"].items():
+            lines = (folder / "logs" / name / file).read_text().count("\n")
+            assert log["accepted"] + sum(log["rejects"].values()) == log["lines"] == lines, (name, file)
+
+
+def test_recorded_data_absent_is_said_and_harms_nothing(miniature):
+    text = (miniature.folder / "reports" / "velostat_recorded" / "accuracy" / "README.md").read_text()
+    assert "not run" in text and "pipeline.fetch" in text
+    assert "velostat_recorded" not in set(pd.read_csv(miniature.folder / "reports" / "scores.csv").experiment)
+
+
+def test_second_repro_has_nothing_to_do(miniature):
+    started = time.monotonic()
+    output = miniature.dvc("repro").stdout
+    assert "Running" not in output and "up to date" in output
+    assert time.monotonic() - started < 20  # two busy cores; on an idle machine 3 to 4 s
+
+
+def test_mlflow_store_is_complete_and_comes_back(miniature):
+    assert mlflow_runs(miniature) == EXPECTED_RUNS
+    with sqlite3.connect(miniature.folder / "mlruns" / "mlflow.db") as store:
+        curve = store.execute("select count(*) from metrics where key = 'validation_loss'").fetchone()[0]
+    networks = ("cnn", "vgg", "convlstm", "rnn", "lomp")
+    assert curve >= 2 * 3 * len(networks)  # two epochs, three runs
+    shutil.rmtree(miniature.folder / "mlruns")
+    miniature.dvc("repro", "track")
+    assert mlflow_runs(miniature) == EXPECTED_RUNS
+    miniature.run("-m", "pipeline.track")
+    assert mlflow_runs(miniature) == EXPECTED_RUNS
+
+
+def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
+    """A model is a file and a block: no other edit. In a copy, so that the other tests keep theirs."""
+    copy = tmp_path / "project"
+    shutil.copytree(miniature.folder, copy, symlinks=True)
+    project = type(miniature).__new__(type(miniature))
+    project.folder = copy
+    project.environment = miniature.environment | {"PYTHONPATH": str(copy)}
+    # MLflow stores absolute paths: a copied store is refused, a new one is made.
+    shutil.rmtree(copy / "mlruns")
+    (copy / "pipeline" / "models" / "nearest.py").write_text(
+        "from sklearn.neighbors import KNeighborsRegressor\n\n"
+        "from pipeline.fitting import SklearnRegressor\n\n\n"
+        "def build(spec, *, k: int):\n"
+        "    return SklearnRegressor(lambda seed: KNeighborsRegressor(k), spec, count=lambda fitted: 0, macs=None,\n"
+        "                            trusted=('sklearn.metrics._dist_metrics.EuclideanDistance64',\n"
+        "                                     'sklearn.neighbors._kd_tree.KDTree'))\n"
+    )
+    values = (copy / "params.yaml").read_text().replace("    constant: {}\n", "    nearest: {k: 3}\n", 1)
+    (copy / "params.yaml").write_text(values)
+    output = project.dvc("repro", "render@touch", "collect").stdout
+    assert "train_touch@nearest" in output and "train_touch@lomp' didn't change" in output
+    models = set(pd.read_csv(copy / "reports" / "scores.csv").model)
+    assert "nearest" in models and "constant" not in models
+    assert "constant" not in set(pd.read_csv(copy / "reports/touch/accuracy/table1.csv").model)
+
+
+def test_same_hashes_after_a_kill_and_from_scratch(miniature, tmp_path):
+    """Killed in the middle of a training, then repeated; everything is made again without the cache."""
+    project = type(miniature)(tmp_path)
+    target = "train_touch@lomp"
+    project.set({"touch.models.lomp.training.max_epochs": 2})
+    killed = subprocess.Popen(
+        [sys.executable, "-m", "dvc", "repro", target],
+        cwd=project.folder,
+        env=project.environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    models = project.folder / "data" / "touch" / "models"
+    deadline = time.monotonic() + 120
+    while not list(models.glob("lomp.*.unfinished")):
+        assert time.monotonic() < deadline and killed.poll() is None, "training never started"
+        time.sleep(0.05)
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.wait()
+    project.dvc("repro", "evaluate@touch")
+    ours, before = lock(project), lock(miniature)
+    assert set(ours) <= set(before) and "data/touch/scores.csv" in ours
+    assert {path: before[path] for path in ours} == ours
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"    constant: {}": "    constant: {}\n    lompp: {}"}, ["lompp", "did you mean 'lomp'"]),
+        ({"stride: 8": "strid: 8"}, ["touch.window", "strid", "did you mean 'stride'"]),
+        ({"max_touches: 5": "max_touches: five"}, ["touch.ingest.max_touches", "whole number", "'five'"]),
+        ({", max_touches: 5": ""}, ["touch.ingest", "max_touches", "missing"]),
+        ({"silicone_spread_mm: 2.0": "silicone_spread_mm: 2e-3x"}, ["silicone_spread_mm", "number"]),
+    ],
+)
+def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words):
+    copy = tmp_path / "project"
+    shutil.copytree(miniature.folder / "pipeline", copy / "pipeline")
+    text = (miniature.folder / "params.yaml").read_text()
+    for old, new in change.items():
+        assert old in text
+        text = text.replace(old, new, 1)
+    (copy / "params.yaml").write_text(text)
+    shutil.copytree(miniature.folder / "data" / "touch", copy / "data" / "touch")
+    stage = ["train", "touch", "lompp"] if "lompp" in words else ["window", "touch"]
+    done = subprocess.run(
+        [sys.executable, "-m", f"pipeline.{stage[0]}", *stage[1:]],
+        cwd=copy,
+        env=miniature.environment | {"PYTHONPATH": str(copy)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    message = done.stderr.strip().splitlines()[-1]
+    assert message.startswith(("error: params.yaml", "pipeline.errors.InputError: params.yaml")), done.stderr
+    for word in words:
+        assert word in message

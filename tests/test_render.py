@@ -1,0 +1,411 @@
+"""Reports must show exactly what the files say: nothing missing, made up, or changing by itself."""
+
+import copy
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+from pipeline import labels, paths, render, report_touch, results, tables
+from pipeline.differences import read_differences
+from pipeline.errors import InputError
+from pipeline.markdown import interval, number, table
+from pipeline.params import load
+
+TRAINING = {"training": {"max_epochs": 3}}
+SENSOR = {"rows": 3, "cols": 3, "pitch_mm": 12.0, "element_mm": 11.5}
+LABEL = {"tip_radius_mm": 6.0, "map_rows": 12, "map_cols": 12}
+FRAMES, TOUCHES = 2, 5
+LATENCY = {"batches": [1, 4], "threads": 1, "warm_up": 1, "calls": 5}
+
+
+@pytest.fixture
+def settings():
+    """The block `touch` of params.yaml, made small."""
+    block = load()["touch"]
+    block |= {"sensor": SENSOR, "label": LABEL, "latency": LATENCY}
+    block["window"] = block["window"] | {"frames": FRAMES}
+    block["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}}
+    block["models"] = {"constant": {}, "linear": {}, "rnn": TRAINING, "lomp": TRAINING}
+    return block
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
+    return tmp_path
+
+
+def runs(settings):
+    return [(name, seed) for name, block in settings["protocols"].items() for seed in block["seeds"]]
+
+
+def write_touch(settings):
+    """Every file that the stages before `render` leave, with 12 windows a condition."""
+    rng = np.random.default_rng(0)
+    conditions = {"single": 1, "double": 2, "three": 3, "slide": 2, "tape": 5}
+    names = np.repeat(list(conditions), 12)
+    n = len(names)
+    force, x, y = (np.full((n, TOUCHES), np.nan) for _ in range(3))
+    for row, name in enumerate(names):
+        touches = conditions[name]
+        force[row, :touches] = rng.uniform(5, 40, touches)
+        x[row, :touches] = 1.5 + 3 * rng.integers(0, 12, touches)
+        y[row, :touches] = 1.5 + 3 * rng.integers(0, 12, touches)
+    x[:12, 0], y[:12, 0] = np.tile([13.5, 16.5, 19.5, 22.5], 3), 16.5
+    counts = rng.integers(0, 1023, (n, FRAMES * 9)).astype(np.int16)
+    schema = tables.frames(9, TOUCHES, pa.int16())
+    frames = [
+        tables.frame_rows(
+            schema,
+            name,
+            "run000",
+            segment=np.zeros(36, int),
+            t_s=np.arange(36) * 0.02,
+            v=np.repeat(counts[names == name][:, -9:], 3, axis=0),
+            force_n=np.repeat(force[names == name], 3, axis=0),
+            x_mm=np.repeat(x[names == name], 3, axis=0),
+            y_mm=np.repeat(y[names == name], 3, axis=0),
+        )
+        for name in conditions
+    ]
+    tables.write(paths.frames("touch"), schema, frames)
+    truth = labels.pressure_maps(labels.pressure_kpa(force, 6.0), x, y, SENSOR, LABEL).reshape(n, -1)
+    columns = {
+        "condition": pa.array(names.tolist()).dictionary_encode(),
+        "recording": pa.array(["run000"] * n).dictionary_encode(),
+        "press": pa.array((np.arange(n) // 3).astype(np.int32)),
+        "t_s": pa.array(np.tile(np.arange(12) * 0.16, len(conditions))),
+        "x": tables.lists(counts, pa.int16()),
+        "y": tables.lists(truth, pa.float32()),
+    }
+    for name, values in (("force_n", force), ("x_mm", x), ("y_mm", y)):
+        columns[name] = tables.lists(values.astype(np.float32), pa.float32())
+    part = np.where((names == "single") & (np.arange(n) % 12 < 4), "train", "test")
+    for protocol, seed in runs(settings):
+        columns[tables.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
+    data = pa.table(columns)
+    tables.write(paths.dataset("touch"), data.schema, [data])
+
+    test = np.flatnonzero(part == "test")
+    scores, speed = [], []
+    for place, model in enumerate(settings["models"]):
+        parts = []
+        for protocol, seed in runs(settings):
+            parts.append(tables.prediction_rows(protocol, seed, test, truth[test] * (0.6 + 0.1 * place)))
+            for condition in conditions:
+                # single: 40, 30, 20, 10 kPa plus the seed; double: ten times as much
+                value = (10.0 * (4 - place) + seed) * (1 if condition == "single" else 10)
+                for metric, unit in report_touch.UNITS.items():
+                    scores.append(("touch", protocol, condition, model, seed, metric, unit, value, 12))
+            write_fit("touch", model, protocol, seed, settings["models"][model])
+        tables.write(paths.predictions("touch") / f"{model}.parquet", parts[0].schema, parts)
+        for batch in LATENCY["batches"]:
+            macs = None if model == "linear" else 1234
+            speed.append(("touch", model, batch, 1, 0.5 * batch, 0.75 * batch, 12345, macs, 6.5, 999))
+    write_tables("touch", scores, speed)
+    paths.ingest_report("touch").write_text('{"run": true}')
+
+
+def write_fit(experiment, model, protocol, seed, block):
+    folder = paths.run_folder(experiment, model, protocol, seed)
+    folder.mkdir(parents=True)
+    epochs = block["training"]["max_epochs"] if "training" in block else 1
+    reason = "closed_form" if epochs == 1 else ("patience" if seed == 0 else "max_epochs")
+    history = {
+        "epoch": range(1, epochs + 1),
+        "train_loss": 3.0,
+        "validation_loss": 4.0,
+        "learning_rate": 1e-3,
+    }
+    pd.DataFrame(history).to_csv(folder / "history.csv", index=False)
+    fit = {
+        "stop_reason": reason,
+        "best_epoch": 1,
+        "epochs": epochs,
+        "parameters": 17,
+        "macs": 5,
+        "settings": block,
+    }
+    (folder / "fit.json").write_text(json.dumps(fit))
+
+
+def write_tables(experiment, scores, speed):
+    columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
+    pd.DataFrame(scores, columns=columns).to_csv(paths.scores(experiment), index=False)
+    columns = ["experiment", "model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s"]
+    paths.latency(experiment).parent.mkdir()
+    pd.DataFrame(speed, columns=[*columns, "size_bytes"]).to_csv(paths.latency(experiment), index=False)
+
+
+def run_render(experiment, settings, monkeypatch):
+    """What `python -m pipeline.render <experiment>` does."""
+    values = {"experiments": ["touch", "velostat_recorded"], experiment: settings}
+    monkeypatch.setattr(render.params, "load", lambda: values)
+    monkeypatch.setattr(sys, "argv", ["render", experiment])
+    render.main()
+    return paths.REPORTS / experiment
+
+
+def change_scores(experiment, change):
+    scores = pd.read_csv(paths.scores(experiment))
+    change(scores).to_csv(paths.scores(experiment), index=False)
+
+
+def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monkeypatch):
+    write_touch(settings)
+    (root / "reports" / "touch").mkdir(parents=True)
+    (root / "reports" / "touch" / "stale.md").write_text("of a model that was removed")
+    target = run_render("touch", settings, monkeypatch)
+    first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
+    figures = [f"figure{k}.png" for k in ("2b", 4, 5, 6, 7, 8)]
+    assert set(first) == {
+        "accuracy/README.md",
+        "accuracy/table1.csv",
+        "accuracy/table1.md",
+        "accuracy/training.md",
+        "accuracy/learning_curves.png",
+        *(f"accuracy/{name}" for name in figures),
+        "speed/table2.csv",
+        "speed/table2.md",
+        "speed/tradeoff.png",
+    }
+    latency = pd.read_csv(paths.latency("touch"))
+    latency[["p50_ms", "p95_ms", "train_s"]] *= 1.5
+    latency.to_csv(paths.latency("touch"), index=False)
+    run_render("touch", settings, monkeypatch)
+    changed = {name for name in first if (target / name).read_bytes() != first[name]}
+    assert changed == {"speed/table2.csv", "speed/table2.md", "speed/tradeoff.png"}
+
+    table1 = (target / "accuracy" / "table1.md").read_text()
+    linear = next(line for line in table1.splitlines() if line.startswith("| Linear"))
+    half = (
+        12.706205 * np.sqrt(0.5) / np.sqrt(2)
+    )  # t of one degree of freedom times the standard error of 30, 31
+    assert [cell.strip() for cell in linear.split("|")[2:4]] == [
+        "8.68",
+        f"30.50 [{30.5 - half:.2f}, {30.5 + half:.2f}]",
+    ]
+    csv = pd.read_csv(target / "accuracy" / "table1.csv").set_index(["protocol", "condition", "model", "metric"])
+    assert csv.loc[("press", "double", "lomp", "rmse"), "published"] == 7.49
+    assert csv.loc[("press", "double", "lomp", "rmse"), "mean"] == 105.0
+    assert csv.loc[("random_window", "single", "rnn", "rmse"), "runs"] == 1
+
+    readme = (target / "accuracy" / "README.md").read_text()
+    assert "Double touch comes out in LoMP's favour" in readme
+    assert "intervals overlap" in readme
+    assert "Of 6 runs trained in epochs, 4 stopped by patience, 2 reached the allowed number" in readme
+    assert "ours 30.50" in readme and "published 8.68" in readme
+    speed = (target / "speed" / "table2.md").read_text()
+    assert "not counted" in speed and "0.96" in speed and "12,345" in speed
+
+
+def test_a_double_touch_result_against_lomp_is_said_plainly(root, settings, monkeypatch):
+    write_touch(settings)
+
+    def swapped(scores):
+        return scores.replace({"model": {"lomp": "rnn", "rnn": "lomp"}})
+
+    change_scores("touch", swapped)
+    readme = (run_render("touch", settings, monkeypatch) / "accuracy" / "README.md").read_text()
+    assert "does NOT come out in LoMP's favour" in readme
+    assert "Single touch: RNN is best" in readme
+
+
+def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, monkeypatch):
+    write_touch(settings)
+
+    def failed(scores):
+        gone = (scores["model"] == "lomp") & (scores["seed"] == 0) & (scores["metric"] == "rmse")
+        scores.loc[gone, "value"] = np.nan
+        return scores
+
+    change_scores("touch", failed)
+    path = paths.predictions("touch") / "lomp.parquet"
+    data = pyarrow.parquet.read_table(path)
+    nothing = tables.lists(np.full((data.num_rows, 144), np.nan), pa.float32())
+    data = data.set_column(data.schema.get_field_index("prediction"), "prediction", nothing)
+    tables.write(path, data.schema, [data])
+    target = run_render("touch", settings, monkeypatch)
+    rows = [line for line in (target / "accuracy" / "table1.md").read_text().splitlines() if line.startswith("| LoMP")]
+    # every metric of the press split, although only RMSE is NaN in the file; then the other split's one run
+    assert rows[0].count("failed (1 of 2 runs); others 11.00") == 1
+    assert rows[1].count("failed (1 of 2 runs)") == 4
+    assert rows[4].count("failed (1 of 1 runs)") == 2
+    readme = (target / "accuracy" / "README.md").read_text()
+    assert "does NOT come out in LoMP's favour" in readme
+    assert "Single touch: RNN is best" in readme  # the remaining seed's 11 kPa does not win
+
+
+@pytest.mark.parametrize(
+    ("drop", "named"),
+    [
+        ({"condition": "double", "model": "rnn", "seed": 1, "metric": "rmse"}, "double, model rnn, seed 1"),
+        ({"model": "constant"}, "model constant"),
+    ],
+)
+def test_a_missing_score_is_named(root, settings, monkeypatch, drop, named):
+    write_touch(settings)
+    change_scores("touch", lambda s: s[~(s[list(drop)] == pd.Series(drop)).all(axis=1)])
+    with pytest.raises(InputError, match=named):
+        run_render("touch", settings, monkeypatch)
+    assert not (paths.REPORTS / "touch").exists()
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        "scores.csv",
+        "frames.parquet",
+        "dataset.parquet",
+        "latency/latency.csv",
+        "predictions/rnn.parquet",
+        "models/rnn/press-1/fit.json",
+        "models/rnn/press-1/history.csv",
+    ],
+)
+def test_a_missing_file_is_named(root, settings, monkeypatch, missing):
+    write_touch(settings)
+    (root / "data" / "touch" / missing).unlink()
+    with pytest.raises(InputError, match=f"data/touch/{missing}: not found"):
+        run_render("touch", settings, monkeypatch)
+
+
+def test_predictions_must_cover_the_test_windows(root, settings):
+    write_touch(settings)
+    path = paths.predictions("touch") / "rnn.parquet"
+    data = pyarrow.parquet.read_table(path)
+    tables.write(path, data.schema, [data.slice(1)])
+    windows = results.read_windows("touch")
+    with pytest.raises(InputError, match="do not match the 56 test windows"):
+        results.read_predictions("touch", "rnn", "press", 0, windows)
+    whole = results.read_predictions("touch", "rnn", "press", 1, windows)
+    truth = tables.matrix(windows["y"])
+    assert np.isnan(whole[:4]).all() and np.allclose(whole[4:], 0.8 * truth[4:])
+
+
+def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, monkeypatch):
+    del settings["models"]["linear"]
+    settings["models"]["perceiver"] = {}
+    write_touch(settings)
+    data = pyarrow.parquet.read_table(paths.dataset("touch"))
+    single = data.filter(pa.array(tables.names(data["condition"]) == "single"))
+    tables.write(paths.dataset("touch"), single.schema, [single])
+    for model in settings["models"]:
+        path = paths.predictions("touch") / f"{model}.parquet"
+        rows = pyarrow.parquet.read_table(path)
+        rows = rows.filter(pa.array(rows["window"].to_numpy() < 12))
+        tables.write(path, rows.schema, [rows])
+    target = run_render("touch", settings, monkeypatch)
+    table1 = (target / "accuracy" / "table1.md").read_text()
+    assert "| perceiver" in table1 and "| Linear" not in table1
+    assert "no recordings of: double touch" in table1
+    assert not (target / "accuracy" / "figure6.png").exists() and not (target / "accuracy" / "figure8.png").exists()
+
+
+@pytest.fixture
+def recorded():
+    """The block `velostat_recorded` of params.yaml, made small."""
+    block = copy.deepcopy(load()["velostat_recorded"])
+    return block | {"models": {"constant": {}, "linear": {}, "rnn": TRAINING}, "latency": LATENCY}
+
+
+def write_velostat(settings):
+    names = np.repeat([f"{g}/{e}" for g in ("tip_force_5", "tip_force_10") for e in ("exp1", "exp2")], 30)
+    force = 5 + 5 * np.sin(np.arange(len(names)) / 4)[:, None]
+    part = np.where(np.char.endswith(names, "exp2"), "test", "train")
+    columns = {
+        "recording": pa.array(names.tolist()).dictionary_encode(),
+        "t_s": pa.array(np.tile(np.arange(30) * 0.05, 4)),
+        "y": tables.lists(force, pa.float32()),
+    }
+    for protocol, seed in runs(settings):
+        columns[tables.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
+    data = pa.table(columns)
+    tables.write(paths.dataset("velostat_recorded"), data.schema, [data])
+    test = np.flatnonzero(part == "test")
+    scores, speed = [], []
+    for place, model in enumerate(settings["models"]):
+        parts = []
+        for protocol, seed in runs(settings):
+            parts.append(tables.prediction_rows(protocol, seed, test, force[test] + 0.1 * place))
+            for group in ("all", "tip_force_5", "tip_force_10"):
+                key = ("velostat_recorded", protocol, group, model, seed)
+                scores += [(*key, "rmse", "N", 3.0 - place, 30), (*key, "r2", "1", 0.1 + 0.4 * place, 30)]
+        tables.write(paths.predictions("velostat_recorded") / f"{model}.parquet", parts[0].schema, parts)
+        speed += [("velostat_recorded", model, batch, 1, 0.5, 0.75, 45, 40, 6.5, 999) for batch in (1, 4)]
+    write_tables("velostat_recorded", scores, speed)
+    paths.ingest_report("velostat_recorded").write_text('{"run": true}')
+
+
+def test_velostat_report(root, recorded, monkeypatch):
+    write_velostat(recorded)
+    target = run_render("velostat_recorded", recorded, monkeypatch)
+    names = {path.relative_to(target).as_posix() for path in target.rglob("*.*")}
+    speed = {"speed/table2.csv", "speed/table2.md", "speed/tradeoff.png"}
+    assert names == {f"accuracy/{name}" for name in ("README.md", "table.csv", "table.md", "figure.png")} | speed
+    text = (target / "accuracy" / "table.md").read_text()
+    assert text.index("| tip_force_5") < text.index("| tip_force_10")
+    assert "1.000 [1.000, 1.000]" in text
+    readme = (target / "accuracy" / "README.md").read_text()
+    assert "RNN is best" in readme and "2.00 times the best model's" in readme
+
+
+def test_velostat_without_recordings_says_why(root, recorded, monkeypatch):
+    report = {
+        "run": False,
+        "reason": "recordings not downloaded; run `python -m pipeline.fetch velostat_recorded`",
+    }
+    paths.ingest_report("velostat_recorded").parent.mkdir(parents=True)
+    paths.ingest_report("velostat_recorded").write_text(json.dumps(report))
+    target = run_render("velostat_recorded", recorded, monkeypatch)
+    assert "python -m pipeline.fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
+    assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
+
+
+def test_estimate_and_numbers():
+    found = results.estimate([1.0, 2.0, 3.0, np.nan])
+    assert (found.mean, found.runs, found.failed) == (2.0, 3, 1)
+    assert found.high - 2.0 == pytest.approx(4.302653 / np.sqrt(3), rel=1e-6)  # t(0.975, 2) = 4.302653
+    assert interval(found) == "failed (1 of 4 runs); others 2.00 [-0.48, 4.48]"
+    assert interval(results.estimate([np.nan, np.inf])) == "failed (2 of 2 runs)"
+    assert interval(results.estimate([1.234])) == "1.23"
+    assert (number(1346.86), number(2.5e6), number(-0.001), number(np.nan)) == (
+        "1346.86",
+        "2.50e+06",
+        "0.00",
+        "-",
+    )
+
+
+def test_table_is_aligned_as_raw_text():
+    lines = table(["Model", "RMSE (kPa)"], [["A", "1.00"], ["Longer", "failed"]]).splitlines()
+    assert len({len(line) for line in lines}) == 1 and lines[1] == "| ------ | ---------: |"
+
+
+def test_differences_are_collected(tmp_path):
+    mark = "Differs from " + "paper:"
+    (tmp_path / "one.py").write_text(
+        f'"""Text.\n\n{mark} the sum\nis a mean.\n\nMore."""\n'
+        f"x = 1  # {mark} short.\n# {mark} two\n# lines.\ny = 2\n"
+    )
+    found = read_differences(tmp_path)
+    assert [text for _, text in found] == ["the sum is a mean.", "short.", "two lines."]
+    assert found[0][0] == f"{tmp_path.name}/one.py"
+
+
+def test_render_needs_neither_torch_nor_scikit_learn():
+    code = (
+        "import sys, pipeline.render\n"
+        "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.fitting', 'pipeline.models'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    root = render.CODE.parent
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
