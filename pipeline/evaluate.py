@@ -47,13 +47,15 @@ def evaluate_model(experiment: str, model: str, target: Path, report) -> list[tu
         regressor.load(folder)
         rows = np.flatnonzero(data.part(protocol, seed) == "test")
         predicted = regressor.predict(data.x[rows])
-        if json.loads((folder / "fit.json").read_text())["best_epoch"] == 0:
+        failed = json.loads((folder / "fit.json").read_text())["best_epoch"] == 0
+        if failed:
             predicted[:] = np.nan
         for name in [*np.unique(condition[rows]), *pooled]:
             chosen = rows if name in pooled else rows[condition[rows] == name]
             picked = predicted if name in pooled else predicted[condition[rows] == name]
             windows = data.rows.take(pa.array(chosen))
             for metric, unit, value, n in score(windows, data.y[chosen], picked, settings):
+                value = float("nan") if failed else value
                 scores.append((experiment, protocol, name, model, seed, metric, unit, value, n))
         parts.append(tables.prediction_rows(protocol, seed, rows, predicted))
         report()

@@ -20,11 +20,11 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-import pandas as pd
 from scipy.optimize import least_squares
 
-from pipeline import paths, sources
+from pipeline import logs, paths, sources
 from pipeline.errors import InputError, run_stage
+from pipeline.experiments import velostat_recorded
 from pipeline.scenes.material import FITTED, Material, log_resistance
 
 matplotlib.use("Agg")
@@ -72,20 +72,20 @@ class Recording:
     log_reading: np.ndarray
 
 
-def read_log(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Values and unix times (s), each (lines,), of one log of `value unix_time_s` lines."""
+def _recorded(path: Path) -> Path:
+    """The log, or the sentence that says how to get it."""
     if not path.is_file():
         raise InputError(f"{path}: not found; run `python -m pipeline.fetch {SOURCE}` first")
-    table = pd.read_csv(path, sep=" ", header=None, dtype=float).to_numpy()
-    return table[:, 0], table[:, 1]
+    return path
 
 
 def load_recording(folder: Path, name: str, repetition: int, lag_s: float) -> Recording:
     """One recording on the grid; `lag_s` is how much later the reading's clock is than the load cell's."""
     file = Path(name) / f"exp_{name}_sensor1_exp{repetition}.txt"
-    force, force_s = read_log(folder / "futek_data" / file)
-    reading, reading_s = read_log(folder / "velostat_data" / file)
-    reading_s = reading_s - lag_s
+    cell, _ = logs.read_log(_recorded(folder / "futek_data" / file), velostat_recorded.LOAD_CELL)
+    taxel, _ = logs.read_log(_recorded(folder / "velostat_data" / file), velostat_recorded.VELOSTAT)
+    force, force_s = cell["fz_n"].to_numpy(), cell["unix_time_s"].to_numpy()
+    reading, reading_s = taxel["reading"].to_numpy(), taxel["unix_time_s"].to_numpy() - lag_s
     grid = np.arange(max(force_s[0], reading_s[0]), min(force_s[-1], reading_s[-1]), DT_S)
     log_reading = np.interp(grid, reading_s, np.log(reading))
     return Recording(name, np.interp(grid, force_s, force), log_reading)

@@ -1,0 +1,174 @@
+"""Rules about the code itself: who imports whom, what DVC watches, and that every setting is read."""
+
+import ast
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline import params
+from pipeline.scale import set_values
+
+ROOT = Path(__file__).resolve().parent.parent
+STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
+COMMANDS = {"fetch", "scale", "fit_material"}
+# Modules that find, check and start things but cannot change a number: DVC need not watch them.
+PLUMBING = {f"pipeline/{name}.py" for name in ("availability", "errors", "params", "paths", "schema", "workers")}
+
+
+def imports(path: Path) -> set[str]:
+    """Files of this project that a file imports, at the top or inside a function."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        else:
+            continue
+        for name in names:
+            file = Path(name.replace(".", "/")).with_suffix(".py")
+            if name.startswith("pipeline") and (ROOT / file).is_file():
+                found.add(file.as_posix())
+    return found
+
+
+def closure(file: str) -> set[str]:
+    """A file and everything that it imports, directly or not."""
+    seen, todo = set(), [file]
+    while todo:
+        current = todo.pop()
+        if current not in seen:
+            seen.add(current)
+            todo += imports(ROOT / current)
+    return seen
+
+
+def kind(file: str) -> str:
+    path = Path(file)
+    if path.parent.name in ("experiments", "scenes", "models"):
+        return path.parent.name
+    return "stages" if path.stem in STAGES | COMMANDS else "nouns"
+
+
+def test_imports_point_one_way():
+    allowed = {
+        "stages": {"experiments", "scenes", "models", "nouns"},
+        "experiments": {"nouns"},
+        "scenes": {"scenes", "nouns"},
+        "models": {"nouns"},
+        "nouns": {"nouns"},
+    }
+    files = [path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py")]
+    for file in files:
+        for other in imports(ROOT / file):
+            # The figure of the film's characteristic curve draws the fitted material itself.
+            if (file, other) == ("pipeline/figures_touch.py", "pipeline/scenes/material.py"):
+                continue
+            assert kind(other) in allowed[kind(file)], f"{file} imports {other}"
+
+
+def test_render_does_not_import_torch():
+    for file in closure("pipeline/render.py"):
+        source = (ROOT / file).read_text()
+        assert "import torch" not in source and "from torch" not in source, file
+
+
+def stage_entries():
+    """(name, command words, deps, params) of every entry of dvc.yaml, one matrix value each."""
+    content = yaml.safe_load((ROOT / "dvc.yaml").read_text())
+    values = params.load()
+    for name, entry in content["stages"].items():
+        axes = entry.get("matrix", {"": [""]})
+        (axis, choices), *_ = axes.items()
+        if isinstance(choices, str):
+            experiment, block = choices.strip("${}").split(".")
+            choices = list(values[experiment][block])
+        for choice in choices:
+            fill = "${item." + axis + "}"
+            text = yaml.safe_dump(entry).replace(fill, str(choice))
+            filled = yaml.safe_load(text)
+            yield f"{name}@{choice}", filled["cmd"].split(), set(filled["deps"]), set(filled["params"])
+
+
+@pytest.mark.parametrize("entry", list(stage_entries()), ids=lambda entry: entry[0])
+def test_dvc_watches_what_a_stage_imports(entry):
+    name, command, deps, _ = entry
+    needed = closure(command[2].replace(".", "/") + ".py")
+    if command[2] == "pipeline.train":
+        needed |= closure(f"pipeline/models/{command[4]}.py")
+    if command[2] == "pipeline.dataset":
+        needed |= closure(f"pipeline/experiments/{command[3]}.py")
+        needed -= {"pipeline/logs.py", "pipeline/alignment.py"}  # reading logs is ingest's part of these files
+    missing = {
+        file
+        for file in needed - PLUMBING
+        if file not in deps and not any(file.startswith(f"{dep}/") for dep in deps)
+    }
+    assert not missing, f"{name}: add to deps {sorted(missing)}"
+    for dep in deps:
+        assert not dep.startswith("pipeline/") or (ROOT / dep).exists(), f"{name}: {dep} does not exist"
+
+
+def leaves(block, path=()):
+    if isinstance(block, dict) and block:
+        for key, value in block.items():
+            yield from leaves(value, (*path, key))
+    else:
+        yield path
+
+
+def test_every_key_is_read_by_something():
+    sources = [
+        path.read_text() for path in (ROOT / "pipeline").rglob("*.py") if path.name not in ("schema.py", "scale.py")
+    ]
+    source = "\n".join(sources)
+    for path in leaves(params.load()):
+        if "models" in path:
+            continue  # held against the signature of `build`
+        key = path[-1]
+        assert f'"{key}"' in source or f"'{key}'" in source, f"nobody reads {'.'.join(path)}"
+
+
+def test_every_model_block_fits_its_build():
+    from pipeline.fitting import Spec
+
+    values = params.load()
+    for experiment in values["experiments"]:
+        for model, block in values[experiment]["models"].items():
+            spec = Spec(*params.shapes(values[experiment]))
+            params.build_model(model, spec, block, f"{experiment}.models.{model}")
+
+
+def test_lomp_of_params_yaml_has_the_published_size():
+    from pipeline.fitting import Spec
+
+    settings = params.load()["touch"]
+    model = params.build_model("lomp", Spec(*params.shapes(settings)), settings["models"]["lomp"], "touch.models.lomp")
+    assert model.parameters() == 2_741_712
+
+
+@pytest.mark.parametrize("scale", ["laptop", "full"])
+def test_scales_set_values_that_params_yaml_accepts(scale, tmp_path):
+    copy = tmp_path / "params.yaml"
+    copy.write_text((ROOT / "params.yaml").read_text())
+    values = yaml.safe_load((ROOT / "scales" / f"{scale}.yaml").read_text())
+    set_values(values, copy)
+    loaded = params.load(copy)
+    for dotted, value in values.items():
+        block = loaded
+        for key in dotted.split("."):
+            block = block[key]
+        assert block == value
+    if scale == "laptop":  # params.yaml is the laptop scale, to the letter
+        assert copy.read_text() == (ROOT / "params.yaml").read_text()
+    laptop = yaml.safe_load((ROOT / "scales" / "laptop.yaml").read_text())
+    assert set(values) == set(laptop), "every scale sets the same keys, so that one undoes the other"
+
+
+def test_readme_names_real_commands():
+    import re
+
+    readme = (ROOT / "README.md").read_text()
+    for name in set(re.findall(r"python -m pipeline\.(\w+)", readme)):
+        assert (ROOT / "pipeline" / f"{name}.py").is_file(), name
