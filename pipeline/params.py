@@ -45,7 +45,8 @@ def check_keys(given: Mapping, expected: Iterable[str], where: str) -> None:
     """InputError that names the first unknown key (with "did you mean") or the first missing one."""
     expected = list(expected)
     if not isinstance(given, Mapping):
-        raise InputError(f"params.yaml, {where}: expected a block of settings ({', '.join(expected) or '{}'}), got {given!r}")
+        keys = ", ".join(expected) or "{}"
+        raise InputError(f"params.yaml, {where}: expected a block of settings ({keys}), got {given!r}")
     for key in given:
         if key not in expected:
             near = difflib.get_close_matches(str(key), expected, n=1)

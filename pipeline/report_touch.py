@@ -190,7 +190,7 @@ def findings(
     lines = [
         "# LoMP (touch): results\n",
         f"RMSE in kPa on test data, `{protocol}` split, mean over {seeds} seeds [95 % t interval]. "
-        "[Table I](table1.md), [training](training.md), [speed](speed/table2.md).\n",
+        "[Table I](table1.md), [training](training.md), [speed](../speed/table2.md).\n",
         "## Findings\n",
     ]
     for condition in TABLE_CONDITIONS:

@@ -129,9 +129,7 @@ def test_two_touches_and_a_second_cell_with_its_own_clock():
 
 def test_unrelated_logs_are_refused():
     cell, (t, _, counts, _) = sample(*scene(60, 1)[:2], 0, 60, 100), scene(60, 2)
-    with pytest.raises(
-        InputError, match="single/run000: the signals do not follow each other.*min_correlation"
-    ):
+    with pytest.raises(InputError, match="single/run000: the signals do not follow each other.*min_correlation"):
         place_pair([force_signal(cell)], [array_signal(sample(t, counts, 0, 60, 50))], **LIMITS)
 
 
@@ -163,8 +161,6 @@ def test_interpolation_knows_where_it_knows():
     values, known = interpolated(np.array([-0.01, 0.0, 0.15, 0.8, 1.5, 1.51]), time, 10 * time)
     assert known.tolist() == [False, True, True, False, True, False]
     assert values[known] == pytest.approx([0, 1.5, 15])
-    values, known = interpolated(
-        np.array([-0.1, 0.25, 9.0]), time, np.stack([time, -time], axis=1), held=True
-    )
+    values, known = interpolated(np.array([-0.1, 0.25, 9.0]), time, np.stack([time, -time], axis=1), held=True)
     assert known.tolist() == [False, True, True]
     assert values[1:].tolist() == [[0.2, -0.2], [1.5, -1.5]]

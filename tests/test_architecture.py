@@ -101,9 +101,7 @@ def test_dvc_watches_what_a_stage_imports(entry):
         needed |= closure(f"pipeline/experiments/{command[3]}.py")
         needed -= {"pipeline/logs.py", "pipeline/alignment.py"}  # reading logs is ingest's part of these files
     missing = {
-        file
-        for file in needed - PLUMBING
-        if file not in deps and not any(file.startswith(f"{dep}/") for dep in deps)
+        file for file in needed - PLUMBING if file not in deps and not any(file.startswith(f"{dep}/") for dep in deps)
     }
     assert not missing, f"{name}: add to deps {sorted(missing)}"
     for dep in deps:
@@ -172,3 +170,20 @@ def test_readme_names_real_commands():
     readme = (ROOT / "README.md").read_text()
     for name in set(re.findall(r"python -m pipeline\.(\w+)", readme)):
         assert (ROOT / "pipeline" / f"{name}.py").is_file(), name
+
+
+def test_numbers_in_the_readme_are_those_of_the_reports():
+    readme = (ROOT / "README.md").read_text()
+    results = readme.split("## Results")[1].split("\n## ")[0]
+    rows = [line for line in results.splitlines() if line.startswith("|")]
+    reports = "\n".join(path.read_text() for path in (ROOT / "reports").rglob("*.md"))
+    assert rows
+    for row in rows:
+        assert row in reports, f"README.md shows a row that no report has: {row}"
+
+
+def test_an_unknown_experiment_is_refused():
+    from pipeline.errors import InputError
+
+    with pytest.raises(InputError, match="usage: python -m pipeline.window touch|velostat_recorded"):
+        params.experiment_argument(["window", "tuch"], "window", params.load())

@@ -121,9 +121,7 @@ def test_normalisation_comes_from_the_training_part_and_is_saved(tmp_path):
 
 
 def test_input_scale_has_one_pair_an_element():
-    x = np.stack([np.zeros((4, 5)), np.full((4, 5), 10)], 0).astype(
-        np.float32
-    )  # 2 windows, 4 frames, 5 elements
+    x = np.stack([np.zeros((4, 5)), np.full((4, 5), 10)], 0).astype(np.float32)  # 2 windows, 4 frames, 5 elements
     mean, spread = input_scale(x)
     assert mean.tolist() == [5] * 5 and spread.tolist() == [5] * 5
 
@@ -140,9 +138,7 @@ def test_predictions_do_not_depend_on_how_many_windows_are_asked():
 
 def test_progress_is_reported_every_epoch():
     seen = []
-    history = regressor(max_epochs=3).fit(
-        windows(), windows(seed=1), seed=0, progress=lambda *a: seen.append(a)
-    )
+    history = regressor(max_epochs=3).fit(windows(), windows(seed=1), seed=0, progress=lambda *a: seen.append(a))
     assert seen == [(row["epoch"], 3, row["train_loss"], row["validation_loss"]) for row in history]
 
 

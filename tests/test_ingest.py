@@ -47,10 +47,7 @@ def lines(t, columns, start, stop, hz, boot_us, pattern):
     at = np.arange(start, stop, 1 / hz)
     values = [np.interp(at, t, column) for column in columns]
     stamps = boot_us + np.round((at - start) * 1e6).astype(int)
-    return [
-        f"{s}," + ",".join(pattern % v for v in row)
-        for s, row in zip(stamps, np.transpose(values), strict=True)
-    ]
+    return [f"{s}," + ",".join(pattern % v for v in row) for s, row in zip(stamps, np.transpose(values), strict=True)]
 
 
 def logs_of(seconds=20.0, seed=0, touches=1, reset_at=None, shared=True):
@@ -63,10 +60,7 @@ def logs_of(seconds=20.0, seed=0, touches=1, reset_at=None, shared=True):
         mine = force if k == 1 else second
         start, boot = (0.5, 8_000_000) if k == 1 or shared else (1.0, 60_000_000)
         if k > 1:
-            counts = [
-                c + 20 * mine**0.7 * share
-                for c, share in zip(counts, (1.0, 0.3, 0.1, 0, 0, 0.1), strict=True)
-            ]
+            counts = [c + 20 * mine**0.7 * share for c, share in zip(counts, (1.0, 0.3, 0.1, 0, 0, 0.1), strict=True)]
         logs[f"load_cell{suffix}.log"] = lines(t, [mine], start, seconds, 100, boot, "%.3f")
         place = [2 * t, 3 * t, -(mine ** (2 / 3))]
         if k == 1:
@@ -105,9 +99,7 @@ def test_faults_at_known_lines_are_the_rejects(root):
     logs["load_cell.log"][1000] = "nan,1.0"
     save(root / "data/touch/logs/single/run000", logs)
     frames, rejects, report = run(root)
-    found = [
-        tuple(row.values())[2:5] for row in rejects.to_pylist() if row["reason"] != touch.NO_GROUND_TRUTH
-    ]
+    found = [tuple(row.values())[2:5] for row in rejects.to_pylist() if row["reason"] != touch.NO_GROUND_TRUTH]
     assert sorted(found) == [
         ("array.log", 1, "banner or text"),
         ("array.log", 201, "column count"),
@@ -119,14 +111,8 @@ def test_faults_at_known_lines_are_the_rejects(root):
     assert set(rejects["recording"].to_pylist()) == {"run000"} and rejects.schema == tables.REJECTS
     files = report["recordings"]["single/run000"]["files"]
     for name, content in logs.items():
-        assert (
-            files[name]["lines"]
-            == len(content)
-            == files[name]["accepted"] + sum(files[name]["rejects"].values())
-        )
-    assert (
-        frames.num_rows == files["array.log"]["accepted"] == report["recordings"]["single/run000"]["frames"]
-    )
+        assert files[name]["lines"] == len(content) == files[name]["accepted"] + sum(files[name]["rejects"].values())
+    assert frames.num_rows == files["array.log"]["accepted"] == report["recordings"]["single/run000"]["frames"]
     # Missing frames: the torn one, the one out of range, the late one and the deleted one.
     assert files["array.log"]["gaps"] == 4
     assert np.flatnonzero(frames["gap_before"].to_numpy())[0] == 0

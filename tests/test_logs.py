@@ -215,9 +215,7 @@ def test_check_rejects_names_everything(tmp_path):
         assert word in str(error.value)
 
 
-FIELD = st.sampled_from(
-    [b"1", b"20", b"-3", b" 7 ", b"1023", b"5000", b"1e3", b"nan", b"0x1", b"+2", b"", b"\x00"]
-)
+FIELD = st.sampled_from([b"1", b"20", b"-3", b" 7 ", b"1023", b"5000", b"1e3", b"nan", b"0x1", b"+2", b"", b"\x00"])
 LINE = st.one_of(
     st.lists(FIELD, min_size=1, max_size=4).map(b",".join),
     st.integers(0, 300).map(lambda k: frame(k)[:-1]),

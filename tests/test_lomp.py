@@ -24,17 +24,14 @@ class Naive(nn.Module):
         super().__init__()
         spec, hidden = stacked.spec, stacked.hidden
         self.spec, self.hidden, self.alpha = spec, hidden, stacked.alpha
-        self.corners = (
-            stacked.neighbours[0].sum() > 2
-        )  # a corner has 2 neighbours, or 3 with its diagonal one
+        self.corners = stacked.neighbours[0].sum() > 2  # a corner has 2 neighbours, or 3 with its diagonal one
         cells = range(spec.elements)
         self.gru = nn.ModuleList(nn.GRUCell(1, hidden) for _ in cells)
         self.u = nn.Linear(hidden, hidden)
         self.p = nn.ModuleList(nn.Linear(hidden, hidden) for _ in cells)
         widths = [2 * hidden, *[weight.shape[2] for weight in stacked.readout]]
         self.f = nn.ModuleList(
-            nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True))
-            for _ in cells
+            nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True)) for _ in cells
         )
         # each tensor here, and where it comes from in the stacked network (weights transposed)
         self.twins = [(self.u.weight, lambda s: s.message.T), (self.u.bias, lambda s: s.message_bias)]
@@ -204,9 +201,7 @@ def test_impossible_settings_are_refused(change, named):
 
 
 def test_macs_per_window():
-    model = lomp.build(
-        Spec(8, 5, 5, 20, 20), hidden=128, readout=[128, 64], neighbours=4, alpha=0.1, training=TRAINING
-    )
+    model = lomp.build(Spec(8, 5, 5, 20, 20), hidden=128, readout=[128, 64], neighbours=4, alpha=0.1, training=TRAINING)
     recurrent = 384 + 128 * 384 + 2 * 128 * 128  # GRU, U, P of one element and frame
     readout = 256 * 128 + 128 * 64 + 64 * 16
     assert model.macs() == 25 * (8 * recurrent + readout) == 17_510_400

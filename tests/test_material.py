@@ -200,9 +200,7 @@ def recordings():
     for folder in folders:
         if sources.is_complete(fit_material.SOURCE, folder):
             return folder
-    pytest.skip(
-        "recordings not here: run `python -m pipeline.fetch velostat_recorded` or set TACTILE_RECORDINGS"
-    )
+    pytest.skip("recordings not here: run `python -m pipeline.fetch velostat_recorded` or set TACTILE_RECORDINGS")
 
 
 def test_committed_set_predicts_the_held_back_repetition():

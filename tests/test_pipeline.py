@@ -53,7 +53,10 @@ def test_scores_hold_every_model_condition_and_seed(miniature):
     rmse = scores[(scores.metric == "rmse") & (scores.experiment == "touch")]
     for condition in ("single", "double"):
         found = rmse[rmse.condition == condition]
-        assert sorted(("touch", *row) for row in zip(found.protocol, found.model, found.seed, strict=True)) == EXPECTED_RUNS
+        assert (
+            sorted(("touch", *row) for row in zip(found.protocol, found.model, found.seed, strict=True))
+            == EXPECTED_RUNS
+        )
         assert found.value.gt(0).all() and found.n.gt(0).all()
 
 

@@ -185,9 +185,7 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
 
     table1 = (target / "accuracy" / "table1.md").read_text()
     linear = next(line for line in table1.splitlines() if line.startswith("| Linear"))
-    half = (
-        12.706205 * np.sqrt(0.5) / np.sqrt(2)
-    )  # t of one degree of freedom times the standard error of 30, 31
+    half = 12.706205 * np.sqrt(0.5) / np.sqrt(2)  # t of one degree of freedom times the standard error of 30, 31
     assert [cell.strip() for cell in linear.split("|")[2:4]] == [
         "8.68",
         f"30.50 [{30.5 - half:.2f}, {30.5 + half:.2f}]",
@@ -392,8 +390,7 @@ def test_table_is_aligned_as_raw_text():
 def test_differences_are_collected(tmp_path):
     mark = "Differs from " + "paper:"
     (tmp_path / "one.py").write_text(
-        f'"""Text.\n\n{mark} the sum\nis a mean.\n\nMore."""\n'
-        f"x = 1  # {mark} short.\n# {mark} two\n# lines.\ny = 2\n"
+        f'"""Text.\n\n{mark} the sum\nis a mean.\n\nMore."""\nx = 1  # {mark} short.\n# {mark} two\n# lines.\ny = 2\n'
     )
     found = read_differences(tmp_path)
     assert [text for _, text in found] == ["the sum is a mean.", "short.", "two lines."]

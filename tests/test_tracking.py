@@ -62,16 +62,10 @@ def write_results(root: Path) -> None:
             times += [(model, protocol, seed, 2.0)]
     columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
     pd.DataFrame(scores, columns=columns).to_csv(touch / "scores.csv", index=False)
-    for model, table in pd.DataFrame(times, columns=["model", "protocol", "seed", "train_s"]).groupby(
-        "model"
-    ):
+    for model, table in pd.DataFrame(times, columns=["model", "protocol", "seed", "train_s"]).groupby("model"):
         table.drop(columns="model").to_csv(touch / "latency" / f"{model}.train.csv", index=False)
     pd.DataFrame(
-        [
-            ("touch", model, batch, 1, 0.5, 0.7, 17, 17, 999)
-            for model in ("linear", "lomp")
-            for batch in (1, 256)
-        ],
+        [("touch", model, batch, 1, 0.5, 0.7, 17, 17, 999) for model in ("linear", "lomp") for batch in (1, 256)],
         columns="experiment model batch threads p50_ms p95_ms params macs size_bytes".split(),
     ).to_csv(touch / "latency" / "latency.csv", index=False)
     (touch / "ingest.json").write_text("{}")
