@@ -68,7 +68,7 @@ def write_results(root: Path) -> None:
         [("touch", model, batch, 1, 0.5, 0.7, 17, 17, 999) for model in ("linear", "lomp") for batch in (1, 256)],
         columns="experiment model batch threads p50_ms p95_ms params macs size_bytes".split(),
     ).to_csv(touch / "latency" / "latency.csv", index=False)
-    (touch / "ingest.json").write_text("{}")
+    (touch / "ingest.json").write_text('{"run": true}')
     absent = root / "data" / "velostat_recorded"
     absent.mkdir()
     (absent / "ingest.json").write_text(json.dumps({"run": False, "reason": "recordings not downloaded"}))
