@@ -50,7 +50,8 @@ def evaluate_model(experiment: str, model: str, target: Path, report) -> list[tu
         failed = json.loads((folder / "fit.json").read_text())["best_epoch"] == 0
         if failed:
             predicted[:] = np.nan
-        for name in [*np.unique(condition[rows]), *pooled]:
+        conditions = np.unique(condition[rows])
+        for name in [*conditions, *(pooled if len(conditions) > 1 else ())]:
             chosen = rows if name in pooled else rows[condition[rows] == name]
             picked = predicted if name in pooled else predicted[condition[rows] == name]
             windows = data.rows.take(pa.array(chosen))

@@ -22,6 +22,7 @@ from pipeline.errors import InputError
 NETWORK_FILE = "network.safetensors"
 ESTIMATOR_FILE = "estimator.skops"
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
+SMALLEST_GAIN = 0.005  # of the validation loss: less in an epoch is noise, not progress
 LARGEST_BATCH = 128  # windows a prediction step: keeps the temporaries of every network in cache
 
 
@@ -53,7 +54,8 @@ class Training:
     """Settings of the training loop.
 
     The learning rate is multiplied by `drop` whenever `plateau` epochs in a row have not lowered the
-    validation loss; training stops after `patience` such epochs, and after `max_epochs` at the latest.
+    validation loss by SMALLEST_GAIN; training stops after `patience` such epochs, and after `max_epochs` at
+    the latest.
     """
 
     learning_rate: float
@@ -325,6 +327,7 @@ def _train(
     optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
     learning_rate = training.learning_rate
     history, best_loss, best_epoch, best_weights = [], float("inf"), 0, None
+    progress_loss, progress_epoch = float("inf"), 0
     stop_reason = "max_epochs"
     for epoch in range(1, training.max_epochs + 1):
         network.train()
@@ -346,7 +349,9 @@ def _train(
         if validation_loss < best_loss:
             best_loss, best_epoch = validation_loss, epoch
             best_weights = {name: value.clone() for name, value in network.state_dict().items()}
-        waited = epoch - best_epoch
+        if validation_loss < progress_loss * (1 - SMALLEST_GAIN):
+            progress_loss, progress_epoch = validation_loss, epoch
+        waited = epoch - progress_epoch
         if waited >= training.patience:
             stop_reason = "patience"
             break

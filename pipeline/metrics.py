@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter
 from pipeline import labels, tables
 
 LOWEST_PEAK_KPA = 15.0  # half the smallest peak pressure of the data: less does not count as a touch found
-POOLED = {"velostat_recorded": ("all",)}  # conditions more: all test windows of an experiment together
+POOLED = {"velostat_recorded": ("all",)}  # all test windows of a run, if of several conditions
 
 Row = tuple[str, str, float, int]  # metric, unit, value, number of windows or touches
 

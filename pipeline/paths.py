@@ -50,6 +50,11 @@ def model_folder(experiment: str, model: str) -> Path:
     return experiment_folder(experiment) / "models" / model
 
 
+def model_draft(experiment: str, model: str) -> Path:
+    """Where `train` builds a model's folder: outside `models`, so that a killed run leaves nothing for others."""
+    return experiment_folder(experiment) / "unfinished" / model
+
+
 def run_folder(experiment: str, model: str, protocol: str, seed: int) -> Path:
     """One trained model: its files, `history.csv` and `fit.json`."""
     return model_folder(experiment, model) / f"{protocol}-{seed}"

@@ -34,11 +34,7 @@ CODE = Path(__file__).resolve().parent
 def render_touch(settings: dict, target: Path) -> None:
     """Write the report of `touch` into the new folder `target`; settings: its block of params.yaml."""
     accuracy = target / "accuracy"
-    scores = results.Scores("touch", settings)
-    latency = results.read_latency("touch", settings)
-    table = results.read_windows("touch")
-    protocol = next(iter(settings["protocols"]))
-    seed = settings["protocols"][protocol]["seeds"][0]
+    scores, latency, table, protocol, seed = _read("touch", settings)
     windows = figures_touch.windows_of(table, settings, protocol, seed)
     present = set(windows.condition)
     known = ("single", "double", "three", "slide", "tape")
@@ -60,8 +56,14 @@ def render_touch(settings: dict, target: Path) -> None:
     write_text(accuracy / "training.md", report_touch.training(fits, settings))
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
     differences = read_differences(CODE)
+    unseen = report_touch.unseen_products(
+        tables.matrix(table["x"])[:, -settings["sensor"]["rows"] * settings["sensor"]["cols"] :].astype(float),
+        tables.names(table[tables.split_column(protocol, seed)]),
+        tables.names(table["condition"]),
+        settings["sensor"],
+    )
     write_text(
-        accuracy / "README.md", report_touch.findings(scores, settings, conditions, trained, differences)
+        accuracy / "README.md", report_touch.findings(scores, settings, conditions, trained, differences, unseen)
     )
 
     figures_touch.learning_curves(
@@ -94,15 +96,11 @@ def render_touch(settings: dict, target: Path) -> None:
 def render_velostat_recorded(settings: dict, target: Path) -> None:
     """Write the report of `velostat_recorded` into the new folder `target`; settings: its block of params."""
     accuracy = target / "accuracy"
-    scores = results.Scores("velostat_recorded", settings)
-    latency = results.read_latency("velostat_recorded", settings)
-    table = results.read_windows("velostat_recorded")
-    protocol = next(iter(settings["protocols"]))
-    seed = settings["protocols"][protocol]["seeds"][0]
+    scores, latency, table, protocol, seed = _read("velostat_recorded", settings)
     test = tables.names(table[tables.split_column(protocol, seed)]) == "test"
     recordings = sorted(set(tables.names(table["recording"])[test]))
     groups = ["all", *sorted({name.split("/")[0] for name in recordings}, key=_by_force)]
-    best = report_velostat.best_model(scores, settings, protocol)
+    best = report_velostat.best_model(scores, settings)
     drawn = [model for model in settings["models"] if model in ("linear", best)]
     predicted = {
         model: results.read_predictions("velostat_recorded", model, protocol, seed, table)
@@ -129,6 +127,14 @@ def render_velostat_recorded(settings: dict, target: Path) -> None:
     figures_velostat.speed_against_accuracy(
         target / "speed" / "tradeoff.png", time_ms, error, settings["latency"]["batches"][0]
     )
+
+
+def _read(experiment: str, settings: dict) -> tuple[results.Scores, dict, pyarrow.Table, str, int]:
+    """(scores, latency, dataset, main protocol, its first seed): what every report starts from."""
+    protocol = next(iter(settings["protocols"]))
+    seed = settings["protocols"][protocol]["seeds"][0]
+    read = results.Scores(experiment, settings), results.read_latency(experiment, settings)
+    return *read, results.read_windows(experiment), protocol, seed
 
 
 def _by_force(name: str) -> tuple:

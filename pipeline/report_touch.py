@@ -179,8 +179,9 @@ def findings(
     conditions: Sequence[str],
     trained: Sequence[Fit],
     differences: Sequence[tuple[str, str]],
+    unseen: Mapping[str, float],
 ) -> str:
-    """README.md: what the numbers say, in sentences that are computed from them."""
+    """README.md: what the numbers say, in sentences that are computed from them; unseen: see unseen_products."""
     protocol = next(iter(settings["protocols"]))
     seeds = len(settings["protocols"][protocol]["seeds"])
     by_condition = {
@@ -204,6 +205,13 @@ def findings(
         lines += [
             floor_sentence(name, found) for name, found in by_condition.items() if name in TABLE_CONDITIONS
         ]
+    if "double" in unseen:
+        lines.append(
+            f"- In {100 * unseen['double']:.0f} % of double-touch windows (single-touch test windows: "
+            f"{100 * unseen['single']:.0f} %) two elements that are not neighbours respond together as they never "
+            "did in training: a model that multiplies elements, like the polynomial, has weights there that no "
+            "training window determined."
+        )
     lines += optimism_sentences(scores, settings, protocol)
     lines.append(yardstick_sentence(scores, settings, protocol))
     lines.append(f"- {stops_sentence(trained)}")
@@ -230,9 +238,34 @@ def findings(
     return "\n".join(lines) + "\n"
 
 
+def unseen_products(
+    counts: np.ndarray, part: np.ndarray, condition: np.ndarray, sensor: Mapping
+) -> dict[str, float]:
+    """Share of the test windows of each condition with a product of two far elements outside its training range.
+
+    counts: (n, elements) of the last frame; part, condition: (n,). The products are of values standardised on
+    the training part; far elements are not neighbours, not even over a corner.
+    """
+    train = part == "train"
+    spread = np.maximum(counts[train].std(axis=0), 1)
+    scaled = (counts - counts[train].mean(axis=0)) / spread
+    row, col = np.divmod(np.arange(sensor["rows"] * sensor["cols"]), sensor["cols"])
+    away = np.maximum(np.abs(row[:, None] - row), np.abs(col[:, None] - col))
+    first, second = np.nonzero(np.triu(away > 1))
+    products = scaled[:, first] * scaled[:, second]
+    low, high = products[train].min(axis=0, initial=np.inf), products[train].max(axis=0, initial=-np.inf)
+    outside = ((products < low) | (products > high)).any(axis=1)
+    return {name: float(outside[(condition == name) & (part == "test")].mean()) for name in np.unique(condition)}
+
+
 def _usable(found: Mapping[str, Estimate]) -> list[str]:
     """Models without a failed run, the lowest mean first."""
     return sorted((m for m, e in found.items() if e.runs and not e.failed), key=lambda m: found[m].mean)
+
+
+def _overlap(better: Estimate, worse: Estimate) -> bool:
+    """Whether the intervals of two models overlap; without intervals (one run) nothing is known: False."""
+    return better.runs > 1 and worse.runs > 1 and better.high >= worse.low
 
 
 def best_sentences(condition: str, found: Mapping[str, Estimate]) -> list[str]:
@@ -241,8 +274,10 @@ def best_sentences(condition: str, found: Mapping[str, Estimate]) -> list[str]:
     if not order:
         return [f"- {condition.capitalize()} touch: every model has a failed run."]
     best = order[0]
+    close = [style(m).label for m in order[1:] if _overlap(found[best], found[m])]
     lines = [
-        f"- {condition.capitalize()} touch: {style(best).label} is best with {interval(found[best])} kPa."
+        f"- {condition.capitalize()} touch: {style(best).label} is best with {interval(found[best])} kPa"
+        + (f"; the interval overlaps that of {', '.join(close)}." if close else ".")
     ]
     if failed := [style(m).label for m, e in found.items() if e.failed]:
         lines.append(f"- {condition.capitalize()} touch: runs failed for {', '.join(failed)}.")
@@ -277,9 +312,7 @@ def double_sentence(found: Mapping[str, Estimate]) -> str:
     second = others[0]
     paper = {m: published_value(m, "double touch") for m in PRINTED}
     runner_up = min((m for m in paper if m != "lomp"), key=lambda m: paper[m])
-    apart = ""
-    if lomp.runs > 1 and found[second].runs > 1 and lomp.high >= found[second].low:
-        apart = " The two intervals overlap, so this is not certain."
+    apart = " The two intervals overlap, so this is not certain." if _overlap(lomp, found[second]) else ""
     return (
         f"- Double touch comes out in LoMP's favour: LoMP has {ours}, the next model, {style(second).label}, "
         f"{found[second].mean / lomp.mean:.2f} times as much; in the paper "

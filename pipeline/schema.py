@@ -73,6 +73,7 @@ window = {
     "contact_threshold_n": positive,
 }
 seeds = {"seeds": many(integer(0))}
+taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
 SCHEMA = {
@@ -156,7 +157,7 @@ SCHEMA = {
         "ingest": {"max_reject_fraction": fraction},
         "window": window,
         "split": {"validation": fraction},
-        "protocols": {"repetition": seeds},
+        "protocols": {"repetition": seeds} | dict.fromkeys(taxel_recordings, seeds),
         "models": mapping,
         "latency": latency,
     },

@@ -7,17 +7,12 @@ Usage: python -m pipeline.train touch|velostat_recorded MODEL
 
 import csv
 import json
-import os
-import shutil
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tqdm import tqdm
-
-from pipeline import params, paths, tables, workers
-from pipeline.availability import why_not_run
+from pipeline import params, paths, runs, tables
 from pipeline.errors import InputError, run_stage
 
 
@@ -68,39 +63,12 @@ def train_run(
     return seconds
 
 
-def train(experiment: str, model: str) -> None:
-    """Train every (protocol, seed) of one model, with a progress bar over all epochs of all runs."""
-    values = params.load()
-    block = params.model_settings(values, experiment, model)
-    target, times = paths.model_folder(experiment, model), paths.training_times(experiment, model)
-    draft = target.with_name(f"{model}.{os.getpid()}.unfinished")
-    shutil.rmtree(target, ignore_errors=True)
-    runs = params.runs(values, experiment) if why_not_run(experiment) is None else []
-    draft.mkdir(parents=True)
-    seconds = {}
-    if runs:
-        epochs = block.get("training", {}).get("max_epochs", 1)
-        with tqdm(total=epochs * len(runs), desc=f"train {experiment} {model}", unit="epoch") as bar:
-            tasks = {
-                (protocol, seed): (experiment, model, protocol, seed, draft / f"{protocol}-{seed}")
-                for protocol, seed in runs
-            }
-            for key, result in workers.run(train_run, tasks, bar, steps=epochs):
-                seconds[key] = result
-    times.parent.mkdir(parents=True, exist_ok=True)
-    with open(times, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["protocol", "seed", "train_s"])
-        writer.writerows([protocol, seed, seconds[protocol, seed]] for protocol, seed in runs)
-    draft.rename(target)
-
-
 def main() -> None:
     """Train the model named on the command line."""
     experiments = params.load()["experiments"]
     if len(sys.argv) != 3 or sys.argv[1] not in experiments:
         raise InputError(f"usage: python -m pipeline.train {'|'.join(experiments)} MODEL")
-    train(sys.argv[1], sys.argv[2])
+    runs.train_all(train_run, sys.argv[1], sys.argv[2])
 
 
 if __name__ == "__main__":

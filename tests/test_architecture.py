@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
 COMMANDS = {"fetch", "scale", "fit_material"}
 # Modules that find, check and start things but cannot change a number: DVC need not watch them.
-PLUMBING = {f"pipeline/{name}.py" for name in ("availability", "errors", "params", "paths", "schema", "workers")}
+PLUMBING = {f"pipeline/{name}.py" for name in ("availability", "errors", "params", "paths", "runs", "schema", "workers")}
 
 
 def imports(path: Path) -> set[str]:

@@ -5,6 +5,7 @@ import pyarrow as pa
 import pytest
 
 from pipeline import labels, metrics, params, tables
+from pipeline.errors import InputError
 from pipeline.experiments import touch, velostat_recorded
 from pipeline.window import presses, window_rows, windows_of
 
@@ -94,6 +95,21 @@ def test_recorded_split_tests_on_the_other_repetition():
     )
     part = velostat_recorded.split(windows, {"split": {"validation": 0.2}}, "repetition", 0)
     assert part.tolist() == ["train"] * 8 + ["validation"] * 2 + ["test"] * 4
+
+
+def test_recorded_split_of_one_recording_leaves_the_others_unused():
+    windows = pa.table(
+        {
+            "condition": pa.array(["a"] * 6 + ["b"] * 6).dictionary_encode(),
+            "recording": ["a/exp1"] * 4 + ["a/exp2"] * 2 + ["b/exp1"] * 4 + ["b/exp2"] * 2,
+            "press": np.repeat(np.arange(6), 2).astype(np.int32),
+        }
+    )
+    settings = {"split": {"validation": 0.5}}
+    part = velostat_recorded.split(windows, settings, "b", 0)
+    assert part.tolist() == ["unused"] * 6 + ["train"] * 2 + ["validation"] * 2 + ["test"] * 2
+    with pytest.raises(InputError, match="no recording 'c'; there are a, b"):
+        velostat_recorded.split(windows, settings, "c", 0)
 
 
 def test_touch_metrics_of_known_predictions(settings):

@@ -311,7 +311,9 @@ def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, mon
 def recorded():
     """The block `velostat_recorded` of params.yaml, made small."""
     block = copy.deepcopy(load()["velostat_recorded"])
-    return block | {"models": {"constant": {}, "linear": {}, "rnn": TRAINING}, "latency": LATENCY}
+    protocols = dict.fromkeys(("repetition", "tip_force_5", "tip_force_10"), {"seeds": [0, 1]})
+    models = {"constant": {}, "linear": {}, "rnn": TRAINING}
+    return block | {"models": models, "protocols": protocols, "latency": LATENCY}
 
 
 def write_velostat(settings):
@@ -333,7 +335,7 @@ def write_velostat(settings):
         parts = []
         for protocol, seed in runs(settings):
             parts.append(tables.prediction_rows(protocol, seed, test, force[test] + 0.1 * place))
-            for group in ("all", "tip_force_5", "tip_force_10"):
+            for group in ("all", "tip_force_5", "tip_force_10") if protocol == "repetition" else (protocol,):
                 key = ("velostat_recorded", protocol, group, model, seed)
                 scores += [(*key, "rmse", "N", 3.0 - place, 30), (*key, "r2", "1", 0.1 + 0.4 * place, 30)]
         tables.write(paths.predictions("velostat_recorded") / f"{model}.parquet", parts[0].schema, parts)
@@ -350,9 +352,10 @@ def test_velostat_report(root, recorded, monkeypatch):
     assert names == {f"accuracy/{name}" for name in ("README.md", "table.csv", "table.md", "figure.png")} | speed
     text = (target / "accuracy" / "table.md").read_text()
     assert text.index("| tip_force_5") < text.index("| tip_force_10")
-    assert "1.000 [1.000, 1.000]" in text
+    assert "1.000 [1.000, 1.000]" in text and text.count("fitted alone") == text.count("one fit for all") == 2
     readme = (target / "accuracy" / "README.md").read_text()
     assert "RNN is best" in readme and "2.00 times the best model's" in readme
+    assert "tip_force_5: best R2 0.900 (RNN) fitted alone, 0.900 (RNN) with all" in readme
 
 
 def test_velostat_without_recordings_says_why(root, recorded, monkeypatch):
@@ -365,6 +368,17 @@ def test_velostat_without_recordings_says_why(root, recorded, monkeypatch):
     target = run_render("velostat_recorded", recorded, monkeypatch)
     assert "python -m pipeline.fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
     assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
+
+
+def test_products_never_seen_in_training_are_counted():
+    counts = np.zeros((6, 9))
+    counts[:4, 0], counts[:4, 8] = [0, 9, 0, 9], [0, 0, 9, 0]  # corners, never together
+    counts[4, [0, 8]] = 9  # both corners
+    counts[5, 0] = 9
+    part = np.array(["train"] * 4 + ["test"] * 2)
+    condition = np.array(["single"] * 4 + ["double", "single"])
+    found = report_touch.unseen_products(counts, part, condition, SENSOR)
+    assert found == {"double": 1.0, "single": 0.0}
 
 
 def test_estimate_and_numbers():

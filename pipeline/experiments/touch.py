@@ -284,6 +284,8 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
     Only single touches are divided, 8:1:1, anew for every seed: by press, or (`random_window`, what the paper
     seems to have done) window by window, so that windows of one press fall on all sides. All other conditions
     are test data: models never see more than one touch (section IV-A).
+    Differs from paper: every seed draws another split, so that an interval over seeds covers the choice of
+    presses; the paper has one split and no interval.
     """
     single = tables.names(windows["condition"]) == "single"
     unit = windows["press"].to_numpy() if protocol == "press" else np.arange(windows.num_rows)

@@ -16,6 +16,7 @@ CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
 VELOSTAT = Format((Column("reading", "1", 0, 1e5), CLOCK), time="unix_time_s", separator=" ")
 LOAD_CELL = Format((Column("fz_n", "N", -1e3, 1e3), CLOCK), time="unix_time_s", separator=" ")
 
+POOLED = "repetition"  # the protocol that fits all recordings together
 NO_GROUND_TRUTH = "no ground truth at this time"
 SCHEMA = tables.frames(1, 1, pa.float32())
 
@@ -99,7 +100,9 @@ def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
 def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
     """The part of each window, (n,): repetition exp2 is the test, the last presses of every exp1 the validation.
 
-    The same for every seed: the recordings decide.
+    Protocol `repetition` takes all recordings together; any other is named like the recording that it takes
+    alone, with all others 'unused'. The same for every seed: the recordings decide. Raises InputError for a
+    protocol without recordings.
     """
     recording, press = tables.names(windows["recording"]), windows["press"].to_numpy()
     part = np.full(windows.num_rows, "test", dtype=object)
@@ -110,4 +113,12 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
         numbers = np.unique(press[rows])
         kept = max(1, round(len(numbers) * (1 - settings["split"]["validation"])))
         part[rows] = np.where(press[rows] <= numbers[kept - 1], "train", "validation")
+    if protocol != POOLED and windows.num_rows:
+        condition = tables.names(windows["condition"])
+        if protocol not in condition:
+            raise InputError(
+                f"params.yaml, velostat_recorded.protocols: there is no recording '{protocol}'; "
+                f"there are {', '.join(sorted(set(condition)))}"
+            )
+        part[condition != protocol] = "unused"
     return part

@@ -34,6 +34,8 @@ def build(
 
     `neighbours` is 4 (sharing an edge) or 8 (a corner too). Raises InputError for another number, and for a
     map that does not divide into one block an element.
+    Differs from paper: left open there and chosen here on validation windows: 4 neighbours, alpha 1, batches of
+    32, zero state at the start of a window, loss on the last frame.
     """
     if neighbours not in (4, 8):
         raise InputError(f"lomp: neighbours must be 4 or 8, not {neighbours!r}")

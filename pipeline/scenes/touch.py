@@ -8,6 +8,9 @@ Contact. The silicone-covered tip of radius r presses with force F. The mean pre
 load cell gives, and the label's peak. The contact pressure is taken as a Gaussian of standard deviation
 s = sqrt((r/2)^2 + silicone_spread^2), so the share of the load on one square element is a product of two
 differences of the normal distribution function. Load on the 0.5 mm gaps between elements is lost.
+Differs from paper: the array is simulated. The tip's radius and the speed of a press are not given there: the
+radius (5 mm) keeps 400 kPa within the 40 N of the recordings that the material was fitted to, the time at depth
+(`press.hold_s`) was set so that linear regression comes near its published single-touch error.
 
 Velostat. `material.py`, fitted to recordings of a Velostat taxel under a load cell.
 

@@ -1,0 +1,44 @@
+"""All runs of one model, trained in parallel into a folder that appears once it is complete."""
+
+import csv
+import shutil
+from collections.abc import Callable
+
+from tqdm import tqdm
+
+from pipeline import params, paths, workers
+from pipeline.availability import why_not_run
+
+
+def train_all(train_run: Callable[..., float], experiment: str, model: str) -> None:
+    """Call `train_run(experiment, model, protocol, seed, folder, report)` for every run of params.yaml.
+
+    It writes the run's files to the new `folder`, calls `report` once an epoch and returns the seconds that
+    fitting took. A progress bar goes over all epochs of all runs. Without recordings the model's folder is empty.
+    """
+    values = params.load()
+    block = params.model_settings(values, experiment, model)
+    target, times, draft = (
+        place(experiment, model) for place in (paths.model_folder, paths.training_times, paths.model_draft)
+    )
+    for folder in (draft, target):
+        shutil.rmtree(folder, ignore_errors=True)
+    runs = params.runs(values, experiment) if why_not_run(experiment) is None else []
+    draft.mkdir(parents=True)
+    seconds = {}
+    if runs:
+        epochs = block.get("training", {}).get("max_epochs", 1)
+        with tqdm(total=epochs * len(runs), desc=f"train {experiment} {model}", unit="epoch") as bar:
+            tasks = {
+                (protocol, seed): (experiment, model, protocol, seed, draft / f"{protocol}-{seed}")
+                for protocol, seed in runs
+            }
+            for key, result in workers.run(train_run, tasks, bar, steps=epochs):
+                seconds[key] = result
+    times.parent.mkdir(parents=True, exist_ok=True)
+    with open(times, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["protocol", "seed", "train_s"])
+        writer.writerows([protocol, seed, seconds[protocol, seed]] for protocol, seed in runs)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft.rename(target)
