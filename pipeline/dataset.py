@@ -1,6 +1,6 @@
-"""Stage: windows to a dataset, with labels and, for every run, which part each window belongs to.
+"""Stage: windows (or series) to a dataset, with labels and, for every run, the part each row belongs to.
 
-Usage: python -m pipeline.dataset touch|velostat_recorded
+Usage: python -m pipeline.dataset EXPERIMENT
 """
 
 import sys
@@ -14,13 +14,17 @@ from pipeline.params import experiment_module
 
 
 def main() -> None:
-    """Label and split the windows of the experiment named on the command line."""
+    """Label and split the windows of the experiment named on the command line; series carry their labels."""
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "dataset", values)
     module, settings = experiment_module(experiment), values[experiment]
-    windows = pyarrow.parquet.read_table(paths.require(paths.windows(experiment), "python -m pipeline.window"))
-    labels = module.labels(windows, settings)
-    table = windows.append_column("y", tables.lists(labels, pa.float32()))
+    if experiment in params.SERIES:
+        path = paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}")
+        windows = pyarrow.parquet.read_table(path)
+        table = windows.rename_columns({"y_mm": "y"})
+    else:
+        windows = pyarrow.parquet.read_table(paths.require(paths.windows(experiment), "python -m pipeline.window"))
+        table = windows.append_column("y", tables.lists(module.labels(windows, settings), pa.float32()))
     counts = []
     for protocol, seed in params.runs(values, experiment):
         part = module.split(windows, settings, protocol, seed)
@@ -29,7 +33,7 @@ def main() -> None:
         )
         counts.append(f"{protocol} {seed}: " + ", ".join(f"{(part == name).sum()} {name}" for name in tables.PARTS))
     tables.write(paths.dataset(experiment), table.schema, [table])
-    print(f"{experiment}: {table.num_rows} windows", *counts, sep="\n  ")
+    print(f"{experiment}: {table.num_rows} rows", *counts, sep="\n  ")
 
 
 if __name__ == "__main__":

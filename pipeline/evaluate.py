@@ -1,6 +1,6 @@
 """Stage: predictions and scores of every trained model on the test part (which nothing before this reads).
 
-Usage: python -m pipeline.evaluate touch|velostat_recorded
+Usage: python -m pipeline.evaluate EXPERIMENT
 """
 
 import csv
@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import metrics, params, paths, tables, workers
+from pipeline import metrics, params, paths, series, tables, workers
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
@@ -64,6 +64,50 @@ def evaluate_model(experiment: str, model: str, target: Path, report) -> list[tu
     return scores
 
 
+def evaluate_series_model(experiment: str, model: str, target: Path, report) -> list[tuple]:
+    """As `evaluate_model`, for an experiment on series: a model goes through the whole recording, the test part counts.
+
+    Predictions have the three columns x, y, z (mm), NaN where the task does not ask for one.
+    """
+    import torch
+
+    from pipeline import series_fitting
+
+    torch.set_num_threads(1)
+    values = params.load()
+    settings, module = values[experiment], params.experiment_module(experiment)
+    block = params.model_settings(values, experiment, model)
+    scores, parts = [], []
+    for protocol, seed in params.runs(values, experiment):
+        folder = paths.require(
+            paths.run_folder(experiment, model, protocol, seed), f"python -m pipeline.train_series {experiment} {model}"
+        )
+        task = module.task(protocol)
+        spec = series_fitting.spec_of(task, settings["window"]["frames"])
+        regressor = series_fitting.adapted(
+            params.build_model(model, spec, block, f"{experiment}.models.{model}"), spec
+        )
+        regressor.load(folder)
+        failed = json.loads((folder / "fit.json").read_text())["best_epoch"] == 0
+        for piece in series.read(paths.dataset(experiment), task, protocol, seed):
+            test = piece.part == "test"
+            if not test.any():
+                continue
+            predicted = regressor.predict(piece.record.x)[test]
+            if failed:
+                predicted[:] = np.nan
+            own = series.Record(*(column[test] for column in piece.record))
+            for metric, unit, value, n in metrics.series(own, predicted, task.outputs):
+                value = float("nan") if failed else value
+                scores.append((experiment, protocol, piece.condition, model, seed, metric, unit, value, n))
+            wide = np.full((len(predicted), 3), np.nan, np.float32)
+            wide[:, list(task.outputs)] = predicted
+            parts.append(tables.prediction_rows(protocol, seed, piece.rows[test], wide))
+        report()
+    tables.write(target / f"{model}.parquet", parts[0].schema, parts)
+    return scores
+
+
 def main() -> None:
     """Evaluate the experiment named on the command line."""
     values = params.load()
@@ -77,7 +121,8 @@ def main() -> None:
     if why_not_run(experiment) is None:
         tasks = {model: (experiment, model, draft) for model in models}
         with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
-            found = dict(workers.run(evaluate_model, tasks, bar, steps=len(runs)))
+            evaluate = evaluate_series_model if experiment in params.SERIES else evaluate_model
+            found = dict(workers.run(evaluate, tasks, bar, steps=len(runs)))
     scores = paths.scores(experiment)
     unfinished = scores.with_name("scores.csv.unfinished")
     with open(unfinished, "w", newline="", encoding="ascii") as file:

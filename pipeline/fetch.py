@@ -35,7 +35,7 @@ def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
         goal.parent.mkdir(parents=True, exist_ok=True)
         part = goal.with_name(goal.name + ".part")
         origin = sources.address(name, path) if from_folder is None else str(from_folder / path)
-        part.write_bytes(_download(origin) if from_folder is None else _read(from_folder / path, name))
+        part.write_bytes(_download(origin) if from_folder is None else _read(from_folder / path, from_folder, name))
         found = sources.sha256(part)
         if found != digest:
             part.unlink()
@@ -56,10 +56,11 @@ def _download(address: str) -> bytes:
         raise InputError(f"{address}: download failed ({error}); retry, or use --from FOLDER") from error
 
 
-def _read(path: Path, name: str) -> bytes:
-    if not path.is_file():
-        raise InputError(f"{path}: not found; --from needs a folder with every file of {name}")
-    return path.read_bytes()
+def _read(path: Path, folder: Path, name: str) -> bytes:
+    for candidate in (path, folder / path.name):  # laid out like the source, or all in one folder
+        if candidate.is_file():
+            return candidate.read_bytes()
+    raise InputError(f"{path}: not found; --from needs a folder with every file of {name}")
 
 
 def main() -> None:

@@ -37,6 +37,13 @@ STYLES = {
     "convlstm": Style("ConvLSTM", PURPLE, "h", (0, (4, 1, 1, 1))),
     "rnn": Style("RNN", BLUE, "<", (0, (5, 1.5))),
     "lomp": Style("LoMP", VERMILION, "*", "-"),
+    "ridge": Style("Ridge, raw window", ORANGE, "o", "-"),
+    "esn": Style("Echo state network", GREEN, "v", "-."),
+    "lstm_direct": Style("LSTM, direct", BLUE, "s", "-"),
+    "lstm_transfer": Style("LSTM, transfer (Adam)", VERMILION, "^", "--"),
+    "lstm_highpass": Style("LSTM on high-passed voltages", GREEN, "*", "-"),
+    "press_difference": Style("Extra trees, press minus rest", BLACK, "s", ":"),
+    "lstm_transfer_ridge": Style("LSTM, transfer (closed form)", PURPLE, "D", (0, (4, 1, 1, 1))),
 }
 
 plt.rcParams.update(

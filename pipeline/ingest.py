@@ -1,6 +1,6 @@
 """Stage: raw logs to aligned, validated frames; every line that is left out goes to a rejects table.
 
-Usage: python -m pipeline.ingest touch|velostat_recorded
+Usage: python -m pipeline.ingest EXPERIMENT
 """
 
 import json
@@ -13,39 +13,34 @@ from pathlib import Path
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import paths, sources, tables
+from pipeline import params, paths, sources, tables
 from pipeline.errors import InputError, run_stage
-from pipeline.experiments import touch, velostat_recorded
-from pipeline.params import load
 
 
-def ingest_touch(settings: dict) -> None:
-    """Frames, rejects and report of `touch`; `settings` is its block of params.yaml.
+def ingest(experiment: str, settings: dict) -> None:
+    """Frames, rejects and report of an experiment; `settings` is its block of params.yaml.
 
-    The logs are the simulator's, or those in the folder (relative to the repository) that `touch.source`
-    names.
+    The logs are a public source's (without it: empty tables and the reason), the simulator's, or those in the
+    folder (relative to the repository) that `<experiment>.source` names.
     """
-    if settings["source"] == "simulated":
-        folder = paths.require(paths.logs("touch"), "python -m pipeline.simulate touch")
+    module = params.experiment_module(experiment)
+    schema = module.frames_schema(settings)
+    if experiment in sources.SOURCES:
+        if not sources.is_complete(experiment):
+            reason = f"recordings not downloaded; run `python -m pipeline.fetch {experiment}`"
+            _write(experiment, schema, [], {"run": False, "reason": reason})
+            print(f"{experiment}: not run, {reason}")
+            return
+        folder = sources.folder(experiment)
+    elif settings["source"] == "simulated":
+        folder = paths.require(paths.logs(experiment), f"python -m pipeline.simulate {experiment}")
     else:
         folder = paths.ROOT / settings["source"]
         if not folder.is_dir():
             raise InputError(
-                f"params.yaml, touch.source: there is no folder {settings['source']}; name one or `simulated`"
+                f"params.yaml, {experiment}.source: there is no folder {settings['source']}; name one or `simulated`"
             )
-    _ingest("touch", touch.recordings(folder), touch.frames_schema(settings), touch.read_recording, settings)
-
-
-def ingest_velostat_recorded(settings: dict) -> None:
-    """Frames, rejects and report of `velostat_recorded`; without recordings, empty tables and a reason."""
-    name = "velostat_recorded"
-    if not sources.is_complete(name):
-        reason = f"recordings not downloaded; run `python -m pipeline.fetch {name}`"
-        _write(name, velostat_recorded.SCHEMA, [], {"run": False, "reason": reason})
-        print(f"{name}: not run, {reason}")
-        return
-    found = velostat_recorded.recordings(sources.folder(name))
-    _ingest(name, found, velostat_recorded.SCHEMA, velostat_recorded.read_recording, settings)
+    _ingest(experiment, module.recordings(folder), schema, module.read_recording, settings)
 
 
 def _ingest(
@@ -94,11 +89,9 @@ def _write(
 
 def main() -> None:
     """Ingest the experiment named on the command line."""
-    stages = {"touch": ingest_touch, "velostat_recorded": ingest_velostat_recorded}
-    experiment = sys.argv[1] if len(sys.argv) == 2 else ""
-    if experiment not in stages:
-        raise InputError(f"usage: python -m pipeline.ingest {'|'.join(stages)}")
-    stages[experiment](load()[experiment])
+    values = params.load()
+    experiment = params.experiment_argument(sys.argv, "ingest", values)
+    ingest(experiment, values[experiment])
 
 
 if __name__ == "__main__":

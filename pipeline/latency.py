@@ -1,6 +1,7 @@
 """Stage: how long a prediction takes, and what the model weighs. Runs alone, on one thread.
 
-Usage: python -m pipeline.latency touch|velostat_recorded
+A prediction is the answer to one window, or, on series, to the next sample with the state carried along.
+Usage: python -m pipeline.latency EXPERIMENT
 """
 
 import csv
@@ -12,7 +13,7 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import params, paths, tables
+from pipeline import params, paths, series, tables
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
@@ -52,6 +53,26 @@ def training_seconds(experiment: str, model: str, protocol: str) -> float:
         return statistics.median(float(row["train_s"]) for row in csv.DictReader(file) if row["protocol"] == protocol)
 
 
+def _windows(values: dict, experiment: str) -> tuple:
+    """Shapes of the task and the test windows (n, frames, elements) of the first run."""
+    from pipeline.fitting import Spec
+
+    spec = Spec(*params.shapes(values[experiment]))
+    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
+    return spec, data.x[data.part(*params.runs(values, experiment)[0]) == "test"]
+
+
+def _series_inputs(values: dict, experiment: str) -> tuple:
+    """Shapes of the first run's task and its test samples (n, channels)."""
+    from pipeline.series_fitting import spec_of
+
+    protocol, seed = params.runs(values, experiment)[0]
+    task = params.experiment_module(experiment).task(protocol)
+    pieces = series.read(paths.dataset(experiment), task, protocol, seed)
+    x = np.concatenate([piece.record.x[piece.part == "test"] for piece in pieces])
+    return spec_of(task, values[experiment]["window"]["frames"]), x
+
+
 def main() -> None:
     """Time every model of the experiment named on the command line, first run of each."""
     values = params.load()
@@ -64,26 +85,28 @@ def main() -> None:
         import torch
         from threadpoolctl import threadpool_limits
 
-        from pipeline.fitting import Spec
-
         torch.set_num_threads(settings["threads"])
-        spec = Spec(*params.shapes(values[experiment]))
         protocol, seed = params.runs(values, experiment)[0]
-        data = tables.read_dataset(paths.dataset(experiment), spec.frames)
-        x = data.x[data.part(protocol, seed) == "test"]
+        on_series = experiment in params.SERIES
+        spec, x = _series_inputs(values, experiment) if on_series else _windows(values, experiment)
         if len(x) < max(settings["batches"]):  # a tiny dataset: the time does not depend on the values
             x = np.resize(x, (max(settings["batches"]), *x.shape[1:]))
         for model in tqdm(values[experiment]["models"], desc=f"latency {experiment}", unit="model"):
             folder = paths.run_folder(experiment, model, protocol, seed)
             where = f"{experiment}.models.{model}"
             regressor = params.build_model(model, spec, params.model_settings(values, experiment, model), where)
+            if on_series:
+                from pipeline.series_fitting import adapted
+
+                regressor = adapted(regressor, spec)
             regressor.load(folder)
+            predict = regressor.step if on_series else regressor.predict
             size = sum(
                 file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json")
             )
             with threadpool_limits(settings["threads"]):
                 for batch in settings["batches"]:
-                    times = prediction_times(regressor.predict, x, batch, settings)
+                    times = prediction_times(predict, x, batch, settings)
                     p50, p95 = np.percentile(times, [50, 95])
                     costs = (regressor.parameters(), regressor.macs(), training_seconds(experiment, model, protocol))
                     rows.append((experiment, model, batch, settings["threads"], p50, p95, *costs, size))

@@ -7,6 +7,7 @@ import pyarrow as pa
 from scipy.ndimage import maximum_filter
 
 from pipeline import labels, tables
+from pipeline.series import Record
 
 LOWEST_PEAK_KPA = 15.0  # half the smallest peak pressure of the data: less does not count as a touch found
 POOLED = {"velostat_recorded": ("all",)}  # all test windows of a run, if of several conditions
@@ -25,6 +26,38 @@ def overall(truth: np.ndarray, predicted: np.ndarray, unit: str) -> list[Row]:
 def velostat_recorded(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
     """RMSE in N and R2 of force; truth, predicted: (n, 1) in N."""
     return overall(truth, predicted, "N")
+
+
+def series(record: Record, predicted: np.ndarray, outputs: tuple[int, ...]) -> list[Row]:
+    """Scores of one run on the test samples of one recording; record: T samples, predicted: (T, outputs) in mm.
+
+    * error: mean absolute error for one output, mean Euclidean distance for more (latent-space paper, Table I).
+    * r2, and r2_x, r2_y, r2_z: share of variance explained, all outputs together and each.
+    * press_error, press_r2_x, ...: the same of each press, predicted as the mean over the second half of its
+      samples; only where presses are known.
+    """
+    counted = record.counted
+    truth, guess, press = record.y[counted].astype(np.float64), predicted[counted].astype(np.float64), record.press
+    rows = _distances(truth, guess, outputs, "")
+    press = press[counted]
+    if (press >= 0).all() and len(press):
+        numbers, first, size = np.unique(press, return_index=True, return_counts=True)
+        halves = [slice(start + count // 2, start + count) for start, count in zip(first, size, strict=True)]
+        means = [np.array([values[half].mean(axis=0) for half in halves]) for values in (truth, guess)]
+        rows += _distances(*means, outputs, "press_")
+    return rows
+
+
+def _distances(truth: np.ndarray, guess: np.ndarray, outputs: tuple[int, ...], prefix: str) -> list[Row]:
+    error = guess - truth
+    distance = np.abs(error[:, 0]) if len(outputs) == 1 else np.linalg.norm(error, axis=1)
+    spread = np.square(truth - truth.mean(axis=0)).sum(axis=0)
+    missed = np.square(error).sum(axis=0)
+    explained = {"r2": (missed.sum(), spread.sum())}
+    explained |= {f"r2_{'xyz'[column]}": (missed[k], spread[k]) for k, column in enumerate(outputs)}
+    rows = [("error", "mm", float(distance.mean()))]
+    rows += [(name, "1", float(1 - off / of) if of else float("nan")) for name, (off, of) in explained.items()]
+    return [(prefix + name, unit, value, len(truth)) for name, unit, value in rows]
 
 
 def touch(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:

@@ -118,6 +118,9 @@ def experiment_module(experiment: str):
     return importlib.import_module(f"pipeline.experiments.{experiment}")
 
 
+SERIES = ("strain", "strain_recorded")  # experiments whose models see a whole series, not windows
+
+
 def shapes(settings: Mapping) -> tuple[int, int, int, int, int]:
     """(frames, rows, cols, map_rows, map_cols) of an experiment's task; settings: its block of params.yaml."""
     sensor, label = settings["sensor"], settings["label"]

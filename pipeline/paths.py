@@ -5,6 +5,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
+MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from
 PARAMS = ROOT / "params.yaml"
 SOURCES = ROOT / "data" / "sources"
 REPORTS = ROOT / "reports"

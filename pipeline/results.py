@@ -101,6 +101,10 @@ class Scores:
             found.append(np.nan if failed else self._values[key])
         return found
 
+    def measured(self) -> list[tuple[str, str, str]]:
+        """Every (protocol, condition, metric) that has a row, in the order of the file."""
+        return list(dict.fromkeys((protocol, condition, metric) for protocol, condition, _, _, metric in self._values))
+
     def estimate(self, protocol: str, condition: str, model: str, metric: str) -> Estimate:
         """Mean and interval over the seeds of one protocol."""
         return estimate(self.runs(protocol, condition, model, metric))
@@ -118,6 +122,13 @@ def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]
                     f"{shown(path)}: no row for model {model}, batch {batch}; run `{made_by}` again"
                 )
     return rows
+
+
+def read_training_times(experiment: str, model: str, protocol: str) -> list[float]:
+    """Measured training seconds of one model, one a seed."""
+    made_by = f"python -m pipeline.train {experiment} {model}"
+    times = read_csv(paths.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
+    return times[times["protocol"] == protocol]["train_s"].tolist()
 
 
 class Fit(NamedTuple):

@@ -2,7 +2,7 @@
 
 import csv
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from tqdm import tqdm
 
@@ -10,25 +10,35 @@ from pipeline import params, paths, workers
 from pipeline.availability import why_not_run
 
 
-def train_all(train_run: Callable[..., float], experiment: str, model: str) -> None:
+def train_all(
+    train_run: Callable[..., float],
+    experiment: str,
+    model: str,
+    *,
+    into: str | None = None,
+    protocols: Collection[str] | None = None,
+) -> None:
     """Call `train_run(experiment, model, protocol, seed, folder, report)` for every run of params.yaml.
 
     It writes the run's files to the new `folder`, calls `report` once an epoch and returns the seconds that
     fitting took. A progress bar goes over all epochs of all runs. Without recordings the model's folder is empty.
+    `into`: another name for the folder; `protocols`: only these, in place of all.
     """
+    name = into or model
     values = params.load()
     block = params.model_settings(values, experiment, model)
     target, times, draft = (
-        place(experiment, model) for place in (paths.model_folder, paths.training_times, paths.model_draft)
+        place(experiment, name) for place in (paths.model_folder, paths.training_times, paths.model_draft)
     )
     for folder in (draft, target):
         shutil.rmtree(folder, ignore_errors=True)
     runs = params.runs(values, experiment) if why_not_run(experiment) is None else []
+    runs = [run for run in runs if protocols is None or run[0] in protocols]
     draft.mkdir(parents=True)
     seconds = {}
     if runs:
         epochs = block.get("training", {}).get("max_epochs", 1)
-        with tqdm(total=epochs * len(runs), desc=f"train {experiment} {model}", unit="epoch") as bar:
+        with tqdm(total=epochs * len(runs), desc=f"train {experiment} {name}", unit="epoch") as bar:
             tasks = {
                 (protocol, seed): (experiment, model, protocol, seed, draft / f"{protocol}-{seed}")
                 for protocol, seed in runs

@@ -20,6 +20,7 @@ def set_values(values: dict, params_file: Path) -> None:
     """Replace the values of dotted keys (`touch.window.stride`) in a params file; InputError for an unknown key."""
     editor = YAML()
     editor.width = 4096  # never wrap a line
+    editor.representer.add_representer(float, _float)
     content = editor.load(params_file.read_text(encoding="utf-8"))
     for dotted, value in values.items():
         *path, last = dotted.split(".")
@@ -35,6 +36,13 @@ def set_values(values: dict, params_file: Path) -> None:
     with open(draft, "w", encoding="utf-8") as file:
         editor.dump(content, file)
     os.replace(draft, params_file)
+
+
+def _float(representer, value: float):
+    """1e-06 as 1.0e-06: without a point YAML readers take it for text."""
+    text = repr(value)
+    text = text if "." in text else text.replace("e", ".0e")
+    return representer.represent_scalar("tag:yaml.org,2002:float", text)
 
 
 def _flow(value):

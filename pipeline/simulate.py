@@ -1,9 +1,10 @@
 """Stage: write the raw serial logs of a simulated scene, with every injected fault listed in `faults.csv`.
 
-Usage: python -m pipeline.simulate touch
+Usage: python -m pipeline.simulate touch|strain
 """
 
 import csv
+import importlib
 import shutil
 import sys
 
@@ -11,28 +12,24 @@ from tqdm import tqdm
 
 from pipeline import params, paths
 from pipeline.errors import InputError, run_stage
-from pipeline.scenes import touch
+
+SCENES = ("touch", "strain")
 
 
-def simulate_touch(settings: dict) -> None:
-    """Write data/touch/logs/<condition>/<recording>/<device>.log and data/touch/logs/faults.csv."""
-    scene, sensor, radius = settings["simulate"], settings["sensor"], settings["label"]["tip_radius_mm"]
-    recordings = [
-        *touch.single_recordings(scene, sensor, radius),
-        *touch.double_recordings(scene, sensor, radius),
-        *touch.demonstration_recordings(scene, sensor, radius),
-    ]
-    target = paths.logs("touch")
+def simulate(experiment: str, settings: dict) -> None:
+    """Write data/<experiment>/logs/<condition>/<recording>/<device>.log and data/<experiment>/logs/faults.csv.
+
+    `pipeline/scenes/<experiment>.py` gives the recordings and, for each, its logs with their faults.
+    """
+    recordings, logs_of = importlib.import_module(f"pipeline.scenes.{experiment}").plan(settings)
+    target = paths.logs(experiment)
     draft = target.with_name("logs.unfinished")
     shutil.rmtree(draft, ignore_errors=True)
-    # Resets strike the first recordings; the others show the array undisturbed.
-    resets = {recording.name for recording in recordings[: scene["faults"]["resets"]]}
     rows = []
-    for recording in tqdm(recordings, desc="simulate touch", unit="recording"):
+    for recording in tqdm(recordings, desc=f"simulate {experiment}", unit="recording"):
         folder = draft / recording.condition / recording.name
         folder.mkdir(parents=True)
-        reset = recording.condition == "single" and recording.name in resets
-        for name, (lines, faults) in touch.logs_of(recording, scene, sensor, radius, reset).items():
+        for name, (lines, faults) in logs_of(recording).items():
             (folder / name).write_text("\n".join(lines) + "\n", encoding="ascii")
             rows += [(recording.condition, recording.name, name, fault.line, fault.kind) for fault in faults]
     with open(draft / "faults.csv", "w", newline="", encoding="ascii") as file:
@@ -46,9 +43,9 @@ def simulate_touch(settings: dict) -> None:
 def main() -> None:
     """Simulate the experiment named on the command line."""
     experiment = sys.argv[1] if len(sys.argv) == 2 else ""
-    if experiment != "touch":
-        raise InputError("usage: python -m pipeline.simulate touch")
-    simulate_touch(params.load()["touch"])
+    if experiment not in SCENES:
+        raise InputError(f"usage: python -m pipeline.simulate {'|'.join(SCENES)}")
+    simulate(experiment, params.load()[experiment])
 
 
 if __name__ == "__main__":

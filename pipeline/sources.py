@@ -30,6 +30,12 @@ SOURCES = {
         folder="src/experimental_data",
         licence="none given: use the recordings, do not redistribute them",
     ),
+    "strain_recorded": Source(
+        repository="tomraven1/sensor_morphology",
+        commit="30718094c8dbbb889c3207f4dc32394166c2821e",
+        folder="experiment/UR5RobotControlV3.2",
+        licence="none given: use the recordings, do not redistribute them",
+    ),
 }
 
 

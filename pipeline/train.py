@@ -65,7 +65,7 @@ def train_run(
 
 def main() -> None:
     """Train the model named on the command line."""
-    experiments = params.load()["experiments"]
+    experiments = [name for name in params.load()["experiments"] if name not in params.SERIES]
     if len(sys.argv) != 3 or sys.argv[1] not in experiments:
         raise InputError(f"usage: python -m pipeline.train {'|'.join(experiments)} MODEL")
     runs.train_all(train_run, sys.argv[1], sys.argv[2])

@@ -82,7 +82,7 @@ def save(folder, logs):
 
 
 def run(root, settings=SETTINGS):
-    ingest.ingest_touch(settings)
+    ingest.ingest("touch", settings)
     data = root / "data" / "touch"
     report = json.loads((data / "ingest.json").read_text())
     return pq.read_table(data / "frames.parquet"), pq.read_table(data / "rejects.parquet"), report
@@ -285,7 +285,7 @@ def test_velostat_recordings_share_a_clock(root, monkeypatch):
     monkeypatch.setattr(sources, "is_complete", lambda name: True)
     velostat(root, "exp1")
     velostat(root, "exp2")
-    ingest.ingest_velostat_recorded(VELOSTAT_SETTINGS)
+    ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
     data = root / "data" / "velostat_recorded"
     frames, rejects = pq.read_table(data / "frames.parquet"), pq.read_table(data / "rejects.parquet")
     assert frames.schema.equals(velostat_recorded.SCHEMA)
@@ -304,12 +304,12 @@ def test_a_velostat_log_without_its_pair_is_refused(root, monkeypatch):
     monkeypatch.setattr(sources, "is_complete", lambda name: True)
     velostat(root, "exp1").unlink()
     with pytest.raises(InputError, match="futek_data/pike1_force_5/.*log not found"):
-        ingest.ingest_velostat_recorded(VELOSTAT_SETTINGS)
+        ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
 
 
 def test_without_recordings_the_stage_says_so(root, monkeypatch):
     monkeypatch.setattr(sources, "is_complete", lambda name: False)
-    ingest.ingest_velostat_recorded(VELOSTAT_SETTINGS)
+    ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
     data = root / "data" / "velostat_recorded"
     assert pq.read_table(data / "frames.parquet").num_rows == 0
     assert pq.read_table(data / "rejects.parquet").schema.equals(tables.REJECTS)

@@ -37,12 +37,20 @@ def mlflow_runs(project) -> list[tuple]:
     return sorted((r["experiment"], r["protocol"], r["model"], int(r["seed"])) for r in runs.values())
 
 
-EXPECTED_RUNS = sorted(
+TOUCH_RUNS = sorted(
     ("touch", protocol, model, seed)
     for protocol, seeds in (("press", (0, 1)), ("random_window", (0,)))
     for model in MODELS
     for seed in seeds
 )
+STRAIN_MODELS = ["constant", "ridge", "esn", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge", "lstm_highpass"]
+STRAIN_RUNS = [
+    ("strain", task, model, seed)
+    for task in ("task_0", "task_1", "task_2")
+    for model in STRAIN_MODELS
+    for seed in (0, 1)
+]
+EXPECTED_RUNS = sorted(TOUCH_RUNS + STRAIN_RUNS)
 
 
 def test_scores_hold_every_model_condition_and_seed(miniature):
@@ -55,9 +63,13 @@ def test_scores_hold_every_model_condition_and_seed(miniature):
         found = rmse[rmse.condition == condition]
         assert (
             sorted(("touch", *row) for row in zip(found.protocol, found.model, found.seed, strict=True))
-            == EXPECTED_RUNS
+            == TOUCH_RUNS
         )
         assert found.value.gt(0).all() and found.n.gt(0).all()
+    error = scores[(scores.metric == "error") & (scores.experiment == "strain")]
+    assert (error.protocol == error.condition).all() and error.value.gt(0).all()
+    found = zip(error.experiment, error.protocol, error.model, error.seed, strict=True)
+    assert sorted(found) == sorted(STRAIN_RUNS)
 
 
 def test_latency_holds_every_model_and_batch(miniature):
@@ -120,6 +132,22 @@ def test_recorded_data_absent_is_said_and_harms_nothing(miniature):
     assert "velostat_recorded" not in set(pd.read_csv(miniature.folder / "reports" / "scores.csv").experiment)
 
 
+def test_strain_report_is_complete(miniature):
+    folder = miniature.folder / "reports" / "strain"
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")}
+    figures = ["figure5", "figure6", "figure7", "figure8_task_1", "figure8_task_2"]
+    figures += ["samples", "drift", "time", "capacity"]
+    assert names == {
+        *(f"accuracy/{name}.png" for name in figures),
+        *(f"accuracy/{name}.csv" for name in ("table1", "samples", "drift", "capacity")),
+        *("accuracy/README.md", "accuracy/table1.md"),
+        *(f"speed/{name}" for name in ("table1_times.md", "table2.csv", "table2.md", "tradeoff.png")),
+    }
+    text = (folder / "accuracy" / "README.md").read_text()
+    for words in ("Fewer samples", "Drift-free", "Time since training", "Capacity"):
+        assert f"- {words}, task 1: " in text and f"- {words}, task 2: " in text
+
+
 def test_second_repro_has_nothing_to_do(miniature):
     started = time.monotonic()
     output = miniature.dvc("repro").stdout
@@ -161,7 +189,8 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     (copy / "params.yaml").write_text(values)
     output = project.dvc("repro", "render@touch", "collect").stdout
     assert "train_touch@nearest" in output and "train_touch@lomp' didn't change" in output
-    models = set(pd.read_csv(copy / "reports" / "scores.csv").model)
+    scores = pd.read_csv(copy / "reports" / "scores.csv")
+    models = set(scores[scores.experiment == "touch"].model)
     assert "nearest" in models and "constant" not in models
     assert "constant" not in set(pd.read_csv(copy / "reports/touch/accuracy/table1.csv").model)
 

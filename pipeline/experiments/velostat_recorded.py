@@ -21,6 +21,11 @@ NO_GROUND_TRUTH = "no ground truth at this time"
 SCHEMA = tables.frames(1, 1, pa.float32())
 
 
+def frames_schema(settings: Mapping) -> pa.Schema:
+    """The frames table: the sensors are given, whatever `settings` say."""
+    return SCHEMA
+
+
 def recordings(folder: Path) -> list[Path]:
     """The Velostat logs in `folder`/velostat_data, sorted. InputError where there is none."""
     found = sorted((folder / "velostat_data").glob("*/*.txt"))

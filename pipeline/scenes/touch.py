@@ -17,7 +17,7 @@ Velostat. `material.py`, fitted to recordings of a Velostat taxel under a load c
 Circuit. `readout.py`, exact for the read-out of figure 2c of the LoMP paper.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -51,6 +51,24 @@ class Recording(NamedTuple):
     condition: str
     name: str
     touches: list[Touch]
+
+
+def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
+    """All recordings, and the function that gives the logs of one (`logs_of`); settings: the block `touch`."""
+    scene, sensor, radius = settings["simulate"], settings["sensor"], settings["label"]["tip_radius_mm"]
+    recordings = [
+        *single_recordings(scene, sensor, radius),
+        *double_recordings(scene, sensor, radius),
+        *demonstration_recordings(scene, sensor, radius),
+    ]
+    # Resets strike the first recordings; the others show the array undisturbed.
+    resets = {recording.name for recording in recordings[: scene["faults"]["resets"]]}
+
+    def logs(recording: Recording) -> dict:
+        reset = recording.condition == "single" and recording.name in resets
+        return logs_of(recording, scene, sensor, radius, reset)
+
+    return recordings, logs
 
 
 def tip_area_m2(tip_radius_mm: float) -> float:

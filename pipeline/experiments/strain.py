@@ -1,0 +1,255 @@
+"""Strain experiment (latent-space paper): what DAQ and robot print, and one recording as samples at a uniform rate."""
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from scipy.stats import theilslopes
+
+from pipeline import alignment, logs, paths, series, tables
+from pipeline.errors import InputError
+from pipeline.logs import Column, Format
+
+CHANNELS = 6
+# Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
+CLOCK = Column("t_s", "s", 0, 4e9)
+DAQ = Format((CLOCK, *(Column(f"u{k}", "V", -10, 10) for k in range(CHANNELS))), time="t_s")
+ROBOT = Format((CLOCK, *(Column(name, "mm", -5e3, 5e3) for name in ("x_mm", "y_mm", "z_mm"))), time="t_s")
+FORMATS = {"daq.log": DAQ, "robot.log": ROBOT}
+SCHEMA = series.frames(CHANNELS)
+
+TASKS = {"task_0": (0, 1, 2), "task_1": (2,), "task_2": (0, 1)}  # columns of x, y, z that are asked for
+MODEL_ZERO_TASK = "task_0"
+
+NO_GROUND_TRUTH = "no ground truth at this time"
+GRID_S = 0.1  # on which the clocks are compared: half the DAQ's interval
+NEAR_S = 1.0  # stretches are searched this far: 100 ppm are 0.6 s in 6000 s
+STRETCH_S = 300.0  # about 40 strokes of the arm
+STRETCHES = 4
+CLIP = 95  # percentile: a slip changes voltages far more than the arm's motion
+STUCK_S = 60.0  # a voltage that does not change for so long is no sensor's
+STEP_V = 3.2e-4  # a step of a 16-bit converter for +-10 V (0.305 mV), rounded: a dead input may flicker by one
+LEAST_TRUTH = 0.5  # share of the DAQ's samples that must have ground truth
+
+
+def frames_schema(settings: Mapping) -> pa.Schema:
+    """The frames table: the sensors are given, whatever `settings` say."""
+    return SCHEMA
+
+
+def recordings(folder: Path) -> list[Path]:
+    """The folders `<task>/<recording>` in `folder`, sorted. InputError where there is none, or of an unknown task."""
+    found = sorted(path for path in folder.glob("*/*") if path.is_dir())
+    if not found:
+        raise InputError(f"{folder}: no recordings found; expected <task>/<recording>/daq.log in it")
+    for path in found:
+        if path.parent.name not in TASKS:
+            raise InputError(f"{path}: '{path.parent.name}' is no task; the tasks are {', '.join(TASKS)}")
+    return found
+
+
+def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
+    """The two logs of one folder as samples on the DAQ's clock, at `ingest.rate_hz`: `(frames, rejects, report)`.
+
+    `settings`: the block `strain` of params.yaml. frames: a table of SCHEMA; jitter and single missing lines are
+    interpolated, a gap of more than `ingest.max_gap_s` starts a new segment. Lines of a file = accepted + rejected
+    (+ header). Raises InputError for a missing log, too many rejects, a clock that was set back, clocks that cannot
+    be aligned, ground truth for less than half of the samples, and channels that are all dead.
+    """
+    ingest, who = settings["ingest"], f"{folder.parent.name}/{folder.name}"
+    rows, rejects = {}, {}
+    for name, fmt in FORMATS.items():
+        rows[name], rejects[name] = logs.read_log(folder / name, fmt)
+        reasons = Counter(rejects[name]["reason"].to_pylist())
+        lines = rows[name].num_rows + rejects[name].num_rows
+        logs.check_rejects(
+            folder / name, lines, reasons, ingest["max_reject_fraction"], "strain.ingest.max_reject_fraction"
+        )
+        if rows[name]["segment"][-1].as_py() > 0:
+            raise InputError(f"{folder / name}: the time steps back for good; the clock was set, record again")
+        lasts, least = np.ptp(rows[name]["t_s"].to_numpy()), 4 * ingest["max_clock_offset_s"]
+        if lasts < least:
+            raise InputError(f"{folder / name}: lasts {lasts:.1f} s; at least {least:g} s are needed, record longer")
+    daq, robot = rows["daq.log"], rows["robot.log"]
+    at, volts = daq["t_s"].to_numpy(), np.column_stack([daq[f"u{k}"].to_numpy() for k in range(CHANNELS)])
+    place = np.column_stack([robot[name].to_numpy() for name in ("x_mm", "y_mm", "z_mm")])
+    channels = stuck(folder / "daq.log", at, volts)
+    clock = robot_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
+    truth, known = alignment.interpolated(at, clock(robot["t_s"].to_numpy()), place)
+    if known.mean() < LEAST_TRUTH:
+        raise InputError(
+            f"{folder / 'robot.log'}: covers {100 * known.mean():.0f} % of the DAQ's log; it ended early, record again"
+        )
+    numbers = daq["line"].to_numpy()[~known].tolist()
+    texts = logs.texts(folder / "daq.log", numbers) if numbers else []
+    columns = [["daq.log"] * len(numbers), numbers, [NO_GROUND_TRUTH] * len(numbers), texts]
+    rejects["daq.log"] = pa.concat_tables([rejects["daq.log"], pa.table(columns, logs.REJECTS)]).sort_by("line")
+
+    frames = resampled(folder.parent.name, folder.name, at[known], volts[known], truth[known], ingest)
+    report = {}
+    for name, accepted in (("daq.log", int(known.sum())), ("robot.log", robot.num_rows)):
+        time = rows[name]["t_s"].to_numpy()
+        report[name] = tables.log_report(accepted, rejects[name], time, np.zeros(len(time), int))
+    report["daq.log"]["channels"] = channels
+    report["robot.log"]["clock"] = {
+        "offset_ms": 1e3 * clock.offset_s,
+        "drift_ppm": 1e6 * clock.drift,
+        "correlation": clock.correlation,
+    }
+    return frames, pa.concat_tables(rejects.values()), report
+
+
+def resampled(
+    condition: str, recording: str, at: np.ndarray, volts: np.ndarray, truth: np.ndarray, ingest: Mapping
+) -> pa.Table:
+    """Linear interpolation at a uniform rate, from segment to segment; at (n,) s, volts (n, channels), truth (n, 3)."""
+    edges = np.flatnonzero(np.diff(at) > ingest["max_gap_s"]) + 1
+    parts = []
+    for number, (first, last) in enumerate(zip([0, *edges], [*edges, len(at)], strict=True)):
+        own = slice(first, last)
+        grid = np.arange(at[first], at[last - 1] + 1e-9, 1 / ingest["rate_hz"])
+        v, y = (
+            np.column_stack([np.interp(grid, at[own], column) for column in values[own].T]) for values in (volts, truth)
+        )
+        n = len(grid)
+        columns = {
+            "condition": [condition] * n,
+            "recording": [recording] * n,
+            "segment": np.full(n, number, np.int16),
+            "t_s": grid,
+            "gap_before": np.arange(n) == 0,
+            "press": np.full(n, -1, np.int32),
+            "v": tables.lists(v, pa.float32()),
+            "y_mm": tables.lists(y, pa.float32()),
+        }
+        parts.append(pa.table(columns).select(SCHEMA.names).cast(SCHEMA))
+    return pa.concat_tables(parts)
+
+
+def robot_clock(
+    daq_s: np.ndarray, volts: np.ndarray, robot_s: np.ndarray, place: np.ndarray, ingest: Mapping, who: str
+) -> alignment.Clock:
+    """How the robot's time becomes the DAQ's: while the arm moves, voltages change in proportion, slips apart.
+
+    The offset is where the arm's velocity is best explained, by least squares, by the rates of the voltages: over
+    all of the log, then, near that, over stretches of STRETCH_S, whose offsets give the drift. The changes of the
+    rates explain too, because a strand answers late: m' = r' - T m''. Without them what it takes to answer looks like
+    an offset: 0.20 s in place of 0.01 s in simulated task 1 (0.03 to 0.04 s in task 0, 0.1 s in task 2 either way).
+    The clocks start within `ingest.max_clock_offset_s` of each other, or the logs do. daq_s (n,), volts (n, channels),
+    robot_s (m,), place (m, 3). Raises InputError below `ingest.min_correlation`.
+    """
+    grid = np.arange(daq_s[0], daq_s[-1], GRID_S)
+    rates = _on(grid, *_rates(daq_s, volts))
+    rates = np.column_stack([rates, np.gradient(rates, axis=0)])
+    speed = _rates(robot_s, place)
+    centres = sorted({0.0, float(daq_s[0] - robot_s[0])})
+    tried = [_best_lag(grid, rates, speed, centre, ingest["max_clock_offset_s"]) for centre in centres]
+    lag, _ = max(tried, key=lambda one: one[1])
+    length, found = round(STRETCH_S / GRID_S), []
+    for first in range(0, len(grid) - length // 2, length):
+        own = slice(first, first + length)
+        near, score = _best_lag(grid[own], rates[own], speed, lag, NEAR_S)
+        if score >= ingest["min_correlation"]:
+            found.append((grid[own].mean(), near))
+    clock = alignment.Clock(lag)
+    if len(found) >= STRETCHES:
+        times, lags = np.array(found).T
+        drift, offset, _, _ = theilslopes(lags, times - times.mean())  # a stretch may be far off
+        clock = alignment.Clock(float(offset), float(drift), float(times.mean()))
+    correlation = _explained(rates, _on(grid, clock(speed[0]), speed[1]))
+    if not correlation >= ingest["min_correlation"]:
+        raise InputError(
+            f"{who}: robot.log and daq.log do not follow each other (best correlation {correlation:.2f}, "
+            f"strain.ingest.min_correlation {ingest['min_correlation']:g}); check that they belong to one capture"
+        )
+    return alignment.Clock(clock.offset_s, clock.drift, clock.middle_s, correlation)
+
+
+def _rates(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times between samples, and the rates of `values` (n, columns) there, clipped on both sides."""
+    rate = np.diff(values, axis=0) / np.diff(time_s)[:, None]
+    return (time_s[1:] + time_s[:-1]) / 2, np.clip(rate, *np.percentile(rate, [100 - CLIP, CLIP], axis=0))
+
+
+def _on(grid: np.ndarray, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """`values` (n, columns) interpolated on the grid (m,), 0 outside their time: (m, columns)."""
+    return np.column_stack([np.interp(grid, time_s, column, left=0, right=0) for column in values.T])
+
+
+def _explained(rates: np.ndarray, speed: np.ndarray) -> float:
+    """Multiple correlation: root of the share of `speed` (n, 3) that `rates` (n, channels) explain."""
+    basis, _ = np.linalg.qr(np.column_stack([np.ones(len(rates)), rates]))
+    speed = speed - speed.mean(axis=0)
+    return float(np.linalg.norm(basis.T @ speed) / max(np.linalg.norm(speed), 1e-12))
+
+
+def _best_lag(
+    grid: np.ndarray, rates: np.ndarray, speed: tuple[np.ndarray, np.ndarray], centre: float, reach: float
+) -> tuple[float, float]:
+    """The lag of the robot's clock within centre +- reach (s) that explains most, between steps by a parabola."""
+    basis, _ = np.linalg.qr(np.column_stack([np.ones(len(rates)), rates]))
+    lags = centre + np.arange(-round(reach / GRID_S), round(reach / GRID_S) + 1) * GRID_S
+    count = len(grid)
+    wide = _on(grid[0] - lags[-1] + np.arange(count + len(lags) - 1) * GRID_S, *speed)
+    scores = np.empty(len(lags))
+    for k in range(len(lags)):
+        moved = wide[len(lags) - 1 - k :][:count]
+        moved = moved - moved.mean(axis=0)
+        scores[k] = np.linalg.norm(basis.T @ moved) / max(np.linalg.norm(moved), 1e-12)
+    best = int(np.clip(np.argmax(scores), 1, len(scores) - 2))
+    below, top, above = scores[best - 1 : best + 2]
+    bend = below - 2 * top + above
+    shift = float(np.clip((below - above) / (2 * bend), -1, 1)) if bend < 0 else 0.0
+    return float(lags[best] + shift * GRID_S), float(top)
+
+
+def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray) -> dict[str, dict]:
+    """Channels that change by no more than STEP_V in blocks of STUCK_S: at an edge of their range saturated, else dead.
+
+    Returns channel -> fault and share of the blocks; blocks mostly in a gap do not count. time_s (n,), volts
+    (n, channels). InputError if all channels are dead all the time.
+    """
+    starts = np.flatnonzero(np.diff((time_s - time_s[0]) // STUCK_S, prepend=-1))
+    whole = time_s[np.append(starts[1:], len(time_s)) - 1] - time_s[starts] > STUCK_S / 2
+    low, high = (extreme.reduceat(volts, starts)[whole] for extreme in (np.minimum, np.maximum))
+    faults = {}
+    for k, v in enumerate(volts.T):
+        still = high[:, k] - low[:, k] <= STEP_V
+        if still.any():
+            at_edge = (high[still, k] >= v.max() - STEP_V) | (low[still, k] <= v.min() + STEP_V)
+            saturated = at_edge.all() and np.ptp(v) > STEP_V
+            faults[f"u{k}"] = {"fault": "saturated" if saturated else "dead", "share": float(still.mean())}
+    if sum(fault["share"] == 1 for fault in faults.values()) == volts.shape[1]:
+        raise InputError(f"{path}: all {volts.shape[1]} channels are dead; check the supply of the strands")
+    return faults
+
+
+def task(protocol: str) -> series.Task:
+    """What a protocol, named like its task, asks for. Raises InputError for an unknown one."""
+    if protocol not in TASKS:
+        raise InputError(f"strain: no task '{protocol}'; the tasks are {', '.join(TASKS)}")
+    return series.Task(TASKS[protocol], {protocol: list(range(CHANNELS))}, False, MODEL_ZERO_TASK)
+
+
+def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
+    """The part of each sample, (n,): chronological within the recordings of the task; other tasks are 'unused'.
+
+    The same for every seed: the recording decides. The end of the training part is the validation part.
+    """
+    condition, recording = tables.names(frames["condition"]), tables.names(frames["recording"])
+    part = np.full(frames.num_rows, "unused", dtype=object)
+    for name in np.unique(recording[condition == protocol]):
+        rows = np.flatnonzero((condition == protocol) & (recording == name))
+        part[rows] = series.chronological(len(rows), settings["split"]["train"], settings["split"]["validation"])
+    return part
+
+
+def true_drift(protocol: str, time_s: np.ndarray) -> dict[str, np.ndarray]:
+    """Simulated logs only: the strands' true drift (n, strands) at times (n,) of the DAQ's clock; else nothing."""
+    found = sorted((paths.logs("strain") / protocol).glob("*/truth.csv"))
+    if not found:
+        return {}
+    truth = np.loadtxt(found[0], delimiter=",", skiprows=1)
+    return {"true drift": np.column_stack([np.interp(time_s, truth[:, 0], column) for column in truth[:, 1:].T])}

@@ -1,0 +1,44 @@
+"""Echo state network (suggested in the latent-space paper, its reference 19): a random reservoir, a ridge read-out."""
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import eigs
+
+from pipeline.fitting import Spec
+from pipeline.seeding import generator
+from pipeline.series_fitting import StateReadout
+
+LINKS = 10  # connections a unit: makes a step cost units x 10 instead of units squared
+
+
+def build(spec: Spec, *, units: int, spectral_radius: float, leak: float, input_scale: float, ridge: float):
+    """State s <- (1 - leak) s + leak tanh(W s + V tanh(x) + b); only the read-out is fitted.
+
+    The inputs go through the same tanh as the LSTM's. `leak` is a sample's share of the state.
+    """
+
+    def make(channels: int, seed: int) -> dict[str, np.ndarray]:
+        rng = generator(seed, "reservoir")
+        reservoir = np.zeros((units, units), np.float32)
+        for row in reservoir:
+            row[rng.choice(units, min(LINKS, units), replace=False)] = rng.normal(size=min(LINKS, units))
+        values = eigs(reservoir.astype(np.float64), k=1, v0=np.ones(units), return_eigenvectors=False)
+        reservoir *= spectral_radius / np.abs(values[0])
+        return {
+            "reservoir": reservoir,
+            "input": (input_scale * rng.uniform(-1, 1, (channels, units))).astype(np.float32),
+            "bias": (input_scale * rng.uniform(-1, 1, units)).astype(np.float32),
+        }
+
+    def advance(system: dict, x: np.ndarray, state: np.ndarray | None) -> np.ndarray:
+        links = sparse.csr_matrix(system["reservoir"])
+        drive = np.tanh(x) @ system["input"] + system["bias"]  # (n, T, units)
+        states = np.empty_like(drive)
+        s = np.zeros((units, len(x)), np.float32) if state is None else state.T
+        for t in range(drive.shape[1]):
+            s = (1 - leak) * s + leak * np.tanh(links @ s + drive[:, t].T)
+            states[:, t] = s.T
+        return states
+
+    macs = units * min(LINKS, units) + spec.elements * units + units * spec.outputs
+    return StateReadout(spec, make, advance, ridge, macs)

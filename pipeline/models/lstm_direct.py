@@ -1,0 +1,9 @@
+"""Direct training (latent-space paper, Table I): tanh, LSTM, linear read-out, all of it trained on the task."""
+
+from pipeline.fitting import Spec
+from pipeline.series_fitting import LstmRegressor, recipe
+
+
+def build(spec: Spec, *, units: int, training: dict) -> LstmRegressor:
+    """Six channels and 50 units: 11,450 parameters for one output, 11,500 for two."""
+    return LstmRegressor(spec, units, recipe(training), transfer=False)

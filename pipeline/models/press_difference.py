@@ -1,0 +1,94 @@
+"""Yardstick of the recorded strain sensors: extra trees on a hand-made difference, pressed minus at rest.
+
+A press is found in the voltages themselves: it began with the largest step of the last `press` samples. The mean
+of what came after that step, minus the mean of the two samples before it (leaving one out that the step may have
+caught half-way), is free of any offset. That a step happens and how long a press may last is knowledge of this
+experiment; no network is told it. A prediction uses the past alone.
+"""
+
+import warnings
+
+import numpy as np
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.ensemble import ExtraTreesRegressor
+from sklearn.exceptions import DataConversionWarning
+from sklearn.pipeline import make_pipeline
+
+from pipeline.errors import InputError
+from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.series import Record
+from pipeline.series_fitting import Windowed
+
+REST = (2, 3)  # samples before the first one after the step
+
+
+def build(spec: Spec, *, press: int, trees: int, min_samples_leaf: int) -> "PressDifference":
+    """`press`: within how many samples the step is looked for, almost the length of a press.
+
+    Fitted numbers: one threshold an inner node, the outputs of every leaf. No multiply-accumulates: trees compare.
+    """
+    needed = press + max(REST)
+    if press < 1 or needed > spec.frames:
+        raise InputError(
+            f"press_difference: press is {press}, which needs windows of {needed} samples, but they have "
+            f"{spec.frames}; raise window.frames or lower press"
+        )
+    estimator = SklearnRegressor(
+        lambda seed: make_pipeline(
+            Difference(press, spec.elements),
+            ExtraTreesRegressor(trees, min_samples_leaf=min_samples_leaf, random_state=seed, n_jobs=1),
+        ),
+        spec,
+        count=lambda fitted: sum(
+            tree.tree_.node_count + (spec.outputs - 1) * tree.tree_.n_leaves for tree in fitted[-1].estimators_
+        ),
+        macs=None,
+        trusted=("pipeline.models.press_difference.Difference", "sklearn.tree._tree.Tree"),
+    )
+    return PressDifference(estimator, spec)
+
+
+class PressDifference(Windowed):
+    """Fitted without the first half of every press, where the arm is still moving down."""
+
+    def fit(self, records: list[Record], **how) -> list[dict]:
+        """As Windowed.fit."""
+        late = [one._replace(counted=one.counted & ~_first_half(one.press)) for one in records]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DataConversionWarning)  # a column of one output is what we mean
+            return super().fit(late, **how)
+
+
+class Difference(TransformerMixin, BaseEstimator):
+    """Mean after the largest step minus the rest level before it, (n, channels), for windows (n, frames * channels)."""
+
+    def __init__(self, press: int, channels: int):
+        self.press = press
+        self.channels = channels
+
+    def fit(self, x: np.ndarray, y=None) -> "Difference":
+        """Nothing to learn."""
+        self.fitted_ = True
+        return self
+
+    def transform(self, x: np.ndarray) -> np.ndarray:
+        """The difference of every window."""
+        newest_first = x.reshape(len(x), -1, self.channels)[:, ::-1].astype(np.float64)
+        steps = np.square(newest_first[:, : self.press] - newest_first[:, 1 : self.press + 1]).sum(2)
+        first = steps.argmax(1)  # how long ago the first sample after the step was
+        rows = np.arange(len(x))
+        rest = np.mean([newest_first[rows, first + before] for before in REST], axis=0)
+        # The first sample after the step may be half-way, too: it counts only where it is the newest.
+        after = np.arange(self.press) <= np.maximum(first - 1, 0)[:, None]
+        pressed = np.einsum("nk,nkc->nc", after, newest_first[:, : self.press]) / after.sum(1, keepdims=True)
+        return pressed - rest
+
+
+def _first_half(press: np.ndarray) -> np.ndarray:
+    """(T,) bool: samples in the first half of a press."""
+    first = np.zeros(len(press), dtype=bool)
+    rows = np.flatnonzero(press >= 0)
+    _, start, size = np.unique(press[rows], return_index=True, return_counts=True)
+    for one, count in zip(start, size, strict=True):
+        first[rows[one : one + count // 2]] = True
+    return first

@@ -1,0 +1,101 @@
+"""Experiments whose input is one long series (strain): their tables, and a series as models see it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+
+from pipeline import tables
+
+
+def frames(channels: int) -> pa.Schema:
+    """Aligned samples on a uniform time grid, in the order of time within a recording.
+
+    channels: sensors of the recording with the most of them; v is NaN where a recording has fewer.
+    """
+    return pa.schema(
+        {
+            "condition": tables.NAME,
+            "recording": tables.NAME,
+            "segment": pa.int16(),  # a new one after every gap
+            "t_s": pa.float64(),
+            "gap_before": pa.bool_(),  # also the first sample of a segment
+            "press": pa.int32(),  # number of the press, -1 outside presses
+            "v": pa.list_(pa.float32(), channels),  # V
+            "y_mm": pa.list_(pa.float32(), 3),  # x, y, z of the arm
+        }
+    )
+
+
+class Task(NamedTuple):
+    """What one protocol of a series experiment asks of a model."""
+
+    outputs: tuple[int, ...]  # columns of y_mm to predict
+    channels: Mapping[str, list[int]]  # condition -> columns of v, in the order in which models see them
+    pressed_only: bool  # only samples of a press count
+    base: str  # the protocol whose LSTM is model-0 (section III-B); its own name if it is that protocol
+
+
+class Record(NamedTuple):
+    """One recording as a model sees it, T samples. State is carried over gaps: nothing better is known there."""
+
+    x: np.ndarray  # (T, channels) float32, V
+    y: np.ndarray  # (T, outputs) float32, mm
+    counted: np.ndarray  # (T,) bool: counts in loss and scores
+    training: np.ndarray  # (T,) bool: training part; in `fit` all other samples are the validation part
+    press: np.ndarray  # (T,) int32
+
+
+class Piece(NamedTuple):
+    """A record, the dataset's row and the split's part of each of its samples."""
+
+    condition: str
+    rows: np.ndarray  # (T,)
+    part: np.ndarray  # (T,) 'train', 'validation', 'test'
+    time_s: np.ndarray  # (T,)
+    record: Record
+
+
+def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
+    """The recordings of a dataset that one run uses, in the order of the table."""
+    table = pyarrow.parquet.read_table(path)
+    part = tables.names(table[tables.split_column(protocol, seed)])
+    condition, recording = tables.names(table["condition"]), tables.names(table["recording"])
+    v, y, press = tables.matrix(table["v"]), tables.matrix(table["y"]), table["press"].to_numpy()
+    pieces = []
+    for name in task.channels:
+        for one in np.unique(recording[condition == name]):
+            rows = np.flatnonzero((condition == name) & (recording == one) & (part != "unused"))
+            if not len(rows):
+                continue
+            record = Record(
+                x=v[rows][:, task.channels[name]],
+                y=y[rows][:, list(task.outputs)],
+                counted=press[rows] >= 0 if task.pressed_only else np.ones(len(rows), dtype=bool),
+                training=part[rows] == "train",
+                press=press[rows],
+            )
+            pieces.append(Piece(name, rows, part[rows], table["t_s"].to_numpy()[rows], record))
+    return pieces
+
+
+def seen_in_training(pieces: list[Piece]) -> list[Record]:
+    """What `fit` may see: every recording up to its last sample of the training or validation part."""
+    records = []
+    for piece in pieces:
+        own = np.flatnonzero(piece.part != "test")
+        if len(own):
+            records.append(Record(*(column[: own[-1] + 1] for column in piece.record)))
+    return records
+
+
+def chronological(samples: int, train: float, validation: float) -> np.ndarray:
+    """(samples,) of 'train', 'validation', 'test' in the order of time.
+
+    train: share that trains; validation: share of that, its end, which is the validation part.
+    """
+    edges = np.round(np.array([train * (1 - validation), train]) * samples).astype(int)
+    return np.repeat(["train", "validation", "test"], np.diff([0, *edges, samples])).astype(object)

@@ -1,0 +1,208 @@
+"""Stage: what the latent-space paper asserts and does not test: few samples, freedom from drift, capacity.
+
+Writes data/strain/study/: samples.csv (error against the number of training samples), capacity.csv (against the
+size of the LSTM), drift.csv (how well elapsed time and the strands' true drift can be read from the raw voltages and
+from the latent space) and latents.csv (states of model-0 on task 2, for figure 7). Errors are those of the test part;
+drift.csv is from held-out blocks of the whole recording.
+Usage: python -m pipeline.study strain
+"""
+
+import csv
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from pipeline import metrics, params, paths, series, workers
+from pipeline.errors import InputError, run_stage
+
+BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
+FOLDS = 5
+LATENT_SAMPLES = 500  # 100 s
+DECODER_RIDGE = 1e-4  # of standardised inputs, against the mean squared error of the standardised target
+
+
+def train_with(values: dict, model: str, block: dict, protocol: str, seed: int, samples: int | None) -> tuple:
+    """Train on the last `samples` of the training part (None: all). Returns (parameters, error in mm on the test part).
+
+    As in the stage `train`, transfer takes its frozen part from model-0, which has seen all of task 0.
+    """
+    from pipeline import series_fitting
+
+    experiment, module = "strain", params.experiment_module("strain")
+    task = module.task(protocol)
+    spec = series_fitting.spec_of(task, values[experiment]["window"]["frames"])
+    (piece,) = series.read(paths.dataset(experiment), task, protocol, seed)
+    (record,) = series.seen_in_training([piece])
+    if samples is not None:
+        record = series.Record(*(column[-samples:] for column in record))
+        record = record._replace(training=np.ones(len(record.x), dtype=bool))
+    regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
+    zero = paths.run_folder(experiment, paths.MODEL_ZERO, task.base, seed)
+    regressor.fit([record], seed=seed, device=values["device"], base=zero)
+    test = piece.part == "test"
+    predicted = regressor.predict(piece.record.x)[test]
+    rows = metrics.series(series.Record(*(column[test] for column in piece.record)), predicted, task.outputs)
+    error = next(value for name, _, value, _ in rows if name == "error")
+    return regressor.parameters(), error if np.isfinite(error) else float("nan")
+
+
+def one_samples(protocol: str, model: str, samples: int, seed: int, report: Callable) -> list[tuple]:
+    """A row of samples.csv."""
+    values = params.load()
+    block = params.model_settings(values, "strain", model)
+    _, error = _single_thread(train_with, values, model, block, protocol, seed, samples)
+    report()
+    return [(protocol, model, samples, seed, "error", "mm", error)]
+
+
+def one_capacity(protocol: str, units: int, seed: int, report: Callable) -> list[tuple]:
+    """A row of capacity.csv: the direct LSTM with another number of units, trained in parallel streams."""
+    values = params.load()
+    model = values["strain"]["model_zero"]
+    block = params.model_settings(values, "strain", model)
+    training = block["training"] | values["strain"]["study"]["capacity"]["training"]
+    block = block | {"units": units, "training": training}
+    parameters, error = _single_thread(train_with, values, model, block, protocol, seed, None)
+    report()
+    return [(protocol, units, parameters, seed, "error", "mm", error)]
+
+
+def one_drift(protocol: str, seed: int, report: Callable) -> list[tuple]:
+    """Rows of drift.csv for one task: R2 of a ridge decoder, by input and by what is decoded."""
+    values = params.load()
+    rows = _single_thread(_decode, values, protocol, seed)
+    report()
+    return rows
+
+
+def _decode(values: dict, protocol: str, seed: int) -> list[tuple]:
+    from pipeline import series_fitting
+
+    module, settings = params.experiment_module("strain"), values["strain"]
+    task = module.task(protocol)
+    spec = series_fitting.spec_of(task, settings["window"]["frames"])
+    (piece,) = series.read(paths.dataset("strain"), task, protocol, seed)
+    frames = settings["window"]["frames"]
+    x, rows = piece.record.x, np.arange(frames - 1, len(piece.record.x))
+    at = piece.time_s[rows]
+    window = np.stack([x[rows - lag] for lag in range(frames)], axis=1).reshape(len(rows), -1)
+    inputs = {f"raw voltages, {frames} samples": window}
+    zero = settings["model_zero"]
+    for name, folder in {
+        "latent of model-0": paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed),
+        "latent of direct training": paths.run_folder("strain", zero, protocol, seed),
+    }.items():
+        outputs = module.task(task.base if "model-0" in name else protocol).outputs
+        network = series_fitting.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
+        network.load(folder)
+        inputs[name] = network.latents(x)[rows]
+    known = module.true_drift(protocol, at) if settings["source"] == "simulated" else {}
+    targets = {"elapsed time": at[:, None], **known}
+    return [
+        (protocol, name, target, seed, "r2", "1", decoded(given, truth, at))
+        for name, given in inputs.items()
+        for target, truth in targets.items()
+    ]
+
+
+def decoded(given: np.ndarray, truth: np.ndarray, time_s: np.ndarray) -> float:
+    """R2, on blocks of BLOCK_S held out in turn, of a ridge regression from `given` (n, inputs) to `truth` (n, k)."""
+    length = min(BLOCK_S, np.ptp(time_s) / (2 * FOLDS))  # a short recording has at least two blocks a fold
+    block = ((time_s - time_s[0]) // length).astype(int) % FOLDS
+    guess = np.empty_like(truth, dtype=float)
+    for fold in range(FOLDS):
+        own, held = block != fold, block == fold
+        mean, spread = given[own].mean(axis=0), np.maximum(given[own].std(axis=0), 1e-9)
+        centre, scale = truth[own].mean(axis=0), np.maximum(truth[own].std(axis=0), 1e-12)
+        a, b = (given - mean) / spread, (truth - centre) / scale
+        gram = a[own].T @ a[own] / own.sum() + DECODER_RIDGE * np.eye(a.shape[1])
+        guess[held] = (a[held] @ np.linalg.solve(gram, a[own].T @ b[own] / own.sum())) * scale + centre
+    return float(1 - np.square(guess - truth).sum() / np.square(truth - truth.mean(axis=0)).sum())
+
+
+def _single_thread(function: Callable, *arguments):
+    import torch
+
+    torch.set_num_threads(1)
+    return function(*arguments)
+
+
+def main() -> None:
+    """Run the studies of the experiment named on the command line."""
+    if sys.argv[1:] != ["strain"]:
+        raise InputError("usage: python -m pipeline.study strain")
+    study = params.load()["strain"]["study"]
+    tasks, seeds = study["tasks"], study["seeds"]
+    plans = {
+        "capacity": (
+            one_capacity,
+            [
+                (task, units, seed)
+                for units in sorted(study["capacity"]["units"], reverse=True)
+                for task in tasks
+                for seed in seeds
+            ],
+            ("protocol", "units", "params", "seed", "metric", "unit", "value"),
+        ),
+        "samples": (
+            one_samples,
+            [
+                (task, model, samples, seed)
+                for samples in sorted(study["samples"], reverse=True)
+                for model in study["models"]
+                for task in tasks
+                for seed in seeds
+            ],
+            ("protocol", "model", "samples", "seed", "metric", "unit", "value"),
+        ),
+        "drift": (
+            one_drift,
+            [(task, seed) for task in tasks for seed in seeds],
+            ("protocol", "input", "target", "seed", "metric", "unit", "value"),
+        ),
+    }
+    target = paths.experiment_folder("strain") / "study"
+    draft = target.with_name("study.unfinished")
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir(parents=True)
+    for name, (function, arguments, columns) in plans.items():
+        with tqdm(total=len(arguments), desc=f"study strain {name}", unit="run") as bar:
+            found = dict(workers.run(function, dict(enumerate(arguments)), bar))
+        _write(draft / f"{name}.csv", columns, [row for key in sorted(found) for row in found[key]])
+    _write_latents(draft / "latents.csv")
+    shutil.rmtree(target, ignore_errors=True)
+    os.replace(draft, target)
+
+
+def _write_latents(path: Path) -> None:
+    """t_s and the states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
+    from pipeline import series_fitting
+
+    values, module = params.load(), params.experiment_module("strain")
+    task, seed = module.task("task_2"), values["strain"]["study"]["seeds"][0]
+    base = module.task(task.base)
+    spec = series_fitting.spec_of(base, values["strain"]["window"]["frames"])
+    network = series_fitting.LstmRegressor(spec, 1, None, transfer=False)
+    network.load(paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed))
+    (piece,) = series.read(paths.dataset("strain"), task, "task_2", seed)
+    first = int(np.flatnonzero(piece.part == "test")[0])
+    states = network.latents(piece.record.x[: first + LATENT_SAMPLES])[first:]
+    table = np.column_stack([piece.time_s[first : first + len(states)], states])
+    header = ",".join(["t_s", *(f"h{k}" for k in range(states.shape[1]))])
+    np.savetxt(path, table, fmt="%.6g", delimiter=",", header=header, comments="")
+
+
+def _write(path: Path, columns: tuple[str, ...], rows: list[tuple]) -> None:
+    with open(path, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(sorted(rows, key=lambda row: tuple(map(str, row[:4]))))
+
+
+if __name__ == "__main__":
+    run_stage(main)

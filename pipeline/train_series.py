@@ -1,0 +1,82 @@
+"""Stage: train one model of an experiment on series, for every protocol and seed. Scoring is `evaluate`.
+
+As `train`, but a model sees whole recordings, and transfer starts from model-0, which has to be trained first.
+Usage: python -m pipeline.train_series strain|strain_recorded MODEL|model_zero
+"""
+
+import csv
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from pipeline import params, paths, runs, series
+from pipeline.errors import InputError, run_stage
+
+
+def train_run(
+    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+) -> float:
+    """Train one run and write its files to the new folder `target`; returns the seconds that fitting took."""
+    values = params.load()
+    settings = values[experiment]
+    base = params.experiment_module(experiment).task(protocol).base
+    zero = paths.run_folder(experiment, paths.MODEL_ZERO, base, seed)
+    if model == settings["model_zero"] and base == protocol:
+        shutil.copytree(zero, target)
+        return _seconds_of_model_zero(experiment, protocol, seed)
+    return _train(experiment, model, protocol, seed, target, report, zero)
+
+
+def model_zero_run(
+    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+) -> float:
+    """As `train_run`, for the network that transfer starts from (section III-B)."""
+    return _train(experiment, model, protocol, seed, target, report, None)
+
+
+def _train(
+    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable, zero: Path | None
+) -> float:
+    import torch
+
+    from pipeline import series_fitting
+
+    torch.set_num_threads(1)
+    values = params.load()
+    settings = values[experiment]
+    task = params.experiment_module(experiment).task(protocol)
+    block = params.model_settings(values, experiment, model)
+    spec = series_fitting.spec_of(task, settings["window"]["frames"])
+    regressor = series_fitting.adapted(params.build_model(model, spec, block, f"{experiment}.models.{model}"), spec)
+    records = series.seen_in_training(series.read(paths.dataset(experiment), task, protocol, seed))
+    if not any(record.training.any() for record in records):
+        raise InputError(f"{experiment}, {protocol}: no sample in the training part; record longer")
+    return series_fitting.fit_and_save(
+        regressor, records, target, settings=block, seed=seed, device=values["device"], progress=report, base=zero
+    )
+
+
+def _seconds_of_model_zero(experiment: str, protocol: str, seed: int) -> float:
+    path = paths.training_times(experiment, paths.MODEL_ZERO)
+    made_by = f"python -m pipeline.train_series {experiment} {paths.MODEL_ZERO}"
+    with open(paths.require(path, made_by), newline="", encoding="ascii") as file:
+        times = {(row["protocol"], row["seed"]): float(row["train_s"]) for row in csv.DictReader(file)}
+    return times[protocol, str(seed)]
+
+
+def main() -> None:
+    """Train the model named on the command line, or model-0 for all protocols that need one."""
+    if len(sys.argv) != 3 or sys.argv[1] not in params.SERIES:
+        raise InputError(f"usage: python -m pipeline.train_series {'|'.join(params.SERIES)} MODEL|{paths.MODEL_ZERO}")
+    experiment, model = sys.argv[1:]
+    if model != paths.MODEL_ZERO:
+        runs.train_all(train_run, experiment, model)
+        return
+    settings, module = params.load()[experiment], params.experiment_module(experiment)
+    bases = {module.task(protocol).base for protocol in settings["protocols"]}
+    runs.train_all(model_zero_run, experiment, settings["model_zero"], into=model, protocols=bases)
+
+
+if __name__ == "__main__":
+    run_stage(main)

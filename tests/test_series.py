@@ -1,0 +1,179 @@
+"""Models on series: counts of the paper, causality, transfer, read-outs, scores and decoders."""
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline import metrics, params, series
+from pipeline.errors import InputError
+from pipeline.fitting import Spec
+from pipeline.series_fitting import adapted, ridge_weights, spec_of
+from pipeline.study import decoded
+
+RECIPE = {"learning_rate": 5e-3, "max_epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
+BLOCKS = {
+    "constant": {},
+    "ridge": {"ridge": 1.0},
+    "esn": {"units": 30, "spectral_radius": 0.9, "leak": 0.5, "input_scale": 0.5, "ridge": 1e-6},
+    "lstm_direct": {"units": 8, "training": RECIPE},
+    "lstm_transfer": {"training": RECIPE | {"learning_rate": 0.05}},
+    "lstm_transfer_ridge": {"ridge": 1e-6},
+}
+
+
+def spec(outputs: int, channels: int = 6) -> Spec:
+    task = series.Task(tuple(range(outputs)), {"a": list(range(channels))}, False, "a")
+    return spec_of(task, 5)
+
+
+def build(name: str, shapes: Spec, block: dict | None = None):
+    return adapted(params.build_model(name, shapes, BLOCKS[name] if block is None else block, "test"), shapes)
+
+
+def record(samples: int = 400, outputs: int = 2) -> series.Record:
+    """Voltages that are mixtures of a random walk and its velocity."""
+    rng = np.random.default_rng(1)
+    y = np.cumsum(rng.normal(size=(samples, outputs)), axis=0)
+    x = 2 + 0.01 * y @ rng.normal(size=(outputs, 6)) + 0.001 * rng.normal(size=(samples, 6))
+    everything = np.ones(samples, dtype=bool)
+    training = np.arange(samples) < 0.9 * samples
+    return series.Record(x.astype(np.float32), y.astype(np.float32), everything, training, np.full(samples, -1))
+
+
+@pytest.fixture(scope="module")
+def model_zero(tmp_path_factory):
+    """A folder with a direct LSTM trained on three outputs."""
+    folder = tmp_path_factory.mktemp("zero")
+    model = build("lstm_direct", spec(3))
+    model.fit([record(outputs=3)], seed=0, device="cpu", base=None)
+    model.save(folder)
+    return folder
+
+
+@pytest.mark.parametrize(("outputs", "direct", "transfer"), [(1, 11_450, 50), (2, 11_500, 100)])
+def test_published_numbers_of_parameters(tmp_path, outputs, direct, transfer):
+    zero = build("lstm_direct", spec(3), {"units": 50, "training": RECIPE | {"max_epochs": 1}})
+    zero.fit([record(50, 3)], seed=0, device="cpu", base=None)
+    zero.save(tmp_path)
+    assert build("lstm_direct", spec(outputs), {"units": 50, "training": RECIPE}).parameters() == direct
+    for name in ("lstm_transfer", "lstm_transfer_ridge"):
+        model = build(name, spec(outputs))
+        model.fit([record(50, outputs)], seed=0, device="cpu", base=tmp_path)
+        assert model.parameters() == transfer
+        target = tmp_path / name
+        target.mkdir()
+        model.save(target)
+        again = build(name, spec(outputs))
+        again.load(target)
+        assert again.parameters() == transfer
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_a_series_model_is_causal_repeats_and_survives_saving(name, model_zero, tmp_path):
+    data = record()
+    models = [build(name, spec(2)) for _ in range(2)]
+    histories = [model.fit([data], seed=3, device="cpu", base=model_zero) for model in models]
+    assert histories[0] == histories[1]
+    predicted = models[0].predict(data.x)
+    assert predicted.shape == data.y.shape and np.isfinite(predicted).all()
+    later = data.x.copy()
+    later[200:] += 1
+    np.testing.assert_allclose(models[0].predict(later)[:200], predicted[:200], atol=1e-4)
+    models[0].save(tmp_path)
+    loaded = build(name, spec(2))
+    loaded.load(tmp_path)
+    np.testing.assert_allclose(loaded.predict(data.x), predicted, atol=1e-4)
+    steps = np.concatenate([loaded.step(data.x[k : k + 1]) for k in range(40)])
+    np.testing.assert_allclose(steps, predicted[:40], atol=2e-3)
+    assert loaded.step(data.x[:7]).shape == (7, 2)  # another number of streams starts anew
+
+
+def test_transfer_leaves_the_recurrent_part_alone_and_closed_form_fits_no_worse(model_zero):
+    data = record()
+    block = {"training": RECIPE | {"learning_rate": 0.05, "max_epochs": 200, "drop_epoch": 125}}
+    adam, solved = build("lstm_transfer", spec(2), block), build("lstm_transfer_ridge", spec(2))
+    losses = [model.fit([data], seed=0, device="cpu", base=model_zero)[-1]["train_loss"] for model in (adam, solved)]
+    assert losses[1] <= losses[0] * 1.0001
+    zero = build("lstm_direct", spec(3))
+    zero.load(model_zero)
+    for name, weight in zero.network.lstm.state_dict().items():
+        assert torch.equal(weight, adam.network.lstm.state_dict()[name])
+
+
+def test_transfer_needs_model_zero_of_the_same_channels(model_zero):
+    with pytest.raises(InputError, match="needs model-0"):
+        build("lstm_transfer", spec(2)).fit([record()], seed=0, device="cpu", base=None)
+    with pytest.raises(InputError, match="6 channels, this task 5"):
+        data = record()
+        build("lstm_transfer", spec(2, 5)).fit([data._replace(x=data.x[:, :5])], seed=0, base=model_zero)
+
+
+def test_streams_are_the_end_of_the_series_side_by_side():
+    blocks = ({"units": 8, "training": RECIPE | {"streams": k, "batch": k}} for k in (1, 4))
+    one, four = (build("lstm_direct", spec(2), block) for block in blocks)
+    data = record(402)  # two samples do not fill a stream
+    losses = [model.fit([data], seed=0, device="cpu", base=None)[0]["train_loss"] for model in (one, four)]
+    assert losses[0] != losses[1] and losses[0] == pytest.approx(losses[1], rel=0.2)
+
+
+def test_uncounted_samples_do_not_matter():
+    data = record()
+    counted = np.arange(400) % 3 == 0
+    spoilt = data._replace(counted=counted, y=np.where(counted[:, None], data.y, 1e3))
+    for name in ("ridge", "esn", "lstm_direct"):
+        clean, other = build(name, spec(2)), build(name, spec(2))
+        clean.fit([data._replace(counted=counted)], seed=0, device="cpu", base=None)
+        other.fit([spoilt], seed=0, device="cpu", base=None)
+        np.testing.assert_allclose(clean.predict(data.x), other.predict(data.x), atol=1e-5)
+
+
+def test_recipe_names_a_wrong_key():
+    with pytest.raises(InputError, match="see 'epochs'"):
+        build("lstm_direct", spec(2), {"units": 8, "training": RECIPE | {"epochs": 3}})
+
+
+def test_training_never_gets_the_test_part():
+    data = record(100)
+    part = series.chronological(100, 0.8, 0.125)
+    assert [int((part == name).sum()) for name in ("train", "validation", "test")] == [70, 10, 20]
+    piece = series.Piece("a", np.arange(100), part, np.arange(100) / 5, data)
+    (seen,) = series.seen_in_training([piece])
+    assert len(seen.x) == len(seen.y) == 80
+    untouched = series.Piece("b", np.arange(100), np.full(100, "test"), np.arange(100) / 5, data)
+    assert len(series.seen_in_training([piece, untouched])) == 1
+
+
+def test_scores_of_known_predictions():
+    truth = np.array([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0], [9.0, 12.0]], np.float32)
+    flags = np.ones(4, dtype=bool)
+    rest = series.Record(np.zeros((4, 1)), truth, flags, flags, np.full(4, -1))
+    found = {name: value for name, _, value, _ in metrics.series(rest, truth + [3, 4], (0, 1))}
+    assert found["error"] == pytest.approx(5.0) and "press_error" not in found
+    assert found["r2_x"] == pytest.approx(1 - 4 * 9 / np.square(truth[:, 0] - 4.5).sum())
+    pressed = rest._replace(press=np.array([7, 7, 8, 8]), y=np.repeat(truth[[0, 2]], 2, axis=0))
+    guess = pressed.y + np.array([[99, 99], [3, 4], [99, 99], [3, 4]])  # only the second half of a press counts
+    found = {name: (value, n) for name, _, value, n in metrics.series(pressed, guess, (0, 1))}
+    assert found["press_error"] == (pytest.approx(5.0), 2)
+    depth = rest._replace(y=truth[:, :1])
+    single = {name: value for name, _, value, _ in metrics.series(depth, depth.y - 2, (2,))}
+    assert single["error"] == pytest.approx(2.0) and "r2_z" in single
+
+
+def test_decoder_reads_what_is_there_and_nothing_else():
+    rng = np.random.default_rng(0)
+    time = np.arange(6000) / 5
+    drift = np.sin(time / 300)[:, None]
+    seen = np.column_stack([2 * drift + 0.01 * rng.normal(size=(6000, 1)), rng.normal(size=(6000, 3))])
+    assert decoded(seen, drift, time) > 0.95
+    assert decoded(seen[:, 1:], drift, time) < 0.1
+
+
+def test_ridge_weights_are_the_minimum():
+    rng = np.random.default_rng(0)
+    states, y = rng.normal(size=(50, 4)), rng.normal(size=(50, 2))
+    weights = ridge_weights(states, y, 0.1)
+
+    def cost(w):
+        return np.square(states @ w - y).sum() / 50 + 0.1 * np.square(w).sum()
+
+    assert all(cost(weights) < cost(weights + 0.01 * rng.normal(size=weights.shape)) for _ in range(5))

@@ -1,0 +1,171 @@
+"""Strain logs: alignment, resampling, ground truth, dead channels and bad input."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+
+from pipeline import params, tables
+from pipeline.errors import InputError
+from pipeline.experiments import strain
+from pipeline.scenes import strain as scene_of
+
+
+@pytest.fixture(scope="module")
+def settings():
+    block = copy.deepcopy(params.load()["strain"])
+    block["simulate"]["samples"] = 2000
+    block["simulate"]["faults"] |= {"gaps": 1, "gap_s": 10}
+    return block
+
+
+@pytest.fixture(scope="module")
+def lines(settings):
+    """File -> lines of a simulated recording of task 1."""
+    recording = next(r for r in scene_of.recordings(settings["simulate"]) if r.condition == "task_1")
+    return {name: written for name, (written, _) in scene_of.logs_of(recording, settings["simulate"]).items()}
+
+
+def written(folder, lines, **changes):
+    target = folder / "task_1" / "run000"
+    target.mkdir(parents=True, exist_ok=True)
+    for name, content in (lines | changes).items():
+        (target / name).write_text("\n".join(content) + "\n")
+    return target
+
+
+def edited(lines, change):
+    """DAQ lines with `change(number, values)` applied to the values of each whole line."""
+    result = []
+    for number, line in enumerate(lines["daq.log"]):
+        values = line.split(",")
+        result.append(",".join(change(number, values)) if len(values) == 7 else line)
+    return result
+
+
+def test_uniform_rate_segments_and_every_line_accounted_for(settings, lines, tmp_path):
+    frames, rejects, report = strain.read_recording(written(tmp_path, lines), settings)
+    segment, time = frames["segment"].to_numpy(), frames["t_s"].to_numpy()
+    assert set(segment) == {0, 1}  # one gap of 10 s
+    assert np.diff(time)[np.diff(segment) == 0] == pytest.approx(0.2)
+    assert frames["gap_before"].to_numpy(zero_copy_only=False).sum() == 2
+    for name in strain.FORMATS:
+        log = report[name]
+        assert log["accepted"] + sum(log["rejects"].values()) == log["lines"] == len(lines[name])
+    assert rejects.num_rows == sum(sum(log["rejects"].values()) for log in report.values())
+    json.dumps(report)
+
+
+def test_robot_is_placed_to_a_fraction_of_a_sample(settings, lines, tmp_path):
+    """Its clock starts up to 4 s from the DAQ's; depth at a time must be the depth the voltages were made from."""
+    frames, _, report = strain.read_recording(written(tmp_path, lines), settings)
+    assert abs(report["robot.log"]["clock"]["offset_ms"]) < 5000
+    simulate = settings["simulate"]
+    recording = next(r for r in scene_of.recordings(simulate) if r.condition == "task_1")
+    rng = scene_of.generator(simulate["seed"], "task_1", "run000", "daq")
+    times = scene_of.daq_times(simulate, rng)
+    clock = scene_of.own_clock(times, simulate["devices"], rng)
+    true_time = np.interp(frames["t_s"].to_numpy(), clock, times)
+    grid = np.arange(len(recording.place_mm)) * scene_of.STEP_S
+    depth = tables.matrix(frames["y_mm"])[:, 2]
+    lags = np.arange(-0.5, 0.5, 0.02)
+    errors = [np.abs(np.interp(true_time - lag, grid, recording.place_mm[:, 2]) - depth).mean() for lag in lags]
+    assert abs(lags[int(np.argmin(errors))]) <= 0.06  # s; the strands take 0.2 s to answer
+
+
+def later(lines, seconds):
+    """Lines with another zero of the clock; torn ones as they are."""
+    result = []
+    for line in lines:
+        time, comma, rest = line.partition(",")
+        result.append(f"{float(time) + seconds:.4f},{rest}" if comma else line)
+    return result
+
+
+def test_clocks_may_have_any_zero(settings, lines, tmp_path):
+    """The robot's seconds since 1970, the DAQ's since its start: only the starts of the logs are near each other."""
+    first, _, report = strain.read_recording(written(tmp_path, lines), settings)
+    robot = later(lines["robot.log"], 1.7e9)
+    moved, _, moved_report = strain.read_recording(written(tmp_path, lines, **{"robot.log": robot}), settings)
+    offsets = [one["robot.log"]["clock"]["offset_ms"] for one in (report, moved_report)]
+    assert offsets[0] - offsets[1] == pytest.approx(1.7e12, abs=5)
+    assert tables.matrix(moved["y_mm"])[50:-50] == pytest.approx(tables.matrix(first["y_mm"])[50:-50], abs=0.05)
+
+
+def test_a_long_gap_is_no_dead_channel(settings, lines, tmp_path):
+    daq = lines["daq.log"]
+    daq = daq[:500] + later(daq[500:], 90)
+    robot = lines["robot.log"]
+    robot = robot[:1000] + later(robot[1000:], 90)
+    _, _, report = strain.read_recording(written(tmp_path, lines, **{"daq.log": daq, "robot.log": robot}), settings)
+    assert report["daq.log"]["channels"] == {}
+
+
+@pytest.mark.parametrize("name", ["daq.log", "robot.log"])
+@pytest.mark.parametrize("count", [1, 2, 20])
+def test_a_log_too_short_to_align_is_one_sentence(name, count, settings, lines, tmp_path):
+    with pytest.raises(InputError, match=rf"{name}: lasts .* s; at least 20 s are needed") as error:
+        strain.read_recording(written(tmp_path, lines, **{name: lines[name][:count]}), settings)
+    assert "\n" not in str(error.value)
+
+
+def test_robot_log_that_ends_early(settings, lines, tmp_path):
+    robot = lines["robot.log"]
+    frames, rejects, _ = strain.read_recording(
+        written(tmp_path, lines, **{"robot.log": robot[: int(0.8 * len(robot))]}), settings
+    )
+    assert rejects["reason"].to_pylist().count(strain.NO_GROUND_TRUTH) > 300
+    assert frames["t_s"][-1].as_py() < 350
+    with pytest.raises(InputError, match=r"robot\.log: covers .* % of the DAQ's log"):
+        strain.read_recording(written(tmp_path, lines, **{"robot.log": robot[: len(robot) // 3]}), settings)
+
+
+def test_nan_and_torn_lines_are_rejects(settings, lines, tmp_path):
+    daq = edited(lines, lambda n, v: [*v[:3], "nan", *v[4:]] if n in (100, 101) else v)
+    _, rejects, report = strain.read_recording(written(tmp_path, lines, **{"daq.log": daq}), settings)
+    assert report["daq.log"]["rejects"]["not a number"] == 2
+    assert any("nan" in text for text in rejects["text"].to_pylist())
+
+
+def test_dead_and_saturated_channels_are_named(settings, lines, tmp_path):
+    flicker = ("1.25000", "1.25031")  # one step of the converter
+    daq = edited(lines, lambda n, v: [*v[:4], flicker[n % 2], v[5], "9.99000" if n > 1000 else v[6]])
+    _, _, report = strain.read_recording(written(tmp_path, lines, **{"daq.log": daq}), settings)
+    channels = report["daq.log"]["channels"]
+    assert channels["u3"] == {"fault": "dead", "share": 1.0}
+    assert channels["u5"]["fault"] == "saturated" and 0.4 < channels["u5"]["share"] < 0.6
+    dead = edited(lines, lambda n, v: [v[0], *["1.00000"] * 6])
+    with pytest.raises(InputError, match="all 6 channels are dead"):
+        strain.read_recording(written(tmp_path, lines, **{"daq.log": dead}), settings)
+
+
+def test_logs_of_two_captures_are_refused(settings, lines, tmp_path):
+    rng = np.random.default_rng(0)
+    daq = edited(lines, lambda n, v: [v[0], *(f"{u:.5f}" for u in rng.uniform(2, 3, 6))])
+    with pytest.raises(InputError, match="do not follow each other"):
+        strain.read_recording(written(tmp_path, lines, **{"daq.log": daq}), settings)
+
+
+def test_missing_log_clock_set_back_and_unknown_task(settings, lines, tmp_path):
+    target = written(tmp_path, lines)
+    (target / "robot.log").unlink()
+    with pytest.raises(InputError, match=r"robot\.log: log not found"):
+        strain.read_recording(target, settings)
+    back = edited(lines, lambda n, v: [f"{float(v[0]) - 150:.4f}" if n > 1000 else v[0], *v[1:]])
+    with pytest.raises(InputError, match="steps back"):
+        strain.read_recording(written(tmp_path, lines, **{"daq.log": back}), settings)
+    (tmp_path / "task_9" / "run000").mkdir(parents=True)
+    with pytest.raises(InputError, match="'task_9' is no task"):
+        strain.recordings(tmp_path)
+
+
+def test_split_is_chronological_and_the_same_for_every_seed(settings, lines, tmp_path):
+    frames, _, _ = strain.read_recording(written(tmp_path, lines), settings)
+    parts = [strain.split(frames, settings, "task_1", seed) for seed in (0, 1)]
+    assert (parts[0] == parts[1]).all()
+    order = [list(parts[0]).index(name) for name in ("train", "validation", "test")]
+    assert order == sorted(order) and (parts[0][-1], parts[0][0]) == ("test", "train")
+    assert (strain.split(frames, settings, "task_2", 0) == "unused").all()
+    with pytest.raises(InputError, match="no task 'task_7'"):
+        strain.task("task_7")

@@ -1,0 +1,303 @@
+"""The reader of the recorded strain sensors: MATLAB workspaces in, frames in the order of time out."""
+
+import re
+
+import numpy as np
+import pytest
+import scipy.io
+
+from pipeline import logs, params, series, sources, tables
+from pipeline.errors import InputError
+from pipeline.experiments import strain_recorded
+from pipeline.experiments.strain_recorded import CYCLE, PRESSED, read_recording
+from pipeline.fitting import Spec
+from pipeline.series_fitting import adapted
+
+SETTINGS = {"ingest": {"every": 3, "max_reject_fraction": 0.05}, "split": {"train": 0.7, "validation": 0.1}}
+CYCLES = 20
+
+
+def workspace(channels=6, cycles=CYCLES, extra=0, **others):
+    """What the robot's program saves: `extra` samples of a cycle that was not finished."""
+    rng = np.random.default_rng(0)
+    n = cycles * CYCLE + extra
+    pressed = np.arange(n) % CYCLE >= PRESSED
+    return {
+        "voltage": 1.8 + 0.1 * pressed[:, None] + 0.005 * rng.standard_normal((n, channels)),
+        "tim": 0.2 + 0.07 * np.arange(n)[None],
+        "pos": rng.uniform(-22.5, 22.5, (2, cycles + (extra > 0))),
+        "deformation": np.uint8(5),
+        "flag": 3.0,
+    } | others
+
+
+def save(folder, content, name="para5_long.mat", compress=True):
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    scipy.io.savemat(path, content, do_compression=compress)
+    return path
+
+
+def test_every_third_sample_with_its_place_and_press(tmp_path):
+    content = workspace(extra=25)
+    frames, rejects, report = read_recording(save(tmp_path, content), SETTINGS)
+    assert frames.schema.equals(series.frames(7)) and frames.num_rows == len(range(0, CYCLES * CYCLE, 3))
+    assert rejects.schema.equals(logs.REJECTS)
+    assert set(rejects["reason"].to_pylist()) == {"incomplete cycle"} and rejects.num_rows == 25
+    assert rejects["line"][0].as_py() == CYCLES * CYCLE + 1
+    sample = np.arange(0, CYCLES * CYCLE, 3)
+    assert frames["t_s"].to_numpy() == pytest.approx(0.2 + 0.07 * sample)
+    v = tables.matrix(frames["v"])
+    assert v[:, :6] == pytest.approx(content["voltage"][sample], abs=1e-6) and np.isnan(v[:, 6]).all()
+    press, y = frames["press"].to_numpy(), tables.matrix(frames["y_mm"])
+    cycle, phase = np.divmod(sample, CYCLE)
+    assert (press == np.where(phase >= 20, cycle, -1)).all()
+    assert (y[:, 2] == np.where(phase >= 20, -5, 0)).all()
+    places = content["pos"].T.astype(np.float32)
+    assert (y[phase >= 10, :2] == places[cycle[phase >= 10]]).all()
+    before = (phase < 10) & (cycle > 0)
+    assert (y[before, :2] == places[cycle[before] - 1]).all() and (y[:3, :2] == 0).all()
+    assert frames["gap_before"].to_pylist() == [True] + [False] * (frames.num_rows - 1)
+    assert report["para5_long.mat"]["lines"] == CYCLES * CYCLE + 25 and report["para5_long.mat"]["channels"] == {}
+
+
+def test_second_day_has_seven_channels_and_no_last_time(tmp_path):
+    content = workspace(channels=7)
+    content["tim"] = content["tim"][:, :-1]
+    frames, rejects, _ = read_recording(save(tmp_path, content, "para5_long_n.mat"), SETTINGS)
+    assert frames["condition"].unique().to_pylist() == ["day_2"]
+    assert not np.isnan(tables.matrix(frames["v"])).any()
+    assert [tuple(row.values())[:3] for row in rejects.to_pylist()] == [
+        ("para5_long_n.mat", CYCLES * CYCLE, "no time"),
+    ]
+
+
+def test_bad_samples_are_rejects_with_their_number(tmp_path):
+    content = workspace()
+    content["voltage"][30, 2] = np.nan
+    content["voltage"][90, 1] = -40.0
+    content["tim"][0, 150] = 1.0
+    frames, rejects, report = read_recording(save(tmp_path, content), SETTINGS)
+    found = [(row["line"], row["reason"]) for row in rejects.to_pylist()]
+    assert found == [(31, "not a number"), (91, "out of range"), (151, "out of order")]
+    assert "nan" in rejects["text"][0].as_py()
+    assert frames.num_rows == len(range(0, CYCLES * CYCLE, 3)) - 3
+    # Samples 30, 90 and 150 would have been frames: there is a gap before the next.
+    gap = frames["t_s"].to_numpy()[frames["gap_before"].to_numpy()]
+    assert gap == pytest.approx(0.2 + 0.07 * np.array([0, 33, 93, 153])) and report["para5_long.mat"]["gaps"] == 3
+
+
+def test_dead_and_saturated_channels_are_named(tmp_path):
+    content = workspace(channels=7)
+    content["voltage"][:, 1] = 1.9
+    content["voltage"][600:, 6] = 3.15
+    _, _, report = read_recording(save(tmp_path, content, "para5_long_n.mat"), SETTINGS)
+    assert report["para5_long_n.mat"]["channels"] == {
+        "c1": {"fault": "dead", "share": 1.0},
+        "c6": {"fault": "saturated", "share": 0.25},
+    }
+
+
+def without(name):
+    content = workspace()
+    del content[name]
+    return content
+
+
+BAD = {
+    "other variables": (without("pos"), r"para5_long.mat: has no variable 'pos'; it must hold voltage, tim"),
+    "text": (workspace(voltage="none"), "'voltage' is not a matrix of real numbers"),
+    "too many channels": (workspace(channels=9), "'voltage' has 9 columns"),
+    "times of another recording": (workspace(tim=np.ones((1, 7))), "7 times for 800 samples"),
+    "places of another recording": (workspace(pos=np.ones((2, 5))), "'pos' has 5 places for 20 cycles"),
+    "places as rows": (workspace(pos=np.ones((20, 2))), "'pos' must have 2 rows"),
+    "depths": (workspace(deformation=np.ones(3)), "'deformation' must be one number"),
+    "no cycle": (workspace(cycles=0, extra=30), "30 samples are less than one cycle"),
+    "all NaN": (workspace(voltage=np.full((800, 6), np.nan)), r"100.0% of .*'not a number'.*max_reject_fraction"),
+    "all dead": (workspace(voltage=np.full((800, 6), 3.15)), "all 6 channels are dead or saturated"),
+}
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_a_workspace_of_another_kind_is_one_sentence(fault, tmp_path):
+    content, sentence = BAD[fault]
+    with pytest.raises(InputError, match=sentence) as error:
+        read_recording(save(tmp_path, content), SETTINGS)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("compress", [True, False])
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.9])
+def test_a_cut_file_is_one_sentence(share, compress, tmp_path):
+    path = save(tmp_path, workspace(), compress=compress)
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    with pytest.raises(InputError, match=r"para5_long\.mat: (not a whole MATLAB file|has no variable)") as error:
+        read_recording(path, SETTINGS)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("content", [b"t_s,u0\n1.0,2.0\n" * 50, bytes(4096), b"\x89HDF\r\n\x1a\n" + bytes(4096)])
+def test_a_file_of_another_kind_is_one_sentence(content, tmp_path):
+    path = tmp_path / "para5_long.mat"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"para5_long\.mat: (not a whole MATLAB file|has no variable)"):
+        read_recording(path, SETTINGS)
+
+
+def test_a_file_too_large_or_with_another_name_is_refused(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="not one of the recordings; they are called para5_long.mat"):
+        read_recording(save(tmp_path, workspace(), "monday.mat"), SETTINGS)
+    monkeypatch.setattr(strain_recorded, "LARGEST_FILE", 1000)
+    with pytest.raises(InputError, match="bytes are more than a recording can have"):
+        read_recording(save(tmp_path, workspace()), SETTINGS)
+
+
+def test_recordings_are_both_days_or_a_sentence(tmp_path):
+    save(tmp_path, workspace(), "new_test/para5_long.mat")
+    with pytest.raises(InputError, match=r"para5_long_n\.mat: recording not found; run `python -m pipeline.fetch"):
+        strain_recorded.recordings(tmp_path)
+    save(tmp_path, workspace(channels=7), "para5_long_n.mat")
+    assert [path.name for path in strain_recorded.recordings(tmp_path)] == ["para5_long.mat", "para5_long_n.mat"]
+
+
+def both_days(tmp_path):
+    import pyarrow as pa
+
+    days = [save(tmp_path, workspace(), "para5_long.mat"), save(tmp_path, workspace(channels=7), "para5_long_n.mat")]
+    return pa.concat_tables([read_recording(path, SETTINGS)[0] for path in days])
+
+
+def test_splits_are_whole_cycles_in_the_order_of_time(tmp_path):
+    frames = both_days(tmp_path)
+    condition, press = tables.names(frames["condition"]), frames["press"].to_numpy()
+    presses = {}
+    for protocol, day in (("within_day_xy", "day_1"), ("failing_channel_z", "day_2")):
+        part = strain_recorded.split(frames, SETTINGS, protocol, 0)
+        assert (part[condition != day] == "unused").all()
+        own = part[condition == day]
+        order = [name for k, name in enumerate(own) if k == 0 or own[k - 1] != name]
+        assert order == ["train", "validation", "test"]
+        presses = {name: set(press[(part == name) & (press >= 0)]) for name in order}
+        assert [sorted(one) for one in presses.values()] == [[*range(13)], [13], [*range(14, 20)]]
+        # The rows before a press are in its part.
+        first_test = np.flatnonzero(own == "test")[0]
+        assert press[condition == day][first_test] == -1 and press[condition == day][first_test - 1] == 13
+    part = strain_recorded.split(frames, SETTINGS, "across_days_xyz", 3)
+    assert (part[condition == "day_2"] == "test").all()
+    assert set(press[part == "validation"]) == {-1, 18, 19} and set(press[part == "train"]) == {-1, *range(18)}
+
+
+def test_new_places_trains_on_no_place_of_the_second_day(tmp_path):
+    frames = both_days(tmp_path)
+    short = np.ones(frames.num_rows, dtype=bool)
+    short[-8 * CYCLE // 3 :] = False  # day_2 has 12 cycles instead of 20
+    frames = frames.filter(short)
+    part, press = strain_recorded.split(frames, SETTINGS, "new_places_xy", 0), frames["press"].to_numpy()
+    trained = np.isin(part, ["train", "validation"])
+    tested = set(press[part == "test"]) - {-1}
+    assert tested == set(range(12)) and set(press[trained]) - {-1} == set(range(12, 20))
+    y = tables.matrix(frames["y_mm"])[:, :2]
+    pressed = press >= 0
+    assert not set(map(tuple, y[trained & pressed])) & set(map(tuple, y[(part == "test") & pressed]))
+
+
+def test_channels_pair_the_same_strands():
+    assert strain_recorded.channels("across_days_xy", "day_1") == [0, 1, 2, 3, 4]
+    assert strain_recorded.channels("new_places_xy", "day_2") == [1, 2, 3, 4, 5]
+    assert strain_recorded.channels("failing_channel_z", "day_2") == [*range(7)]
+    with pytest.raises(InputError, match="protocol within_day_xy: does not use day_2"):
+        strain_recorded.channels("within_day_xy", "day_2")
+
+
+def test_a_protocol_is_a_split_and_a_task():
+    task = strain_recorded.task("across_days_xy")
+    assert (task.outputs, task.pressed_only, task.base) == ((0, 1), True, "across_days_xyz")
+    assert strain_recorded.task("within_day_z")[::2] == ((2,), False)
+    for wrong in ("within_day", "tuesday_xy", "within_day_yz", ""):
+        with pytest.raises(InputError, match=f"no protocol '{wrong}'; a protocol is one of within_day, across_days"):
+            strain_recorded.task(wrong)
+
+
+RECIPE = {"learning_rate": 1e-2, "max_epochs": 3, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
+BLOCKS = {
+    "lstm_highpass": {"filters": 5, "taps": 4, "units": 8, "training": RECIPE},
+    "press_difference": {"press": 6, "trees": 3, "min_samples_leaf": 2},
+}
+
+
+def built(name, block=None):
+    spec = Spec(10, 1, 6, 1, 2)
+    return adapted(params.build_model(name, spec, BLOCKS[name] if block is None else block, "test"), spec)
+
+
+def record(folder):
+    """Presses that the strands feel in proportion to the place, on top of offsets that drift."""
+    content = workspace(cycles=60)
+    place = np.repeat(content["pos"].T, CYCLE, axis=0) * (np.arange(60 * CYCLE) % CYCLE >= PRESSED)[:, None]
+    rng = np.random.default_rng(3)
+    content["voltage"] += 0.005 * place @ rng.standard_normal((2, 6)) + np.linspace(0, 0.2, 60 * CYCLE)[:, None]
+    frames, _, _ = read_recording(save(folder, content), SETTINGS)
+    press, training = frames["press"].to_numpy(), np.arange(frames.num_rows) < 0.8 * frames.num_rows
+    x, y = tables.matrix(frames["v"])[:, :6], tables.matrix(frames["y_mm"])[:, :2]
+    return series.Record(x, y, press >= 0, training, press)
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_models_look_back_only_and_are_blind_to_offsets(name, tmp_path):
+    data = record(tmp_path)
+    model = built(name)
+    history = model.fit([data], seed=0, device="cpu", base=None)
+    assert set(history[0]) == {"epoch", "train_loss", "validation_loss", "learning_rate"}
+    assert model.summary.best_epoch >= 1 and model.parameters() > 0
+    whole = model.predict(data.x)
+    assert whole.shape == (len(data.x), 2) and np.isfinite(whole).all()
+    assert model.predict(data.x[:100]) == pytest.approx(whole[:100], abs=1e-3)
+    offset = 2.0 ** -np.arange(6, dtype=np.float32)  # up to 1 V, 5 times what a press changes
+    shifted = model.predict(data.x + offset)
+    assert np.abs(shifted - whole).max() < (1e-2 if name == "lstm_highpass" else 1e-1 * np.abs(whole).max())
+    streams = np.stack([data.x[:40], data.x[200:240]], axis=1)
+    stepped = np.stack([model.step(now) for now in streams])
+    alone = np.stack([model.predict(one) for one in streams.transpose(1, 0, 2)], axis=1)
+    assert stepped == pytest.approx(alone, abs=1e-3)
+    (tmp_path / "model").mkdir()
+    model.save(tmp_path / "model")
+    again = built(name)
+    again.load(tmp_path / "model")
+    assert (again.predict(data.x) == whole).all()
+    other = built(name)
+    other.fit([data], seed=0, device="cpu", base=None)
+    assert (other.predict(data.x) == whole).all()
+
+
+def test_highpass_learns_through_drift(tmp_path):
+    data = record(tmp_path)
+    model = built("lstm_highpass", BLOCKS["lstm_highpass"] | {"training": RECIPE | {"max_epochs": 40}})
+    history = model.fit([data], seed=0, device="cpu", base=None)
+    assert history[model.summary.best_epoch - 1]["validation_loss"] < 0.3 * history[0]["validation_loss"]
+
+
+def test_impossible_settings_are_one_sentence(tmp_path):
+    block = BLOCKS["lstm_highpass"]
+    for change, sentence in (
+        ({"taps": 1}, "taps is 1, but a filter without a constant needs 2"),
+        ({"training": RECIPE | {"rate": 1}}, "training: the keys are learning_rate, .*; see 'rate'"),
+        ({"training": RECIPE | {"warm_up": 30}}, "warm_up must be less than length"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            built("lstm_highpass", block | change)
+    with pytest.raises(InputError, match="no stretch of 5000 training samples; lower training.length"):
+        model = built("lstm_highpass", block | {"training": RECIPE | {"length": 5000}})
+        model.fit([record(tmp_path)], seed=0, device="cpu")
+    with pytest.raises(InputError, match="press is 10, which needs windows of 13 samples, but they have 10"):
+        built("press_difference", BLOCKS["press_difference"] | {"press": 10})
+    with pytest.raises(InputError, match="not found; train the model first"):
+        built("lstm_highpass").load(tmp_path)
+
+
+def test_source_is_pinned_to_the_two_files():
+    listed = sources.files("strain_recorded")
+    assert list(listed) == list(strain_recorded.FILES.values())
+    assert all(re.fullmatch(r"[0-9a-f]{64}", digest) for digest in listed.values())
+    assert sources.address("strain_recorded", "para5_long_n.mat").endswith(
+        "/30718094c8dbbb889c3207f4dc32394166c2821e/experiment/UR5RobotControlV3.2/para5_long_n.mat"
+    )
