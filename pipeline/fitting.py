@@ -1,6 +1,5 @@
 """The one training loop, and the two regressors that models are made of: for torch and for scikit-learn."""
 
-import csv
 import io
 import json
 import zipfile
@@ -295,25 +294,6 @@ class SklearnRegressor:
         if self.estimator is None:
             raise RuntimeError("fit or load the model first")
         return self.estimator
-
-
-def save_run(regressor, history: list[dict], settings: dict, target: Path) -> None:
-    """Write one fitted run to the new folder `target`: the model's files, history.csv (a row an epoch), fit.json."""
-    target.mkdir(parents=True)
-    regressor.save(target)
-    with open(target / "history.csv", "w", newline="", encoding="ascii") as file:
-        writer = csv.DictWriter(file, fieldnames=list(history[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(history)
-    fit = {
-        "stop_reason": regressor.summary.stop_reason,
-        "best_epoch": regressor.summary.best_epoch,
-        "epochs": len(history),
-        "parameters": regressor.parameters(),
-        "macs": regressor.macs(),
-        "settings": settings,
-    }
-    (target / "fit.json").write_text(json.dumps(fit, indent=1) + "\n", encoding="ascii")
 
 
 def input_scale(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,8 @@ All have the same methods: `fit(records, *, seed, device, progress, base)`, `pre
 parallel streams, `save`, `load`, `parameters`, `macs` (for one sample) and `summary`.
 """
 
+import csv
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +19,7 @@ from torch import nn
 
 from pipeline import counting
 from pipeline.errors import InputError
-from pipeline.fitting import NETWORK_FILE, FitSummary, SklearnRegressor, Spec, TorchRegressor, save_run
+from pipeline.fitting import NETWORK_FILE, FitSummary, SklearnRegressor, Spec, TorchRegressor
 from pipeline.series import Record, Task
 
 MILLIVOLT = 1e3  # window models see mV: the smallest spread that fitting.py scales by is 1
@@ -431,12 +433,26 @@ def _streams(column: torch.Tensor, streams: int) -> torch.Tensor:
 def fit_and_save(model, records: list[Record], target: Path, *, settings: dict, **how) -> float:
     """Fit (`how`: the keyword arguments of `fit`) and write one run to the new folder `target`; seconds it took.
 
-    Losses in history.csv are in mm squared.
+    Files: the model's own, history.csv (a row an epoch, losses in mm squared) and fit.json.
     """
     started = time.perf_counter()
     history = model.fit(records, **how)
     seconds = time.perf_counter() - started
-    save_run(model, history, settings, target)
+    target.mkdir(parents=True)
+    model.save(target)
+    with open(target / "history.csv", "w", newline="", encoding="ascii") as file:
+        writer = csv.DictWriter(file, fieldnames=list(history[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(history)
+    fit = {
+        "stop_reason": model.summary.stop_reason,
+        "best_epoch": model.summary.best_epoch,
+        "epochs": len(history),
+        "parameters": model.parameters(),
+        "macs": model.macs(),
+        "settings": settings,
+    }
+    (target / "fit.json").write_text(json.dumps(fit, indent=1) + "\n", encoding="ascii")
     return seconds
 
 

@@ -5,6 +5,8 @@ with one thread, which gives the same numbers whatever the number of processes.
 Usage: python -m pipeline.train touch|velostat_recorded MODEL
 """
 
+import csv
+import json
 import sys
 import time
 from collections.abc import Callable
@@ -19,11 +21,11 @@ def train_run(
 ) -> float:
     """Train one run and write its files to the new folder `target`; returns the seconds that fitting took.
 
-    Losses in history.csv are in the label's unit squared.
+    Files: the model's own, history.csv (a row an epoch, losses in the label's unit squared) and fit.json.
     """
     import torch
 
-    from pipeline.fitting import Spec, save_run
+    from pipeline.fitting import Spec
 
     torch.set_num_threads(1)
     values = params.load()
@@ -43,13 +45,27 @@ def train_run(
     started = time.perf_counter()
     history = regressor.fit(train, validation, seed=seed, device=values["device"], progress=report)
     seconds = time.perf_counter() - started
-    save_run(regressor, history, block, target)
+    target.mkdir(parents=True)
+    regressor.save(target)
+    with open(target / "history.csv", "w", newline="", encoding="ascii") as file:
+        writer = csv.DictWriter(file, fieldnames=list(history[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(history)
+    fit = {
+        "stop_reason": regressor.summary.stop_reason,
+        "best_epoch": regressor.summary.best_epoch,
+        "epochs": len(history),
+        "parameters": regressor.parameters(),
+        "macs": regressor.macs(),
+        "settings": block,
+    }
+    (target / "fit.json").write_text(json.dumps(fit, indent=1) + "\n", encoding="ascii")
     return seconds
 
 
 def main() -> None:
     """Train the model named on the command line."""
-    experiments = [name for name in params.load()["experiments"] if name not in params.SERIES]
+    experiments = params.load()["experiments"]
     if len(sys.argv) != 3 or sys.argv[1] not in experiments:
         raise InputError(f"usage: python -m pipeline.train {'|'.join(experiments)} MODEL")
     runs.train_all(train_run, sys.argv[1], sys.argv[2])
