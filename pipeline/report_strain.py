@@ -183,27 +183,23 @@ def _mean(group: pd.DataFrame) -> Estimate:
 
 
 def samples_sentences(samples: pd.DataFrame) -> list[str]:
-    """Where direct training overtakes transfer."""
+    """At which sizes of the training set transfer, trained as published, is ahead of direct training."""
     lines = []
     for task, own in samples.groupby("protocol", sort=True):
         found = own.groupby(["model", "samples"])["value"].apply(estimate)
-        direct, transfer = found["lstm_direct"], found[TRANSFER[1]]
+        direct, transfer = found["lstm_direct"], found["lstm_transfer"]
         sizes = sorted(direct.index)
-        ahead = [n for n in sizes if direct[n].mean < transfer[n].mean]
-        always = [n for n in sizes if all(direct[m].mean < transfer[m].mean for m in sizes if m >= n)]
-        name = task.replace("_", " ")
+        ahead = [f"{n:,}" for n in sizes if transfer[n].mean < direct[n].mean]
+        behind = [f"{n:,}" for n in sizes if f"{n:,}" not in ahead]
         if not ahead:
-            verdict = f"transfer is better at every size, so the curves do not cross up to {sizes[-1]:,} samples"
-        elif always and always[0] == sizes[0]:
-            verdict = "direct training is better at every size: that transfer needs fewer samples is not reproduced"
-        elif always:
-            before = max(n for n in sizes if n < always[0])
-            verdict = f"transfer is better up to {before:,} samples, direct training from {always[0]:,}"
+            verdict = "direct training is ahead at every size: that transfer needs fewer samples is not reproduced"
+        elif not behind:
+            verdict = f"transfer is ahead at every size, so the curves do not cross up to {sizes[-1]:,} samples"
         else:
-            verdict = f"the curves cross more than once; direct training is ahead at {', '.join(map(str, ahead))}"
+            verdict = f"transfer is ahead at {' / '.join(ahead)} samples, direct training at {' / '.join(behind)}"
         least, most = sizes[0], sizes[-1]
         lines.append(
-            f"- Fewer samples, {name}: {verdict} (closed form; {least} samples: direct {interval(direct[least])}, "
+            f"- Fewer samples, {task.replace('_', ' ')}: {verdict} ({least} samples: direct {interval(direct[least])}, "
             f"transfer {interval(transfer[least])} mm; {most:,}: {interval(direct[most])} and "
             f"{interval(transfer[most])} mm)."
         )
