@@ -7,10 +7,10 @@ from pipeline.markdown import interval, table
 from pipeline.results import Scores
 
 SPLITS = {
-    "within_day": "Within 30 July: the first 70 % train, the last 30 % test",
-    "across_days": "Across days: 30 July trains, 31 July tests, on the five strands that both days have",
-    "new_places": "Across days, as before, without the presses of 30 July whose places 31 July repeats",
-    "failing_channel": "Within 31 July with the strand that fails left in",
+    "within_day": "The first 70 % of 30 July train, its last 30 % test",
+    "across_days": "30 July trains, 31 July tests, on the five strands that both days have",
+    "new_places": "30 July trains, without the presses whose places 31 July repeats, and 31 July tests",
+    "failing_channel": "The first 70 % of 31 July train, its last 30 % test, with the strand that fails left in",
 }
 SHORT = {"within_day": "Within the day", "across_days": "Across days", "new_places": "Across days, new places"}
 TASKS = {"xy": "place while pressed", "z": "pressed or not", "xyz": "all three, at all times: task 0 of transfer"}
@@ -64,7 +64,7 @@ def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> st
         "# Recorded strain sensors: results\n",
         "[Table](table.md), [speed](../speed/table2.md), [figure](figure.png).\n",
     ]
-    lines += [f"- {SHORT[split]}: {SPLITS[split][0].lower()}{SPLITS[split][1:]}." for split in WANTED] + [""]
+    lines += [f"- {SHORT[split]}: {SPLITS[split].replace('The first', 'the first')}." for split in WANTED]
     for split, wanted in WANTED.items():
         protocol = f"{split}_xy"
         if protocol not in tested:

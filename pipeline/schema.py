@@ -232,7 +232,7 @@ SCHEMA = {
             "tasks": many(one_of("task_1", "task_2")),
             "seeds": many(integer(0)),
             "samples": many(integer(2)),
-            "models": many(text),
+            "models": many(one_of("lstm_direct", "lstm_transfer", "lstm_transfer_ridge")),
             "capacity": {
                 "units": many(integer(1)),
                 "training": {
