@@ -1,4 +1,4 @@
-"""Stage: windows (or series) to a dataset, with labels and, for every run, the part each row belongs to.
+"""Stage: windows (series, images) to a dataset, with labels and, for every run, the part each row belongs to.
 
 Usage: python -m pipeline.dataset EXPERIMENT
 """
@@ -8,13 +8,13 @@ import sys
 import pyarrow as pa
 import pyarrow.parquet
 
-from pipeline import params, paths, tables
+from pipeline import images, params, paths, tables
 from pipeline.errors import run_stage
 from pipeline.params import experiment_module
 
 
 def main() -> None:
-    """Label and split the windows of the experiment named on the command line; series carry their labels."""
+    """Label and split the windows of the experiment named on the command line; series and images carry their labels."""
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "dataset", values)
     module, settings = experiment_module(experiment), values[experiment]
@@ -22,6 +22,10 @@ def main() -> None:
         path = paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}")
         windows = pyarrow.parquet.read_table(path)
         table = windows.rename_columns({"y_mm": "y"})
+    elif experiment in params.IMAGES:
+        frames = pyarrow.parquet.read_table(paths.require(paths.frames(experiment), "python -m pipeline.ingest"))
+        windows = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
+        table = images.dataset_rows(windows, module.images(windows, settings))
     else:
         windows = pyarrow.parquet.read_table(paths.require(paths.windows(experiment), "python -m pipeline.window"))
         table = windows.append_column("y", tables.lists(module.labels(windows, settings), pa.float32()))

@@ -119,6 +119,7 @@ def experiment_module(experiment: str):
 
 
 SERIES = ("strain", "strain_recorded")  # experiments whose models see a whole series, not windows
+IMAGES = ("glove", "glove_recorded")  # experiments whose models see one tactile image and name the object
 
 
 def shapes(settings: Mapping) -> tuple[int, int, int, int, int]:

@@ -74,10 +74,11 @@ window = {
 }
 seeds = {"seeds": many(integer(0))}
 taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
+tactile_images = ("pressure", "strain", "combined")
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
 SCHEMA = {
-    "experiments": many(one_of("touch", "velostat_recorded", "strain", "strain_recorded")),
+    "experiments": many(one_of("touch", "velostat_recorded", "strain", "strain_recorded", "glove", "glove_recorded")),
     "device": one_of("auto", "cpu", "cuda"),
     "touch": {
         "source": text,
@@ -261,6 +262,70 @@ SCHEMA = {
         "window": window,
         "split": {"validation": fraction},
         "protocols": {"repetition": seeds} | dict.fromkeys(taxel_recordings, seeds),
+        "models": mapping,
+        "latency": latency,
+    },
+    "glove": {
+        "source": text,
+        "sensor": {"reference_ohm": positive},
+        "yardstick": {"model": text, "condition": text, "metric": text, "published": positive},
+        "simulate": {
+            "seed": integer(0),
+            "sessions": integer(1),
+            "frames_per_object": integer(1),
+            "frame_hz": positive,
+            "session": {
+                "along_mm": number(0),
+                "across_mm": number(0),
+                "tilt_deg": number(0),
+                "margin": positive,
+                "margin_spread": number(0),
+                "share_spread": number(0),
+                "fit_deg": number(0),
+                "least_grip_n": number(0),
+                "wander": number(0),
+                "wander_time_s": positive,
+            },
+            "film": {
+                "rest_ohm": positive,
+                "force_scale": positive,
+                "gain_spread": number(0),
+                "rest_bend_ohm": positive,
+                "bend_gain": number(0),
+            },
+            "circuit": {"supply_v": positive, "noise_counts": number(0)},
+            "faults": {
+                "torn": fraction,
+                "duplicated": fraction,
+                "missing": fraction,
+                "out_of_range": fraction,
+                "out_of_order": fraction,
+            },
+            "effects": {
+                "session": flag,
+                "wander": flag,
+                "element_spread": flag,
+                "softness": flag,
+                "noise": flag,
+                "line_faults": flag,
+            },
+        },
+        "ingest": {"max_reject_fraction": fraction},
+        "window": {"stride": integer(1)},
+        "split": {"train": fraction, "validation": fraction},
+        "protocols": dict.fromkeys(
+            [f"{split}_{images}" for split in ("session", "random_frames") for images in tactile_images], seeds
+        ),
+        "models": mapping,
+        "augmentation": {"model": text, "split": text, "seeds": many(integer(0))},
+        "stag": {"file": text, "seeds": many(integer(0)), "validation": fraction},
+        "latency": latency,
+    },
+    "glove_recorded": {
+        "ingest": {"max_reject_fraction": fraction},
+        "window": {"frames": integer(1), "stride": integer(1)},
+        "split": {"train": fraction, "validation": fraction},
+        "protocols": mapping,
         "models": mapping,
         "latency": latency,
     },

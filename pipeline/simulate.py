@@ -1,6 +1,6 @@
 """Stage: write the raw serial logs of a simulated scene, with every injected fault listed in `faults.csv`.
 
-Usage: python -m pipeline.simulate touch|strain
+Usage: python -m pipeline.simulate touch|strain|glove
 """
 
 import csv
@@ -13,7 +13,7 @@ from tqdm import tqdm
 from pipeline import params, paths
 from pipeline.errors import InputError, run_stage
 
-SCENES = ("touch", "strain")
+SCENES = ("touch", "strain", "glove")
 
 
 def simulate(experiment: str, settings: dict) -> None:

@@ -76,8 +76,8 @@ def main() -> None:
     """Window the experiment named on the command line."""
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "window", values)
-    if experiment in params.SERIES:
-        raise InputError(f"{experiment}: models see the whole series; run `python -m pipeline.dataset {experiment}`")
+    if experiment in (*params.SERIES, *params.IMAGES):
+        raise InputError(f"{experiment}: its models see no windows; run `python -m pipeline.dataset {experiment}`")
     frames = pyarrow.parquet.read_table(paths.require(paths.frames(experiment), "python -m pipeline.ingest"))
     windows = windows_of(frames, values[experiment]["window"])
     tables.write(paths.windows(experiment), windows.schema, [windows])

@@ -1,0 +1,156 @@
+"""Glove experiment (SP-ResNet paper): what the scanner prints, and tactile images by equations 1 to 6."""
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import images as tactile
+from pipeline import logs, tables
+from pipeline.errors import InputError
+from pipeline.logs import Column, Format
+from pipeline.seeding import generator
+
+PRESSURE = (slice(0, 15), slice(0, 18))  # area (a) of the 32 x 32 scan: rows, columns
+STRAIN = (slice(17, 32), slice(23, 32))  # area (b)
+PRESSURE_CELLS, STRAIN_CELLS = 15 * 18, 15 * 9
+LEVELS = 1024  # of the scanner's converter, equation 2
+JOINT = 3  # cells of a joint's sensor in each direction
+LOG = "scanner.log"
+FORMAT = Format(
+    (
+        Column("t_us", "us", 0, 2**53, integer=True),
+        *(Column(f"p{k}", "1", 0, LEVELS - 1, integer=True) for k in range(PRESSURE_CELLS)),
+        *(Column(f"s{k}", "1", 0, LEVELS - 1, integer=True) for k in range(STRAIN_CELLS)),
+    ),
+    time="t_us",
+)
+SCHEMA = tactile.frames(PRESSURE_CELLS, STRAIN_CELLS, pa.int16())
+
+CONSTANT = "constant frame"  # of one area: equation 6 would divide by zero
+SPLITS = ("session", "random_frames")
+
+
+def frames_schema(settings: Mapping) -> pa.Schema:
+    """The frames table: the glove is given, whatever `settings` say."""
+    return SCHEMA
+
+
+def recordings(folder: Path) -> list[Path]:
+    """The folders `<object>/<session>` in `folder`, sorted. InputError where there is none, or an object has none."""
+    objects = sorted(path for path in folder.glob("*") if path.is_dir())
+    if len(objects) < 2:
+        raise InputError(f"{folder}: {len(objects)} objects found; expected two or more as <object>/<session>/{LOG}")
+    found = []
+    for one in objects:
+        sessions = sorted(path for path in one.glob("*") if path.is_dir())
+        if not sessions:
+            raise InputError(f"{one}: no session of this object; add <session>/{LOG} or remove the folder")
+        found += sessions
+    return found
+
+
+def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
+    """The log of one session as `(frames, rejects, report)`; settings: the block `glove` of params.yaml.
+
+    frames: a table of SCHEMA. Lines of the file = accepted + rejected (+ header). Raises InputError for a missing
+    log, too many rejects, or a session without a usable frame.
+    """
+    rows, rejects = logs.read_log(folder / LOG, FORMAT)
+    cells = np.column_stack([rows[name].to_numpy() for name in FORMAT.names[1:]])
+    pressure, strain = cells[:, :PRESSURE_CELLS], cells[:, PRESSURE_CELLS:]
+    constant = (np.ptp(pressure, axis=1) == 0) | (np.ptp(strain, axis=1) == 0)
+    numbers = rows["line"].to_numpy()[constant].tolist()
+    texts = logs.texts(folder / LOG, numbers) if numbers else []
+    columns = [[LOG] * len(numbers), numbers, [CONSTANT] * len(numbers), texts]
+    rejects = pa.concat_tables([rejects, pa.table(columns, logs.REJECTS)]).sort_by("line")
+    reasons = Counter(rejects["reason"].to_pylist())
+    lines = rejects.num_rows + int((~constant).sum())
+    limit = settings["ingest"]["max_reject_fraction"]
+    logs.check_rejects(folder / LOG, lines, reasons, limit, "glove.ingest.max_reject_fraction")
+    kept = np.flatnonzero(~constant)
+    if not len(kept):
+        raise InputError(f"{folder / LOG}: no usable frame is left, most often '{max(reasons, key=reasons.get)}'")
+
+    time_s, segment = rows["t_us"].to_numpy()[kept] / 1e6, rows["segment"].to_numpy()[kept]
+    first = np.concatenate([[True], np.diff(segment) != 0])
+    columns = {
+        "condition": [folder.parent.name] * len(kept),
+        "recording": [folder.name] * len(kept),
+        "segment": segment,
+        "t_s": time_s,
+        "gap_before": first | tables.gaps(time_s, segment),
+        "pressure": tables.lists(pressure[kept], pa.int16()),
+        "strain": tables.lists(strain[kept], pa.int16()),
+    }
+    frames = pa.table(columns).select(SCHEMA.names).cast(SCHEMA)
+    return frames, rejects, {LOG: tables.log_report(len(kept), rejects, time_s, segment)}
+
+
+def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
+    """Row numbers of the frames that become images: every `window.stride`-th of each session."""
+    names = np.char.add(np.char.add(tables.names(frames["condition"]), "/"), tables.names(frames["recording"]))
+    starts = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]]))
+    place = np.arange(len(names)) - np.repeat(starts, np.diff([*starts, len(names)]))
+    return np.flatnonzero(place % settings["window"]["stride"] == 0)
+
+
+def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
+    """The three datasets of tactile images, each (n, 32, 32) uint8; areas that are not scanned are null.
+
+    A joint's nine pixels all show their mean conductance (equation 5). `combined` is normalised as one matrix.
+    Differs from paper: where a joint's one mean lies in the image is not said; here it fills the joint's 3 x 3 cells.
+    """
+    ohm = settings["sensor"]["reference_ohm"]
+    pressure = conductance(tables.matrix(frames["pressure"]), ohm).reshape(-1, 15, 18)
+    joints = joint_means(conductance(tables.matrix(frames["strain"]), ohm).reshape(-1, 15, 9))
+    strain = joints.repeat(JOINT, axis=1).repeat(JOINT, axis=2)
+    found = {}
+    for modality in tactile.MODALITIES:
+        matrix = np.zeros((frames.num_rows, tactile.SIDE, tactile.SIDE))
+        if modality != "strain":
+            matrix[:, *PRESSURE] = pressure
+        if modality != "pressure":
+            matrix[:, *STRAIN] = strain
+        found[modality] = tactile.normalised(matrix)
+    return found
+
+
+def conductance(counts: np.ndarray, reference_ohm: float) -> np.ndarray:
+    """Equations 1 to 4: siemens from ADC counts 0 .. 1023 (any shape), G = V / (R_ref (1024 - V))."""
+    counts = counts.astype(float)
+    return counts / (reference_ohm * (LEVELS - counts))
+
+
+def joint_means(strain: np.ndarray) -> np.ndarray:
+    """Equation 5: (n, 15, 9) conductances of area (b) to the mean of each joint's 3 x 3 cells, (n, 5, 3)."""
+    n, rows, cols = strain.shape
+    return strain.reshape(n, rows // JOINT, JOINT, cols // JOINT, JOINT).mean(axis=(2, 4))
+
+
+def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
+    """The part of each image, (n,); the same for the three datasets of one seed. frames: the chosen ones.
+
+    `session`: whole sessions of every object, drawn by the seed; `random_frames`: frames, as the paper seems to
+    have done. Raises InputError for another name or an object with fewer sessions than parts.
+    """
+    name = tactile.split_name(protocol)
+    if name not in SPLITS:
+        raise InputError(f"params.yaml, glove.protocols: no split '{name}'; there are {', '.join(SPLITS)}")
+    share = settings["split"]
+    objects, sessions = tables.names(frames["condition"]), tables.names(frames["recording"])
+    part = np.empty(frames.num_rows, dtype=object)
+    for one in np.unique(objects):
+        own = objects == one
+        units = np.unique(sessions[own]) if name == "session" else np.flatnonzero(own)
+        if len(np.unique(sessions[own])) < len(tactile.PARTS):
+            raise InputError(
+                f"glove, object '{one}': {len(np.unique(sessions[own]))} sessions; at least {len(tactile.PARTS)} are "
+                "needed to train, validate and test on different ones: record more, or remove the object"
+            )
+        order = generator(seed, "glove", name, one).permutation(units)
+        for which, group in zip(tactile.PARTS, tactile.shares(order, share), strict=True):
+            part[own & np.isin(sessions, group) if name == "session" else group] = which
+    return part

@@ -1,0 +1,105 @@
+"""Experiments whose input is one tactile image (glove): their tables, and what a model is given of them."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+
+from pipeline import tables
+from pipeline.errors import InputError
+
+SIDE = 32  # pixels of an image's side
+MODALITIES = ("pressure", "strain", "combined")  # the three datasets of the SP-ResNet paper
+HIGHEST = 255.0
+PARTS = ("train", "validation", "test")
+
+
+def frames(pressure: int, strain: int, value: pa.DataType) -> pa.Schema:
+    """Frames in the order of time within a recording; pressure, strain: cells a frame; value: type of a reading."""
+    return pa.schema(
+        {
+            "condition": tables.NAME,  # the object: what the models must name
+            "recording": tables.NAME,
+            "segment": pa.int16(),  # a new one after every reset of the device
+            "t_s": pa.float64(),
+            "gap_before": pa.bool_(),  # frames are missing before this one; also the first of a segment
+            "pressure": pa.list_(value, pressure),
+            "strain": pa.list_(value, strain),
+        }
+    )
+
+
+def normalised(matrix: np.ndarray) -> np.ndarray:
+    """Equation 6 of the SP-ResNet paper: each matrix of (n, rows, cols) stretched linearly to 0 .. 255, uint8.
+
+    X = 255 (C - min C) / (max C - min C). Raises InputError where max = min: ingest rejects such frames.
+    """
+    low, high = (edge(matrix, axis=(1, 2), keepdims=True) for edge in (np.min, np.max))
+    if (constant := np.flatnonzero((high == low).ravel())).size:
+        raise InputError(f"image {constant[0]}: all cells are equal, so it cannot be normalised; reject the frame")
+    return np.round(HIGHEST * (matrix - low) / (high - low)).astype(np.uint8)
+
+
+def dataset_rows(chosen: pa.Table, pictures: Mapping[str, np.ndarray]) -> pa.Table:
+    """The dataset: condition, recording, t_s, label (int16, place of the object in the sorted names), images.
+
+    chosen: a table of the schema `frames`; pictures: modality -> (n, SIDE, SIDE) uint8.
+    """
+    names = tables.names(chosen["condition"])
+    _, label = np.unique(names, return_inverse=True)
+    table = chosen.select(["condition", "recording", "t_s"]).append_column("label", pa.array(label.astype(np.int16)))
+    for modality in MODALITIES:
+        flat = pictures[modality].reshape(len(names), SIDE * SIDE)
+        table = table.append_column(modality, tables.lists(flat, pa.uint8()))
+    return table
+
+
+def shares(units: np.ndarray, split: Mapping) -> list[np.ndarray]:
+    """Shuffled sessions, grasps or frames in three groups, in the order of PARTS, none of them empty.
+
+    units: three or more; split: the shares `train` and `validation`, the rest is the test.
+    """
+    wanted = np.cumsum([split["train"], split["validation"]]) * len(units)
+    first = int(np.clip(round(wanted[0]), 1, len(units) - 2))
+    second = int(np.clip(round(wanted[1]), first + 1, len(units) - 1))
+    return np.split(units, [first, second])
+
+
+def modality(protocol: str) -> str:
+    """Which images a protocol takes: it is named <split>_<modality>, like session_pressure. InputError otherwise."""
+    name = protocol.rsplit("_", 1)[-1]
+    if name not in MODALITIES:
+        raise InputError(f"protocol '{protocol}': must end in one of {', '.join('_' + each for each in MODALITIES)}")
+    return name
+
+
+def split_name(protocol: str) -> str:
+    """How a protocol splits: `session` of session_pressure."""
+    return protocol.rsplit("_", 1)[0]
+
+
+class Images(NamedTuple):
+    """One protocol's images, as models of windows take them: a window of one frame, and a one-hot label."""
+
+    x: np.ndarray  # (n, 1, SIDE * SIDE) float32, 0 .. 255
+    y: np.ndarray  # (n, classes) float32, 1 at the object
+    part: np.ndarray  # (n,) 'train', 'validation', 'test', 'unused'
+    objects: list[str]  # (classes,) names in the order of labels
+
+
+def read(path: Path, protocol: str, seed: int) -> Images:
+    """The images and labels of one run, from the dataset that the stage of that name wrote."""
+    wanted = ["condition", "label", modality(protocol), tables.split_column(protocol, seed)]
+    table = pyarrow.parquet.read_table(path, columns=wanted)
+    objects = classes(table)
+    x = tables.matrix(table[modality(protocol)]).astype(np.float32)[:, None]
+    y = np.eye(len(objects), dtype=np.float32)[table["label"].to_numpy()]
+    return Images(x, y, tables.names(table[tables.split_column(protocol, seed)]), objects)
+
+
+def classes(table: pa.Table) -> list[str]:
+    """Names of the objects in the order of their labels."""
+    return sorted(set(tables.names(table["condition"])))

@@ -1,0 +1,292 @@
+"""Glove scene: sixteen objects grasped in several sessions, as the raw log of the glove's scanner.
+
+A chain of named effects, the ones that can be left out with a switch in params.yaml (glove.simulate.effects):
+
+    object -> posture of the hand -> grip force -> pressure on the pads -> Velostat -> virtual ground -> ADC -> log
+
+Lengths in mm, forces in N. The object's axis lies across the hand; y is the place along it, s the way around the
+object from the middle of the palm, towards the fingers (thumb: the other way round).
+
+1. Object. Its cross-section is a rectangle, width w on the palm and depth d, with corners of radius c (a circle:
+   w = d = 2 c), scaled along the axis by rho(y): 1 (prism), sqrt(1 - (2 y / length)^2) (ellipsoid) or
+   1 + taper y / length (cone). Beyond the object's length a finger closes around nothing.
+2. Posture. A finger of half thickness t that lies on the object has turned, up to the place s, by the corners that
+   it has passed,
+
+       Theta(s) = sum_k pi/2 clip((s - e_k) / (pi/2 (c + t)), 0, 1),     e_k: start of corner k,
+
+   and a joint by what its two phalanges turn between their middles, Theta(s + l_next / 2) - Theta(s - l_last / 2), up
+   to the joint's limit. A phalanx behind a joint at its limit loses contact.
+3. Grip force. Friction must carry the weight, F = margin m G / (2 mu) + F_least (Westling and Johansson, Experimental
+   Brain Research 53, 277, 1984: a margin over the slip force, which grows with weight). Fingers take F, thumb
+   and palm oppose it; shares of fingers and phalanges are constants times a factor of the session.
+4. Pressure. The skin is a bed of springs (Winkler foundation): under a force f it yields by
+   delta = YIELD_MM sqrt(f) / min(1, k), k being the stiffness of the object relative to skin (without `softness`,
+   k = 1), and a cell takes its share of f in proportion to max(0, 1 - gap / delta), gap being the distance of the
+   object's surface from the highest point.
+5. Velostat: the static law fitted to the recorded taxel (pipeline/scenes/material.py); its memory of 0.04 s is shorter
+   than a frame's 0.1 s and left out. A bent joint presses wires into the film: G = G_rest (1 + gain angle / 90 deg).
+   Every cell has its own gain (`element_spread`), the same in all sessions.
+6. Circuit: virtual ground, so without crosstalk. Equations 1 and 2 of the paper: ADC = 1024 R_ref / (R + R_ref).
+
+A session is one grasp. Between sessions, placement on the palm, tilt, margin, shares and the fit of the glove at every
+joint differ (`session`); within one, the same quantities wander slowly around it (`wander`), as a hand that holds
+and re-adjusts does: a share of the differences between sessions, with a memory of `wander_time_s`.
+
+Differs from paper: objects and hand are simulated. The paper names 16 objects with no size or mass; the numbers here
+are of common things of that name, chosen before any model was trained. One number, `session.wander`, is then set by
+the yardstick (glove.yardstick). The paper's pads (one of 3 x 4, others of 3 x 3, palm 12 x 9) cannot sum up to its
+243 units; fifteen of 3 x 3 and the palm do. The object that its list of names leaves out is taken to be the roll of
+paper that the text speaks of.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from pipeline.scenes import material, readout
+from pipeline.scenes.faults import Fault, inject
+from pipeline.seeding import generator
+
+FINGERS = ("thumb", "index", "middle", "ring", "little")
+ACROSS_MM = np.array([12.0, 30.0, 10.0, -10.0, -30.0])  # y of each finger
+KNUCKLE_MM = np.array([30.0, 40.0, 42.0, 40.0, 36.0])  # from the middle of the palm to the first joint
+PHALANGES_MM = np.array([[40.0, 33, 27], [45, 26, 22], [50, 30, 23], [46, 28, 23], [36, 20, 20]])
+LIMITS_DEG = np.array([90.0, 105.0, 80.0])  # of flexion, from the knuckle outwards
+THUMB_LIMITS_DEG = np.array([30.0, 60.0, 80.0])  # the first is the saddle joint, which carries no strain sensor
+OPEN_DEG = 25.0  # of every joint of an empty, relaxed hand
+FINGER_MM = 8.0  # half thickness
+REACH_DEG = 25.0  # beyond its limit a joint lifts the phalanx off the object
+
+FINGER_SHARE = np.array([0.45, 0.3, 0.3, 0.25, 0.15])  # of the grip force; the thumb's opposes the others'
+PHALANX_SHARE = np.array([0.3, 0.25, 0.45])
+PALM_SHARE = 0.55  # what the thumb does not oppose
+PAD_MM, PALM_MM = 6.0, 7.5  # pitch of the cells
+PALM_ROWS, PALM_COLS = 12, 9
+YIELD_MM = 0.4  # of the skin under 1 N on a pad
+SKIN = 5.0  # stiffness (N/mm) at which an object yields as much as skin does
+
+GRAVITY = 9.81
+LEVELS = 1024  # of the converter
+PRESSURE = (15, 18)  # rows, columns of area (a) of the scan
+STRAIN = (15, 9)  # of area (b)
+
+
+class Thing(NamedTuple):
+    """An object's attributes; profile: prism, ellipsoid, cone."""
+
+    width_mm: float
+    depth_mm: float
+    corner_mm: float
+    length_mm: float
+    mass_g: float
+    stiffness: float  # N/mm
+    friction: float
+    profile: str = "prism"
+    taper: float = 0.0
+
+
+OBJECTS: dict[str, Thing | None] = {
+    "art_knife": Thing(24, 14, 6, 150, 60, 100, 0.5),
+    "book": Thing(26, 150, 2, 210, 420, 20, 0.4),
+    "can": Thing(66, 66, 33, 115, 350, 40, 0.4),
+    "cup_1": Thing(82, 82, 41, 95, 320, 100, 0.5),
+    "cup_2": Thing(76, 76, 38, 110, 180, 60, 0.5, "cone", 0.25),
+    "empty_bottle": Thing(65, 65, 32.5, 210, 25, 3, 0.4),
+    "empty_hand": None,
+    "full_bottle_1": Thing(65, 65, 32.5, 210, 575, 20, 0.4),
+    "full_bottle_2": Thing(62, 62, 31, 200, 530, 20, 0.4),
+    "magic_cube": Thing(57, 57, 3, 57, 95, 60, 0.4),
+    "mobile_phone": Thing(74, 9, 4, 155, 190, 100, 0.4),
+    "mouse": Thing(60, 38, 18, 110, 90, 60, 0.4),
+    "paper_roll": Thing(105, 105, 52.5, 100, 120, 4, 0.5),
+    "tape": Thing(92, 92, 46, 48, 140, 30, 0.5),
+    "tennis_ball": Thing(67, 67, 33.5, 67, 58, 12, 0.6, "ellipsoid"),
+    "toy": Thing(90, 80, 40, 120, 120, 1, 0.6, "ellipsoid"),
+}
+
+
+class Recording(NamedTuple):
+    """One session with one object."""
+
+    condition: str
+    name: str
+
+
+class Hold(NamedTuple):
+    """What differs between sessions and wanders within one, (frames, ...)."""
+
+    along: np.ndarray  # (n,) mm, shift of the object towards the fingers
+    across: np.ndarray  # (n,) mm, shift along its axis
+    tilt: np.ndarray  # (n,) rad, of the axis on the palm
+    margin: np.ndarray  # (n,) over the slip force
+    share: np.ndarray  # (n, 5, 3) factor of each phalanx's share
+    fit: np.ndarray  # (n, 5, 3) deg, by which the glove shows each joint wrongly
+
+
+def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
+    """All recordings, and the function that gives the log of one (`logs_of`); settings: the block `glove`."""
+    scene = settings["simulate"]
+    scene = scene | {"circuit": scene["circuit"] | settings["sensor"]}
+    count = scene["sessions"]
+    found = [Recording(name, f"session{number:02d}") for name in OBJECTS for number in range(count)]
+    return found, lambda recording: logs_of(recording, scene)
+
+
+def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str], list[Fault]]]:
+    """The scanner's log of one recording: lines `t_us,p0..p269,s0..s134` and the injected faults.
+
+    settings: the block glove.simulate. Cells row by row of areas (a) and (b); unwired cells read 0.
+    """
+    names = (recording.condition, recording.name)
+    frames = -(-settings["frames_per_object"] // settings["sessions"])
+    hold = held(frames, settings, generator(settings["seed"], *names, "hold"))
+    pressure, strain = conductances(OBJECTS[recording.condition], hold, settings)
+    circuit = settings["circuit"]
+    noise = generator(settings["seed"], *names, "noise")
+    columns = []
+    for siemens in (pressure, strain):
+        volts = circuit["supply_v"] * siemens / (siemens + 1 / circuit["reference_ohm"])
+        error = noise.normal(0, circuit["noise_counts"], volts.shape) if settings["effects"]["noise"] else 0.0
+        read = readout.counts(np.nan_to_num(volts), supply_v=circuit["supply_v"], levels=LEVELS, noise=error)
+        columns.append(np.where(np.isnan(siemens), 0, read).reshape(frames, -1))
+    t_us = np.round((np.arange(frames) + 1) * 1e6 / settings["frame_hz"]).astype(np.int64)
+    rows = np.column_stack([t_us, *columns]).tolist()
+    lines = [",".join(map(str, row)) for row in rows]
+    if not settings["effects"]["line_faults"]:
+        return {"scanner.log": (lines, [])}
+    return {"scanner.log": inject(lines, settings["faults"], generator(settings["seed"], *names, "faults"))}
+
+
+def held(frames: int, settings: Mapping, rng: np.random.Generator) -> Hold:
+    """The session's hold and its wandering; settings: the block glove.simulate."""
+    session, effects = settings["session"], settings["effects"]
+    keep = np.exp(-1 / (settings["frame_hz"] * session["wander_time_s"]))
+
+    def course(spread: float, *shape: int) -> np.ndarray:
+        """(frames, *shape): a constant of the session plus a stationary first-order process."""
+        constant, start = rng.normal(0, spread, (2, *shape))
+        steps = rng.normal(0, spread * np.sqrt(1 - keep**2), (frames, *shape))
+        steps[0] = start
+        slow = lfilter([1], [1, -keep], steps, axis=0)
+        return effects["session"] * constant + effects["wander"] * session["wander"] * slow
+
+    return Hold(
+        along=course(session["along_mm"]),
+        across=course(session["across_mm"]),
+        tilt=np.radians(course(session["tilt_deg"])),
+        margin=session["margin"] * np.exp(course(session["margin_spread"])),
+        share=np.exp(course(session["share_spread"], 5, 3)),
+        fit=course(session["fit_deg"], 5, 3),
+    )
+
+
+def conductances(thing: Thing | None, hold: Hold, settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
+    """Siemens of every cell, (frames, 15, 18) and (frames, 15, 9), NaN where no cell is wired.
+
+    Area (a): columns 1 to 9 the pads (a finger 3 rows, phalanges from the palm outwards), columns 10 to 18 of rows 4
+    to 15 the palm. Area (b): the joints likewise; the thumb's first is not wired.
+    """
+    frames = len(hold.along)
+    angles, contact = posture(thing, hold)
+    force = np.zeros((frames, *PRESSURE))
+    if thing is not None:
+        force[:] = pressed(thing, hold, contact, settings)
+    wired = np.ones(PRESSURE, dtype=bool)
+    wired[:3, 9:] = False
+    film, spread = settings["film"], settings["effects"]["element_spread"]
+    gains = generator(settings["seed"], "film")
+    gain = np.exp(spread * film["gain_spread"] * gains.normal(size=PRESSURE))
+    bend_gain = np.exp(spread * film["gain_spread"] * gains.normal(size=STRAIN))
+    log_rise = material.static_conductance(material.load_material(), film["force_scale"] * force)
+    pressure = np.where(wired, gain * np.exp(log_rise) / film["rest_ohm"], np.nan)
+
+    shown = np.repeat(np.repeat(np.maximum(angles + hold.fit, 0), 3, axis=1), 3, axis=2)
+    strain = bend_gain * (1 + film["bend_gain"] * shown / 90) / film["rest_bend_ohm"]
+    strain[:, :3, :3] = np.nan
+    return pressure, strain
+
+
+def turning(s: np.ndarray, thing: Thing, size: np.ndarray) -> np.ndarray:
+    """Theta of equation 2 in degrees at the places s (any shape) around the cross-section scaled by `size`."""
+    corner = thing.corner_mm * size
+    arc = np.pi / 2 * (corner + FINGER_MM)
+    flats = (thing.width_mm / 2 - thing.corner_mm, thing.depth_mm - 2 * thing.corner_mm)
+    flats = (*flats, thing.width_mm - 2 * thing.corner_mm, flats[1])
+    total, start = 0.0, 0.0
+    for k, flat in enumerate(flats):
+        start = start + flat * size + (arc if k else 0.0)
+        total = total + 90 * np.clip((s - start) / arc, 0, 1)
+    return total
+
+
+def scale(y: np.ndarray, thing: Thing) -> np.ndarray:
+    """rho of equation 1 at the places y along the axis; 0 beyond the object."""
+    inside = np.abs(y) < thing.length_mm / 2
+    if thing.profile == "ellipsoid":
+        return np.sqrt(np.maximum(0, 1 - (2 * y / thing.length_mm) ** 2))
+    return inside * (1 + thing.taper * y / thing.length_mm)
+
+
+def posture(thing: Thing | None, hold: Hold) -> tuple[np.ndarray, np.ndarray]:
+    """Joint angles (frames, 5, 3) in degrees and how well each phalanx touches (frames, 5, 3), 0 to 1."""
+    frames = len(hold.along)
+    limits = np.vstack([THUMB_LIMITS_DEG, *[LIMITS_DEG] * 4])
+    if thing is None:
+        return np.full((frames, 5, 3), OPEN_DEG), np.zeros((frames, 5, 3))
+    size = scale(ACROSS_MM - hold.across[:, None], thing)[:, :, None]  # (frames, 5, 1)
+    way = np.array([1, *[-1] * 4])[:, None]  # a shift towards the fingers lengthens the thumb's way
+    ends = np.column_stack([np.zeros(5), np.cumsum(PHALANGES_MM, axis=1)])
+    joints = KNUCKLE_MM[:, None] + ends[:, :3] + way * hold.along[:, None, None]  # (frames, 5, 3)
+    before = np.column_stack([KNUCKLE_MM, PHALANGES_MM[:, :2]]) / 2
+    there = np.maximum(size, 1e-3)
+    wanted = turning(joints + PHALANGES_MM / 2, thing, there) - turning(joints - before, thing, there)
+    excess = np.cumsum(np.maximum(wanted - limits, 0), axis=2)
+    contact = np.where(size > 0.05, np.exp(-excess / REACH_DEG), 0.0)
+    return np.where(size > 0.05, np.minimum(wanted, limits), 0.85 * limits), contact
+
+
+def pressed(thing: Thing, hold: Hold, contact: np.ndarray, settings: Mapping) -> np.ndarray:
+    """Force on every cell of area (a), (frames, 15, 18), in N."""
+    session = settings["session"]
+    grip = hold.margin * thing.mass_g / 1000 * GRAVITY / (2 * thing.friction) + session["least_grip_n"]
+    yields = YIELD_MM / min(1.0, thing.stiffness / SKIN) if settings["effects"]["softness"] else YIELD_MM
+    result = np.zeros((len(grip), *PRESSURE))
+
+    share = FINGER_SHARE[:, None] * PHALANX_SHARE * hold.share * contact
+    share[:, 1:] /= np.maximum(share[:, 1:].sum(axis=(1, 2), keepdims=True), 1e-6)  # the fingers together take all
+    force = grip[:, None, None] * share  # (frames, 5, 3)
+    place = (np.arange(3) - 1) * PAD_MM
+    size = np.maximum(scale(ACROSS_MM - hold.across[:, None], thing), 0.05)[:, :, None]
+    middle = KNUCKLE_MM[:, None] + np.cumsum(PHALANGES_MM, axis=1) - PHALANGES_MM / 2
+    way = np.array([1, *[-1] * 4])[:, None]
+    middle = middle + way * hold.along[:, None, None]
+    edge = PAD_MM / 2
+    bend = turning(middle + edge, thing, size) - turning(middle - edge, thing, size)  # deg over a cell
+    curvature = np.radians(bend) / PAD_MM  # (frames, 5, 3) per mm, along the finger
+    across = 2 / thing.length_mm if thing.profile == "ellipsoid" else 0.0
+    gap = curvature[..., None, None] * place[None, :] ** 2 / 2 + across * place[:, None] ** 2 / 2
+    delta = np.maximum(yields * np.sqrt(force), 1e-6)[..., None, None]
+    weight = np.maximum(0, 1 - gap / delta)
+    cells = force[..., None, None] * weight / weight.sum(axis=(3, 4), keepdims=True)  # (frames, 5, 3, 3, 3)
+    result[:, :, :9] = cells.transpose(0, 1, 3, 2, 4).reshape(len(grip), 15, 9)
+
+    along = (np.arange(PALM_ROWS) - (PALM_ROWS - 1) / 2) * PALM_MM
+    beside = (np.arange(PALM_COLS) - (PALM_COLS - 1) / 2) * PALM_MM
+    s, y = np.meshgrid(along, beside, indexing="ij")
+    s, y = s - hold.along[:, None, None], y - hold.across[:, None, None]
+    turn = hold.tilt[:, None, None]
+    s, y = s * np.cos(turn) - y * np.sin(turn), s * np.sin(turn) + y * np.cos(turn)
+    rho = scale(y, thing)
+    corner = np.maximum(thing.corner_mm * rho, 1e-3)
+    beyond = np.clip(np.abs(s) - (thing.width_mm / 2 - thing.corner_mm) * rho, 0, None)
+    drop = corner - np.sqrt(np.maximum(corner**2 - beyond**2, 0))
+    gap = np.where((beyond < corner) & (rho > 0), drop + thing.depth_mm / 2 * (1 - np.minimum(rho, 1)), np.inf)
+    load = PALM_SHARE * grip
+    delta = (3 * yields * np.sqrt(load))[:, None, None]  # the palm is three times as soft as a finger's pad
+    weight = np.maximum(0, 1 - gap / delta)
+    total = np.maximum(weight.sum(axis=(1, 2), keepdims=True), 1e-6)
+    result[:, 3:, 9:] = load[:, None, None] * weight / total
+    return result

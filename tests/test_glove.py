@@ -1,0 +1,182 @@
+"""From the glove's log to tactile images: equations 1 to 6, splits, and what becomes of bad input."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from pipeline import classification, images, params, tables
+from pipeline.errors import InputError
+from pipeline.experiments import glove
+
+CELLS = glove.PRESSURE_CELLS + glove.STRAIN_CELLS
+
+
+@pytest.fixture(scope="module")
+def settings():
+    return params.load()["glove"] | {"window": {"stride": 1}, "split": {"train": 0.5, "validation": 0.2}}
+
+
+def write(folder, lines):
+    folder.mkdir(parents=True)
+    (folder / glove.LOG).write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def line(t_us, cells):
+    return ",".join(map(str, [t_us, *cells]))
+
+
+def table(objects, sessions, frames):
+    """A frames table with random counts."""
+    rng = np.random.default_rng(0)
+    names = [(f"object{i}", f"session{j}") for i in range(objects) for j in range(sessions) for _ in range(frames)]
+    n = len(names)
+    columns = {
+        "condition": [name for name, _ in names],
+        "recording": [name for _, name in names],
+        "segment": np.zeros(n, np.int16),
+        "t_s": np.arange(n, dtype=float),
+        "gap_before": np.zeros(n, bool),
+        "pressure": tables.lists(rng.integers(0, 1024, (n, glove.PRESSURE_CELLS)), pa.int16()),
+        "strain": tables.lists(rng.integers(0, 1024, (n, glove.STRAIN_CELLS)), pa.int16()),
+    }
+    return pa.table(columns).cast(glove.SCHEMA)
+
+
+def test_equations_one_to_four():
+    counts = np.array([0, 512, 1023])
+    resistance = 1000 * (1024 - counts[1:]) / counts[1:]  # equation 3
+    assert glove.conductance(counts, 1000.0)[1:] == pytest.approx(1 / resistance)
+    assert glove.conductance(counts, 1000.0)[0] == 0
+
+
+def test_equation_five_averages_nine_cells_of_a_joint():
+    strain = np.zeros((1, 15, 9))
+    strain[0, 3:6, 6:9] = np.arange(9).reshape(3, 3)
+    means = glove.joint_means(strain)
+    assert means.shape == (1, 5, 3) and means[0, 1, 2] == 4 and means.sum() == 4
+
+
+def test_equation_six_uses_the_whole_range_and_refuses_a_constant():
+    matrix = np.array([[[2.0, 4.0], [3.0, 2.0]]])
+    assert images.normalised(matrix).tolist() == [[[0, 255], [128, 0]]]
+    with pytest.raises(InputError, match="image 1: all cells are equal"):
+        images.normalised(np.stack([matrix[0], np.ones((2, 2))]))
+
+
+def test_images_lie_in_the_two_areas_of_the_scan(settings):
+    found = glove.images(table(2, 1, 3), settings)
+    for modality, image in found.items():
+        assert image.shape == (6, 32, 32) and image.dtype == np.uint8, modality
+        assert image.max(axis=(1, 2)).min() == 255
+    outside = np.ones((32, 32), bool)
+    outside[:15, :18] = outside[17:, 23:] = False
+    assert (found["combined"][:, outside] == 0).all()
+    assert (found["pressure"][:, 17:] == 0).all() and (found["strain"][:, :15] == 0).all()
+    blocks = found["strain"][:, 17:, 23:].reshape(6, 5, 3, 3, 3)
+    assert (np.ptp(blocks, axis=(2, 4)) == 0).all()  # a joint's nine pixels are one number
+
+
+def test_a_session_is_on_one_side_and_all_parts_have_every_object(settings):
+    frames = table(3, 6, 5)
+    units = np.char.add(tables.names(frames["condition"]), tables.names(frames["recording"]))
+    for seed in (0, 1):
+        part = glove.split(frames, settings, "session_combined", seed)
+        assert all(len(set(part[units == one])) == 1 for one in np.unique(units))
+        for name in images.PARTS:
+            assert set(tables.names(frames["condition"])[part == name]) == {"object0", "object1", "object2"}
+        assert (part == glove.split(frames, settings, "session_pressure", seed)).all()
+    other = glove.split(frames, settings, "session_combined", 1)
+    assert (other != glove.split(frames, settings, "session_combined", 0)).any()
+    mixed = glove.split(frames, settings, "random_frames_combined", 0)
+    assert any(len(set(mixed[units == one])) > 1 for one in np.unique(units))
+
+
+@pytest.mark.parametrize("sessions", [1, 2])
+def test_too_few_sessions_of_an_object_are_one_sentence(settings, sessions):
+    with pytest.raises(InputError, match=f"object 'object0': {sessions} sessions; at least 3"):
+        glove.split(table(2, sessions, 9), settings, "session_combined", 0)
+
+
+def test_an_unknown_split_or_dataset_is_named(settings):
+    with pytest.raises(InputError, match="no split 'grasp'"):
+        glove.split(table(2, 3, 1), settings, "grasp_combined", 0)
+    with pytest.raises(InputError, match="must end in one of _pressure, _strain, _combined"):
+        images.modality("session_both")
+
+
+def test_shares_are_never_empty():
+    for n in range(3, 40):
+        parts = images.shares(np.arange(n), {"train": 0.98, "validation": 0.01})
+        assert all(len(part) for part in parts) and sum(map(len, parts)) == n
+        parts = images.shares(np.arange(n), {"train": 0.01, "validation": 0.98})
+        assert all(len(part) for part in parts)
+
+
+def test_only_every_stride_th_frame_of_a_session_becomes_an_image(settings):
+    chosen = glove.chosen(table(2, 2, 5), settings | {"window": {"stride": 2}})
+    assert chosen.tolist() == [0, 2, 4, 5, 7, 9, 10, 12, 14, 15, 17, 19]
+
+
+def test_bad_lines_go_to_the_rejects_with_their_reason(settings, tmp_path):
+    rng = np.random.default_rng(0)
+    good = [rng.integers(0, 1024, CELLS) for _ in range(40)]
+    lines = [line(k * 1000, cells) for k, cells in enumerate(good)]
+    lines[3] = line(3000, good[3][:-1])  # a cell is missing
+    lines[7] = line(7000, [*good[7], 5])  # one too many
+    lines[11] = line(11000, [2000, *good[11][1:]])
+    lines[15] = line(15000, np.zeros(CELLS, int))  # the scanner lost its supply
+    lines[19] = line(19000, np.r_[np.full(glove.PRESSURE_CELLS, 7), good[19][glove.PRESSURE_CELLS :]])
+    folder = write(tmp_path / "can" / "one", lines)
+    loose = settings | {"ingest": {"max_reject_fraction": 0.5}}
+    frames, rejects, report = glove.read_recording(folder, loose)
+    found = dict(zip(rejects["line"].to_pylist(), rejects["reason"].to_pylist(), strict=True))
+    constant = {16: "constant frame", 20: "constant frame"}
+    assert found == {4: "column count", 8: "column count", 12: "out of range"} | constant
+    assert frames.num_rows == 35 and report[glove.LOG]["lines"] == 40
+    assert frames.schema.equals(glove.SCHEMA)
+    assert set(tables.names(frames["condition"])) == {"can"}
+    with pytest.raises(InputError, match=r"scanner\.log: .* of the 40 lines cannot be used.*raise glove\.ingest"):
+        glove.read_recording(folder, settings | {"ingest": {"max_reject_fraction": 0.05}})
+
+
+def test_a_log_without_a_usable_frame_is_one_sentence(settings, tmp_path):
+    folder = write(tmp_path / "can" / "one", [line(k, np.zeros(CELLS, int)) for k in range(5)])
+    with pytest.raises(InputError, match="constant frame"):
+        glove.read_recording(folder, settings | {"ingest": {"max_reject_fraction": 1.0}})
+    (folder / glove.LOG).write_bytes(b"\x00\xff" * 500)
+    with pytest.raises(InputError, match=r"scanner\.log"):
+        glove.read_recording(folder, settings)
+
+
+def test_folders_without_objects_or_sessions_are_named(tmp_path):
+    with pytest.raises(InputError, match="0 objects found"):
+        glove.recordings(tmp_path)
+    (tmp_path / "can" / "one").mkdir(parents=True)
+    (tmp_path / "cup").mkdir()
+    with pytest.raises(InputError, match="cup: no session of this object"):
+        glove.recordings(tmp_path)
+
+
+def test_scores_against_scikit_learn():
+    from sklearn.metrics import accuracy_score, confusion_matrix, precision_score
+
+    rng = np.random.default_rng(0)
+    truth, guess = np.eye(5)[rng.integers(0, 5, 200)], rng.random((200, 5))
+    guess[:, 3] = -1  # an object that is never named
+    labels = truth.argmax(1), guess.argmax(1)
+    found = {metric: value for metric, _, value, _ in classification.scores(truth, guess)}
+    assert found["accuracy"] == pytest.approx(accuracy_score(*labels))
+    assert found["macro_precision"] == pytest.approx(precision_score(*labels, average="macro", zero_division=0))
+    assert (classification.confusion(truth, guess) == confusion_matrix(*labels)).all()
+
+
+def test_frames_of_a_recording_are_averaged_in_even_sets():
+    predicted = np.arange(14, dtype=float).reshape(7, 2)
+    group = np.array([0, 0, 0, 0, 0, 1, 1])
+    rows, means = classification.by_frames(predicted, group, 2)
+    assert rows.tolist() == [0, 1, 5]
+    assert means.tolist() == [[2, 3], [4, 5], [11, 12]]
+    rows, means = classification.by_frames(predicted, group, 1)
+    assert rows.tolist() == list(range(7)) and (means == predicted).all()
+    assert len(classification.by_frames(predicted, group, 6)[0]) == 0

@@ -1,0 +1,127 @@
+"""The glove scene: its physics, its determinism, and that every effect can be switched off."""
+
+import numpy as np
+import pytest
+
+from pipeline import params
+from pipeline.experiments import glove as experiment
+from pipeline.scenes import glove
+
+QUIET = {"session": False, "wander": False, "element_spread": False, "noise": False, "line_faults": False}
+
+
+@pytest.fixture(scope="module")
+def settings():
+    block = params.load()["glove"]
+    simulate = block["simulate"] | {"sessions": 2, "frames_per_object": 20}
+    return block | {"simulate": simulate}
+
+
+def scene(settings, **effects):
+    simulate = settings["simulate"]
+    return simulate | {
+        "circuit": simulate["circuit"] | settings["sensor"],
+        "effects": simulate["effects"] | effects,
+    }
+
+
+def still(settings, name, **effects):
+    """Force on area (a), joint angles and contact of one undisturbed frame."""
+    block = scene(settings, **(QUIET | effects))
+    hold = glove.held(1, block, np.random.default_rng(0))
+    thing = glove.OBJECTS[name]
+    angles, contact = glove.posture(thing, hold)
+    return glove.pressed(thing, hold, contact, block)[0], angles[0], contact[0]
+
+
+def test_sixteen_objects_and_the_published_number_of_units():
+    assert len(glove.OBJECTS) == 16
+    block = params.load()["glove"]
+    pressure, strain = glove.conductances(
+        glove.OBJECTS["can"], glove.held(1, scene(block), np.random.default_rng(0)), scene(block)
+    )
+    assert np.isfinite(pressure[0]).sum() == 243
+    assert np.isfinite(strain[0]).sum() == 126
+    assert (pressure.shape[1:], strain.shape[1:]) == (glove.PRESSURE, glove.STRAIN)
+
+
+def test_a_finger_turns_once_around_an_object():
+    for name, thing in glove.OBJECTS.items():
+        if thing:
+            around = 2 * (thing.width_mm + thing.depth_mm) + 8 * glove.FINGER_MM * np.pi
+            assert glove.turning(np.array([around]), thing, np.ones(1)) == pytest.approx(360), name
+            assert glove.turning(np.zeros(1), thing, np.ones(1)) == 0
+
+
+def test_on_a_cylinder_a_joint_turns_by_its_phalanges_over_the_radius(settings):
+    _, angles, _ = still(settings, "cup_1")
+    thing = glove.OBJECTS["cup_1"]
+    radius = thing.corner_mm + glove.FINGER_MM
+    lengths = glove.PHALANGES_MM[2]
+    expected = np.degrees((lengths[0] + lengths[1]) / 2 / radius)
+    assert angles[2, 1] == pytest.approx(expected)
+    assert angles[2, 1] < still(settings, "full_bottle_1")[1][2, 1]  # the thinner, the more bent
+
+
+def test_heavier_means_firmer_and_bottles_differ_in_nothing_else(settings):
+    empty, full = (still(settings, name) for name in ("empty_bottle", "full_bottle_1"))
+    assert full[0].sum() > 1.4 * empty[0].sum()
+    assert np.array_equal(full[1], empty[1])  # the same shape: the same joint angles
+
+
+def test_the_fingers_carry_the_grip_force(settings):
+    force, _, _ = still(settings, "can")
+    thing, session = glove.OBJECTS["can"], settings["simulate"]["session"]
+    grip = session["margin"] * thing.mass_g / 1000 * 9.81 / (2 * thing.friction) + session["least_grip_n"]
+    assert force[3:, :9].sum() == pytest.approx(grip)
+    assert force[3:, 9:].sum() == pytest.approx(glove.PALM_SHARE * grip)
+    assert (force[:3, 9:] == 0).all()  # nothing is wired there
+
+
+def test_a_short_object_misses_the_outer_fingers(settings):
+    force, angles, contact = still(settings, "tape")
+    assert (contact[[1, 4]] == 0).all() and (contact[[2, 3]] > 0).any()
+    assert (angles[4] == 0.85 * glove.LIMITS_DEG).all()
+    assert force[12:, :9].sum() == 0
+
+
+def test_softness_spreads_pressure(settings):
+    hard, soft = (still(settings, "toy", softness=on)[0][3:, 9:] for on in (False, True))
+    assert (soft > 0).sum() > (hard > 0).sum()
+    assert soft.sum() == pytest.approx(hard.sum())
+
+
+def test_every_object_and_session_gives_a_log_of_the_documented_format(settings, tmp_path):
+    recordings, logs_of = glove.plan(settings)
+    assert len(recordings) == 32
+    again = {r: logs_of(r)["scanner.log"][0] for r in glove.plan(settings)[0]}
+    for recording in recordings:
+        lines, _ = logs_of(recording)["scanner.log"]
+        assert lines == again[recording]
+        folder = tmp_path / recording.condition / recording.name
+        folder.mkdir(parents=True)
+        (folder / "scanner.log").write_text("\n".join(lines) + "\n")
+    frames, rejects, _ = experiment.read_recording(tmp_path / "can" / "session00", settings)
+    assert frames.num_rows + rejects.num_rows >= 9
+
+
+@pytest.mark.parametrize("effect", ["session", "wander", "element_spread", "softness", "noise", "line_faults"])
+def test_every_effect_changes_the_log_and_can_be_left_out(settings, effect):
+    recordings, _ = glove.plan(settings)
+    toys = [r for r in recordings if r.condition == "toy"]
+    block = scene(settings)
+    block["faults"] = dict.fromkeys(block["faults"], 0.02)
+    off = block | {"effects": block["effects"] | {effect: False}}
+    assert any(glove.logs_of(r, block) != glove.logs_of(r, off) for r in toys)
+
+
+def test_frames_of_a_session_are_more_alike_than_sessions(settings):
+    block = scene(settings, line_faults=False)
+    block = block | {"sessions": 4, "frames_per_object": 40}
+    runs = []
+    for k in range(4):
+        lines, _ = glove.logs_of(glove.Recording("can", f"session{k:02d}"), block)["scanner.log"]
+        runs.append(np.array([line.split(",") for line in lines], float)[:, 1:])
+    within = np.mean([run.std(axis=0).mean() for run in runs])
+    between = np.std([run.mean(axis=0) for run in runs], axis=0).mean()
+    assert 0 < within < between
