@@ -1,0 +1,40 @@
+"""Gaussian naive Bayes on the pixels (SP-ResNet paper, Table 1): every pixel normal, given the object."""
+
+import numpy as np
+from sklearn.naive_bayes import GaussianNB
+
+from pipeline.errors import InputError
+from pipeline.fitting import SklearnRegressor, Spec
+
+
+def build(spec: Spec, *, smoothing: float) -> SklearnRegressor:
+    """On 1x32x32 images of 16 objects 32,784 fitted numbers: mean and variance a pixel and object, and 16 priors.
+
+    `smoothing`: added to all variances, in units of the largest variance of a pixel; above 0, because a pixel that
+    is not wired never varies. Multiply-accumulates: a square and a weighting a pixel and object.
+    Differs from paper: it does not say which naive Bayes; pixels are numbers, so the normal one.
+    """
+    if not smoothing > 0:
+        raise InputError(f"naive_bayes: smoothing must be above 0, not {smoothing!r}")
+    return SklearnRegressor(
+        lambda seed: OneHotNaiveBayes(var_smoothing=smoothing),
+        spec,
+        count=lambda fitted: fitted.theta_.size + fitted.var_.size + fitted.class_prior_.size,
+        macs=2 * spec.frames * spec.elements * spec.outputs,
+        trusted=("pipeline.models.naive_bayes.OneHotNaiveBayes",),
+    )
+
+
+class OneHotNaiveBayes(GaussianNB):
+    """GaussianNB whose labels are one-hot (n, classes) and whose predictions are probabilities (n, classes)."""
+
+    def fit(self, x: np.ndarray, y: np.ndarray) -> "OneHotNaiveBayes":
+        """Fit to x (n, pixels); a class without an image gets no distribution."""
+        self.width_ = y.shape[1]
+        return super().fit(x, y.argmax(1))
+
+    def predict(self, x: np.ndarray) -> np.ndarray:
+        """Probability of each class (n, classes) for x (n, pixels); 0 for a class that `fit` never saw."""
+        probability = np.zeros((len(x), self.width_))
+        probability[:, self.classes_] = self.predict_proba(x)
+        return probability

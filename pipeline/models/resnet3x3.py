@@ -1,0 +1,35 @@
+"""ResNet_3x3 (Sundaram et al. 2019, the STAG glove; SP-ResNet paper, Table 1): ResNet-18's first half, 3x3 stem."""
+
+from torch import nn
+
+from pipeline.fitting import Spec
+from pipeline.image_fitting import ImageClassifier, image_training
+from pipeline.residual import BasicBlock
+
+
+def build(spec: Spec, *, training: dict) -> ImageClassifier:
+    """On 1x32x32 images of 16 objects: 676,304 parameters.
+
+    Differs from paper: its counts are those of `trunk`. Sundaram et al. also have a dropout of channels (0.2) after
+    the second block and a 1x1 convolution that joins the trunks of several frames; here there is one frame.
+    """
+    return ImageClassifier(lambda: network(1, spec.outputs), spec, image_training(training))
+
+
+def network(channels: int, classes: int) -> nn.Sequential:
+    """From images (n, channels, rows, cols) to scores (n, classes)."""
+    return nn.Sequential(trunk(channels), nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Linear(128, classes))
+
+
+def trunk(channels: int) -> nn.Sequential:
+    """From images (n, channels, rows, cols) to features (n, 128, rows / 4, cols / 4); 1 channel: 674,240 parameters."""
+    return nn.Sequential(
+        nn.Conv2d(channels, 64, 3, padding=1, bias=False),
+        nn.BatchNorm2d(64),
+        nn.ReLU(inplace=True),
+        nn.MaxPool2d(3, stride=2, padding=1),  # 32x32 to 16x16
+        BasicBlock(64, 64),
+        BasicBlock(64, 64),
+        BasicBlock(64, 128, stride=2),  # to 8x8
+        BasicBlock(128, 128),
+    )

@@ -1,0 +1,20 @@
+"""SP-ResNet without its attention (SP-ResNet paper, section 2.3 and Table 1, "deleted GCAM")."""
+
+from torch import nn
+
+from pipeline.fitting import Spec
+from pipeline.image_fitting import ImageClassifier, image_training
+from pipeline.residual import separable_network
+
+
+def build(spec: Spec, *, training: dict) -> ImageClassifier:
+    """On 1x32x32 images of 16 objects: 90,704 parameters.
+
+    Differs from paper: as many classes as there are objects; figure 11a and the printed counts have 1000.
+    """
+    return ImageClassifier(lambda: network(1, spec.outputs), spec, image_training(training))
+
+
+def network(channels: int, classes: int) -> nn.Sequential:
+    """From images (n, channels, rows, cols) to scores (n, classes); 1 channel, 1000 classes: 217,640 parameters."""
+    return separable_network(channels, classes)

@@ -1,0 +1,126 @@
+"""Parts of convolutional networks for images that several models share.
+
+All maps are (n, channels, rows, cols). Every convolution without a bias is followed by batch normalisation.
+"""
+
+import torch
+from torch import nn
+
+from pipeline.errors import InputError
+
+
+class BasicBlock(nn.Module):
+    """Residual block of He et al. 2016, figure 2: relu(F(x) + x) with F = 3x3, BN, ReLU, 3x3, BN.
+
+    (n, inputs, rows, cols) to (n, outputs, rows / stride, cols / stride). The first convolution has the stride.
+    """
+
+    def __init__(self, inputs: int, outputs: int, stride: int = 1):
+        super().__init__()
+        self.body = nn.Sequential(
+            Convolution3x3(inputs, outputs, stride),
+            nn.BatchNorm2d(outputs),
+            nn.ReLU(inplace=True),
+            Convolution3x3(outputs, outputs),
+            nn.BatchNorm2d(outputs),
+        )
+        self.shortcut = _shortcut(inputs, outputs, stride)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return nn.functional.relu(self.body(x) + self.shortcut(x), inplace=True)
+
+
+class SeparableBlock(nn.Module):
+    """Residual block of SP-ResNet (paper, figure 11b): 1x1, 3x3 depthwise, GCAM, 1x1, and a shortcut.
+
+    (n, inputs, rows, cols) to (n, outputs, rows / stride, cols / stride). The first 1x1 widens, the last one has the
+    stride: only so the printed counts without GCAM come out. Without `reduction` there is no GCAM. H-swish follows
+    both of the first convolutions, and the addition, as ReLU does in ResNet (the figure does not show the end).
+    """
+
+    def __init__(self, inputs: int, outputs: int, stride: int = 1, reduction: int | None = None):
+        super().__init__()
+        self.body = nn.Sequential(
+            nn.Conv2d(inputs, outputs, 1, bias=False),
+            nn.BatchNorm2d(outputs),
+            nn.Hardswish(),
+            nn.Conv2d(outputs, outputs, 3, padding=1, groups=outputs, bias=False),
+            nn.BatchNorm2d(outputs),
+            nn.Hardswish(),
+            nn.Identity() if reduction is None else GlobalCoordinateAttention(outputs, reduction),
+            nn.Conv2d(outputs, outputs, 1, stride, bias=False),
+            nn.BatchNorm2d(outputs),
+        )
+        self.shortcut = _shortcut(inputs, outputs, stride)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return nn.functional.hardswish(self.body(x) + self.shortcut(x))
+
+
+class GlobalCoordinateAttention(nn.Module):
+    """GCAM (SP-ResNet paper, figure 11c), as coordinate attention of Hou et al. 2021, section 3.2.
+
+    Every map is multiplied by one weight a row and one a column, each between 0 and 1, which a bottleneck of
+    channels / reduction channels computes from the means over the rows and over the columns; the shape stays.
+    Raises InputError for a reduction that leaves the bottleneck no channel.
+    """
+
+    def __init__(self, channels: int, reduction: int):
+        super().__init__()
+        if not 1 <= reduction <= channels:
+            raise InputError(f"GCAM: reduction must be from 1 to the {channels} channels of a block, not {reduction!r}")
+        narrow = channels // reduction
+        self.along_rows = nn.AdaptiveAvgPool2d((None, 1))
+        self.along_columns = nn.AdaptiveAvgPool2d((1, None))
+        self.squeeze = nn.Sequential(nn.Conv2d(channels, narrow, 1), nn.BatchNorm2d(narrow), nn.Hardswish())
+        self.row_weights = nn.Sequential(nn.Conv2d(narrow, channels, 1), nn.Sigmoid())
+        self.column_weights = nn.Sequential(nn.Conv2d(narrow, channels, 1), nn.Sigmoid())
+
+    def attention(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Weights of the rows (n, channels, rows, 1) and of the columns (n, channels, 1, cols) of maps x."""
+        means = torch.cat([self.along_rows(x), self.along_columns(x).transpose(2, 3)], 2)  # (n, c, rows + cols, 1)
+        rows, columns = self.squeeze(means).split(x.shape[2:], 2)
+        return self.row_weights(rows), self.column_weights(columns.transpose(2, 3))
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        rows, columns = self.attention(x)
+        return x * rows * columns
+
+
+class Convolution3x3(nn.Conv2d):
+    """3x3 convolution with padding 1, without bias. On a map of one pixel only the kernel's centre meets data.
+
+    The same result for a ninth of the work: on 32x32 images in 3 of ResNet-18's 17 such convolutions, which makes
+    training 1.3 times and a window 1.6 times faster. (MobileNet has one, depthwise: 1.03 times, not worth it.)
+    """
+
+    def __init__(self, inputs: int, outputs: int, stride: int = 1):
+        super().__init__(inputs, outputs, 3, stride, padding=1, bias=False)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        if x.shape[2:] != (1, 1):
+            return super().forward(x)
+        return nn.functional.linear(x.flatten(1), self.weight[:, :, 1, 1])[:, :, None, None]
+
+
+def separable_network(channels: int, classes: int, reduction: int | None = None) -> nn.Sequential:
+    """SP-ResNet (paper, figure 11a) from (n, channels, rows, cols) to (n, classes); without `reduction` no GCAM."""
+    return nn.Sequential(
+        nn.Conv2d(channels, 64, 3, padding=1, bias=False),
+        nn.BatchNorm2d(64),
+        nn.Hardswish(),
+        nn.MaxPool2d(3, stride=2, padding=1),  # 32x32 to 16x16
+        SeparableBlock(64, 64, reduction=reduction),
+        SeparableBlock(64, 64, reduction=reduction),
+        SeparableBlock(64, 128, stride=2, reduction=reduction),  # to 8x8
+        SeparableBlock(128, 128, reduction=reduction),
+        nn.AdaptiveAvgPool2d(1),
+        nn.Flatten(),
+        nn.Linear(128, classes),
+    )
+
+
+def _shortcut(inputs: int, outputs: int, stride: int) -> nn.Module:
+    if (inputs, stride) == (outputs, 1):
+        return nn.Identity()
+    return nn.Sequential(nn.Conv2d(inputs, outputs, 1, stride, bias=False), nn.BatchNorm2d(outputs))

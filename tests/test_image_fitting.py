@@ -1,0 +1,134 @@
+"""Training on images: what each augmentation method does, and what is refused."""
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from pipeline.errors import InputError
+from pipeline.image_fitting import ImageClassifier, augmented, image_training, spec_of
+from pipeline.images import SIDE
+
+NONE = {"learning_rate": 1e-2, "batch_size": 8, "max_epochs": 3, "flip": 0.0, "noise": 0.0, "affine": 0.0}
+
+
+def pictures(n=400):
+    """Images with one bright pixel in the upper left."""
+    images = torch.zeros(n, 1, SIDE, SIDE)
+    images[:, 0, 8:11, 6:9] = 1.0
+    return images
+
+
+def altered(images, **methods):
+    return augmented(images, image_training(NONE | methods), torch.Generator().manual_seed(0))
+
+
+def centres(images):
+    """Row and column of the centre of brightness, (n, 2)."""
+    weight = images[:, 0] / images.sum(dim=(1, 2, 3))[:, None, None]
+    at = torch.arange(SIDE, dtype=torch.float32)
+    return torch.stack([(weight.sum(2) * at).sum(1), (weight.sum(1) * at).sum(1)], 1)
+
+
+def test_without_a_method_nothing_changes():
+    assert torch.equal(altered(pictures()), pictures())
+
+
+def test_a_flip_is_vertical_or_horizontal_and_as_frequent_as_said():
+    found = altered(pictures(4000), flip=0.3)
+    kinds = [torch.equal(one, pictures(1)[0]) for one in found]
+    up = [torch.equal(one, pictures(1)[0].flip(1)) for one in found]
+    left = [torch.equal(one, pictures(1)[0].flip(2)) for one in found]
+    assert all(a + b + c == 1 for a, b, c in zip(kinds, up, left, strict=True))
+    assert np.mean(kinds) == pytest.approx(0.7, abs=0.03)
+    assert np.mean(up) == pytest.approx(0.15, abs=0.02) and np.mean(left) == pytest.approx(0.15, abs=0.02)
+
+
+def test_noise_is_gaussian_of_the_stated_spread():
+    difference = altered(pictures(50), noise=0.02) - pictures(50)
+    assert float(difference.std()) == pytest.approx(0.02, rel=0.02)
+    assert abs(float(difference.mean())) < 3e-4
+
+
+def test_an_affine_change_moves_turns_or_scales_within_the_limits():
+    found = altered(pictures(4000), affine=0.3)
+    moved = centres(found) - centres(pictures(4000))
+    changed = (found - pictures(4000)).abs().amax(dim=(1, 2, 3)) > 1e-4
+    assert float(changed.float().mean()) == pytest.approx(0.3, abs=0.03)
+    # 2 pixels by translation; the blob is 11 pixels from the centre: 1.9 by 10 degrees, 1.1 by 10 %.
+    assert float(moved.abs().max()) < 2.1
+    assert float(found.sum(dim=(1, 2, 3)).mean()) == pytest.approx(9, rel=0.02)
+
+
+def test_all_methods_together_repeat_with_the_seed():
+    methods = {"flip": 0.3, "noise": 0.02, "affine": 0.3}
+    assert torch.equal(altered(pictures(), **methods), altered(pictures(), **methods))
+
+
+class Linear(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.layer = nn.Linear(SIDE * SIDE, 2)
+
+    def forward(self, x):
+        return self.layer(x.flatten(1))
+
+
+def task(n):
+    """Two objects that differ in which half of the image is bright."""
+    label = np.arange(n) % 2
+    x = np.zeros((n, 1, SIDE * SIDE), np.float32)
+    x[label == 0, :, : SIDE * SIDE // 2] = 255
+    x[label == 1, :, SIDE * SIDE // 2 :] = 255
+    return x, np.eye(2, dtype=np.float32)[label]
+
+
+def classifier(**changes):
+    return ImageClassifier(Linear, spec_of(2), image_training(NONE | changes))
+
+
+@pytest.mark.parametrize("n", [16, 17])  # 17: a last batch of one image, which batch normalisation cannot train on
+def test_learns_and_gives_probabilities(n):
+    model = classifier()
+    history = model.fit(task(n), task(4), seed=0, device="cpu")
+    predicted = model.predict(task(6)[0])
+    assert predicted.sum(axis=1) == pytest.approx(1) and (predicted.argmax(1) == task(6)[1].argmax(1)).all()
+    assert [row["epoch"] for row in history] == [1, 2, 3]
+    assert history[0]["learning_rate"] < 1e-2
+    assert history[-1]["validation_loss"] < history[0]["validation_loss"]
+
+
+def test_the_same_seed_gives_the_same_weights():
+    first, second = classifier(noise=0.02), classifier(noise=0.02)
+    for model in (first, second):
+        model.fit(task(16), task(4), seed=3, device="cpu")
+    for name, value in first.network.state_dict().items():
+        assert torch.equal(value, second.network.state_dict()[name])
+
+
+def test_a_loss_that_is_not_finite_ends_the_training_as_diverged():
+    x, y = task(16)
+    model = classifier()
+    model.fit((np.full_like(x, np.inf), y), task(4), seed=0, device="cpu")
+    assert model.summary.stop_reason == "diverged" and model.summary.best_epoch == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"flip": 1.5}, "'flip' must be from 0 to 1"),
+        ({"max_epochs": 0}, "'max_epochs' must be above 0"),
+        ({"flp": 0.1}, "did you mean 'flip'"),
+        ({"learning_rate": "1e-3"}, "write 1.0e-3"),
+    ],
+)
+def test_wrong_settings_are_named(change, words):
+    with pytest.raises(InputError, match=words):
+        image_training(NONE | change)
+
+
+def test_too_few_images_are_one_sentence():
+    with pytest.raises(InputError, match="the training part has fewer than 2 images"):
+        classifier().fit(task(1), task(4), seed=0)
+    with pytest.raises(InputError, match="the validation part has fewer than 1 images"):
+        classifier().fit(task(4), task(0), seed=0)
