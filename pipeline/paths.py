@@ -81,6 +81,21 @@ def scores(experiment: str) -> Path:
     return experiment_folder(experiment) / "scores.csv"
 
 
+def augmentation(experiment: str) -> Path:
+    """Scores of one model with each augmentation method alone (output of augment)."""
+    return experiment_folder(experiment) / "augmentation.csv"
+
+
+def probe(experiment: str) -> Path:
+    """What gives the object away in the recorded joint angles (output of probe)."""
+    return experiment_folder(experiment) / "probe.csv"
+
+
+def stag(experiment: str) -> Path:
+    """Scores of figure 15 on the STAG data set (output of train_stag); only a header without the user's file."""
+    return experiment_folder(experiment) / "stag.csv"
+
+
 def require(path: Path, made_by: str) -> Path:
     """`path`, or the sentence that says which stage makes it."""
     if not path.exists():

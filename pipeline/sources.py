@@ -36,6 +36,12 @@ SOURCES = {
         folder="experiment/UR5RobotControlV3.2",
         licence="none given: use the recordings, do not redistribute them",
     ),
+    "glove_recorded": Source(
+        repository="peter-kiechle/tactile-sensors",
+        commit="7bbb341b2db445653477b82b908e2ef0175cf926",
+        folder="python/classification/training_grasp_profiles_thesis",
+        licence="GPL-3",
+    ),
 }
 
 

@@ -1,0 +1,69 @@
+"""Stage: what gives the object away in the recorded joint angles: extra trees on them, and on parts of them.
+
+Joints that never move rest at angles that differ by thousandths of a degree from one object's minutes to another's.
+Usage: python -m pipeline.probe glove_recorded
+"""
+
+import csv
+import os
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+from sklearn.ensemble import ExtraTreesClassifier
+from tqdm import tqdm
+
+from pipeline import params, paths, tables
+from pipeline.availability import why_not_run
+from pipeline.errors import InputError, run_stage
+from pipeline.experiments import glove_recorded
+
+EXPERIMENT = "glove_recorded"
+COLUMNS = ("input", "seed", "metric", "unit", "value", "n")
+STILL = [0, 3, 4]  # joints that never move during a grasp
+TREES = 200
+
+
+def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
+    """What the trees are given, by name; angles: (n, 7) in degrees as recorded."""
+    return {
+        "all seven angles as recorded": angles,
+        "the three joints that never move": angles[:, STILL],
+        "all seven angles, rounded to 0.1 degrees": angles.round(1),
+    }
+
+
+def probe(settings: dict) -> list[tuple]:
+    """Accuracy on the test grasps for each input and seed; settings: the block of params.yaml."""
+    path = paths.require(paths.frames(EXPERIMENT), f"python -m pipeline.ingest {EXPERIMENT}")
+    frames = pyarrow.parquet.read_table(path)
+    frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))
+    objects = tables.names(frames["condition"])
+    seeds = settings["protocols"]["grasp_strain"]["seeds"]
+    found = []
+    for name, x in tqdm(inputs(tables.matrix(frames["strain"])).items(), desc=f"probe {EXPERIMENT}", unit="input"):
+        for seed in seeds:
+            part = glove_recorded.split(frames, settings, "grasp_strain", seed)
+            train, test = part == "train", part == "test"
+            trees = ExtraTreesClassifier(TREES, random_state=seed).fit(x[train], objects[train])
+            found.append((name, seed, "accuracy", "1", float(trees.score(x[test], objects[test])), int(test.sum())))
+    return found
+
+
+def main() -> None:
+    """Probe the recordings; without them the table is empty."""
+    if sys.argv[1:] != [EXPERIMENT]:
+        raise InputError(f"usage: python -m pipeline.probe {EXPERIMENT}")
+    rows = probe(params.load()[EXPERIMENT]) if why_not_run(EXPERIMENT) is None else []
+    target = paths.probe(EXPERIMENT)
+    draft = target.with_name(target.name + ".unfinished")
+    with open(draft, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(rows)
+    os.replace(draft, target)
+
+
+if __name__ == "__main__":
+    run_stage(main)
