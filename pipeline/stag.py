@@ -1,0 +1,109 @@
+"""The STAG data set: frames of a tactile glove that grasps everyday objects (Sundaram et al., Nature 569, 2019).
+
+Its file `classification/metadata.mat` (stag.csail.mit.edu; for research only, so not part of this repository) holds
+a value a frame of `pressure` (n, 32, 32), `objectId`, `recordingId`, `splitId`, `hasValidLabel` and `isBalanced`, and
+the names `objects`, `recordings` and `splits`, which the numbers, from 0, point into.
+"""
+
+import zlib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy.io
+from scipy.io.matlab import MatReadError
+
+from pipeline.errors import InputError
+from pipeline.images import HIGHEST, SIDE
+
+LOWEST_ADC, HIGHEST_ADC = 500, 650  # become 0 and 1 in the authors' own models, clipped beyond
+NAMES = {"objectId": "objects", "recordingId": "recordings", "splitId": "splits"}
+FLAGS = ("hasValidLabel", "isBalanced")
+VARIABLES = ("pressure", *NAMES, *NAMES.values(), *FLAGS)
+PARTS = ("train", "test")
+
+LARGEST_FILE = 1 << 30  # bytes
+# What scipy raises for a file that is cut, damaged or something else.
+UNREADABLE = (ValueError, TypeError, KeyError, IndexError, OSError, zlib.error, MatReadError, MemoryError)
+
+
+class Stag(NamedTuple):
+    """The frames that have a valid label, in the order of the file."""
+
+    images: np.ndarray  # (n, 1, SIDE * SIDE) float32, 0 .. 255, row by row
+    label: np.ndarray  # (n,) place in `objects`
+    objects: list[str]  # names of all objects, also of those without a frame here
+    recording: np.ndarray  # (n,) name
+    part: np.ndarray  # (n,) 'train' or 'test': whole recordings, as the authors split them
+
+
+def read(path: Path, balanced: bool = True) -> Stag:
+    """Read `metadata.mat`, saved by MATLAB as version 5 to 7.
+
+    `balanced`: only the frames that the authors picked so that every object has as many. Raises InputError for a file
+    that is missing, cut, of version 7.3, lacks a variable, whose variables do not belong together, or of which no
+    frame is left.
+    """
+    found = _read(path)
+    pressure = found["pressure"]
+    if pressure.ndim != 3 or pressure.shape[1:] != (SIDE, SIDE) or pressure.dtype.kind not in "fiu":
+        raise InputError(f"{path}: 'pressure' is {pressure.shape}, not frames of {SIDE} x {SIDE} numbers")
+    names = {name: _names(path, name, found[name]) for name in NAMES.values()}
+    if not set(names["splits"]) <= set(PARTS):
+        raise InputError(f"{path}: 'splits' are {', '.join(names['splits'])}; {' and '.join(PARTS)} are known")
+    number = {name: _numbers(path, name, found[name], len(pressure)) for name in (*NAMES, *FLAGS)}
+    kept = number["hasValidLabel"] != 0
+    if balanced:
+        kept &= number["isBalanced"] != 0
+    if not kept.any():
+        raise InputError(f"{path}: none of its {len(pressure)} frames has a valid label; check the file")
+    for name, target in NAMES.items():
+        low, high = number[name][kept].min(), number[name][kept].max()
+        if low < 0 or high >= len(names[target]):
+            raise InputError(
+                f"{path}: '{name}' is {low} to {high}, but '{target}' has {len(names[target])} names, numbered from 0"
+            )
+    share = np.clip((pressure[kept].astype(np.float32) - LOWEST_ADC) / (HIGHEST_ADC - LOWEST_ADC), 0, 1)
+    return Stag(
+        images=(HIGHEST * share).reshape(-1, 1, SIDE * SIDE),
+        label=number["objectId"][kept],
+        objects=names["objects"],
+        recording=np.array(names["recordings"])[number["recordingId"][kept]],
+        part=np.array(names["splits"])[number["splitId"][kept]],
+    )
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    """The variables of the file. MATLAB objects are data to scipy, nothing in the file is executed."""
+    if not path.is_file():
+        raise InputError(f"{path}: not found; download the classification data of STAG and name its metadata.mat")
+    if path.stat().st_size > LARGEST_FILE:
+        raise InputError(f"{path}: {path.stat().st_size} bytes are more than the data can have; check the file")
+    with path.open("rb") as file:
+        start = file.read(16)
+    if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
+        raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
+    try:
+        found = scipy.io.loadmat(path, variable_names=list(VARIABLES))
+    except (*UNREADABLE, NotImplementedError) as error:
+        raise InputError(f"{path}: not a whole MATLAB file ({error or 'it ends too early'}); get it again") from error
+    for name in VARIABLES:
+        if not isinstance(found.get(name), np.ndarray):
+            raise InputError(f"{path}: has no variable '{name}'; it must hold {', '.join(VARIABLES)}")
+    return found
+
+
+def _names(path: Path, name: str, value: np.ndarray) -> list[str]:
+    """Texts of a cell array, or of a character matrix, whose rows are padded with spaces."""
+    texts = [one.item() if isinstance(one, np.ndarray) and one.size == 1 else one for one in value.ravel()]
+    if not texts or not all(isinstance(text, str) for text in texts):
+        raise InputError(f"{path}: '{name}' must be a cell array of names")
+    return [text.strip() for text in texts]
+
+
+def _numbers(path: Path, name: str, value: np.ndarray, n: int) -> np.ndarray:
+    """(n,) whole numbers."""
+    flat = value.ravel()
+    if flat.dtype.kind not in "fiub" or len(flat) != n or not np.isfinite(flat).all() or (flat % 1).any():
+        raise InputError(f"{path}: '{name}' must be {n} whole numbers, one a frame of 'pressure'")
+    return flat.astype(np.int64)

@@ -1,0 +1,90 @@
+"""Stage: figure 15 on the STAG data set, where `glove.stag.file` of params.yaml names its metadata.mat.
+
+Trains the figure's models on the training part, keeping some of its recordings for validation, and scores them on the
+test part for every number of input frames. Without the file (`none`) the table has no rows.
+Usage: python -m pipeline.train_stag glove
+"""
+
+import csv
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from pipeline import classification, params, paths, seeding, stag, workers
+from pipeline.errors import InputError, run_stage
+
+COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
+MODELS = ("sp_resnet", "resnet3x3")
+MOST_FRAMES = 8
+
+
+def train_run(experiment: str, model: str, seed: int, file: str, report) -> list[tuple]:
+    """Train one model and score it with 1 to MOST_FRAMES frames of a recording at a time; rows of stag.csv."""
+    import torch
+
+    from pipeline.image_fitting import spec_of
+
+    torch.set_num_threads(1)
+    values = params.load()
+    data = stag.read(paths.ROOT / file)
+    y = np.eye(len(data.objects), dtype=np.float32)[data.label]
+    part = parts(data, values[experiment]["stag"]["validation"], seed)
+    block = params.model_settings(values, experiment, model)
+    classifier = params.build_model(model, spec_of(len(data.objects)), block, f"{experiment}.models.{model}")
+    train, validation = ((data.images[part == name], y[part == name]) for name in ("train", "validation"))
+    classifier.fit(train, validation, seed=seed, device=values["device"], progress=report)
+    test = part == "test"
+    predicted = classifier.predict(data.images[test])
+    names = np.char.add(np.char.add(data.recording[test], "/"), data.label[test].astype(str))
+    _, group = np.unique(names, return_inverse=True)
+    rows = []
+    for frames in range(1, MOST_FRAMES + 1):
+        first, means = classification.by_frames(predicted, group, frames)
+        if len(first):
+            for metric, unit, value, n in classification.scores(y[test][first], means):
+                value = value if classifier.summary.best_epoch else np.nan
+                rows.append((model, seed, frames, metric, unit, value, n))
+    return rows
+
+
+def parts(data: stag.Stag, validation: float, seed: int) -> np.ndarray:
+    """(n,) 'train', 'validation', 'test': the share `validation` of the training recordings validates."""
+    part = data.part.astype(object)
+    recordings = np.unique(data.recording[part == "train"])
+    if len(recordings) < 2:
+        raise InputError(f"glove.stag.file: {len(recordings)} training recordings; two or more are needed")
+    kept = seeding.generator(seed, "stag").permutation(recordings)[: max(1, round(validation * len(recordings)))]
+    part[(part == "train") & np.isin(data.recording, kept)] = "validation"
+    return part
+
+
+def main() -> None:
+    """Train and score on the user's file, or write an empty table."""
+    values = params.load()
+    if sys.argv[1:] != ["glove"]:
+        raise InputError("usage: python -m pipeline.train_stag glove")
+    settings = values["glove"]["stag"]
+    found: dict = {}
+    if settings["file"] != "none":
+        if not Path(paths.ROOT / settings["file"]).is_file():
+            raise InputError(f"params.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
+        tasks = {(m, seed): ("glove", m, seed, settings["file"]) for m in MODELS for seed in settings["seeds"]}
+        epochs = max(values["glove"]["models"][model]["training"]["max_epochs"] for model in MODELS)
+        with tqdm(total=epochs * len(tasks), desc="train STAG", unit="epoch") as bar:
+            found = dict(workers.run(train_run, tasks, bar, steps=epochs))
+    target = paths.stag("glove")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = target.with_name(target.name + ".unfinished")
+    with open(draft, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for key in sorted(found):
+            writer.writerows(found[key])
+    os.replace(draft, target)
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,173 @@
+"""The reader of the STAG data set: one MATLAB file in, tactile images with objects and parts out."""
+
+import numpy as np
+import pytest
+import scipy.io
+
+from pipeline import stag, train_stag
+from pipeline.errors import InputError
+
+FRAMES, OBJECTS = 12, ["mug", "empty hand", "full can"]
+
+
+def cells(names):
+    """A MATLAB cell array of texts, one row."""
+    array = np.empty((1, len(names)), dtype=object)
+    array[0, :] = names
+    return array
+
+
+def metadata(**others):
+    """The variables of metadata.mat: 12 frames of 3 objects in 4 recordings, of which the last is the test."""
+    pressure = np.random.default_rng(0).integers(450, 700, (FRAMES, 32, 32)).astype(np.uint16)
+    pressure[0, 0, :4] = [499, 500, 575, 651]
+    recording = np.arange(FRAMES) // 3
+    return {
+        "pressure": pressure,
+        "objectId": (recording % 3).astype(np.uint8)[:, None],
+        "objects": cells(OBJECTS),
+        "recordingId": recording.astype(float)[:, None],
+        "recordings": cells([f"2018_{k}" for k in range(4)]),
+        "splitId": (recording == 3).astype(np.uint8)[:, None],
+        "splits": cells(["train", "test"]),
+        "hasValidLabel": (np.arange(FRAMES) != 1)[:, None],
+        "isBalanced": (np.arange(FRAMES) % 3 != 2)[:, None],
+        "frame": np.arange(FRAMES)[:, None],
+        "ts": np.arange(FRAMES)[:, None] * 0.14,
+        "batchId": np.zeros((FRAMES, 1), np.uint8),
+        "batches": cells(["2018"]),
+    } | others
+
+
+def save(folder, content, compress=True):
+    path = folder / "metadata.mat"
+    scipy.io.savemat(path, content, do_compression=compress)
+    return path
+
+
+def test_frames_with_a_valid_label_and_their_names(tmp_path):
+    content = metadata()
+    found = stag.read(save(tmp_path, content), balanced=False)
+    kept = np.arange(FRAMES) != 1
+    assert found.images.shape == (11, 1, 1024) and found.images.dtype == np.float32
+    assert found.images[0, 0, :4] == pytest.approx([0, 0, 127.5, 255])
+    expected = 255 * np.clip((content["pressure"][kept].astype(float) - 500) / 150, 0, 1)
+    assert found.images == pytest.approx(expected.reshape(11, 1, 1024), abs=1e-4)
+    assert found.objects == OBJECTS and (found.label == np.array([0, 0, 1, 1, 1, 2, 2, 2, 0, 0, 0])).all()
+    assert found.recording.tolist() == ["2018_0"] * 2 + ["2018_1"] * 3 + ["2018_2"] * 3 + ["2018_3"] * 3
+    assert found.part.tolist() == ["train"] * 8 + ["test"] * 3
+
+
+def test_balanced_frames_only(tmp_path):
+    found = stag.read(save(tmp_path, metadata()))
+    assert len(found.images) == len(found.label) == len(found.recording) == len(found.part) == 7
+    assert np.bincount(found.label).tolist() == [3, 2, 2]
+
+
+def test_names_as_a_character_matrix_and_ids_of_frames_without_a_label(tmp_path):
+    content = metadata(objects=np.array(["mug", "empty hand", "full can"]))
+    content["objectId"] = content["objectId"].astype(float)
+    content["objectId"][1] = -1  # the frame without a valid label
+    assert stag.read(save(tmp_path, content)).objects == OBJECTS
+
+
+@pytest.mark.parametrize("name", stag.VARIABLES)
+def test_a_missing_variable_is_named(name, tmp_path):
+    content = metadata()
+    del content[name]
+    with pytest.raises(InputError, match=rf"metadata\.mat: has no variable '{name}'; it must hold pressure, objectId"):
+        stag.read(save(tmp_path, content))
+
+
+BAD = {
+    "one image": ({"pressure": np.ones((32, 32))}, r"'pressure' is \(32, 32\), not frames of 32 x 32"),
+    "turned": ({"pressure": np.ones((32, 32, 12))}, r"'pressure' is \(32, 32, 12\), not frames"),
+    "text": ({"pressure": cells(["none"])}, "'pressure' is"),
+    "too few": ({"objectId": np.zeros((7, 1))}, "'objectId' must be 12 whole numbers, one a frame"),
+    "fractions": ({"recordingId": np.full((12, 1), 0.5)}, "'recordingId' must be 12 whole numbers"),
+    "NaN": ({"splitId": np.full((12, 1), np.nan)}, "'splitId' must be 12 whole numbers"),
+    "names": ({"hasValidLabel": cells(["yes"] * 12)}, "'hasValidLabel' must be 12 whole numbers"),
+    "from 1": ({"objectId": np.full((12, 1), 3)}, "'objectId' is 3 to 3, but 'objects' has 3 names, numbered from 0"),
+    "negative": ({"objectId": np.full((12, 1), -1.0)}, "'objectId' is -1 to -1, but 'objects' has 3 names"),
+    "numbers": ({"objects": np.ones((1, 3))}, "'objects' must be a cell array of names"),
+    "no name": ({"objects": cells([])}, "'objects' must be a cell array of names"),
+    "parts": ({"splits": cells(["train", "monday"])}, "'splits' are train, monday; train and test are known"),
+    "no label": ({"hasValidLabel": np.zeros((12, 1))}, "none of its 12 frames has a valid label"),
+}
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_variables_that_do_not_fit_are_one_sentence(fault, tmp_path):
+    change, sentence = BAD[fault]
+    with pytest.raises(InputError, match=sentence) as error:
+        stag.read(save(tmp_path, metadata(**change)))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("compress", [True, False])
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.9])
+def test_a_cut_file_is_one_sentence(share, compress, tmp_path):
+    path = save(tmp_path, metadata(), compress)
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    with pytest.raises(InputError, match=r"metadata\.mat: (not a whole MATLAB file|has no variable)") as error:
+        stag.read(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("start", [b"MATLAB 7.3 MAT-file, Platform: GLNXA64", b"\x89HDF\r\n\x1a\n"])
+def test_version_7_3_says_what_to_do(start, tmp_path):
+    (tmp_path / "metadata.mat").write_bytes(start + bytes(4096))
+    with pytest.raises(InputError, match=r"version 7\.3 \(HDF5\) is not read; load it and save it again with '-v7'"):
+        stag.read(tmp_path / "metadata.mat")
+
+
+def test_no_file_another_file_and_a_file_too_large(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="not found; download the classification data of STAG"):
+        stag.read(tmp_path / "metadata.mat")
+    (tmp_path / "metadata.mat").write_bytes(b"frame,object\n1,mug\n" * 50)
+    with pytest.raises(InputError, match="not a whole MATLAB file|has no variable"):
+        stag.read(tmp_path / "metadata.mat")
+    monkeypatch.setattr(stag, "LARGEST_FILE", 100)
+    with pytest.raises(InputError, match="bytes are more than the data can have"):
+        stag.read(save(tmp_path, metadata()))
+
+
+def grasps(frames=9, recordings=4):
+    """Two objects, told apart by the half of the glove that is pressed, each in as many recordings."""
+    n = 2 * recordings * frames
+    recording = np.arange(n) // frames
+    label = recording % 2
+    pressure = np.full((n, 32, 32), 500, np.uint16)
+    for k in range(n):
+        pressure[k, 16 * label[k] : 16 * label[k] + 16] = 640
+    return metadata(
+        pressure=pressure,
+        objectId=label[:, None],
+        objects=cells(["mug", "can"]),
+        recordingId=recording[:, None],
+        recordings=cells([f"2018_{k}" for k in range(2 * recordings)]),
+        splitId=(recording >= 2 * recordings - 2).astype(np.uint8)[:, None],
+        hasValidLabel=np.ones((n, 1)),
+        isBalanced=np.ones((n, 1)),
+        frame=np.arange(n)[:, None],
+        ts=np.arange(n)[:, None] * 0.14,
+        batchId=np.zeros((n, 1), np.uint8),
+    )
+
+
+def test_validation_takes_whole_training_recordings(tmp_path):
+    data = stag.read(save(tmp_path, grasps()))
+    part = train_stag.parts(data, 0.3, 0)
+    assert (part[data.part == "test"] == "test").all()
+    assert len(set(data.recording[part == "validation"])) == 2
+    assert not set(data.recording[part == "validation"]) & set(data.recording[part == "train"])
+
+
+def test_figure_fifteen_from_a_file(tmp_path):
+    path = save(tmp_path, grasps())
+    rows = train_stag.train_run("glove", "sp_resnet", 0, str(path), lambda *numbers: None)
+    assert [row[:4] for row in rows] == [
+        ("sp_resnet", 0, frames, metric) for frames in range(1, 9) for metric in ("accuracy", "macro_precision")
+    ]
+    assert [row[-1] for row in rows[::2]] == [18, 8, 6, 4, 2, 2, 2, 2]  # nine frames of each of two grasps
+    assert all(0 <= row[5] <= 1 for row in rows)
