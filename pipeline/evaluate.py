@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import metrics, params, paths, series, tables, workers
+from pipeline import classification, images, metrics, params, paths, series, tables, workers
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
@@ -108,6 +108,37 @@ def evaluate_series_model(experiment: str, model: str, target: Path, report) -> 
     return scores
 
 
+def evaluate_image_model(experiment: str, model: str, target: Path, report) -> list[tuple]:
+    """As `evaluate_model`, for an experiment on images; predictions have a column a class."""
+    import torch
+
+    from pipeline.image_fitting import spec_of
+
+    torch.set_num_threads(1)
+    values = params.load()
+    block = params.model_settings(values, experiment, model)
+    scores, parts = [], []
+    for protocol, seed in params.runs(values, experiment):
+        folder = paths.require(
+            paths.run_folder(experiment, model, protocol, seed), f"python -m pipeline.train_images {experiment} {model}"
+        )
+        data = images.read(paths.dataset(experiment), protocol, seed)
+        classifier = params.build_model(model, spec_of(len(data.objects)), block, f"{experiment}.models.{model}")
+        classifier.load(folder)
+        rows = np.flatnonzero(data.part == "test")
+        predicted = classifier.predict(data.x[rows])
+        failed = json.loads((folder / "fit.json").read_text())["best_epoch"] == 0
+        if failed:
+            predicted[:] = np.nan
+        for metric, unit, value, n in classification.scores(data.y[rows], predicted):
+            value = float("nan") if failed else value
+            scores.append((experiment, protocol, images.modality(protocol), model, seed, metric, unit, value, n))
+        parts.append(tables.prediction_rows(protocol, seed, rows, predicted))
+        report()
+    tables.write(target / f"{model}.parquet", parts[0].schema, parts)
+    return scores
+
+
 def main() -> None:
     """Evaluate the experiment named on the command line."""
     values = params.load()
@@ -121,7 +152,11 @@ def main() -> None:
     if why_not_run(experiment) is None:
         tasks = {model: (experiment, model, draft) for model in models}
         with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
-            evaluate = evaluate_series_model if experiment in params.SERIES else evaluate_model
+            evaluate = evaluate_model
+            if experiment in params.SERIES:
+                evaluate = evaluate_series_model
+            if experiment in params.IMAGES:
+                evaluate = evaluate_image_model
             found = dict(workers.run(evaluate, tasks, bar, steps=len(runs)))
     scores = paths.scores(experiment)
     unfinished = scores.with_name("scores.csv.unfinished")

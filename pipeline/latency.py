@@ -1,6 +1,6 @@
 """Stage: how long a prediction takes, and what the model weighs. Runs alone, on one thread.
 
-A prediction is the answer to one window, or, on series, to the next sample with the state carried along.
+A prediction is the answer to one window or image, or, on series, to the next sample with the state carried along.
 Usage: python -m pipeline.latency EXPERIMENT
 """
 
@@ -13,7 +13,7 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import params, paths, series, tables
+from pipeline import images, params, paths, series, tables
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
@@ -73,6 +73,14 @@ def _series_inputs(values: dict, experiment: str) -> tuple:
     return spec_of(task, values[experiment]["window"]["frames"]), x
 
 
+def _images(values: dict, experiment: str) -> tuple:
+    """Shapes of the task and the test images (n, 1, pixels) of the first run."""
+    from pipeline.image_fitting import spec_of
+
+    data = images.read(paths.dataset(experiment), *params.runs(values, experiment)[0])
+    return spec_of(len(data.objects)), data.x[data.part == "test"]
+
+
 def main() -> None:
     """Time every model of the experiment named on the command line, first run of each."""
     values = params.load()
@@ -88,7 +96,8 @@ def main() -> None:
         torch.set_num_threads(settings["threads"])
         protocol, seed = params.runs(values, experiment)[0]
         on_series = experiment in params.SERIES
-        spec, x = _series_inputs(values, experiment) if on_series else _windows(values, experiment)
+        inputs = _series_inputs if on_series else _images if experiment in params.IMAGES else _windows
+        spec, x = inputs(values, experiment)
         if len(x) < max(settings["batches"]):  # a tiny dataset: the time does not depend on the values
             x = np.resize(x, (max(settings["batches"]), *x.shape[1:]))
         for model in tqdm(values[experiment]["models"], desc=f"latency {experiment}", unit="model"):

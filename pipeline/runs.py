@@ -1,8 +1,10 @@
 """All runs of one model, trained in parallel into a folder that appears once it is complete."""
 
 import csv
+import json
 import shutil
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -52,3 +54,22 @@ def train_all(
         writer.writerows([protocol, seed, seconds[protocol, seed]] for protocol, seed in runs)
     target.parent.mkdir(parents=True, exist_ok=True)
     draft.rename(target)
+
+
+def save(target: Path, regressor, history: list[dict], settings: Mapping) -> None:
+    """Write a fitted run to the new folder `target`: the model's own files, history.csv and fit.json."""
+    target.mkdir(parents=True)
+    regressor.save(target)
+    with open(target / "history.csv", "w", newline="", encoding="ascii") as file:
+        writer = csv.DictWriter(file, fieldnames=list(history[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(history)
+    fit = {
+        "stop_reason": regressor.summary.stop_reason,
+        "best_epoch": regressor.summary.best_epoch,
+        "epochs": len(history),
+        "parameters": regressor.parameters(),
+        "macs": regressor.macs(),
+        "settings": settings,
+    }
+    (target / "fit.json").write_text(json.dumps(fit, indent=1) + "\n", encoding="ascii")

@@ -11,6 +11,7 @@ from pipeline.scale import set_values
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
+STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study"}
 COMMANDS = {"fetch", "scale", "fit_material"}
 # Modules that find, check and start things but cannot change a number: DVC need not watch them.
 PLUMBING = {
@@ -97,7 +98,7 @@ def stage_entries():
 def test_dvc_watches_what_a_stage_imports(entry):
     name, command, deps, _ = entry
     needed = closure(command[2].replace(".", "/") + ".py")
-    if command[2] == "pipeline.train":
+    if command[2] in ("pipeline.train", "pipeline.train_images"):
         needed |= closure(f"pipeline/models/{command[4]}.py")
     if command[2] == "pipeline.train_series":
         needed |= closure(f"pipeline/models/{command[4].replace('model_zero', 'lstm_direct')}.py")
@@ -143,8 +144,12 @@ def test_every_model_block_fits_its_build():
     values = params.load()
     for experiment in values["experiments"]:
         for model, block in values[experiment]["models"].items():
-            on_series = experiment in params.SERIES
-            spec = Spec(20, 1, 6, 1, 2) if on_series else Spec(*params.shapes(values[experiment]))
+            if experiment in params.SERIES:
+                spec = Spec(20, 1, 6, 1, 2)
+            elif experiment in params.IMAGES:
+                spec = Spec(1, 32, 32, 1, 16)
+            else:
+                spec = Spec(*params.shapes(values[experiment]))
             params.build_model(model, spec, block, f"{experiment}.models.{model}")
 
 

@@ -1,0 +1,76 @@
+"""Stage: what each augmentation method is worth (SP-ResNet paper, Table 2): one model, trained without and with them.
+
+Trains `augmentation.model` on each of the three datasets with no method and with A, B or C alone; all of them
+together is the model itself, which `train_images` has trained. Writes the scores on the test part.
+Usage: python -m pipeline.augment glove
+"""
+
+import csv
+import os
+import sys
+
+import numpy as np
+from tqdm import tqdm
+
+from pipeline import classification, images, params, paths, workers
+from pipeline.errors import InputError, run_stage
+
+METHODS = {"none": (), "A": ("flip",), "B": ("noise",), "C": ("affine",)}  # what stays on; the others are set to 0
+SETTINGS = ("flip", "noise", "affine")
+COLUMNS = ("method", "protocol", "condition", "seed", "metric", "unit", "value", "n")
+
+
+def train_run(experiment: str, method: str, protocol: str, seed: int, report) -> list[tuple]:
+    """Train and score one run with the methods that `method` leaves on; rows of scores.csv."""
+    import torch
+
+    from pipeline.image_fitting import spec_of
+
+    torch.set_num_threads(1)
+    values = params.load()
+    model = values[experiment]["augmentation"]["model"]
+    block = params.model_settings(values, experiment, model)
+    off = {name: 0.0 for name in SETTINGS if name not in METHODS[method]}
+    block = block | {"training": block["training"] | off}
+    data = images.read(paths.dataset(experiment), protocol, seed)
+    classifier = params.build_model(model, spec_of(len(data.objects)), block, f"{experiment}.models.{model}")
+    train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
+    classifier.fit(train, validation, seed=seed, device=values["device"], progress=report)
+    found = classification.scores(test[1], classifier.predict(test[0]))
+    if not classifier.summary.best_epoch:
+        found = [(metric, unit, np.nan, n) for metric, unit, _, n in found]
+    return [(method, protocol, images.modality(protocol), seed, *row) for row in found]
+
+
+def main() -> None:
+    """Train and score every method, dataset and seed of the experiment named on the command line."""
+    values = params.load()
+    if len(sys.argv) != 2 or sys.argv[1] != "glove":
+        raise InputError("usage: python -m pipeline.augment glove")
+    experiment = sys.argv[1]
+    settings = values[experiment]["augmentation"]
+    block = params.model_settings(values, experiment, settings["model"])
+    if "training" not in block:
+        raise InputError(f"params.yaml, glove.augmentation.model: '{settings['model']}' is no network; name one")
+    runs = [
+        (experiment, method, f"{settings['split']}_{modality}", seed)
+        for method in METHODS
+        for modality in images.MODALITIES
+        for seed in settings["seeds"]
+    ]
+    epochs = block["training"]["max_epochs"]
+    with tqdm(total=epochs * len(runs), desc=f"augment {experiment}", unit="epoch") as bar:
+        found = dict(workers.run(train_run, {run: run for run in runs}, bar, steps=epochs))
+    target = paths.augmentation(experiment)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = target.with_name(target.name + ".unfinished")
+    with open(draft, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for run in runs:
+            writer.writerows(found[run])
+    os.replace(draft, target)
+
+
+if __name__ == "__main__":
+    run_stage(main)

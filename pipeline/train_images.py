@@ -1,0 +1,47 @@
+"""Stage: train one model of an experiment on images, for every protocol and seed. Scoring is `evaluate`.
+
+As `train`, but a protocol names the images that a model sees: pressure, strain or both.
+Usage: python -m pipeline.train_images glove|glove_recorded MODEL
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from pipeline import images, params, paths, runs
+from pipeline.errors import InputError, run_stage
+
+
+def train_run(
+    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+) -> float:
+    """Train one run and write its files to the new folder `target`; returns the seconds that fitting took."""
+    import torch
+
+    from pipeline.image_fitting import spec_of
+
+    torch.set_num_threads(1)
+    values = params.load()
+    block = params.model_settings(values, experiment, model)
+    data = images.read(paths.dataset(experiment), protocol, seed)
+    spec = spec_of(len(data.objects))
+    classifier = params.build_model(model, spec, block, f"{experiment}.models.{model}")
+    train, validation = ((data.x[data.part == name], data.y[data.part == name]) for name in ("train", "validation"))
+    del data
+    started = time.perf_counter()
+    history = classifier.fit(train, validation, seed=seed, device=values["device"], progress=report)
+    seconds = time.perf_counter() - started
+    runs.save(target, classifier, history, block)
+    return seconds
+
+
+def main() -> None:
+    """Train the model named on the command line."""
+    if len(sys.argv) != 3 or sys.argv[1] not in params.IMAGES:
+        raise InputError(f"usage: python -m pipeline.train_images {'|'.join(params.IMAGES)} MODEL")
+    runs.train_all(train_run, sys.argv[1], sys.argv[2])
+
+
+if __name__ == "__main__":
+    run_stage(main)
