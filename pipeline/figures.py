@@ -44,6 +44,12 @@ STYLES = {
     "lstm_highpass": Style("LSTM on high-passed voltages", GREEN, "*", "-"),
     "press_difference": Style("Extra trees, press minus rest", BLACK, "s", ":"),
     "lstm_transfer_ridge": Style("LSTM, transfer (closed form)", PURPLE, "D", (0, (4, 1, 1, 1))),
+    "naive_bayes": Style("Naive Bayes", ORANGE, "o", ":"),
+    "resnet18": Style("ResNet-18", GREEN, "v", "-."),
+    "mobilenet": Style("MobileNet", SKY, "P", (0, (5, 1.5))),
+    "resnet3x3": Style("ResNet_3x3", BLUE, "D", "--"),
+    "sp_resnet_nogcam": Style("SP-ResNet (no GCAM)", PURPLE, "h", (0, (4, 1, 1, 1))),
+    "sp_resnet": Style("SP-ResNet", VERMILION, "*", "-"),
 }
 
 plt.rcParams.update(

@@ -14,11 +14,16 @@ import pandas as pd
 import pyarrow.parquet
 
 from pipeline import (
+    figures_glove,
     figures_strain,
     figures_touch,
     figures_velostat,
+    images,
     params,
     paths,
+    report_glove,
+    report_glove_findings,
+    report_glove_recorded,
     report_strain,
     report_strain_recorded,
     report_touch,
@@ -29,9 +34,20 @@ from pipeline import (
 from pipeline.availability import why_not_run
 from pipeline.differences import read_differences
 from pipeline.errors import run_stage
+from pipeline.experiments import glove
+from pipeline.figures import style
 from pipeline.report_touch import write_text
 
 CODE = Path(__file__).resolve().parent
+GRASPED = "mobile_phone"  # in figure 10
+SEQUENCE_FRAMES = 50  # of figure 13
+# The module that an experiment's networks are trained by.
+FITTING = {
+    "touch": "fitting",
+    "strain": "series_fitting",
+    "glove": "image_fitting",
+    "glove_recorded": "image_fitting",
+}
 
 
 def render_touch(settings: dict, target: Path) -> None:
@@ -58,7 +74,7 @@ def render_touch(settings: dict, target: Path) -> None:
     write_text(accuracy / "table1.md", report_touch.table_one(scores, settings, conditions))
     write_text(accuracy / "training.md", report_touch.training(fits, settings))
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
-    differences = read_differences(CODE)
+    differences = _own_differences("touch", settings)
     unseen = report_touch.unseen_products(
         tables.matrix(table["x"])[:, -settings["sensor"]["rows"] * settings["sensor"]["cols"] :].astype(float),
         tables.names(table[tables.split_column(protocol, seed)]),
@@ -202,7 +218,11 @@ def render_strain(settings: dict, target: Path) -> None:
     write_text(
         accuracy / "README.md",
         report_strain.findings(
-            scores, settings, studies, {k: v for k, v in late.items() if k != "task_0"}, read_differences(CODE)
+            scores,
+            settings,
+            studies,
+            {k: v for k, v in late.items() if k != "task_0"},
+            _own_differences("strain", settings),
         ),
     )
 
@@ -252,6 +272,154 @@ def render_strain_recorded(settings: dict, target: Path) -> None:
     figures_strain.speed_against_accuracy(target / "speed" / "tradeoff.png", time_ms, errors, labels)
 
 
+def render_glove(settings: dict, target: Path) -> None:
+    """Write the report of `glove` into the new folder `target`; settings: its block of params.yaml."""
+    accuracy = target / "accuracy"
+    scores, latency, table, _, _ = _read("glove", settings)
+    objects, protocols = images.classes(table), report_glove.main_protocols(settings)
+    counts, stag = report_glove.read_counts(), report_glove.read_stag()
+    augmentation = {metric: report_glove.read_augmentation(settings, metric) for metric in report_glove.METRICS}
+    fits = report_glove.read_fits("glove", settings)
+    shown = {dataset: "sp_resnet" for dataset in protocols if "sp_resnet" in settings["models"]}
+    confusions = report_glove.read_confusions("glove", settings, table, shown)
+    compared = [model for model in ("sp_resnet", "resnet3x3") if model in settings["models"]]
+    frames = {
+        dataset: report_glove.scores_by_frames(table, protocols[dataset], settings, compared)
+        for dataset in ("combined", "pressure")
+    }
+
+    _write_csv(accuracy / "table1.csv", report_glove.score_table(scores, settings, report_glove.published()))
+    write_text(accuracy / "table1.md", report_glove.table_one(scores, settings, counts))
+    _write_csv(accuracy / "table2.csv", report_glove.augmentation_table(augmentation))
+    write_text(accuracy / "table2.md", report_glove.table_two(augmentation["macro_precision"], settings))
+    by_frames = [rows.assign(condition=dataset) for dataset, rows in frames.items()]
+    _write_csv(accuracy / "figure15.csv", pd.concat(by_frames))
+    write_text(
+        accuracy / "README.md",
+        report_glove_findings.findings(
+            scores,
+            settings,
+            counts=counts,
+            augmentation=augmentation["macro_precision"],
+            confusions=confusions,
+            objects=objects,
+            frames=frames,
+            stag=stag,
+            trained=[fit for datasets in fits.values() for runs in datasets.values() for fit in runs],
+            differences=_own_differences("glove", settings),
+        ),
+    )
+
+    names, sessions = tables.names(table["condition"]), tables.names(table["recording"])
+    grasped = GRASPED if GRASPED in objects else objects[0]
+    rows = np.flatnonzero(names == grasped)
+    rows = rows[sessions[rows] == sessions[rows[0]]]
+    grasp = rows[len(rows) // 2]
+    pictures = {
+        dataset: tables.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in images.MODALITIES
+    }
+    title = f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}"
+    figures_glove.tactile_images(accuracy / "figure10.png", pictures, glove.STRAIN, title)
+    sequences = _sequences(settings, objects)
+    title = f"Figure 13: the last {SEQUENCE_FRAMES} frames of each object's last session; below the line, joint means"
+    figures_glove.tactile_sequences(accuracy / "figure13.png", sequences, glove.PRESSURE_CELLS, title)
+    _draw_confusions(accuracy, "figure14", settings, confusions, shown, objects)
+    if compared:
+        title = "Figure 15, on our own data: macro precision against the number of input frames"
+        figures_glove.precision_by_frames(accuracy / "figure15.png", frames, title)
+    if len(stag):
+        title = "Figure 15: the STAG data set"
+        figures_glove.precision_by_frames(accuracy / "figure15_stag.png", {"STAG": stag}, title)
+    _draw_learning(accuracy, settings, fits)
+    _write_image_speed(target / "speed", scores, latency, settings, "glove")
+
+
+def render_glove_recorded(settings: dict, target: Path) -> None:
+    """Write the report of `glove_recorded` into the new folder `target`; settings: its block of params.yaml."""
+    accuracy = target / "accuracy"
+    scores, latency, table, _, _ = _read("glove_recorded", settings)
+    objects, fits = images.classes(table), report_glove.read_fits("glove_recorded", settings)
+    best = report_glove_recorded.best_networks(scores, settings)
+    confusions = report_glove.read_confusions("glove_recorded", settings, table, best)
+    _write_csv(accuracy / "table.csv", report_glove.score_table(scores, settings, {}).drop(columns="published"))
+    write_text(accuracy / "table.md", report_glove_recorded.score_text(scores, settings, objects))
+    write_text(
+        accuracy / "README.md",
+        report_glove_recorded.findings(
+            scores,
+            settings,
+            confusions=confusions,
+            objects=objects,
+            probe=report_glove_recorded.read_probe(),
+            trained=[fit for datasets in fits.values() for runs in datasets.values() for fit in runs],
+            differences=_own_differences("glove_recorded", settings),
+        ),
+    )
+    _draw_confusions(accuracy, "confusion", settings, confusions, best, objects)
+    _draw_learning(accuracy, settings, fits)
+    _write_image_speed(target / "speed", scores, latency, settings, "glove_recorded")
+
+
+def _sequences(settings: dict, objects: list[str]) -> dict[str, np.ndarray]:
+    """Object -> conductance in mS (sensors, frames) in its last session: pressure cells, then the wired joints."""
+    path = paths.require(paths.frames("glove"), "python -m pipeline.ingest glove")
+    frames = pyarrow.parquet.read_table(path, columns=["condition", "recording", "pressure", "strain"])
+    names, sessions = tables.names(frames["condition"]), tables.names(frames["recording"])
+    ohm = settings["sensor"]["reference_ohm"]
+    pressure, strain = (1e3 * glove.conductance(tables.matrix(frames[c]), ohm) for c in ("pressure", "strain"))
+    joints = glove.joint_means(strain.reshape(-1, 15, 9)).reshape(len(names), -1)
+    values = np.column_stack([pressure, joints[:, joints.any(axis=0)]])
+    found = {}
+    for one in objects:
+        own = np.flatnonzero(names == one)
+        last = own[sessions[own] == max(sessions[own])]
+        found[one] = values[last[-SEQUENCE_FRAMES:]].T
+    return found
+
+
+def _own_differences(experiment: str, settings: dict) -> list[tuple[str, str]]:
+    """The differences from its paper in the files of one experiment."""
+    files = [FITTING[experiment], f"experiments/{experiment}", f"scenes/{experiment}"]
+    own = {f"{CODE.name}/{file}.py" for file in (*files, *(f"models/{model}" for model in settings["models"]))}
+    return [(file, text) for file, text in read_differences(CODE) if file in own]
+
+
+def _draw_confusions(
+    folder: Path, name: str, settings: dict, confusions: dict[str, np.ndarray], models: dict[str, str], objects: list
+) -> None:
+    """<name>_<dataset>.png, the confusions of all seeds together; models: dataset -> whose they are."""
+    split = next(iter(report_glove.splits(settings))).replace("_", " ")
+    for dataset, counts in confusions.items():
+        runs = f"{len(counts)} {'run' if len(counts) == 1 else 'runs'}"
+        title = f"{dataset.capitalize()}: answers of {style(models[dataset]).label}, split by {split}, {runs} together"
+        figures_glove.confusion_matrix(folder / f"{name}_{dataset}.png", counts.sum(axis=0), objects, title)
+
+
+def _draw_learning(folder: Path, settings: dict, fits: dict[str, dict[str, list[results.Fit]]]) -> None:
+    """learning_curves.png of the main split; none without a network."""
+    protocols = report_glove.main_protocols(settings)
+    chosen = {m: {dataset: own[protocol] for dataset, protocol in protocols.items()} for m, own in fits.items()}
+    split = next(iter(report_glove.splits(settings))).replace("_", " ")
+    if chosen:
+        title = f"Validation loss, split by {split}, one line a seed (lower is better)"
+        figures_glove.learning_curves(folder / "learning_curves.png", chosen, title)
+
+
+def _write_image_speed(folder: Path, scores: results.Scores, latency: dict, settings: dict, experiment: str) -> None:
+    """table2 and tradeoff.png of an experiment on images."""
+    time_ms, errors = _write_speed(folder, latency, settings, experiment), {}
+    for dataset, protocol in report_glove.main_protocols(settings).items():
+        errors[dataset] = {}
+        for model in settings["models"]:
+            right = report_glove.score(scores, protocol, model, "accuracy")
+            wrong = right._replace(mean=100 - right.mean, low=100 - right.high, high=100 - right.low)
+            errors[dataset][model] = wrong
+    batch = settings["latency"]["batches"][0]
+    xlabel = f"Median time of an image, batch {batch} (ms)"
+    title = "Speed against accuracy (lower left is better)"
+    figures_glove.speed_against_error(folder / "tradeoff.png", time_ms, errors, xlabel, title)
+
+
 def _read(experiment: str, settings: dict) -> tuple[results.Scores, dict, pyarrow.Table, str, int]:
     """(scores, latency, dataset, main protocol, its first seed): what every report starts from."""
     protocol = next(iter(settings["protocols"]))
@@ -289,6 +457,8 @@ def main() -> None:
         "velostat_recorded": render_velostat_recorded,
         "strain": render_strain,
         "strain_recorded": render_strain_recorded,
+        "glove": render_glove,
+        "glove_recorded": render_glove_recorded,
     }
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "render", values)

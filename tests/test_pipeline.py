@@ -50,7 +50,15 @@ STRAIN_RUNS = [
     for model in STRAIN_MODELS
     for seed in (0, 1)
 ]
-EXPECTED_RUNS = sorted(TOUCH_RUNS + STRAIN_RUNS)
+GLOVE_MODELS = ["constant", "naive_bayes", "tree", "resnet3x3", "sp_resnet"]
+GLOVE_RUNS = [
+    ("glove", f"{split}_{modality}", model, seed)
+    for split, seeds in (("session", (0, 1)), ("random_frames", (0,)))
+    for modality in ("pressure", "strain", "combined")
+    for model in GLOVE_MODELS
+    for seed in seeds
+]
+EXPECTED_RUNS = sorted(TOUCH_RUNS + STRAIN_RUNS + GLOVE_RUNS)
 
 
 def test_scores_hold_every_model_condition_and_seed(miniature):
@@ -70,6 +78,11 @@ def test_scores_hold_every_model_condition_and_seed(miniature):
     assert (error.protocol == error.condition).all() and error.value.gt(0).all()
     found = zip(error.experiment, error.protocol, error.model, error.seed, strict=True)
     assert sorted(found) == sorted(STRAIN_RUNS)
+    precision = scores[(scores.metric == "macro_precision") & (scores.experiment == "glove")]
+    assert all(row.protocol.endswith(f"_{row.condition}") for row in precision.itertuples())
+    found = zip(precision.experiment, precision.protocol, precision.model, precision.seed, strict=True)
+    assert sorted(found) == sorted(GLOVE_RUNS)
+    assert precision.value.between(0, 1).all() and precision.n.gt(0).all()
 
 
 def test_latency_holds_every_model_and_batch(miniature):

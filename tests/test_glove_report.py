@@ -1,0 +1,573 @@
+"""What the glove reports say must follow from the numbers, whatever they are."""
+
+import copy
+import json
+import sys
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+from scipy.stats import t as student
+
+from pipeline import (
+    classification,
+    figures,
+    figures_glove,
+    images,
+    paths,
+    render,
+    report_glove,
+    report_glove_findings,
+    report_glove_recorded,
+    results,
+    tables,
+)
+from pipeline.errors import InputError
+from pipeline.params import load
+
+OBJECTS = ["empty_bottle", "full_bottle_1", "full_bottle_2", "mobile_phone", "paper_roll", "toy"]
+SESSIONS, IMAGES = 5, 3  # of each object, of each session
+LATENCY = {"batches": [1, 4], "threads": 1, "warm_up": 1, "calls": 5}
+NETWORK = {"training": {"max_epochs": 2}}
+MODELS = {"constant": {}, "naive_bayes": {}, "tree": {}, "resnet18": NETWORK, "mobilenet": NETWORK}
+MODELS |= {"resnet3x3": NETWORK, "sp_resnet_nogcam": NETWORK, "sp_resnet": NETWORK}
+COLUMNS = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
+    return tmp_path
+
+
+@pytest.fixture
+def settings():
+    """The block `glove` of params.yaml, made small."""
+    block = copy.deepcopy(load()["glove"]) | {"latency": LATENCY, "models": MODELS}
+    block["augmentation"] = {"model": "sp_resnet", "split": "session", "seeds": [0, 1]}
+    for protocol in block["protocols"]:
+        block["protocols"][protocol] = {"seeds": [0, 1] if protocol.startswith("session") else [0]}
+    return block
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures are made but not drawn: for tests that look at something else."""
+
+    def save(figure, path):
+        path.touch()
+        plt.close(figure)
+
+    monkeypatch.setattr(figures, "save", save)
+
+
+def runs(settings):
+    return [(name, seed) for name, block in settings["protocols"].items() for seed in block["seeds"]]
+
+
+def write_experiment(experiment, settings):
+    """Every file that the stages before `render` leave; a model's answers are right more often, the later it comes."""
+    rng = np.random.default_rng(0)
+    label = np.repeat(np.arange(len(OBJECTS)), SESSIONS * IMAGES)
+    session = np.tile(np.repeat(np.arange(SESSIONS), IMAGES), len(OBJECTS))
+    names = pa.array([OBJECTS[k] for k in label]).dictionary_encode()
+    sessions = pa.array([f"session{k:02d}" for k in session]).dictionary_encode()
+    columns = {"condition": names, "recording": sessions, "label": pa.array(label.astype(np.int16))}
+    for dataset in images.MODALITIES:
+        columns[dataset] = tables.lists(rng.integers(0, 256, (len(label), images.SIDE**2)).astype(np.uint8), pa.uint8())
+    part = np.where(session < 2, "train", np.where(session < 3, "validation", "test"))
+    for protocol, seed in runs(settings):
+        columns[tables.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
+    data = pa.table(columns)
+    tables.write(paths.dataset(experiment), data.schema, [data])
+
+    test = np.flatnonzero(part == "test")
+    truth = np.eye(len(OBJECTS))[label[test]]
+    scores, speed = [], []
+    for place, model in enumerate(settings["models"]):
+        parts = []
+        for protocol, seed in runs(settings):
+            predicted = place / 4 * truth + rng.uniform(size=truth.shape)
+            parts.append(tables.prediction_rows(protocol, seed, test, predicted))
+            for row in classification.scores(truth, predicted):
+                scores.append((experiment, protocol, images.modality(protocol), model, seed, *row))
+            write_fit(experiment, model, protocol, seed, settings["models"][model])
+        tables.write(paths.predictions(experiment) / f"{model}.parquet", parts[0].schema, parts)
+        speed += [(experiment, model, batch, 1, place + 0.1, place + 0.2, 45, 40, 6.5, 999) for batch in (1, 4)]
+    pd.DataFrame(scores, columns=COLUMNS).to_csv(paths.scores(experiment), index=False)
+    names = ["experiment", "model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes"]
+    paths.latency(experiment).parent.mkdir()
+    pd.DataFrame(speed, columns=names).to_csv(paths.latency(experiment), index=False)
+    paths.ingest_report(experiment).write_text('{"run": true}')
+
+
+def write_fit(experiment, model, protocol, seed, block):
+    folder = paths.run_folder(experiment, model, protocol, seed)
+    folder.mkdir(parents=True)
+    epochs = block["training"]["max_epochs"] if "training" in block else 1
+    history = {"epoch": range(1, epochs + 1), "train_loss": 3.0, "validation_loss": 4.0, "learning_rate": 1e-3}
+    pd.DataFrame(history).to_csv(folder / "history.csv", index=False)
+    reason = "max_epochs" if "training" in block else "closed_form"
+    fit = {"stop_reason": reason, "best_epoch": 1, "epochs": epochs, "parameters": 17, "macs": 5}
+    (folder / "fit.json").write_text(json.dumps(fit))
+
+
+def write_glove(settings):
+    write_experiment("glove", settings)
+    rng, n = np.random.default_rng(1), len(OBJECTS) * 4
+    frames = pa.table(
+        {
+            "condition": pa.array(np.repeat(OBJECTS, 4).tolist()).dictionary_encode(),
+            "recording": pa.array(["session00", "session01"] * (n // 2)).dictionary_encode(),
+            "pressure": tables.lists(rng.integers(0, 500, (n, 270)), pa.int16()),
+            "strain": tables.lists(rng.integers(1, 500, (n, 135)), pa.int16()),
+        }
+    )
+    tables.write(paths.frames("glove"), frames.schema, [frames])
+    rows = [
+        (method, f"session_{dataset}", dataset, seed, metric, "1", 0.5 + 0.1 * place + 0.01 * seed * (place + 1), 36)
+        for place, method in enumerate(("none", "A", "B", "C"))
+        for dataset in images.MODALITIES
+        for seed in (0, 1)
+        for metric in report_glove.METRICS
+    ]
+    names = ["method", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
+    pd.DataFrame(rows, columns=names).to_csv(paths.augmentation("glove"), index=False)
+    (paths.experiment_folder("glove") / "stag.csv").write_text("model,seed,frames,metric,unit,value,n\n")
+    paths.REPORTS.mkdir()
+    counts_table().to_csv(paths.REPORTS / "counts.csv", index=False)
+
+
+def counts_table(sp_resnet=30):
+    """counts.csv: a published shape of two networks, and all like with like."""
+    rows = [
+        ("resnet18", "3x224x224", 1000, 1824033792, 11689512, 1824000000, 11690000, "reproduced", ""),
+        ("sp_resnet", "1x32x32", 1000, 77, 88, 16332000, 326000, "not reproduced", "reduction 16, as trained"),
+        ("sp_resnet", "1x32x32", 1000, 78, 89, 16332000, 326000, "not reproduced", "reduction 8"),
+    ]
+    costs = {"resnet18": 100, "mobilenet": 20, "resnet3x3": 200, "sp_resnet_nogcam": 10, "sp_resnet": sp_resnet}
+    rows += [(model, "1x32x32", 16, cost, 10 * cost, np.nan, np.nan, "", "") for model, cost in costs.items()]
+    names = ["model", "input_shape", "classes", "macs", "params", "published_macs", "published_params", "verdict"]
+    return pd.DataFrame(rows, columns=[*names, "note"]).replace("", np.nan)
+
+
+def run_render(experiment, settings, monkeypatch):
+    """What `python -m pipeline.render <experiment>` does."""
+    monkeypatch.setattr(render.params, "load", lambda: {"experiments": [experiment], experiment: settings})
+    monkeypatch.setattr(sys, "argv", ["render", experiment])
+    render.main()
+    return paths.REPORTS / experiment
+
+
+def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, monkeypatch):
+    write_glove(settings)
+    target = run_render("glove", settings, monkeypatch)
+    first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
+    drawn = ["figure10", "figure13", *(f"figure14_{d}" for d in images.MODALITIES), "figure15", "learning_curves"]
+    speed = {"speed/table2.csv", "speed/table2.md", "speed/tradeoff.png"}
+    assert set(first) == speed | {
+        "accuracy/README.md",
+        *(f"accuracy/{name}.{kind}" for name in ("table1", "table2") for kind in ("csv", "md")),
+        "accuracy/figure15.csv",
+        *(f"accuracy/{name}.png" for name in drawn),
+    }
+    latency = pd.read_csv(paths.latency("glove"))
+    latency[["p50_ms", "p95_ms", "train_s"]] *= 1.5
+    latency.to_csv(paths.latency("glove"), index=False)
+    run_render("glove", settings, monkeypatch)
+    assert {name for name in first if (target / name).read_bytes() != first[name]} == speed
+
+    scores = pd.read_csv(paths.scores("glove"))
+    own = scores[(scores["model"] == "sp_resnet") & (scores["metric"] == "macro_precision")]
+    values = 100 * own[own["protocol"] == "session_strain"]["value"]
+    half = student.ppf(0.975, 1) * values.std() / np.sqrt(2)
+    shown = f"{values.mean():.2f} [{values.mean() - half:.2f}, {values.mean() + half:.2f}]"
+    (random,) = 100 * own[own["protocol"] == "random_frames_strain"]["value"]
+    text = (target / "accuracy" / "table1.md").read_text()
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
+    assert [row[3:5] for row in lines if row[0] == "SP-ResNet" and len(row) == 7][0] == ["88.39", shown]
+    (both,) = [row for row in lines if row[:2] == ["SP-ResNet", "strain"]]
+    assert both[2:5] == ["88.39", shown, f"{random:.2f}"]
+    assert "split is not stated" in text and "1,824,033,792" in text and "SP-ResNet (reduction 8)" in text
+    counted = [row for row in lines if len(row) == 9 and row[0].startswith("SP-ResNet (reduction")]
+    assert [row[-2:] for row in counted] == [["30", "300"], ["", ""]]  # like with like only as trained
+
+    table = pd.read_csv(target / "accuracy" / "table1.csv").set_index(["protocol", "model", "metric"])
+    assert table.loc[("session_strain", "sp_resnet", "macro_precision"), "mean"] == pytest.approx(values.mean() / 100)
+    assert table.loc[("session_strain", "sp_resnet", "macro_precision"), "published"] == pytest.approx(0.8839)
+    assert set(table[["runs", "failed"]].itertuples(index=False, name=None)) == {(2, 0), (1, 0)}
+    table = pd.read_csv(target / "accuracy" / "table2.csv").set_index(["method", "condition", "metric"])
+    assert table.loc[("all", "strain", "macro_precision"), "mean"] == pytest.approx(values.mean() / 100)
+    half = student.ppf(0.975, 1) * 0.01 / 2  # gains of A: 0.1 and 0.11
+    assert table.loc[("A", "pressure", "macro_precision"), "gain"] == pytest.approx(0.105)
+    assert table.loc[("A", "pressure", "macro_precision"), "gain_low"] == pytest.approx(0.105 - half)
+    readme = (target / "accuracy" / "README.md").read_text()
+    assert "Of 45 runs trained in epochs, 0 stopped by patience, 45 reached" in readme
+    assert "frames at random as the paper seems to have split: ours " in readme and "published 89.22 %" in readme
+    assert "no file of it is named" in readme and "pipeline/models/lomp.py" not in readme
+
+
+def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatch):
+    write_glove(settings)
+    rows = [
+        (model, seed, frames, "macro_precision", "1", level + 0.02 * frames + 0.001 * seed, 99)
+        for model, level in (("sp_resnet", 0.6), ("resnet3x3", 0.5))
+        for seed in (0, 1)
+        for frames in range(1, 9)
+    ]
+    names = ["model", "seed", "frames", "metric", "unit", "value", "n"]
+    pd.DataFrame(rows, columns=names).to_csv(paths.experiment_folder("glove") / "stag.csv", index=False)
+    target = run_render("glove", settings, monkeypatch)
+    assert (target / "accuracy" / "figure15_stag.png").exists()
+    readme = (target / "accuracy" / "README.md").read_text()
+    assert "above ResNet_3x3 at every number of frames, STAG: in the mean at 8 of 8" in readme
+
+
+def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
+    write_glove(settings)
+    scores = pd.read_csv(paths.scores("glove"))
+    scores.loc[(scores["model"] == "sp_resnet") & (scores["seed"] == 0), "value"] = np.nan
+    scores.to_csv(paths.scores("glove"), index=False)
+    path = paths.predictions("glove") / "sp_resnet.parquet"
+    data = pyarrow.parquet.read_table(path)
+    predicted = tables.matrix(data["prediction"]).copy()
+    predicted[data["seed"].to_numpy() == 0] = np.nan
+    data = data.set_column(3, "prediction", tables.lists(predicted, pa.float32()))
+    tables.write(path, data.schema, [data])
+    target = run_render("glove", settings, monkeypatch)
+    (row,) = [line for line in (target / "accuracy" / "table1.md").read_text().splitlines() if "SP-ResNet  " in line][
+        :1
+    ]
+    assert row.count("failed (1 of 2 runs); others") == 3
+    readme = (target / "accuracy" / "README.md").read_text()
+    assert "Pressure: runs failed for SP-ResNet." in readme and "SP-ResNet is best" not in readme
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (("scores.csv", "protocol", "random_frames_strain"), "no row for protocol random_frames_strain"),
+        (("augmentation.csv", "method", "B"), "no row for method B, protocol session_pressure, seed 0"),
+    ],
+)
+def test_a_missing_row_is_named(root, settings, monkeypatch, change, named):
+    write_glove(settings)
+    name, column, value = change
+    path = paths.experiment_folder("glove") / name
+    rows = pd.read_csv(path)
+    rows[rows[column] != value].to_csv(path, index=False)
+    with pytest.raises(InputError, match=named):
+        run_render("glove", settings, monkeypatch)
+
+
+@pytest.mark.parametrize("missing", ["stag.csv", "augmentation.csv", "frames.parquet", "predictions/resnet3x3.parquet"])
+def test_a_missing_file_is_named(root, settings, monkeypatch, missing):
+    write_glove(settings)
+    (paths.experiment_folder("glove") / missing).unlink()
+    with pytest.raises(InputError, match=f"data/glove/{missing}: not found"):
+        run_render("glove", settings, monkeypatch)
+
+
+def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settings, undrawn, monkeypatch):
+    titles = []
+    monkeypatch.setattr(render, "GRASPED", "telephone")
+    monkeypatch.setattr(figures_glove, "tactile_images", lambda *given: titles.append(given[-1]))
+    write_glove(settings)
+    run_render("glove", settings, monkeypatch)
+    assert titles == ["Figure 10: tactile images, empty bottle, session00"]
+
+
+@pytest.mark.parametrize("models", [["constant"], ["constant", "tree", "sp_resnet"]])
+def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
+    settings["models"] = {model: MODELS[model] for model in models}
+    settings["augmentation"]["model"] = models[-1]
+    settings["augmentation"]["seeds"] = [0]
+    for block in settings["protocols"].values():
+        block["seeds"] = [0]
+    write_glove(settings)
+    target = run_render("glove", settings, monkeypatch)
+    readme = (target / "accuracy" / "README.md").read_text()
+    assert "cannot be compared without" in readme and "nan" not in readme
+    listed = {line.split("[")[1].split("]")[0] for line in readme.splitlines() if line.startswith("- [")}
+    assert listed == {path.name for path in (target / "accuracy").glob("*.png")}
+    if "sp_resnet" in models:
+        assert "by session and" in readme and "reproduced." not in readme.split("## Confusions")[0]  # one seed
+
+
+def written_scores(settings, values):
+    """(scores, main protocols); values: (protocol, model) -> fraction a seed, 0.5 where it is not given."""
+    rows = [
+        ("glove", p, images.modality(p), model, seed, metric, "1", values.get((p, model), [0.5, 0.5])[seed], 9)
+        for p, seed in runs(settings)
+        for model in settings["models"]
+        for metric in report_glove.METRICS
+    ]
+    paths.scores("glove").parent.mkdir(parents=True)
+    pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove"), index=False)
+    return results.Scores("glove", settings), report_glove.main_protocols(settings)
+
+
+@pytest.mark.parametrize(
+    ("pressure", "combined", "words"),
+    [
+        # gains of 5 and 5.1 points, although both levels move by about one
+        ([0.90, 0.891], [0.95, 0.942], "add 5.05 [4.41, 5.69] points to pressure, the better single one"),
+        ([0.90, 0.891], [0.95, 0.942], "(paper: 4.33, outside the interval): reproduced"),
+        ([0.90, 0.891], [0.85, 0.842], "(paper: 4.33, outside the interval): not reproduced"),
+        ([0.90, 0.90], [0.90, 0.95], "(paper: 4.33, inside the interval): undecided"),
+    ],
+)
+def test_fusion_is_judged_by_its_paired_interval(root, settings, pressure, combined, words):
+    values = {("session_pressure", "sp_resnet"): pressure, ("session_combined", "sp_resnet"): combined}
+    values["session_strain", "sp_resnet"] = [0.7, 0.8]
+    scores, protocols = written_scores(settings, values)
+    assert words in report_glove_findings.fusion_sentences(scores, settings, protocols)[0]
+
+
+def test_attention_and_the_other_models_are_compared_by_seed(root, settings):
+    values = {
+        ("session_combined", "sp_resnet"): [0.80, 0.90],
+        ("session_combined", "sp_resnet_nogcam"): [0.79, 0.89],
+        ("session_strain", "sp_resnet"): [0.80, 0.90],
+        ("session_strain", "sp_resnet_nogcam"): [0.82, 0.92],
+    }
+    scores, protocols = written_scores(settings, values)
+    (line,) = report_glove_findings.attention_sentences(scores, settings, protocols)
+    assert "combined 1.00 [1.00, 1.00] points (paper: 0.47): reproduced" in line
+    assert "strain -2.00 [-2.00, -2.00] points (paper: 0.22): not reproduced" in line
+    assert "pressure 0.00 [0.00, 0.00] points (paper: 0.32): undecided" in line
+    (line,) = report_glove_findings.attention_sentences(scores, settings | {"models": {"sp_resnet": {}}}, protocols)
+    assert "cannot be compared without sp_resnet_nogcam" in line
+
+
+@pytest.mark.parametrize(
+    ("levels", "said"),
+    [
+        ({"resnet18": 0.9, "mobilenet": 0.6, "resnet3x3": 0.5}, "number 2 of 4 networks"),
+        ({"resnet18": 0.9, "mobilenet": 0.6, "resnet3x3": 0.5}, "points: reproduced"),
+        ({"resnet18": 0.9, "mobilenet": 0.95, "resnet3x3": 0.5}, "points: not reproduced"),
+        ({"resnet18": 0.6, "mobilenet": 0.6, "resnet3x3": 0.5}, "points: not reproduced"),
+        ({"resnet18": 0.9, "mobilenet": 0.8, "resnet3x3": 0.5}, "points: undecided"),
+    ],
+)
+def test_second_best_and_lowest_cost(root, settings, levels, said):
+    values = {("session_combined", model): [level, level + 0.01] for model, level in levels.items()}
+    values["session_combined", "sp_resnet"] = [0.8, 0.81 if "undecided" not in said else 0.82]
+    scores, protocols = written_scores(settings, values)
+    cheapest = {
+        30: "MobileNet has the fewest multiply-accumulates (20; SP-ResNet 30): not reproduced",
+        5: "SP-ResNet has the fewest multiply-accumulates (5; next is MobileNet, 20): reproduced",
+    }
+    for cost, verdict in cheapest.items():
+        own = report_glove.like_with_like(counts_table(cost))
+        lines = report_glove_findings.second_best_sentences(scores, settings, protocols["combined"], own)
+        assert said in lines[0] and verdict in lines[1]
+
+
+def test_best_order_baselines_and_optimism_follow_the_scores(root, settings):
+    levels = {"naive_bayes": 0.9, "tree": 0.3, "resnet18": 0.8, "mobilenet": 0.7, "resnet3x3": 0.6, "sp_resnet": 0.65}
+    values = {("session_strain", model): [level, level + 0.01] for model, level in levels.items()}
+    values |= {("random_frames_strain", model): [level + 0.05] for model, level in levels.items()}
+    values["random_frames_strain", "tree"] = [0.9]
+    scores, protocols = written_scores(settings, values)
+    strain = [
+        line
+        for found in (
+            report_glove_findings.best_sentences(scores, settings, protocols),
+            report_glove_findings.order_sentences(scores, settings, protocols),
+            report_glove_findings.baseline_sentences(scores, settings, protocols),
+            report_glove_findings.optimism_sentences(scores, settings),
+        )
+        for line in found
+        if "strain" in line.lower()
+    ]
+    best, order, baselines, optimism = strain[:4]
+    assert "Naive Bayes is best with 90.50" in best and "not told apart" not in best
+    assert "Order, strain: Naive Bayes, ResNet-18, MobileNet, SP-ResNet, ResNet_3x3" in order
+    assert "every network beats both is not reproduced" in baselines and "-30.00 [-30.00, -30.00]" in baselines
+    assert "0.00 (SP-ResNet (no GCAM)) to 59.50 points (Decision tree)" in optimism
+
+
+def test_augmentation_verdicts_follow_the_paired_gains():
+    values = {(method, d): [0.8, 0.9] for method in report_glove.METHODS for d in images.MODALITIES}
+    values |= {("A", "strain"): [0.81, 0.91], ("C", "pressure"): [0.79, 0.89], ("B", "pressure"): [0.81, 0.91]}
+    values |= {("B", "strain"): [0.79, 0.89], ("all", "combined"): [0.9, 0.9]}
+    flip, noise, affine, every = report_glove_findings.augmentation_sentences(values)
+    assert "strain 1.00 [1.00, 1.00] points (paper: 0.03): reproduced" in flip
+    assert "pressure -1.00 [-1.00, -1.00] points (paper: 1.81): not reproduced" in affine
+    assert "pressure 1.00 [1.00, 1.00] points (paper: 0.00): not reproduced" in noise  # it does add something
+    assert "strain -1.00 [-1.00, -1.00] points (paper: 0.00): reproduced" in noise
+    assert "combined 5.00 [-58.53, 68.53] points (paper: 1.29): undecided" in every
+
+
+def confusions(confused, images_each=50):
+    """Two runs of three datasets; confused: dataset -> (one, other) -> images of `one` that are named `other`."""
+    found = {}
+    for dataset in images.MODALITIES:
+        counts = np.diag([images_each] * len(OBJECTS))
+        for (one, other), number in confused.get(dataset, {}).items():
+            i, j = OBJECTS.index(one), OBJECTS.index(other)
+            counts[i, i] -= number
+            counts[i, j] += number
+        found[dataset] = np.array([counts, counts])
+    return found
+
+
+def test_pairs_are_found_by_name_in_both_directions():
+    strain = {("full_bottle_1", "full_bottle_2"): 10, ("mobile_phone", "toy"): 3, ("toy", "empty_bottle"): 2}
+    strain |= {("mobile_phone", "paper_roll"): 2, ("full_bottle_2", "empty_bottle"): 1}
+    counts = confusions({"pressure": {("toy", "paper_roll"): 20, ("paper_roll", "toy"): 5}, "strain": strain})
+    paper, *bottles = report_glove_findings.pair_sentences(counts, OBJECTS)
+    assert "`paper_roll` is named `toy` in 10.00 [10.00, 10.00] % of its images" in paper
+    assert "`toy` `paper_roll` in 40.00" in paper and "rank 1 of 15 pairs" in paper
+    assert "above an average pair: reproduced. Combined: 0.00 % of both." in paper
+    empty_1, empty_2, full = bottles
+    assert "`empty_bottle` and `full_bottle_1`" in empty_1 and "not reproduced" in empty_1
+    assert "rank 5 of 15 pairs" in empty_2 and "not reproduced" in empty_2
+    assert "rank 1 of 15" in full and ": reproduced." in full
+    lines = report_glove_findings.confused_sentences(counts, OBJECTS)
+    assert lines[0].endswith("name): `paper_roll` and `toy` 25.00 %.")
+    assert "`full_bottle_1` and `full_bottle_2` 10.00 %, `mobile_phone` and `toy` 3.00 %, " in lines[1]
+    assert lines[2].endswith("no pair.")
+    renamed = ["a", *OBJECTS[1:]]
+    assert "there is no object empty_bottle" in report_glove_findings.pair_sentences(counts, renamed)[1]
+
+
+def test_a_pair_that_is_rare_among_many_is_not_called_confused():
+    counts = confusions({"pressure": {("empty_bottle", "toy"): 9}})
+    assert ": not reproduced. Combined" in report_glove_findings.pair_sentences(counts, OBJECTS)[0]
+    one_run = {dataset: runs[:1] for dataset, runs in counts.items()}
+    assert ": undecided. Combined" in report_glove_findings.pair_sentences(one_run, OBJECTS)[0]
+
+
+def by_frames(levels):
+    """levels: model -> macro precision at 1, 2, 3 frames; two seeds that differ by one point."""
+    rows = [
+        (model, seed, frames, "macro_precision", "1", level + 0.01 * seed, 9)
+        for model, values in levels.items()
+        for frames, level in enumerate(values, 1)
+        for seed in (0, 1)
+    ]
+    return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "unit", "value", "n"])
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ([0.6, 0.7, 0.75], "in the mean at 3 of 3, by (1: 10.00 [10.00, 10.00], 2: 10.00"),
+        ([0.6, 0.7, 0.75], "points): reproduced"),
+        ([0.6, 0.7, 0.9], "points): not reproduced"),
+        ([0.6, 0.7, 0.8], "points): undecided"),
+    ],
+)
+def test_always_above_means_at_every_number_of_frames(other, words):
+    table = by_frames({"sp_resnet": [0.7, 0.8, 0.8], "resnet3x3": other})
+    more, above = report_glove_findings.frames_sentences({"combined": table})
+    assert "SP-ResNet from 70.50" in more and "a gain of 10.00 [10.00, 10.00] points: reproduced" in more
+    assert words in above
+
+
+def test_scores_by_frames_are_those_of_the_mean_answer(root, settings):
+    write_glove(settings)
+    table = results.read_windows("glove")
+    found = report_glove.scores_by_frames(table, "session_combined", settings, ["sp_resnet"])
+    assert sorted(set(found["frames"])) == [1, 2, 3]  # sessions have three images
+    predicted = results.read_predictions("glove", "sp_resnet", "session_combined", 1, table)
+    test = np.isfinite(predicted).all(axis=1)
+    means = predicted[test].reshape(-1, IMAGES, len(OBJECTS)).mean(axis=1)
+    truth = np.eye(len(OBJECTS))[table["label"].to_numpy()[test][::IMAGES]]
+    wanted = {metric: value for metric, _, value, _ in classification.scores(truth, means)}
+    own = found[(found["seed"] == 1) & (found["frames"] == 3)].set_index("metric")["value"]
+    assert own["accuracy"] == wanted["accuracy"] and own["macro_precision"] == wanted["macro_precision"]
+
+
+@pytest.fixture
+def recorded(settings):
+    """The block `glove_recorded` of params.yaml, made small."""
+    protocols = {f"grasp_{d}": {"seeds": [0, 1]} for d in images.MODALITIES}
+    protocols |= {f"time_{d}": {"seeds": [0]} for d in images.MODALITIES}
+    return load()["glove_recorded"] | {"latency": LATENCY, "models": MODELS, "protocols": protocols}
+
+
+def write_probe(level):
+    """Accuracy of two inputs for two seeds; `level`: of the joints that never move."""
+    levels = {"all": 0.98, "still": level}
+    rows = [(name, seed, "accuracy", "1", value, 9) for name, value in levels.items() for seed in (0, 1)]
+    names = ["input", "seed", "metric", "unit", "value", "n"]
+    pd.DataFrame(rows, columns=names).to_csv(paths.probe("glove_recorded"), index=False)
+
+
+def test_recorded_report(root, recorded, monkeypatch):
+    write_experiment("glove_recorded", recorded)
+    write_probe(0.8)
+    target = run_render("glove_recorded", recorded, monkeypatch)
+    found = {path.relative_to(target).as_posix() for path in target.rglob("*.*")}
+    drawn = {f"accuracy/confusion_{d}.png" for d in images.MODALITIES} | {"accuracy/learning_curves.png"}
+    written = {f"accuracy/{name}" for name in ("README.md", "table.csv", "table.md")}
+    assert found == drawn | written | {"speed/table2.csv", "speed/table2.md", "speed/tradeoff.png"}
+    text = (target / "accuracy" / "table.md").read_text()
+    assert text.count("| SP-ResNet  ") == 2 and "(`time`), 1 seed" in text
+    table = pd.read_csv(target / "accuracy" / "table.csv")
+    assert len(table) == 6 * len(MODELS) * 2 and "published" not in table
+
+
+@pytest.mark.parametrize(
+    ("pressure", "combined", "words"),
+    [
+        ((0.80, 0.802), (0.95, 0.96), ["75 % is reached (", "Pressure adds 5.00 [5.00, 5.00] points: it helps"]),
+        ((0.70, 0.702), (0.85, 0.86), ["missed by 4.9 points (", "points: it harms"]),
+        ((0.70, 0.90), (0.90, 0.96), ["reached in the mean; the interval includes it", "points: undecided"]),
+    ],
+)
+def test_recorded_verdicts(root, recorded, pressure, combined, words):
+    levels = {"grasp_pressure": pressure, "grasp_strain": (0.90, 0.91), "grasp_combined": combined}
+    rows = [
+        ("glove_recorded", p, images.modality(p), model, seed, metric, "1",
+         levels.get(p, (0.5, 0.5))[seed] if model == "sp_resnet" else 0.3, 9)
+        for p, seed in runs(recorded)
+        for model in MODELS
+        for metric in report_glove.METRICS
+    ]  # fmt: skip
+    paths.scores("glove_recorded").parent.mkdir(parents=True)
+    pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove_recorded"), index=False)
+    scores = results.Scores("glove_recorded", recorded)
+    best = report_glove_recorded.best_networks(scores, recorded)
+    assert set(best.values()) == {"sp_resnet"}
+    (alone,) = report_glove_recorded.pressure_sentences(scores, best, "grasp")
+    (fusion,) = report_glove_recorded.fusion_sentences(scores, best, "grasp")
+    assert words[0] in alone and words[1] in fusion
+    write_probe(0.625)
+    reached, leak = report_glove_recorded.leak_sentences(scores, best, "grasp", report_glove_recorded.read_probe())
+    assert f"missed by {98 - 50 * sum(combined):.1f} points" in reached
+    assert "all 98.0 [98.0, 98.0] %; still 62.5 [62.5, 62.5] %" in leak
+
+
+def test_names_of_near_points_do_not_overlap(tmp_path, monkeypatch):
+    saved = []
+    monkeypatch.setattr(figures, "save", lambda figure, path: saved.append(figure))
+    time_ms = dict(zip(MODELS, (0.02, 0.3, 0.15, 5.5, 2.9, 2.7, 2.8, 3.0), strict=True))
+    errors = {
+        model: results.Estimate(level, 0.9 * level, 1.1 * level, 3, 0)
+        for model, level in zip(MODELS, (94, 70, 40, 9, 10, 11, 10.5, 10), strict=True)
+    }
+    figures_glove.speed_against_error(tmp_path / "x.png", time_ms, {"combined": errors}, "Time (ms)", "Speed")
+    (ax,) = saved[0].axes
+    boxes = {text.get_text(): text.get_window_extent() for text in ax.texts}
+    assert set(boxes) == {figures.style(model).label for model in MODELS}
+    names = list(boxes)
+    for k, one in enumerate(names):
+        for other in names[k + 1 :]:
+            assert not boxes[one].overlaps(boxes[other]), (one, other)
+        inside = ax.get_window_extent()
+        assert inside.x0 <= boxes[one].x0 and boxes[one].x1 <= inside.x1
+
+
+def test_published_tables_are_read():
+    paper = report_glove.published()
+    assert paper["sp_resnet", "combined"] == 95.5 and paper["none", "strain"] == 88.25
+    assert len(paper) == 3 * (len(report_glove.PRINTED) + len(report_glove.METHODS))
+    assert report_glove_findings.published_fusion("sp_resnet") == pytest.approx(4.33)
