@@ -133,6 +133,7 @@ def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: s
                 linestyle=look.linestyle, capsize=3, markersize=6,
             )  # fmt: skip
         ax.set(xlabel="Number of input frames", title=name, xticks=sorted(set(own["frames"])))
+        ax.set_ylim(top=min(ax.get_ylim()[1], 101))  # an interval may pass 100 %
     axes[0][0].set_ylabel("Macro precision (%), mean and 95 % interval")
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
     figure.suptitle(title)

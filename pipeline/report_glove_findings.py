@@ -278,7 +278,7 @@ def optimism_sentences(scores: Scores, settings: Mapping) -> list[str]:
                 continue
             least, most = min(found, key=found.get), max(found, key=found.get)
             text = (
-                f"- {other.replace('_', ' ').capitalize()} against {main}s, {dataset}: models look better by "
+                f"- {other.replace('_', ' ').capitalize()} against {main}s, {dataset}: scores are higher by "
                 f"{number(found[least])} ({style(least).label}) to {number(found[most])} points ({style(most).label})"
             )
             if "sp_resnet" in found:
