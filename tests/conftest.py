@@ -30,6 +30,7 @@ class Project:
         self.environment = os.environ | {
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
             "PYTHONPATH": str(self.folder),
+            "WORKERS": "1",  # for runs this small, starting processes costs more than it saves
             "DVC_NO_ANALYTICS": "1",
             "DVC_GLOBAL_CONFIG_DIR": str(folder / "global"),
             "DVC_SYSTEM_CONFIG_DIR": str(folder / "system"),

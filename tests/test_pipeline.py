@@ -161,6 +161,31 @@ def test_strain_report_is_complete(miniature):
         assert f"- {words}, task 1: " in text and f"- {words}, task 2: " in text
 
 
+def test_glove_report_is_complete(miniature):
+    reports = miniature.folder / "reports"
+    folder = reports / "glove"
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")}
+    figures = ["figure10", "figure13", "figure15", *(f"figure14_{m}" for m in ("pressure", "strain", "combined"))]
+    assert names == {
+        *(f"accuracy/{name}.png" for name in (*figures, "learning_curves")),
+        *(f"accuracy/{name}" for name in ("README.md", "figure15.csv")),
+        *(f"accuracy/table{k}.{end}" for k in (1, 2) for end in ("csv", "md")),
+        *("speed/table2.csv", "speed/table2.md", "speed/tradeoff.png"),
+    }
+    augmentation = pd.read_csv(miniature.folder / "data" / "glove" / "augmentation.csv")
+    assert len(augmentation) == 4 * 3 * 2 * 2  # methods, datasets, seeds, metrics
+    counts = pd.read_csv(reports / "counts.csv")
+    published = counts[counts.published_macs.notna()].drop_duplicates("model").set_index("model")
+    exact = {
+        "resnet18": (1_824_033_792, 11_689_512),
+        "mobilenet": (588_912_128, 4_231_976),
+        "resnet3x3": (72_581_120, 674_240),
+        "sp_resnet_nogcam": (12_432_512, 217_640),
+    }
+    assert {name: tuple(published.loc[name, ["macs", "params"]]) for name in exact} == exact
+    assert published.verdict["sp_resnet"] == "not reproduced"
+
+
 def test_second_repro_has_nothing_to_do(miniature):
     started = time.monotonic()
     output = miniature.dvc("repro").stdout
@@ -210,6 +235,7 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
 def test_same_hashes_after_a_kill_and_from_scratch(miniature, tmp_path):
     """Killed in the middle of a training, then repeated; everything is made again without the cache."""
     project = type(miniature)(tmp_path)
+    project.environment["WORKERS"] = "2"  # the numbers do not depend on it
     target = "train_touch@lomp"
     project.set({"touch.models.lomp.training.max_epochs": 2})
     killed = subprocess.Popen(
