@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pandas as pd
 import pytest
@@ -35,6 +36,37 @@ def mlflow_runs(project) -> list[tuple]:
     for run, key, value in rows:
         runs.setdefault(run, {})[key] = value
     return sorted((r["experiment"], r["protocol"], r["model"], int(r["seed"])) for r in runs.values())
+
+
+def killed_and_repeated(project) -> dict:
+    """Hashes after a kill in the middle of a training, and its repetition; everything is made without the cache."""
+    project.environment["WORKERS"] = "2"  # the numbers do not depend on it
+    killed = subprocess.Popen(
+        [sys.executable, "-m", "dvc", "repro", "train_glove@sp_resnet"],
+        cwd=project.folder,
+        env=project.environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    draft = project.folder / "data" / "glove" / "unfinished" / "sp_resnet"
+    deadline = time.monotonic() + 120
+    while not draft.exists():
+        assert time.monotonic() < deadline and killed.poll() is None, "training never started"
+        time.sleep(0.05)
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.wait()
+    assert not (project.folder / "data" / "glove" / "models" / "sp_resnet").exists()
+    project.dvc("repro", "evaluate@glove")
+    assert not draft.exists()
+    return lock(project)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def repeated(miniature, tmp_path_factory):
+    """`killed_and_repeated`, beside the other tests of this file: it takes most of a minute."""
+    with ThreadPoolExecutor() as pool:
+        yield pool.submit(killed_and_repeated, type(miniature)(tmp_path_factory.mktemp("repeated")))
 
 
 TOUCH_RUNS = sorted(
@@ -232,34 +264,6 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     assert "constant" not in set(pd.read_csv(copy / "reports/touch/accuracy/table1.csv").model)
 
 
-def test_same_hashes_after_a_kill_and_from_scratch(miniature, tmp_path):
-    """Killed in the middle of a training, then repeated; everything is made again without the cache."""
-    project = type(miniature)(tmp_path)
-    project.environment["WORKERS"] = "2"  # the numbers do not depend on it
-    target = "train_glove@sp_resnet"
-    killed = subprocess.Popen(
-        [sys.executable, "-m", "dvc", "repro", target],
-        cwd=project.folder,
-        env=project.environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    draft = project.folder / "data" / "glove" / "unfinished" / "sp_resnet"
-    deadline = time.monotonic() + 120
-    while not draft.exists():
-        assert time.monotonic() < deadline and killed.poll() is None, "training never started"
-        time.sleep(0.05)
-    os.killpg(killed.pid, signal.SIGKILL)
-    killed.wait()
-    assert not (project.folder / "data" / "glove" / "models" / "sp_resnet").exists()
-    project.dvc("repro", "evaluate@glove")
-    assert not draft.exists()
-    ours, before = lock(project), lock(miniature)
-    assert set(ours) <= set(before) and "data/glove/scores.csv" in ours
-    assert {path: before[path] for path in ours} == ours
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -292,3 +296,9 @@ def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words)
     assert message.startswith(("error: params.yaml", "pipeline.errors.InputError: params.yaml")), done.stderr
     for word in words:
         assert word in message
+
+
+def test_same_hashes_after_a_kill_and_from_scratch(miniature, repeated):
+    ours, before = repeated.result(), lock(miniature)
+    assert set(ours) <= set(before) and "data/glove/scores.csv" in ours
+    assert {path: before[path] for path in ours} == ours
