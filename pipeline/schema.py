@@ -74,6 +74,7 @@ window = {
 }
 seeds = {"seeds": many(integer(0))}
 taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
+line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "out_of_order"), fraction)
 tactile_images = ("pressure", "strain", "combined")
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
@@ -119,14 +120,7 @@ SCHEMA = {
                 "clock_offset_s": number(0),
                 "clock_drift_ppm": number(0),
             },
-            "faults": {
-                "torn": fraction,
-                "duplicated": fraction,
-                "missing": fraction,
-                "out_of_range": fraction,
-                "out_of_order": fraction,
-                "resets": integer(0),
-            },
+            "faults": line_faults | {"resets": integer(0)},
             "effects": {
                 "load_sharing": flag,
                 "creep": flag,
@@ -198,15 +192,7 @@ SCHEMA = {
                 "clock_offset_s": number(0),
                 "clock_drift_ppm": number(0),
             },
-            "faults": {
-                "torn": fraction,
-                "duplicated": fraction,
-                "missing": fraction,
-                "out_of_range": fraction,
-                "out_of_order": fraction,
-                "gaps": integer(0),
-                "gap_s": number(0),
-            },
+            "faults": line_faults | {"gaps": integer(0), "gap_s": number(0)},
             "effects": {
                 "relaxation": flag,
                 "asymmetry": flag,
@@ -294,13 +280,7 @@ SCHEMA = {
                 "bend_gain": number(0),
             },
             "circuit": {"supply_v": positive, "noise_counts": number(0)},
-            "faults": {
-                "torn": fraction,
-                "duplicated": fraction,
-                "missing": fraction,
-                "out_of_range": fraction,
-                "out_of_order": fraction,
-            },
+            "faults": line_faults,
             "effects": {
                 "session": flag,
                 "wander": flag,
