@@ -1,4 +1,4 @@
-"""The whole pipeline at miniature scale: every stage, all ten models, through `dvc repro`."""
+"""The whole pipeline at miniature scale: every stage, a model of each kind, through `dvc repro`."""
 
 import csv
 import json
@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 import yaml
 
-MODELS = ["constant", "linear", "poly", "tree", "rbf", "cnn", "vgg", "convlstm", "rnn", "lomp"]
+MODELS = ["constant", "linear", "tree", "rnn", "lomp"]
 
 
 def lock(project) -> dict:
@@ -75,7 +75,7 @@ TOUCH_RUNS = sorted(
     for model in MODELS
     for seed in seeds
 )
-STRAIN_MODELS = ["constant", "ridge", "esn", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge", "lstm_highpass"]
+STRAIN_MODELS = ["constant", "ridge", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]
 STRAIN_RUNS = [
     ("strain", task, model, seed)
     for task in ("task_0", "task_1", "task_2")
@@ -229,7 +229,7 @@ def test_mlflow_store_is_complete_and_comes_back(miniature):
     assert mlflow_runs(miniature) == EXPECTED_RUNS
     with sqlite3.connect(miniature.folder / "mlruns" / "mlflow.db") as store:
         curve = store.execute("select count(*) from metrics where key = 'validation_loss'").fetchone()[0]
-    networks = ("cnn", "vgg", "convlstm", "rnn", "lomp")
+    networks = ("rnn", "lomp")
     assert curve >= 2 * 3 * len(networks)  # two epochs, three runs
     shutil.rmtree(miniature.folder / "mlruns")
     miniature.dvc("repro", "track")
