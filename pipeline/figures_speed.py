@@ -53,10 +53,8 @@ def chart(path: Path, table: pd.DataFrame, time: str) -> None:
     what = {"p50_ms": "Speed", "train_s": "Training time"}[time]
     figure.suptitle(f"{what} against accuracy (lower left is better)")
     handles = _key(table)
-    figure.legend(
-        handles, [one.get_label() for one in handles], loc="outside lower center",
-        ncols=4 if columns == 1 else len(handles),
-    )  # fmt: skip
+    names, most = [one.get_label() for one in handles], 2 + 2 * columns
+    figure.legend(handles, names, loc="outside lower center", ncols=min(most, len(names)), columnspacing=1.4)
     figure.canvas.draw()
     figure.set_layout_engine("none")  # the axes stay where they are
     for ax, points in shown.items():
@@ -66,7 +64,7 @@ def chart(path: Path, table: pd.DataFrame, time: str) -> None:
 
 def marker_area(params: float) -> float:
     """Area in square points: the diameter grows with the logarithm of the number of parameters."""
-    return (4 + 1.6 * np.log10(max(params, 1))) ** 2
+    return (6 + 1.4 * np.log10(max(params, 1))) ** 2
 
 
 def _key(table: pd.DataFrame) -> list[Line2D]:
@@ -98,8 +96,7 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
         low, high = (good[end].fillna(heights) for end in ("low", "high"))
         bottom, top = max(low.min(), bottom / 2) / 1.2, min(high.max(), 2 * top) * 1.15
     else:
-        bottom, top = 0.5, 1.0
-        ax.set_yticks([])
+        bottom, top = 0.1, 1.0
     ax.set(xscale="log", yscale="log")
     if len(good) < len(own):
         top *= (top / bottom) ** 0.12
@@ -110,6 +107,9 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
     figures.plain_log(ax.xaxis)
     if len(good):
         _ticks(ax.yaxis)
+    else:
+        ax.yaxis.set_major_locator(NullLocator())
+        ax.yaxis.set_minor_locator(NullLocator())
 
     found = []
     for line in own.itertuples():
@@ -118,17 +118,21 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
         if line.failed:
             edge = ax.get_xaxis_transform()
             ax.scatter(at, TOP, 50, figures.VERMILION, marker="x", transform=edge, linewidths=2, zorder=4)
-            found.append((f"{name}:\nfailed, {line.failed} of {line.failed + line.runs}", at, np.nan, 50.0))
+            runs = line.failed + line.runs
+            name += f": failed\n({line.failed} of {runs} {'run' if runs == 1 else 'runs'})"
+            found.append((name, at, np.nan, 50.0))
             continue
         height = max(line.error, least)
         if line.runs > 1:
-            _interval(ax, at, max(line.low, least / 1e3), line.high, look.color)
+            _interval(ax, at, max(line.low, least / 1e3), max(line.high, height), look.color)
         on = getattr(line, FRONTS[time])
-        face = look.color if on else "white"
         order = 5 - area / 1e3  # small ones stay visible on large ones
-        ax.scatter(at, height, area, face, edgecolors=figures.BLACK, linewidths=0.8 if on else 2.8, zorder=order)
-        if not on:  # black lines on both sides of the ring, so that light colours stand out
-            ax.scatter(at, height, area, "none", edgecolors=look.color, linewidths=1.6, zorder=order)
+        if on:
+            ax.scatter(at, height, area, look.color, edgecolors=figures.BLACK, linewidths=0.8, zorder=order)
+        else:  # a ring with black lines on both sides, so that light colours stand out; its outer edge as if filled
+            ring = (np.sqrt(area) - 1.5) ** 2
+            ax.scatter(at, height, ring, "white", edgecolors=figures.BLACK, linewidths=2.4, zorder=order)
+            ax.scatter(at, height, ring, "none", edgecolors=look.color, linewidths=1.3, zorder=order)
         found.append((name if line.error > 0 else f"{name}: 0", at, height, area))
     front = good[good[FRONTS[time]] == 1].sort_values([time, "error"])
     if len(front):

@@ -129,6 +129,8 @@ def drawn(table, tmp_path, monkeypatch, time="p50_ms"):
     saved = []
     monkeypatch.setattr(figures, "save", lambda figure, path: saved.append(figure))
     figures_speed.chart(tmp_path / "x.png", table, time)
+    key, whole = saved[0].legends[0].get_window_extent(), saved[0].bbox
+    assert whole.x0 <= key.x0 and key.x1 <= whole.x1 and whole.y0 <= key.y0
     return saved[0]
 
 
@@ -171,14 +173,14 @@ def test_a_failed_model_is_marked_at_the_top_and_an_outlier_stays_on_the_chart(t
     assert set(names) == {
         "Constant (mean)",
         "Polynomial",
-        "LoMP: failed, 3 of 3",
-        "RNN: failed, 2 of 3",
+        "LoMP: failed (3 of 3 runs)",
+        "RNN: failed (2 of 3 runs)",
         "CNN: 0",  # has no place on a logarithmic axis
     }
     low, high = ax.get_ylim()
     assert 0 < low < 15.6 / 3 and 132 < high  # an interval that reaches below zero does not set the axis
     top = ax.get_window_extent().y1
-    for text in ("LoMP: failed, 3 of 3", "RNN: failed, 2 of 3"):
+    for text in ("LoMP: failed (3 of 3 runs)", "RNN: failed (2 of 3 runs)"):
         assert names[text].y1 > top - 120
     # The error of the one good run of `rnn` is drawn nowhere: its mark is at the top edge.
     marks = {float(mark.get_offsets()[0][0]): mark for mark in ax.collections}
@@ -192,4 +194,4 @@ def test_a_failed_model_is_marked_at_the_top_and_an_outlier_stays_on_the_chart(t
 def test_all_models_failed(tmp_path, monkeypatch):
     models = {model: (time, np.nan, np.nan, np.nan, 0, 1, 10) for model, time in TIMES.items()}
     (ax,) = drawn(drawable({"single": models}), tmp_path, monkeypatch).axes
-    assert len(ax.texts) == len(TIMES) and all("failed, 1 of 1" in text.get_text() for text in ax.texts)
+    assert len(ax.texts) == len(TIMES) and all("(1 of 1 run)" in text.get_text() for text in ax.texts)
