@@ -97,8 +97,9 @@ def speed_text(found: pd.DataFrame, calls: int, note: str = "") -> str:
         f"predictions on {threads} CPU {'thread' if threads == 1 else 'threads'}; training: median over the seeds of "
         "a split. Times differ from run to run and from machine to machine: differences of a few percent mean "
         "nothing. MACs (multiply-accumulates) are of one prediction. On a Pareto front are the models that no other "
-        "one equals in time and mean error and beats in one of them; a model with a failed run never is. Charts: "
-        "[time of a prediction](tradeoff.png), [training time](training.png).\n",
+        "one equals in time and mean error and beats in one of them; a model with a failed run never is.\n",
+        "Charts: [time of a prediction](tradeoff.png), [training time](training.png). In them, an arrowhead is an "
+        "interval that leaves the axis, a cross at the top edge a model with a failed run.\n",
         *([f"{note}\n"] if note else []),
         table(header, rows),
         f"Pareto fronts, the fastest first, with time and {measure}:\n",
