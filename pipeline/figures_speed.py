@@ -237,7 +237,7 @@ def place_names(
             own = np.hypot(*(near - at[k]).T) - radius[k]
             for other in np.delete(np.arange(len(at)), k):
                 gap = np.hypot(*(np.clip(at[other], choices[:, :2], choices[:, 2:]) - at[other]).T) - radius[other]
-                cost += 6.0 * ((gap < own) & (gap < LEADER))
+                cost += 4.0 * ((gap < own + 8) & (gap < 2 * LEADER))
             boxes[k] = choices[cost.argmin()]
         if np.array_equal(boxes, before):
             break
