@@ -8,17 +8,15 @@ import numpy as np
 import pandas as pd
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
-from matplotlib.transforms import Bbox
 
 from pipeline import figures
 from pipeline.figures import style
 from pipeline.images import HIGHEST, SIDE
-from pipeline.results import Estimate, Fit, estimate
+from pipeline.results import Fit, estimate
 
 COLOURS = {"pressure": figures.BLUE, "strain": figures.VERMILION, "combined": figures.BLACK}  # of the datasets
 DASHES = {"pressure": "-", "strain": "--", "combined": ":"}
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
-LEAST_ERROR = 0.1  # %, where a logarithmic axis of errors ends
 
 
 def tactile_images(
@@ -164,80 +162,3 @@ def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]],
     figure.legend(handles, [*shown, "epoch that was kept"], loc="outside lower center", ncols=len(handles))
     figure.suptitle(title)
     figures.save(figure, path)
-
-
-def speed_against_error(
-    path: Path, time_ms: Mapping[str, float], errors: Mapping[str, Mapping[str, Estimate]], xlabel: str, title: str
-) -> None:
-    """Measured time of one prediction against the share of wrong answers; errors: panel -> model -> % wrong."""
-    look = {"figsize": (5.2 * len(errors), 4.8), "dpi": figures.DPI}  # pixels as in the file: names are placed in them
-    figure, axes = plt.subplots(1, len(errors), sharey=True, squeeze=False, **look)
-    for ax, (name, found) in zip(axes[0], errors.items(), strict=True):
-        for model, one in found.items():
-            if not one.runs:
-                continue
-            look = style(model)
-            edge = {} if look.marker == "x" else {"markeredgecolor": figures.BLACK, "markeredgewidth": 0.6}
-            mean = max(one.mean, LEAST_ERROR)
-            ax.plot(time_ms[model], mean, look.marker, color=look.color, markersize=8, zorder=3, **edge)
-            if one.runs > 1:
-                ax.vlines(time_ms[model], max(one.low, LEAST_ERROR), max(one.high, mean), color=look.color, zorder=2)
-        ax.set(xscale="log", yscale="log", xlabel=xlabel, title=name)
-        ax.margins(x=0.22, y=0.08)
-        figures.plain_log(ax.xaxis)
-        figures.plain_log(ax.yaxis)
-    axes[0][0].set_ylabel("Images named wrongly (%), mean and 95 % interval")
-    figure.suptitle(title)
-    figure.canvas.draw()
-    figure.set_layout_engine("none")  # the axes stay where they are, so that names can be placed in pixels
-    for ax, found in zip(axes[0], errors.values(), strict=True):
-        _name_points(ax, {model: (time_ms[model], one) for model, one in found.items() if one.runs})
-    figures.save(figure, path)
-
-
-def _name_points(ax: plt.Axes, points: Mapping[str, tuple[float, Estimate]]) -> None:
-    """Write each model's name at its point, where it covers least of markers, intervals and other names."""
-    at, taken = {}, []  # boxes and how bad it is to cover them
-    for model, (x, one) in points.items():
-        mean = max(one.mean, LEAST_ERROR)
-        low, high = (one.low, one.high) if one.runs > 1 else (mean, mean)
-        at[model] = ax.transData.transform((x, mean))
-        ends = [ax.transData.transform((x, max(y, LEAST_ERROR)))[1] for y in (low, high)]
-        taken.append((Bbox.from_bounds(*(at[model] - 9), 18, 18), 5))
-        taken.append((Bbox.from_extents(at[model][0] - 3, ends[0], at[model][0] + 3, ends[1]), 1))
-    inside = ax.get_window_extent()
-    for model, (x, y) in at.items():
-        label = ax.annotate(style(model).label, (x, y), xycoords="figure pixels", va="bottom", fontsize=8)
-        size = label.get_window_extent()
-        others = [place for other, place in at.items() if other != model]
-        choices = []
-        for reach in (12, 22, 34, 48, 64, 82, 102, 124):  # pixels from the marker's middle to the name
-            for turn in np.arange(0, 2 * np.pi, np.pi / 8):
-                across, up = np.cos(turn), np.sin(turn)
-                left = x + across * reach - size.width * (1 - across) / 2
-                bottom = y + up * reach - size.height * (1 - up) / 2
-                box = Bbox.from_bounds(left, bottom, size.width, size.height)
-                covered = sum(weight * _shared(box.padded(2), one) for one, weight in taken)
-                outside = size.width * size.height - _shared(box, inside)
-                foreign = any(_distance(box, place) < _distance(box, (x, y)) for place in others)
-                choices.append((covered + 10 * outside + 400 * foreign + reach, left, bottom))
-        _, left, bottom = min(choices)
-        box = Bbox.from_bounds(left, bottom, size.width, size.height)
-        label.set_position((left, bottom))
-        if _distance(box, (x, y)) > 24:
-            nearest = np.clip((x, y), (box.x0, box.y0), (box.x1, box.y1))
-            line = Line2D(*zip((x, y), nearest, strict=True), color=figures.GREY, linewidth=0.6, transform=None)
-            ax.figure.add_artist(line)
-        taken.append((box, 50))
-
-
-def _distance(box: Bbox, place: tuple[float, float]) -> float:
-    """From a point to the nearest one of a box, in pixels."""
-    return float(np.hypot(*(np.clip(place, (box.x0, box.y0), (box.x1, box.y1)) - place)))
-
-
-def _shared(one: Bbox, other: Bbox) -> float:
-    """Area in pixels that two boxes share."""
-    width = min(one.x1, other.x1) - max(one.x0, other.x0)
-    height = min(one.y1, other.y1) - max(one.y0, other.y0)
-    return max(width, 0.0) * max(height, 0.0)

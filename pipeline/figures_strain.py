@@ -185,23 +185,3 @@ def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mappin
         ax.set_xlabel("true (mm)")
     figure.suptitle("Place of every test press, mean over the second half of its samples")
     figures.save(figure, path)
-
-
-def speed_against_accuracy(
-    path: Path, time_ms: Mapping[str, float], errors: Mapping[str, Mapping[str, Estimate]], labels: Mapping[str, str]
-) -> None:
-    """Measured time of one prediction against the error; errors: title -> model -> estimate; labels: xlabel, ylabel."""
-    figure, axes = plt.subplots(1, len(errors), figsize=(4.6 * len(errors) + 1, 4.2), squeeze=False)
-    handles = {}
-    for ax, (title, estimates) in zip(axes[0], errors.items(), strict=True):
-        for model, found in estimates.items():
-            if not found.runs:
-                continue
-            look = style(model)
-            handles[model] = ax.plot(time_ms[model], found.mean, look.marker, color=look.color, markersize=8)[0]
-            if found.runs > 1:
-                ax.vlines(time_ms[model], found.low, found.high, color=look.color)
-        ax.set(xscale="log", xlabel=labels["xlabel"], ylabel=labels["ylabel"], title=title)
-        figures.plain_log(ax.xaxis)
-    figure.legend(handles.values(), [style(model).label for model in handles], loc="outside right upper")
-    figures.save(figure, path)

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from pipeline import figures, labels, tables
 from pipeline.figures import MEASURED, style
-from pipeline.results import Estimate, Fit
+from pipeline.results import Fit
 from pipeline.scenes import material
 
 FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)
@@ -435,48 +435,6 @@ def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) ->
         ncols=3,
     )
     figure.suptitle(f"Learning curves, {protocol} split, one line a seed (lower is better)")
-    figures.save(figure, path)
-
-
-def speed_against_accuracy(
-    path: Path, time_ms: Mapping[str, float], errors: Mapping[str, Mapping[str, Estimate]], batch: int
-) -> None:
-    """Measured time of one prediction against RMSE; errors: condition -> model -> estimate in kPa."""
-    figure, axes = plt.subplots(1, len(errors), figsize=(4.8 * len(errors) + 1, 4.4), squeeze=False)
-    handles = {}
-    for ax, (condition, estimates) in zip(axes[0], errors.items(), strict=True):
-        for model, found in estimates.items():
-            if not found.runs:
-                continue
-            look = style(model)
-            spread = [[0.0], [0.0]]
-            if found.runs > 1:
-                spread = [[min(found.mean - found.low, 0.999 * found.mean)], [found.high - found.mean]]
-            handles[model] = ax.errorbar(
-                time_ms[model],
-                found.mean,
-                yerr=spread,
-                fmt=look.marker,
-                color=look.color,
-                markersize=8,
-                markeredgecolor=figures.BLACK if look.marker != "x" else look.color,
-                markeredgewidth=0.6 if look.marker != "x" else 2,
-                capsize=3,
-            )
-        ax.set(
-            xscale="log",
-            yscale="log",
-            xlabel=f"Median time of a prediction, batch {batch} (ms)",
-            ylabel="RMSE (kPa), mean and 95 % interval",
-            title=f"{condition} touch (lower left is better)",
-        )
-        figures.plain_log(ax.xaxis)
-        figures.plain_log(ax.yaxis)
-    figure.legend(
-        handles.values(),
-        [style(model).label for model in handles],
-        loc="outside right upper",
-    )
     figures.save(figure, path)
 
 

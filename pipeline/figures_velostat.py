@@ -55,25 +55,3 @@ def force_over_time(
     )
     figure.suptitle("Measured and predicted force on test recordings")
     figures.save(figure, path)
-
-
-def speed_against_accuracy(
-    path: Path, time_ms: Mapping[str, float], error: Mapping[str, float], batch: int
-) -> None:
-    """Measured time of one prediction (ms) against RMSE over all test recordings (N)."""
-    figure, ax = plt.subplots(figsize=(6.4, 4.2))
-    handles = {}
-    for model, value in error.items():
-        if np.isfinite(value):
-            look = style(model)
-            handles[model] = ax.plot(time_ms[model], value, look.marker, color=look.color, markersize=8)[0]
-    ax.set(
-        xscale="log",
-        xlabel=f"Median time of a prediction, batch {batch} (ms)",
-        ylabel="RMSE (N)",
-        title="Speed and accuracy (lower left is better)",
-    )
-    ax.set_ylim(bottom=0)
-    figures.plain_log(ax.xaxis)
-    figure.legend(handles.values(), [style(model).label for model in handles], loc="outside right upper")
-    figures.save(figure, path)

@@ -15,6 +15,7 @@ import pyarrow.parquet
 
 from pipeline import (
     figures_glove,
+    figures_speed,
     figures_strain,
     figures_touch,
     figures_velostat,
@@ -24,6 +25,7 @@ from pipeline import (
     report_glove,
     report_glove_findings,
     report_glove_recorded,
+    report_speed,
     report_strain,
     report_strain_recorded,
     report_touch,
@@ -41,6 +43,7 @@ from pipeline.report_touch import write_text
 CODE = Path(__file__).resolve().parent
 GRASPED = "mobile_phone"  # in figure 10
 SEQUENCE_FRAMES = 50  # of figure 13
+WRONG = ("accuracy", "Images named wrongly (%)")  # errors of the experiments on images
 # The module that an experiment's networks are trained by.
 FITTING = {
     "touch": "fitting",
@@ -99,17 +102,9 @@ def render_touch(settings: dict, target: Path) -> None:
     if present & set(figures_touch.SEVERAL_TOUCHES):
         figures_touch.pressure_maps(accuracy / "figure8.png", windows, maps, settings)
 
-    time_ms = _write_speed(target / "speed", latency, settings, "touch")
-    errors = {
-        condition: {
-            model: scores.estimate(protocol, condition, model, "rmse") for model in settings["models"]
-        }
-        for condition in report_touch.TABLE_CONDITIONS
-        if condition in conditions
-    }
-    figures_touch.speed_against_accuracy(
-        target / "speed" / "tradeoff.png", time_ms, errors, settings["latency"]["batches"][0]
-    )
+    panels = {f"{name} touch": (protocol, name) for name in report_touch.TABLE_CONDITIONS if name in conditions}
+    published = report_touch.published_times(latency, settings)
+    _write_speed(target, settings, scores, latency, panels, ("rmse", "RMSE (kPa)"), end=published)
 
 
 def render_velostat_recorded(settings: dict, target: Path) -> None:
@@ -141,11 +136,7 @@ def render_velostat_recorded(settings: dict, target: Path) -> None:
         accuracy / "figure.png", table, test, {model: predicted[model] for model in drawn}, chosen
     )
 
-    time_ms = _write_speed(target / "speed", latency, settings, "velostat_recorded")
-    error = {model: scores.estimate(protocol, "all", model, "rmse").mean for model in settings["models"]}
-    figures_velostat.speed_against_accuracy(
-        target / "speed" / "tradeoff.png", time_ms, error, settings["latency"]["batches"][0]
-    )
+    _write_speed(target, settings, scores, latency, {"all recordings": (protocol, "all")}, ("rmse", "RMSE (N)"))
 
 
 def render_strain(settings: dict, target: Path) -> None:
@@ -230,14 +221,8 @@ def render_strain(settings: dict, target: Path) -> None:
         (model, task): results.read_training_times("strain", model, task) for model in models for task in tests
     }
     write_text(target / "speed" / "table1_times.md", report_strain.table_times(train_s, settings))
-    time_ms = _write_speed(target / "speed", latency, settings, "strain")
-    errors = {
-        task.replace("_", " "): {model: scores.estimate(task, task, model, "error") for model in models}
-        for task in tests
-    }
-    batch = settings["latency"]["batches"][0]
-    labels = {"xlabel": f"Median time of a sample, batch {batch} (ms)", "ylabel": "Error (mm)"}
-    figures_strain.speed_against_accuracy(target / "speed" / "tradeoff.png", time_ms, errors, labels)
+    panels = {task.replace("_", " "): (task, task) for task in tests}
+    _write_speed(target, settings, scores, latency, panels, ("error", "Error (mm)"), report_strain.TRANSFER_COSTS)
 
 
 def render_strain_recorded(settings: dict, target: Path) -> None:
@@ -262,14 +247,9 @@ def render_strain_recorded(settings: dict, target: Path) -> None:
                 {m: results.read_predictions("strain_recorded", m, protocol, seed, table)[rows] for m in models},
             )
     figures_strain.presses(accuracy / "figure.png", views)
-    time_ms = _write_speed(target / "speed", latency, settings, "strain_recorded")
-    errors = {
-        protocol.replace("_", " "): {m: scores.estimate(protocol, tested[protocol], m, "press_error") for m in models}
-        for protocol in views
-    }
-    batch = settings["latency"]["batches"][0]
-    labels = {"xlabel": f"Median time of a sample, batch {batch} (ms)", "ylabel": "Error per press (mm)"}
-    figures_strain.speed_against_accuracy(target / "speed" / "tradeoff.png", time_ms, errors, labels)
+    panels = {protocol.replace("_", " "): (protocol, tested[protocol]) for protocol in views}
+    measure = ("press_error", "Error per press (mm)")
+    _write_speed(target, settings, scores, latency, panels, measure, report_strain.TRANSFER_COSTS)
 
 
 def render_glove(settings: dict, target: Path) -> None:
@@ -331,7 +311,8 @@ def render_glove(settings: dict, target: Path) -> None:
         title = "Figure 15: the STAG data set"
         figures_glove.precision_by_frames(accuracy / "figure15_stag.png", {"STAG": stag}, title)
     _draw_learning(accuracy, settings, fits)
-    _write_image_speed(target / "speed", scores, latency, settings, "glove")
+    panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
+    _write_speed(target, settings, scores, latency, panels, WRONG)
 
 
 def render_glove_recorded(settings: dict, target: Path) -> None:
@@ -357,7 +338,9 @@ def render_glove_recorded(settings: dict, target: Path) -> None:
     )
     _draw_confusions(accuracy, "confusion", settings, confusions, best, objects)
     _draw_learning(accuracy, settings, fits)
-    _write_image_speed(target / "speed", scores, latency, settings, "glove_recorded")
+    names, protocols = report_glove_recorded.DATASETS, report_glove.main_protocols(settings)
+    panels = {names[dataset]: (protocol, dataset) for dataset, protocol in protocols.items()}
+    _write_speed(target, settings, scores, latency, panels, WRONG)
 
 
 def _sequences(settings: dict, objects: list[str]) -> dict[str, np.ndarray]:
@@ -405,21 +388,6 @@ def _draw_learning(folder: Path, settings: dict, fits: dict[str, dict[str, list[
         figures_glove.learning_curves(folder / "learning_curves.png", chosen, title)
 
 
-def _write_image_speed(folder: Path, scores: results.Scores, latency: dict, settings: dict, experiment: str) -> None:
-    """table2 and tradeoff.png of an experiment on images."""
-    time_ms, errors = _write_speed(folder, latency, settings, experiment), {}
-    for dataset, protocol in report_glove.main_protocols(settings).items():
-        errors[dataset] = {}
-        for model in settings["models"]:
-            right = report_glove.score(scores, protocol, model, "accuracy")
-            wrong = right._replace(mean=100 - right.mean, low=100 - right.high, high=100 - right.low)
-            errors[dataset][model] = wrong
-    batch = settings["latency"]["batches"][0]
-    xlabel = f"Median time of an image, batch {batch} (ms)"
-    title = "Speed against accuracy (lower left is better)"
-    figures_glove.speed_against_error(folder / "tradeoff.png", time_ms, errors, xlabel, title)
-
-
 def _read(experiment: str, settings: dict) -> tuple[results.Scores, dict, pyarrow.Table, str, int]:
     """(scores, latency, dataset, main protocol, its first seed): what every report starts from."""
     protocol = next(iter(settings["protocols"]))
@@ -442,12 +410,23 @@ def _repr(value: float) -> str:
     return repr(float(value))
 
 
-def _write_speed(folder: Path, latency: dict, settings: dict, experiment: str) -> dict[str, float]:
-    """Write table2.csv and table2.md; returns the median ms at the first batch size, by model."""
-    _write_csv(folder / "table2.csv", report_touch.speed_table(latency, settings, experiment))
-    write_text(folder / "table2.md", report_touch.table_two(latency, settings, experiment))
-    first = settings["latency"]["batches"][0]
-    return {model: float(np.float64(latency[model, first]["p50_ms"])) for model in settings["models"]}
+def _write_speed(
+    target: Path,
+    settings: dict,
+    scores: results.Scores,
+    latency: dict,
+    panels: dict[str, tuple[str, str]],
+    measure: tuple[str, str],
+    note: str = "",
+    end: str = "",
+) -> None:
+    """All of the folder `speed`; panels, measure: see `report_speed.speed_table`; note, end: more of table2.md."""
+    folder = target / "speed"
+    table = report_speed.speed_table(scores, settings, latency, panels, measure)
+    _write_csv(folder / "table2.csv", table)
+    write_text(folder / "table2.md", report_speed.speed_text(table, settings["latency"]["calls"], note) + end)
+    figures_speed.chart(folder / "tradeoff.png", table, "p50_ms")
+    figures_speed.chart(folder / "training.png", table, "train_s")
 
 
 def main() -> None:

@@ -14,6 +14,10 @@ PRINTED = {"lstm_direct": "Direct training", "lstm_transfer": "Transfer learning
 TASKS = {"task_0": "xyz, what model-0 is trained on", "task_1": "z, 10 mm", "task_2": "xy, 140 x 80 mm"}
 TIME_BINS = 10  # of the test part
 TRANSFER = ("lstm_transfer", "lstm_transfer_ridge")
+TRANSFER_COSTS = (
+    "Parameters and training times of the two transfer models are of the read-out alone; model-0, which they share, "
+    "is trained before."
+)
 
 
 def published() -> dict[tuple[str, str, str], float]:

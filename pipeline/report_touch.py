@@ -367,52 +367,29 @@ def yardstick_sentence(scores: Scores, settings: Mapping, protocol: str) -> str:
     )
 
 
-def speed_table(latency: Mapping[tuple[str, int], dict], settings: Mapping, experiment: str) -> pd.DataFrame:
-    """table2.csv: the measured times beside the published ones, a row for every model and batch."""
-    rows = []
-    for model in settings["models"]:
-        for batch in settings["latency"]["batches"]:
-            row = latency[model, batch]
-            paper = published_value(model, "single touch (GTX 1070)") if experiment == "touch" else np.nan
-            names = ("threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes")
-            rows.append((model, batch, paper, *(row[name] for name in names)))
-    columns = ["model", "batch", "published_ms", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s"]
-    return pd.DataFrame(rows, columns=[*columns, "size_bytes"])
-
-
-def table_two(latency: Mapping[tuple[str, int], dict], settings: Mapping, experiment: str) -> str:
-    """table2.md: time, size and cost of every model."""
-    batches = settings["latency"]["batches"]
-    has_paper = experiment == "touch"
-    header = ["Model", *(["published, GTX 1070 (ms)"] if has_paper else [])]
-    header += [f"batch {batch}: median / 95 % (ms)" for batch in batches]
-    header += ["Parameters", "MACs a window", "Training (s)", "File (bytes)"]
-    rows = []
-    for model in settings["models"]:
-        row = [style(model).label]
-        if has_paper:
-            row.append(number(published_value(model, "single touch (GTX 1070)")))
-        for batch in batches:
-            times = latency[model, batch]
-            row.append(f"{times['p50_ms']:.3f} / {times['p95_ms']:.3f}")
-        one = latency[model, batches[0]]
-        row += [size(one["params"]), size(one["macs"]), f"{one['train_s']:.1f}", size(one["size_bytes"])]
-        rows.append(row)
-    title = "# Table II: time of a prediction\n" if has_paper else "# Time of a prediction\n"
-    threads = settings["latency"]["threads"]
+def published_times(latency: Mapping[tuple[str, int], Mapping], settings: Mapping) -> str:
+    """Table II: the published times beside ours, both also as multiples of the linear model's."""
+    batch, condition = settings["latency"]["batches"][0], "single touch (GTX 1070)"
+    paper = {m: published_value(m, condition) for m in settings["models"]}
+    ours = {m: latency[m, batch]["p50_ms"] for m in paper}
+    rows = [
+        [
+            style(model).label,
+            number(value),
+            f"{ours[model]:.3f}",
+            number(value / published_value("linear", condition)),
+            number(ours[model] / ours.get("linear", np.nan)),
+        ]
+        for model, value in paper.items()
+        if not np.isnan(value)
+    ]
+    header = ["Model", "published, GTX 1070 (ms)", f"ours, batch {batch} (ms)"]
     return "\n".join(
         [
-            title,
-            f"Ours: median and 95th percentile of {settings['latency']['calls']} predictions of a whole "
-            f"batch on {threads} CPU {'thread' if threads == 1 else 'threads'}; lower is better everywhere. "
-            "Times differ from run to run and from machine to machine"
-            + (
-                "; the published ones were taken on a GPU and do not compare in absolute terms."
-                if has_paper
-                else "."
-            )
-            + " Training: median over the seeds.\n",
-            table(header, rows),
+            "\n## Table II of the paper: time of a prediction\n",
+            "The published times were taken on a GPU and do not compare with ours in absolute terms, so each is also "
+            "given as a multiple of the linear model's.\n",
+            table([*header, "published / linear", "ours / linear"], rows),
         ]
     )
 

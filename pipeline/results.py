@@ -70,6 +70,7 @@ class Scores:
     """scores.csv of one experiment, looked up row by row."""
 
     def __init__(self, experiment: str, settings: dict):
+        self.experiment = experiment
         self.made_by = f"python -m pipeline.evaluate {experiment}"
         self.path = paths.scores(experiment)
         self.protocols = settings["protocols"]

@@ -186,7 +186,7 @@ def test_strain_report_is_complete(miniature):
         *(f"accuracy/{name}.png" for name in figures),
         *(f"accuracy/{name}.csv" for name in ("table1", "samples", "drift", "capacity")),
         *("accuracy/README.md", "accuracy/table1.md"),
-        *(f"speed/{name}" for name in ("table1_times.md", "table2.csv", "table2.md", "tradeoff.png")),
+        *(f"speed/{name}" for name in ("table1_times.md", "table2.csv", "table2.md", "tradeoff.png", "training.png")),
     }
     text = (folder / "accuracy" / "README.md").read_text()
     for words in ("Fewer samples", "Drift-free", "Time since training", "Capacity"):
@@ -202,7 +202,7 @@ def test_glove_report_is_complete(miniature):
         *(f"accuracy/{name}.png" for name in (*figures, "learning_curves")),
         *(f"accuracy/{name}" for name in ("README.md", "figure15.csv")),
         *(f"accuracy/table{k}.{end}" for k in (1, 2) for end in ("csv", "md")),
-        *("speed/table2.csv", "speed/table2.md", "speed/tradeoff.png"),
+        *("speed/table2.csv", "speed/table2.md", "speed/tradeoff.png", "speed/training.png"),
     }
     augmentation = pd.read_csv(miniature.folder / "data" / "glove" / "augmentation.csv")
     assert len(augmentation) == 4 * 3 * 2 * 2  # methods, datasets, seeds, metrics
