@@ -17,7 +17,7 @@ Not testable: a run of it failed or is missing, one run has no interval, the rec
 what this project does not have.
 """
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,6 +34,7 @@ from pipeline.results import estimate
 
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 TOLERANCE = 0.1  # of the published value
+SHOWN = 3  # names in a reason
 PAPERS = {"lomp": "LoMP (touch)", "latent": "Drift-free latent space (strain)", "sp_resnet": "SP-ResNet (glove)"}
 
 
@@ -98,12 +99,12 @@ class Evidence:
         seeds = self.values[experiment]["protocols"][protocol]["seeds"]
         return complete(pd.Series(found, index=seeds, dtype=float), f"{style(model).label} ({protocol}, {condition})")
 
-    def latency(self, experiment: str, model: str) -> float:
-        """Median time of one prediction at the first batch size, ms."""
+    def latency(self, experiment: str, model: str, column: str = "p50_ms") -> float:
+        """A number of latency.csv at the first batch size: the median time in ms, or another column."""
         self.require(experiment, model)
         settings = self.values[experiment]
         rows = self.once(("latency", experiment), lambda: results.read_latency(experiment, settings))
-        return float(rows[model, settings["latency"]["batches"][0]]["p50_ms"])
+        return float(rows[model, settings["latency"]["batches"][0]][column])
 
     def training_times(self, experiment: str, model: str, protocol: str) -> pd.Series:
         """Measured training seconds, one a seed in the order of params.yaml."""
@@ -136,6 +137,11 @@ class Evidence:
         found = self.once(("augmentation",), lambda: read_augmentation(settings, "macro_precision"))
         return 100 * complete(pd.Series(found[method, dataset], dtype=float), f"{METHODS[method]}, {dataset}")
 
+    def table(self, experiment: str):
+        """The dataset's table."""
+        self.require(experiment)
+        return self.once(("table", experiment), lambda: results.read_windows(experiment))
+
     def stag(self) -> pd.DataFrame:
         """stag.csv; no row where the user has named no file."""
         return self.once(("stag",), read_stag)
@@ -153,6 +159,7 @@ class Claim:
     judge: Callable[[Evidence], Judgement]
     published: float = np.nan
     data: str = "simulated"  # or recorded
+    printed: bool = False  # repeats a number of a table, rather than being a sentence
     measured: bool = False  # rests on measured times: differs between runs and machines
     # What was tried to find the reason, and what it says: printed only where the claim is not reproduced.
     why: Callable[[Evidence], str] | None = None
@@ -191,6 +198,11 @@ def interval(values: pd.Series) -> results.Estimate:
     return found
 
 
+def each(models: Iterable[str], text: Callable[[str], str]) -> str:
+    """`text(model)` behind the name of every model."""
+    return ", ".join(f"{style(model).label} {text(model)}" for model in models)
+
+
 def untestable(reason: str) -> Callable[[Evidence], Judgement]:
     """The judge of a claim that no number of this project can decide."""
 
@@ -218,11 +230,15 @@ def all_positive(values: Mapping[str, pd.Series], over: str = "seeds") -> Judgem
     found = {name: interval(own) for name, own in values.items()}
     weakest = min(found, key=lambda name: found[name].low)
     said = {name: side(one.low, one.high) for name, one in found.items()}
-    wrong = [f"{name} ({word})" for name, word in said.items() if word]
+    wrong = [name for name, word in said.items() if word]
     reason = f"weakest: {weakest}"
     if wrong:
-        contradicted = "contradicted" if "contradicted" in said.values() else "undecided"
-        reason = f"{contradicted}: {len(found) - len(wrong)} of {len(found)} hold; not {', '.join(wrong)}"
+        reason = f"{len(found) - len(wrong)} of {len(found)} hold"
+        for word in ("undecided", "contradicted"):
+            names = [name for name, own in said.items() if own == word]
+            more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+            if names:
+                reason = f"{reason}; {word}: {', '.join(names[:SHOWN])}{more}"
     one = found[weakest]
     return Judgement(*one[:3], NOT_REPRODUCED if wrong else REPRODUCED, reason, f"{one.runs} {over}")
 

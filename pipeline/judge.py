@@ -16,7 +16,7 @@ from pipeline.markdown import number, size, table
 
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
 COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason"]
-COLUMNS += ["key", "unit", "over", "measured"]
+COLUMNS += ["key", "printed", "unit", "over", "measured"]
 RULES = (
     ("direction", "the whole 95 % interval of the difference, paired by seed, lies on the claimed side of 0"),
     ("several directions", "every one of them is; the weakest is shown"),
@@ -39,7 +39,7 @@ def rows(found: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
             (
                 *(one.text, one.paper, one.section, one.data, one.published),
                 *(judged.ours, judged.low, judged.high, judged.verdict, judged.reason),
-                *(one.key, one.unit, judged.over, int(one.measured)),
+                *(one.key, int(one.printed), one.unit, judged.over, int(one.measured)),
             )
             for one, judged in found
         ],
@@ -62,32 +62,42 @@ def ours(judged: Judgement, unit: str) -> str:
     return text
 
 
+def count_table(found: list[tuple[Claim, Judgement]]) -> str:
+    """How many claims have which verdict, by paper and data."""
+    groups: dict[tuple[str, str, str], list[Judgement]] = {}
+    for one, judged in found:
+        kind = "number of a table" if one.printed else "sentence"
+        groups.setdefault((PAPERS[one.paper], one.data, kind), []).append(judged)
+    groups["All", "", ""] = [judged for _, judged in found]
+    header = ["Paper", "Data", "Kind", *VERDICTS, "of not reproduced: undecided", "claims"]
+    rows = []
+    for key, own in groups.items():
+        verdicts = [judged.verdict for judged in own]
+        rows.append([*key, *map(str, map(verdicts.count, VERDICTS)), str(sum(map(undecided, own))), str(len(own))])
+    return table(header, rows)
+
+
+def undecided(judged: Judgement) -> bool:
+    """Whether a claim is not reproduced for want of runs alone."""
+    reason = judged.reason
+    return judged.verdict == NOT_REPRODUCED and "undecided" in reason and "contradicted" not in reason
+
+
 def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
     """claims.md."""
     lines = [
         "# A verdict on every claim\n",
-        "Every sentence of the papers that can be true or false of numbers, in our words. Reproduced means:\n",
+        "Every sentence of the papers that can be true or false of numbers, in our words, and every number of their "
+        "tables. Reproduced means:\n",
         *(f"- {kind}: {rule}." for kind, rule in RULES),
-        "\nIn a claim that compares, the number is the difference, in the claimed direction; a sentence in brackets "
-        "says otherwise. Intervals are 95 % t intervals over seeds unless the reason names something else, and are not "
-        "widened for the number of claims. With three seeds they are wide: `undecided` then means that so few runs "
-        "cannot tell. A claim whose runs failed, or whose recordings are not there, is not testable. Rows marked * "
-        "rest on measured times and differ between runs and machines.\n",
+        "\nIn a claim that compares, the number is the difference, in the claimed direction, unless brackets say what "
+        "it is. Intervals are 95 % t intervals over seeds unless the reason names something else, and are not widened "
+        "for the number of claims. With three seeds they are wide: `undecided` means that so few runs cannot tell. A "
+        "claim whose runs failed, or whose recordings are not there, is not testable. Rows marked * rest on measured "
+        "times and differ between runs and machines.\n",
         "## Counts\n",
+        count_table(found),
     ]
-    groups = {}
-    for one, judged in found:
-        groups.setdefault((one.paper, one.data), []).append(judged.verdict)
-    groups["all", ""] = [judged.verdict for _, judged in found]
-    lines.append(
-        table(
-            ["Paper", "Data", *VERDICTS, "claims"],
-            [
-                [PAPERS.get(paper, "All"), data, *(str(own.count(v)) for v in VERDICTS), str(len(own))]
-                for (paper, data), own in groups.items()
-            ],
-        )
-    )
     for paper, title in PAPERS.items():
         own = [(one, judged) for one, judged in found if one.paper == paper]
         lines.append(f"## {title}\n")
@@ -106,12 +116,16 @@ def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
             for one, judged in own
         ]
         lines.append(table(header, cells))
-        missed = [(one, judged) for one, judged in own if judged.verdict == NOT_REPRODUCED]
+        missed: dict[str, list[str]] = {}
+        for one, judged in own:
+            if judged.verdict == NOT_REPRODUCED:
+                mark = " [recorded]" if one.data == "recorded" else ""
+                head = f"**{one.text.rstrip('.')}**{mark} ({judged.reason})"
+                missed.setdefault(one.explained(evidence), []).append(head)
         if missed:
             lines.append(f"### {title}: what was tried where a claim is not reproduced\n")
-        for one, judged in missed:
-            mark = "recorded data; " if one.data == "recorded" else ""
-            lines.append(f"**{one.text}** ({mark}{judged.reason}) {one.explained(evidence)}\n")
+        for why, heads in missed.items():
+            lines.append("\n".join([*(f"- {head}" for head in heads), f"\n{why}\n"]))
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
