@@ -374,8 +374,8 @@ def why_frames(source: str):
         parts = each(("sp_resnet", "resnet3x3"), lambda m: ", ".join(digits(found[m, n].mean(), 1) for n in numbers))
         return (
             f"Macro precision (%) with {numbers[0]} to {numbers[-1]} frames of one grasp, mean over seeds: {parts}. "
-            "The mean answer to many frames of a grasp is hardly better than that to one: errors belong to grasps, not to "
-            "frames. The paper's figure is of STAG, whose grasps move, and of networks that see all frames at once; "
+            "The mean answer to many frames of a grasp is hardly better than that to one: errors belong to grasps, "
+            "not to frames. The paper's figure is of STAG, whose grasps move, and of networks that see all frames at once; "
             "here one network answers to each frame."
         )
 

@@ -146,8 +146,8 @@ def why_error(task: str):
             f"{chosen['condition'].replace('_', ' ')}, on the validation part; everything else is a prediction. One "
             f"recording's parts differ: from the first to the last tenth of the test part direct training goes from "
             f"{digits(first)} to {digits(last)} mm. The paper says neither how its finger slips nor how far its "
-            f"strands relax and drift, which set the level. Solving transfer's read-out in closed form in place of Adam "
-            f"changes it by {digits(solved, 3)} mm; model-0, whose states it reads, explains "
+            f"strands relax and drift, which set the level. Solving transfer's read-out in closed form in place of "
+            f"Adam changes it by {digits(solved, 3)} mm; model-0, whose states it reads, explains "
             f"{100 * score(e, 'lstm_direct', 'task_0', 'r2').mean():.0f} % of the variance of task 0."
         )
 
@@ -204,8 +204,8 @@ def why_drift(task: str):
             f"R2 of a linear decoder on held-out blocks of time, {name_of(task)}: {'; '.join(parts)}. Nothing in the "
             "loss asks the states to forget the drift: they are trained for the place alone, and a read-out that knows "
             "the drift can subtract it. That they hold it does not mean that it harms: from the first to the last "
-            f"tenth of the test part errors go from (mm) {age}. The paper infers freedom from drift from the accuracy of its "
-            "read-outs and does not test it."
+            f"tenth of the test part errors go from (mm) {age}. The paper infers freedom from drift from the "
+            "accuracy of its read-outs and does not test it."
         )
 
     return why
