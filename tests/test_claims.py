@@ -279,6 +279,13 @@ def test_latency_claims_are_ratios_and_marked():
     assert marked == {key for key in CLAIMS if key.startswith(named)}
 
 
+def test_own_logs_are_recorded_data():
+    one = CLAIMS["lomp-best-double"]
+    assert judge.on_own_logs(one, VALUES) is one
+    own = judge.on_own_logs(one, VALUES | {"touch": VALUES["touch"] | {"source": "data/own/mine"}})
+    assert (own.data, own.why, own.judge) == ("recorded", None, one.judge)
+
+
 def test_rules():
     series = pd.Series
     assert claims.positive(series([1.0, 1.1, 0.9])).verdict == REPRODUCED
