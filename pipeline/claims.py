@@ -77,7 +77,7 @@ class Evidence:
         if ("scores", experiment) not in self._known:
             reason = self.once(("absent", experiment), lambda: why_not_run(experiment))
             if reason is not None:
-                raise NotTestable(f"recordings not downloaded: {reason}")
+                raise NotTestable(reason)
         for model in models:
             if model not in self.values[experiment]["models"]:
                 raise NotTestable(f"{style(model).label} is not among the models of params.yaml")
@@ -195,7 +195,7 @@ def interval(values: pd.Series) -> results.Estimate:
     """Mean and interval of differences paired by their index; pairs with one side missing are left out."""
     found = estimate(values.dropna())
     if found.runs < 2:
-        raise NotTestable("one run has no interval" if found.runs else "no two runs have the same seed")
+        raise NotTestable("one run has no interval" if found.runs else "there are no values to compare")
     return found
 
 
@@ -248,7 +248,7 @@ def number(values: pd.Series, published: float, over: str = "seeds") -> Judgemen
     """Number: the mean is within TOLERANCE of the published value."""
     found = estimate(values.dropna())
     if not found.runs:
-        raise NotTestable("no two runs have the same seed")
+        raise NotTestable("there are no values to compare")
     off = found.mean / published - 1
     reason = f"{100 * off:+.0f} % from the published value"
     if found.runs > 1:

@@ -313,9 +313,9 @@ def test_absent_recordings_and_missing_runs_are_not_testable(tmp_path, monkeypat
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     path = paths.ingest_report("glove_recorded")
     path.parent.mkdir(parents=True)
-    path.write_text('{"run": false, "reason": "no files in data/sources"}')
+    path.write_text('{"run": false, "reason": "recordings not downloaded"}')
     found = CLAIMS["fusion-recorded"].judged(Evidence(VALUES))
-    assert found.verdict == NOT_TESTABLE and found.reason == "recordings not downloaded: no files in data/sources"
+    assert found.verdict == NOT_TESTABLE and found.reason == "recordings not downloaded"
     settings = VALUES | {"touch": VALUES["touch"] | {"models": {"linear": {}}}}
     found = CLAIMS["lomp-best-double"].judged(Evidence(settings, touch()))
     assert found.verdict == NOT_TESTABLE and "is not among the models" in found.reason
