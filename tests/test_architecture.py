@@ -11,7 +11,7 @@ from pipeline.scale import set_values
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
-STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study"}
+STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "judge"}
 COMMANDS = {"fetch", "scale", "fit_material"}
 # Modules that find, check and start things but cannot change a number: DVC need not watch them.
 PLUMBING = {
@@ -71,8 +71,9 @@ def test_imports_point_one_way():
             assert kind(other) in allowed[kind(file)], f"{file} imports {other}"
 
 
-def test_render_does_not_import_torch():
-    for file in closure("pipeline/render.py"):
+@pytest.mark.parametrize("stage", ["render", "judge"])
+def test_reports_do_not_import_torch(stage):
+    for file in closure(f"pipeline/{stage}.py"):
         source = (ROOT / file).read_text()
         assert "import torch" not in source and "from torch" not in source, file
 

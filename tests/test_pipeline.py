@@ -19,10 +19,10 @@ MODELS = ["constant", "linear", "tree", "rnn", "lomp"]
 
 
 def lock(project) -> dict:
-    """Hash of every output of dvc.lock but the measured times and the MLflow store."""
+    """Hash of every output of dvc.lock but the measured times, what is judged by them, and the MLflow store."""
     stages = yaml.safe_load((project.folder / "dvc.lock").read_text())["stages"]
     outs = {out["path"]: out["md5"] for stage in stages.values() for out in stage["outs"]}
-    measured = ("latency", "speed", "mlruns")
+    measured = ("latency", "speed", "mlruns", "claims")
     return {path: value for path, value in outs.items() if not any(word in path for word in measured)}
 
 
@@ -216,6 +216,16 @@ def test_glove_report_is_complete(miniature):
     }
     assert {name: tuple(published.loc[name, ["macs", "params"]]) for name in exact} == exact
     assert published.verdict["sp_resnet"] == "not reproduced"
+
+
+def test_every_claim_has_a_verdict(miniature):
+    claims = pd.read_csv(miniature.folder / "reports" / "claims.csv")
+    assert len(claims) >= 36 and set(claims.verdict) == {"reproduced", "not reproduced", "not testable"}
+    recorded = claims[claims.data == "recorded"]
+    assert (recorded.verdict == "not testable").all()  # there are no recordings here
+    text = (miniature.folder / "reports" / "claims.md").read_text()
+    for row in claims[claims.verdict == "not reproduced"].itertuples():
+        assert f"- **{row.claim.rstrip('.')}** ({row.reason})" in text
 
 
 def test_second_repro_has_nothing_to_do(miniature):

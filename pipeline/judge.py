@@ -1,0 +1,171 @@
+"""Stage: a verdict on every claim of the three papers.
+
+Writes reports/claims.csv, one row a claim in full precision, and reports/claims.md, which says the same to people and,
+for each claim that is not reproduced, what was tried to find the reason.
+Usage: python -m pipeline.judge
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+
+import pandas as pd
+
+from pipeline import claims_glove, claims_strain, claims_touch, params, paths
+from pipeline.claims import (
+    EXPERIMENTS,
+    NOT_REPRODUCED,
+    NOT_TESTABLE,
+    PAPERS,
+    REPRODUCED,
+    TOLERANCE,
+    Claim,
+    Evidence,
+    Judgement,
+)
+from pipeline.errors import run_stage
+from pipeline.markdown import number, size, table
+
+VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
+COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason"]
+COLUMNS += ["key", "printed", "unit", "over", "measured"]
+RULES = (
+    ("direction", "the whole 95 % interval of the difference, paired by seed, lies on the claimed side of 0"),
+    ("several directions", "every one of them is; the weakest is shown"),
+    ("number", f"our mean is within {100 * TOLERANCE:.0f} % of the published one, whatever the interval"),
+    ("no difference, no increase", "the whole interval lies inside, or below, the margin that is named"),
+    ("count", "equal at the precision that is printed"),
+    ("measured time", f"the ratio of medians is more than {100 * TOLERANCE:.0f} % on the claimed side of 1"),
+)
+
+
+def all_claims() -> list[Claim]:
+    """The claims of all papers."""
+    return [*claims_touch.claims(), *claims_strain.claims(), *claims_glove.claims()]
+
+
+def on_own_logs(one: Claim, values: Mapping) -> Claim:
+    """The claim as it stands where params.yaml names a folder of the user's own logs in place of the simulator."""
+    if one.data == "recorded" or values[EXPERIMENTS[one.paper]]["source"] == "simulated":
+        return one
+    return replace(one, data="recorded", why=None)  # what was tried was tried on the simulated scene
+
+
+def rows(found: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
+    """claims.csv."""
+    return pd.DataFrame(
+        [
+            (
+                *(one.text, one.paper, one.section, one.data, one.published),
+                *(judged.ours, judged.low, judged.high, judged.verdict, judged.reason),
+                *(one.key, int(one.printed), one.unit, judged.over, int(one.measured)),
+            )
+            for one, judged in found
+        ],
+        columns=COLUMNS,
+    )
+
+
+def shown(value: float, unit: str) -> str:
+    """A number as claims.md shows it."""
+    if unit == "count":
+        return "-" if value != value else size(value)
+    return number(value, 3 if abs(value) < 1 else 2)
+
+
+def ours(judged: Judgement, unit: str) -> str:
+    """Our value with its interval."""
+    text = shown(judged.ours, unit)
+    if judged.low == judged.low:
+        text += f" [{shown(judged.low, unit)}, {shown(judged.high, unit)}]"
+    return text
+
+
+def count_table(found: list[tuple[Claim, Judgement]]) -> str:
+    """How many claims have which verdict, by paper and data."""
+    groups: dict[tuple[str, str, str], list[Judgement]] = {}
+    for one, judged in found:
+        kind = "number of a table" if one.printed else "sentence"
+        groups.setdefault((PAPERS[one.paper], one.data, kind), []).append(judged)
+    groups["All", "", ""] = [judged for _, judged in found]
+    header = ["Paper", "Data", "Kind", *VERDICTS, "of not reproduced: undecided", "claims"]
+    rows = []
+    for key, own in groups.items():
+        verdicts = [judged.verdict for judged in own]
+        rows.append([*key, *map(str, map(verdicts.count, VERDICTS)), str(sum(map(undecided, own))), str(len(own))])
+    return table(header, rows)
+
+
+def undecided(judged: Judgement) -> bool:
+    """Whether a claim is not reproduced for want of runs alone."""
+    reason = judged.reason
+    return judged.verdict == NOT_REPRODUCED and "undecided" in reason and "contradicted" not in reason
+
+
+def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
+    """claims.md."""
+    lines = [
+        "# A verdict on every claim\n",
+        "Every sentence of the papers that can be true or false of numbers, in our words, and every number of their "
+        "tables. Reproduced means:\n",
+        *(f"- {kind}: {rule}." for kind, rule in RULES),
+        "\nIn a claim that compares, the number is the difference, in the claimed direction, unless brackets say what "
+        "it is. Intervals are 95 % t intervals over seeds unless the reason names something else, and are not widened "
+        "for the number of claims. With three seeds they are wide: `undecided` means that so few runs cannot tell. A "
+        "claim whose runs failed, or whose recordings are not there, is not testable. Rows marked * rest on measured "
+        "times and differ between runs and machines.\n",
+        "## Counts\n",
+        count_table(found),
+    ]
+    for paper, title in PAPERS.items():
+        own = [(one, judged) for one, judged in found if one.paper == paper]
+        lines.append(f"## {title}\n")
+        header = ["Claim", "Section", "Data", "Published", "Ours", "Unit", "Verdict", "Reason"]
+        cells = [
+            [
+                one.text + (" *" if one.measured else ""),
+                one.section,
+                one.data,
+                shown(one.published, one.unit),
+                ours(judged, one.unit),
+                one.unit,
+                judged.verdict,
+                "; ".join(filter(None, [judged.reason, "" if judged.over.endswith(" seeds") else judged.over])),
+            ]
+            for one, judged in own
+        ]
+        lines.append(table(header, cells))
+        missed: dict[str, list[str]] = {}
+        for one, judged in own:
+            if judged.verdict == NOT_REPRODUCED:
+                mark = " [recorded]" if one.data == "recorded" else ""
+                head = f"**{one.text.rstrip('.')}**{mark} ({judged.reason})"
+                missed.setdefault(one.explained(evidence), []).append(head)
+        if missed:
+            lines.append(f"### {title}: what was tried where a claim is not reproduced\n")
+        for why, heads in missed.items():
+            lines.append("\n".join([*(f"- {head}" for head in heads), f"\n{why}\n"]))
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def main() -> None:
+    """Judge all claims by what the stages wrote."""
+    values = params.load()
+    evidence = Evidence(values)
+    found = [(one, one.judged(evidence)) for one in (on_own_logs(one, values) for one in all_claims())]
+    paths.REPORTS.mkdir(parents=True, exist_ok=True)
+    contents = {
+        "claims.csv": rows(found).to_csv(index=False, lineterminator="\n"),
+        "claims.md": text(found, evidence),
+    }
+    for name, content in contents.items():
+        target = paths.REPORTS / name
+        draft = target.with_name(name + ".unfinished")
+        draft.write_text(content, encoding="utf-8", newline="\n")
+        os.replace(draft, target)
+    verdicts = [judged.verdict for _, judged in found]
+    print(f"{len(found)} claims: {', '.join(f'{verdicts.count(v)} {v}' for v in VERDICTS)}")
+
+
+if __name__ == "__main__":
+    run_stage(main)

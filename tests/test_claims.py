@@ -1,0 +1,433 @@
+"""A verdict must follow from the numbers, whatever they are: altered scores turn it."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline import claims, claims_glove, claims_strain, claims_touch, judge, params, paths, report_glove, results
+from pipeline.claims import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
+from pipeline.report_strain import published
+
+ROOT = Path(__file__).resolve().parent.parent
+VALUES = params.load()
+EXPERIMENTS = VALUES["experiments"]
+CLAIMS = {one.key: one for one in judge.all_claims()}
+JITTER = (0.01, -0.02, 0.01, 0.015, -0.015)
+
+
+class Scores:
+    """Stands in for results.Scores: `level(protocol, condition, model, metric)` is the mean over the seeds."""
+
+    def __init__(self, experiment, level):
+        self.protocols, self.level = VALUES[experiment]["protocols"], level
+
+    def runs(self, protocol, condition, model, metric):
+        level = self.level(protocol, condition, model, metric)
+        values = np.full(5, level) if np.ndim(level) == 0 else np.asarray(level)
+        size = len(self.protocols[protocol]["seeds"])
+        # The model's name moves its jitter, so that differences of two models spread too.
+        turn = len(model) + len(condition)
+        return [float(values[k] * (1 + JITTER[(k + turn) % 5])) for k in range(size)]
+
+
+def judged(key, given):
+    return CLAIMS[key].judged(Evidence(VALUES, given))
+
+
+def touch(**changed):
+    """Errors (kPa) in which all that the paper says of LoMP is true, but for `changed`: model_condition=level."""
+
+    def level(protocol, condition, model, metric):
+        learned = model in claims_touch.LEARNED
+        if metric == "touches_found":
+            found = {"lomp": 0.9, "cnn": 0.5, "convlstm": 0.6, "rnn": 0.2}.get(model, 0.1)
+            return changed.get(f"{model}_found", found)
+        if condition == "double":
+            level = {"lomp": 5.0, "linear": 17.0, "poly": 15.0, "rnn": 19.0, "vgg": 900.0}.get(model, 25.0)
+        else:
+            level = {"rnn": 2.0, "linear": 8.7, "constant": 11.0}.get(model, 2.3 if learned else 7.0)
+        return changed.get(f"{model}_{condition}", level)
+
+    return {("scores", "touch"): Scores("touch", level)}
+
+
+@pytest.mark.parametrize(
+    ("key", "changed", "reason"),
+    [
+        ("lomp-best-double", {"poly_double": 3.0}, "contradicted: LoMP below Polynomial"),
+        ("lomp-best-double", {"rbf_double": 5.05}, "undecided: LoMP below RBF-Net"),
+        ("learning-single", {"cnn_single": 9.0}, "contradicted"),
+        ("rmse-single-linear", {"linear_single": 12.0}, "+39 % from the published value"),
+        ("rnn-lowest", {"rnn_single": 2.6}, "contradicted"),
+        ("conventional-double", {"rnn_double": 10.0}, "RNN"),
+        ("vgg-overfits", {"vgg_double": 8.0}, "contradicted"),
+        ("cnn-two-peaks", {"cnn_found": 0.1}, "CNN"),
+        ("recognised-three", {"lomp_found": 0.3}, "contradicted"),
+        ("growth-global", {"rnn_double": 3.0}, "RNN"),
+    ],
+)
+def test_touch_verdicts_turn_with_the_scores(key, changed, reason):
+    assert judged(key, touch()).verdict == REPRODUCED
+    turned = judged(key, touch(**changed))
+    assert turned.verdict == NOT_REPRODUCED and reason in turned.reason
+    failed = judged(key, touch(**{next(iter(changed)): [np.nan, 1.0, 1.0, 1.0, 1.0]}))
+    assert failed.verdict == NOT_TESTABLE and failed.reason.startswith("failed runs: ") and "1 of 3" in failed.reason
+    assert np.isnan(failed.ours)
+
+
+def strain(**changed):
+    def level(protocol, condition, model, metric):
+        levels = {"lstm_direct": 0.43, "lstm_transfer": 0.66, "esn": 0.5, "ridge": 0.9}
+        if protocol == "task_2":
+            levels = {"lstm_direct": 27.0, "lstm_transfer": 26.0, "esn": 24.0, "ridge": 33.0}
+        if metric == "r2":
+            return {"task_1": 0.95, "task_2": 0.4, "task_0": 0.2}[protocol]
+        return changed.get(f"{model}_{protocol}", levels[model])
+
+    return {("scores", "strain"): Scores("strain", level)}
+
+
+@pytest.mark.parametrize(
+    ("key", "changed"),
+    [
+        ("direct-better-task_1", {"lstm_transfer_task_1": 0.3}),
+        ("error-lstm_direct-task_2", {"lstm_direct_task_2": 18.0}),
+        ("accuracy-ratio-task_1", {"lstm_transfer_task_1": 1.2}),
+        ("transfer-better-task_2", {"lstm_transfer_task_2": 40.0}),
+        ("gap-shrinks", {"lstm_transfer_task_2": 60.0}),
+        ("states-carry-task_2", {"ridge_task_2": 20.0}),
+        ("reservoir-task_1", {"esn_task_1": 2.0}),
+    ],
+)
+def test_strain_verdicts_turn_with_the_scores(key, changed):
+    assert judged(key, strain()).verdict == REPRODUCED
+    assert judged(key, strain(**changed)).verdict == NOT_REPRODUCED
+    assert judged(key, strain(**{name: [np.nan] * 5 for name in changed})).verdict == NOT_TESTABLE
+
+
+def drift(level):
+    rows = [
+        ("task_1", source, "true drift", seed, value + 0.01 * seed)
+        for source, value in (("raw voltages, 10 samples", 0.8), ("latent of model-0", level))
+        for seed in (0, 1, 2)
+    ]
+    return strain() | {("study", "drift"): pd.DataFrame(rows, columns=["protocol", "input", "target", "seed", "value"])}
+
+
+def test_drift_is_judged_by_the_decoder():
+    free, less = "drift-free-true-drift-task_1", "drift-less-true-drift-task_1"
+    assert [judged(key, drift(0.02)).verdict for key in (free, less)] == [REPRODUCED] * 2
+    assert [judged(key, drift(0.5)).verdict for key in (free, less)] == [NOT_REPRODUCED, REPRODUCED]
+    assert [judged(key, drift(0.9)).verdict for key in (free, less)] == [NOT_REPRODUCED] * 2
+    assert judged(free, drift(np.nan)).verdict == NOT_TESTABLE
+
+
+def samples(transfer):
+    rows = [
+        ("task_1", model, n, seed, (level if n < 5000 else 0.5) + 0.01 * seed)
+        for model, level in (("lstm_direct", 2.0), ("lstm_transfer", transfer))
+        for n in (100, 1000, 24000)
+        for seed in (0, 1, 2)
+    ]
+    frame = pd.DataFrame(rows, columns=["protocol", "model", "samples", "seed", "value"])
+    return strain() | {("study", "samples"): frame}
+
+
+def test_few_samples_are_judged_by_the_study():
+    for key in ("few-samples-task_1", "samples-needed-task_1"):
+        assert judged(key, samples(1.0)).verdict == REPRODUCED
+        assert judged(key, samples(3.0)).verdict == NOT_REPRODUCED
+        assert judged(key, samples(np.nan)).verdict == NOT_TESTABLE
+
+
+def test_training_times_and_parameters():
+    printed = published()
+    for ours, verdict in ((11450, REPRODUCED), (11451, NOT_REPRODUCED)):
+        fits = [results.Fit("max_epochs", 1, 1, ours, pd.DataFrame())]
+        key = "parameters-lstm_direct-task_1"
+        assert judged(key, strain() | {("fits", "strain", "lstm_direct", "task_1"): fits}).verdict == verdict
+    ratio = printed["lstm_direct", "task_1", "training time"] / printed["lstm_transfer", "task_1", "training time"]
+    for factor, verdicts in ((ratio, [REPRODUCED] * 2), (0.5, [NOT_REPRODUCED] * 2)):
+        given = strain()
+        for model, times in (("lstm_direct", factor), ("lstm_transfer", 1.0)):
+            given["training_times", "strain", model, "task_1"] = [times, 1.01 * times, 0.99 * times]
+        keys = ("time-ratio-task_1", "time-less-task_1")
+        assert [judged(key, given).verdict for key in keys] == verdicts
+
+
+def glove(experiment="glove", **changed):
+    levels = {"resnet18": 0.96, "sp_resnet": 0.93, "mobilenet": 0.88, "resnet3x3": 0.87, "sp_resnet_nogcam": 0.86}
+    levels |= {"tree": 0.7, "naive_bayes": 0.6, "constant": 0.06}
+
+    def level(protocol, condition, model, metric):
+        less = {"combined": 1.0, "pressure": 0.9, "strain": 0.8}[condition]
+        return changed.get(f"{model}_{condition}", levels[model] * less)
+
+    scores = Scores(experiment, level)
+    small = [value / 100 for value in JITTER]
+    scores.runs = lambda *key: [level(*key) + small[k] for k in range(len(scores.protocols[key[0]]["seeds"]))]
+    if "spread" in changed:  # of SP-ResNet alone, so that it does not cancel in a difference
+        wide = [0.0, changed["spread"], -changed["spread"]]
+        scores.runs = lambda *key: [level(*key) + (wide[k] if key[2] == "sp_resnet" else 0.0) for k in range(3)]
+    return {("scores", experiment): scores}
+
+
+@pytest.mark.parametrize(
+    ("key", "changed", "word"),
+    [
+        ("fusion", {"sp_resnet_combined": 0.6}, "contradicted"),
+        ("fusion-networks", {"mobilenet_combined": 0.6}, "contradicted: MobileNet"),
+        ("precision-combined-sp_resnet", {"sp_resnet_combined": 0.8}, "% from the published value"),
+        ("second-best", {"mobilenet_combined": 0.95}, "contradicted: SP-ResNet above MobileNet"),
+        ("second-best", {"spread": 0.2}, "undecided"),
+        ("attention-combined", {"sp_resnet_combined": 0.8}, "contradicted"),
+        ("attention-combined", {"spread": 0.2}, "undecided"),
+        ("networks-above-baselines-combined", {"tree_combined": 0.9}, "contradicted"),
+        ("order-combined", {"tree_combined": 0.99}, "of 21 pairs"),
+    ],
+)
+def test_glove_verdicts_turn_with_the_scores(key, changed, word):
+    true = {"mobilenet_combined": 0.90} | ({"mobilenet_combined": 0.91} if key == "order-combined" else {})
+    true |= {"sp_resnet_nogcam_combined": 0.89, "resnet3x3_combined": 0.88}
+    assert judged(key, glove(**true)).verdict == REPRODUCED
+    turned = judged(key, glove(**true | changed))
+    assert turned.verdict == NOT_REPRODUCED and word in turned.reason
+    failed = judged(key, glove(**true | {"sp_resnet_combined": np.nan}))
+    assert failed.verdict == NOT_TESTABLE and "SP-ResNet" in failed.reason
+
+
+def test_fusion_is_the_gain_of_the_report():
+    given = glove()
+    ours = claims_glove.fusion(Evidence(VALUES, given), "sp_resnet")
+    pair = (("session_combined", "sp_resnet"), ("session_pressure", "sp_resnet"))
+    theirs = report_glove.gain(given["scores", "glove"], *pair)
+    assert results.estimate(ours) == pytest.approx(theirs)
+
+
+def test_augmentation_helps_or_not():
+    values = {(m, d): [0.80, 0.81, 0.82] for m in report_glove.METHODS for d in ("pressure", "strain", "combined")}
+    for gain, helps, useless in ((0.05, REPRODUCED, NOT_REPRODUCED), (-0.05, NOT_REPRODUCED, REPRODUCED)):
+        values["A", "strain"] = values["B", "strain"] = [value + gain for value in values["none", "strain"]]
+        values["A", "strain"][0] += 0.001  # some spread
+        given = glove() | {("augmentation",): values}
+        assert judged("augmentation-A-strain", given).verdict == helps
+        assert judged("augmentation-B-strain", given).verdict == useless
+    values["A", "strain"] = [np.nan, 0.8, 0.8]
+    assert judged("augmentation-A-strain", glove() | {("augmentation",): values}).verdict == NOT_TESTABLE
+
+
+def test_counts_are_exact_at_the_printed_precision():
+    counts = pd.read_csv(ROOT / "reports" / "counts.csv")
+    assert judged("macs-resnet18", {("counts",): counts}).verdict == REPRODUCED
+    counts.loc[counts["model"] == "resnet18", "macs"] += 1_000_000
+    assert judged("macs-resnet18", {("counts",): counts}).verdict == NOT_REPRODUCED
+    for column in ("macs", "params"):
+        small = counts["published_macs"].isna() & (counts["model"] == "sp_resnet")
+        for value, verdict in ((1, REPRODUCED), (10**12, NOT_REPRODUCED)):
+            counts.loc[small, column] = value
+            assert judged(f"fewest-{column}", {("counts",): counts}).verdict == verdict
+    assert judged("macs-resnet18", {("counts",): counts.iloc[:0]}).verdict == NOT_TESTABLE
+
+
+def test_named_pairs_are_judged_by_the_confusions():
+    objects = ["empty_bottle", "full_bottle_1", "full_bottle_2", "paper_roll", "toy"]
+    apart = np.stack([np.diag([10 + k] * 5) for k in range(3)])
+    mixed = apart.copy()
+    for k in range(3):
+        mixed[k, 3, 4] = mixed[k, 4, 3] = 6 + k
+    for pressure, verdict in ((mixed, REPRODUCED), (apart, NOT_REPRODUCED)):
+        found = {"pressure": pressure, "strain": apart, "combined": apart}
+        given = glove() | {("confusions",): (found, objects)}
+        assert judged("confused-pressure-paper_roll-toy", given).verdict == verdict
+        assert judged("resolved-pressure-paper_roll-toy", given).verdict == verdict
+    given = glove() | {("confusions",): (found, objects[:3])}
+    assert judged("confused-pressure-paper_roll-toy", given).reason == "there is no object paper_roll, toy"
+
+
+def test_number_of_frames():
+    def frames(last):
+        rows = [
+            (model, seed, n, "macro_precision", level + 0.01 * n * seed)
+            for model, levels in (("sp_resnet", (0.6, last)), ("resnet3x3", (0.5, 0.5)))
+            for n, level in enumerate(levels, start=1)
+            for seed in (0, 1, 2)
+        ]
+        return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "value"])
+
+    above, more = "above-resnet3x3-stag", "more-frames-sp_resnet-stag"
+    for last, verdicts in ((0.8, [REPRODUCED] * 2), (0.3, [NOT_REPRODUCED] * 2)):
+        given = glove() | {("stag",): frames(last)}
+        assert [judged(key, given).verdict for key in (above, more)] == verdicts
+    absent = judged(above, glove() | {("stag",): frames(0.8).iloc[:0]})
+    assert absent.verdict == NOT_TESTABLE and "STAG" in absent.reason
+
+
+def test_latency_claims_are_ratios_and_marked():
+    def latency(**times):
+        batch = VALUES["touch"]["latency"]["batches"][0]
+        return touch() | {("latency", "touch"): {(model, batch): {"p50_ms": t} for model, t in times.items()}}
+
+    assert judged("latency-order", latency(linear=0.96, cnn=1.33, lomp=1.6, rnn=1.9)).verdict == REPRODUCED
+    close = judged("latency-order", latency(linear=0.96, cnn=1.33, lomp=1.34, rnn=1.9))
+    assert close.verdict == NOT_REPRODUCED and "too close" in close.reason
+    assert "contradicted" in judged("latency-order", latency(linear=2.0, cnn=1.0, lomp=1.6, rnn=1.9)).reason
+    assert judged("latency-lomp-cnn", latency(cnn=10.0, lomp=10.9)).verdict == REPRODUCED
+    marked = {one.key for one in CLAIMS.values() if one.measured}
+    named = ("latency", "time-ratio", "time-less", "time-absolute")
+    assert marked == {key for key in CLAIMS if key.startswith(named)}
+
+
+def test_own_logs_are_recorded_data():
+    one = CLAIMS["lomp-best-double"]
+    assert judge.on_own_logs(one, VALUES) is one
+    own = judge.on_own_logs(one, VALUES | {"touch": VALUES["touch"] | {"source": "data/own/mine"}})
+    assert (own.data, own.why, own.judge) == ("recorded", None, one.judge)
+
+
+def test_rules():
+    series = pd.Series
+    assert claims.positive(series([1.0, 1.1, 0.9])).verdict == REPRODUCED
+    assert claims.positive(series([1.0, -1.1, 0.9])).reason == "undecided: the interval includes 0"
+    assert claims.positive(series([-1.0, -1.1, -0.9])).reason == "contradicted"
+    with pytest.raises(claims.NotTestable, match="one run has no interval"):
+        claims.positive(series([1.0]))
+    # Paired by seed: what has no partner does not count.
+    one, other = series([1.0, 2.0, 3.0], index=[0, 1, 2]), series([9.0, 0.0, 1.1], index=[7, 1, 2])
+    assert claims.positive(one - other).ours == pytest.approx(1.95)
+    wide = claims.number(series([5.0, 15.0, 16.0]), 10.0)
+    assert wide.verdict == NOT_REPRODUCED and "includes" in wide.reason  # a wide interval is no reproduction
+    assert claims.number(series([9.5]), 10.0).verdict == REPRODUCED  # one run has a mean
+    assert claims.number(series([8.9, 8.91]), 10.0).verdict == NOT_REPRODUCED
+    assert claims.within(series([0.01, -0.01, 0.0]), 0.1).verdict == REPRODUCED
+    assert "contradicted" in claims.within(series([0.5, 0.51, 0.49]), 0.1).reason
+    assert "undecided" in claims.within(series([0.5, -0.5, 0.0]), 0.1).reason
+    assert claims.at_most(series([-5.0, -5.1]), 0.1).verdict == REPRODUCED
+    assert "contradicted" in claims.at_most(series([0.5, 0.51, 0.49]), 0.1).reason
+    many = claims.all_positive({str(k): series([-1.0, -1.1]) for k in range(5)} | {"good": series([1.0, 1.1])})
+    assert many.reason == "1 of 6 hold; contradicted: 0, 1, 2 and 2 more"
+
+
+def test_absent_recordings_and_missing_runs_are_not_testable(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    path = paths.ingest_report("glove_recorded")
+    path.parent.mkdir(parents=True)
+    path.write_text('{"run": false, "reason": "recordings not downloaded"}')
+    found = CLAIMS["fusion-recorded"].judged(Evidence(VALUES))
+    assert found.verdict == NOT_TESTABLE and found.reason == "recordings not downloaded"
+    settings = VALUES | {"touch": VALUES["touch"] | {"models": {"linear": {}}}}
+    found = CLAIMS["lomp-best-double"].judged(Evidence(settings, touch()))
+    assert found.verdict == NOT_TESTABLE and "is not among the models" in found.reason
+    # A row that the file does not have: the sentence of results.Scores.
+    paths.scores("touch").parent.mkdir(parents=True)
+    header = "experiment,protocol,condition,model,seed,metric,unit,value,n\n"
+    paths.scores("touch").write_text(header + "touch,press,single,linear,0,rmse,kPa,8.7,1\n")
+    given = {("absent", "touch"): None}
+    found = CLAIMS["rmse-single-linear"].judged(Evidence(VALUES, given))
+    assert found.verdict == NOT_TESTABLE and "no row for protocol press" in found.reason and "seed 1" in found.reason
+
+
+def test_no_claim_on_scores_survives_failed_runs():
+    given = {("scores", name): Scores(name, lambda *key: np.nan) for name in EXPERIMENTS}
+    given |= drift(0.5) | {("scores", "strain"): given["scores", "strain"]}
+    given[("counts",)] = pd.read_csv(ROOT / "reports" / "counts.csv")
+    for one in CLAIMS.values():
+        given = {key: value for key, value in given.items()}
+        if one.key.startswith(("macs", "params", "fewest", "parameters", "drift", "latency", "time")):
+            continue
+        if one.key in ("off-centre", "redundant-strands") or one.key.startswith(("few-", "samples-", "augmentation-")):
+            continue
+        if "stag" in one.key or one.key.startswith("more-frames") or one.key.startswith("above-resnet3x3"):
+            continue
+        assert one.judged(Evidence(VALUES, given)).verdict == NOT_TESTABLE, one.key
+
+
+def test_the_list_of_claims():
+    found = judge.all_claims()
+    assert len(found) >= 36 and len(CLAIMS) == len(found)
+    assert {one.paper for one in found} == set(claims.PAPERS)
+    for paper in claims.PAPERS:
+        assert {one.data for one in found if one.paper == paper} == {"simulated", "recorded"}
+    sentences = [(one.text, one.data) for one in found]
+    assert len(set(sentences)) == len(sentences)
+    for one in found:
+        assert one.text.endswith(".") and one.section and one.unit
+        assert not one.printed or np.isfinite(one.published), one.key
+    kept = pd.read_csv(ROOT / "reports" / "claims.csv")
+    assert list(kept["key"]) == [one.key for one in found]
+    assert set(kept["verdict"]) <= set(judge.VERDICTS)
+    assert not kept.loc[kept["verdict"] == REPRODUCED, "ours"].isna().any()
+    assert (kept.loc[kept["verdict"] != REPRODUCED, "reason"].fillna("") != "").all()
+
+
+def test_a_paragraph_is_printed_only_where_a_claim_is_not_reproduced():
+    def claim(key, judge, why):
+        return Claim("lomp", key, f"Sentence {key}.", "I", "kPa", judge, 1.0, why=why)
+
+    good, bad = pd.Series([1.0, 1.1, 0.9]), pd.Series([-1.0, -1.1, -0.9])
+    listed = [
+        claim("good", lambda e: claims.positive(good), lambda e: "Never printed."),
+        claim("bad", lambda e: claims.positive(bad), lambda e: f"Computed: {bad.mean():.1f}."),
+        claim("worse", lambda e: claims.positive(bad), lambda e: f"Computed: {bad.mean():.1f}."),
+        claim("bare", lambda e: claims.positive(bad), None),
+        claim("gone", claims.untestable("nobody knows"), lambda e: "Never printed."),
+    ]
+    evidence = Evidence(VALUES)
+    found = [(one, one.judged(evidence)) for one in listed]
+    text = judge.text(found, evidence)
+    assert "Never printed" not in text and text.count("Computed: -1.0.") == 1
+    assert "**Sentence bad** (contradicted)\n- **Sentence worse** (contradicted)\n\nComputed" in text
+    assert "No reason was looked for" in text and "nobody knows" in text
+    rows = judge.rows(found)
+    assert list(rows.columns)[:10] == [
+        "claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason",
+    ]  # fmt: skip
+    assert list(rows["verdict"]) == [REPRODUCED, *[NOT_REPRODUCED] * 3, NOT_TESTABLE]
+    tried = [one for one in text.splitlines() if one.startswith("| LoMP")]
+    cells = [cell.strip() for cell in tried[0].strip("|").split("|")]
+    assert len(tried) == 1 and cells == ["LoMP (touch)", "simulated", "sentence", "1", "3", "1", "0", "5"]
+
+
+def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch):
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    from pipeline import tables
+
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    rng, n = np.random.default_rng(0), 4000
+    x, y = rng.uniform(0, 60, n), rng.uniform(0, 60, n)
+    away = np.maximum(np.abs(x % 12 - 6), np.abs(y % 12 - 6))
+    element = (y // 12).astype(int) * 5 + (x // 12).astype(int)
+    for loss, verdict in ((100, REPRODUCED), (0, NOT_REPRODUCED), (-100, NOT_REPRODUCED)):
+        counts = np.zeros((n, 25), dtype=np.int16)
+        counts[np.arange(n), element] = 500 - loss * (away > 3) + rng.normal(0, 20, n)
+        force = rng.uniform(5, 25, n)
+        touches = [np.column_stack([column, np.full(n, np.nan)]).astype(np.float32) for column in (force, x, y)]
+        columns = dict(zip(("force_n", "x_mm", "y_mm"), touches, strict=True))
+        table = pa.table(
+            {"condition": pa.array(["single"] * n).dictionary_encode(), "v": tables.lists(counts, pa.int16())}
+            | {name: tables.lists(column, pa.float32()) for name, column in columns.items()}
+        )
+        paths.frames("touch").parent.mkdir(parents=True, exist_ok=True)
+        pyarrow.parquet.write_table(table, paths.frames("touch"))
+        assert judged("off-centre", touch()).verdict == verdict
+
+
+def test_strands_are_redundant_where_they_move_together():
+    import pyarrow as pa
+
+    from pipeline import tables
+
+    rng, n = np.random.default_rng(0), 2000
+    together = np.repeat(rng.normal(0, 1, (n, 1)), 3, axis=1) + rng.normal(0, 0.1, (n, 3))
+    for first, second, verdict in (
+        (together, rng.normal(0, 1, (n, 3)), REPRODUCED),
+        (rng.normal(0, 1, (n, 3)), together, NOT_REPRODUCED),
+    ):
+        names = pa.array(["task_1"] * n + ["task_2"] * n).dictionary_encode()
+        voltage = np.concatenate([first, second]).astype(np.float32)
+        table = pa.table({"condition": names, "v": tables.lists(voltage, pa.float32())})
+        assert judged("redundant-strands", strain() | {("table", "strain"): table}).verdict == verdict
+    assert claims_strain.BLOCKS > 2
