@@ -30,29 +30,31 @@ ERRORS = {
 }
 # Conditions that are drawn in the figure of another one.
 JOINED = {"single_anew": "single", "several": "double"}
+# Perturbation -> what its severity is, for an axis and for a list.
 SEVERITIES = {
-    "noise": "standard deviation, share of the sensor's range",
-    "gain_drift": "spread of log gain between elements",
-    "offset_drift": "spread of shifts between elements, share of the range",
-    "dead": "elements that read the lowest value",
-    "stuck": "elements that repeat one old reading",
-    "dead_line": "rows or columns that read the lowest value",
-    "lost_frames": "share of frames lost, the one before repeated",
-    "jitter": "standard deviation of the time of a frame, frames",
-    "specimen": "number of another sensor of the same make",
-    "peak_pressure": "pressure, factor less 1",
-    "press_speed": "log2 of the speed's factor",
-    "tip_radius": "change of the tip's radius, mm",
-    "touches": "touches at once",
-    "distance": "mm between two touches",
-    "time": "minutes since training",
-    "rate": "log2 of the sampling rate's factor",
-    "speed": "log2 of the motion's speed factor",
-    "half": "channels that fail half way",
-    "shift": "shift of the glove",
-    "turn": "turn of the glove, degrees",
-    "grip": "log2 of the grip's factor",
+    "noise": ("share of the range", "white noise; standard deviation as share of the sensor's range"),
+    "gain_drift": ("spread of log gain", "each element's response scaled; standard deviation of the log of the factor"),
+    "offset_drift": ("share of the range", "each element shifted; standard deviation as share of the sensor's range"),
+    "dead": ("dead elements", "elements that read the lowest value"),
+    "stuck": ("stuck elements", "elements that repeat one old reading"),
+    "dead_line": ("dead rows or columns", "rows or columns that read the lowest value"),
+    "lost_frames": ("share of frames", "share of frames lost; the one before is repeated"),
+    "jitter": ("frames", "frames taken early or late; standard deviation in frames"),
+    "specimen": ("other sensor, number", "number of another sensor of the same make"),
+    "peak_pressure": ("factor less 1", "all pressures times 1 + severity"),
+    "press_speed": ("log2 of the factor", "presses faster or slower by 2 to the severity"),
+    "tip_radius": ("change in mm", "change of the tip's radius in mm; the labels go with it"),
+    "touches": ("touches at once", "touches at once"),
+    "distance": ("mm", "distance in mm between two touches"),
+    "time": ("minutes", "minutes since training; nothing is perturbed"),
+    "rate": ("log2 of the factor", "sampling rate changed by 2 to the severity"),
+    "speed": ("log2 of the factor", "motion faster or slower by 2 to the severity"),
+    "half": ("channels", "channels that fail half way through the test part"),
+    "shift": ("shift", "shift of the glove"),
+    "turn": ("degrees", "turn of the glove in degrees"),
+    "grip": ("log2 of the factor", "grip stronger or weaker by 2 to the severity"),
 }
+UNNAMED = ("severity", "see params.yaml")
 FAILURES = ("experiment", "protocol", "condition", "perturbation", "model", "fails_at", "step", "clean", "error")
 FAILURES += ("verdict", "last_severity")
 TRAININGS = ("experiment", "model", "runs", "diverged", "no_usable_epoch", "scores", "nan", "worse_than_constant")
@@ -148,11 +150,11 @@ def panels(table: pd.DataFrame, experiment: str) -> list[tuple[str, str, list]]:
     for (protocol, condition, perturbation), models in curves(table).items():
         group = JOINED.get(condition, condition)
         name = perturbation.replace("_", " ") + (f", {condition.replace('_', ' ')}" if group != condition else "")
-        panel = (name, SEVERITIES.get(perturbation, "severity"), models)
+        panel = (name, SEVERITIES.get(perturbation, UNNAMED)[0], models)
         figures.setdefault((protocol, group), []).append(panel)
     found = []
     for (protocol, group), own in figures.items():
-        title = f"{heading(experiment, protocol, group)}: error under perturbation (lower is better)"
+        title = heading(experiment, protocol, group)
         found.append(("_".join([experiment, *words(protocol, group)]) + ".png", title, own))
     return found
 
@@ -180,7 +182,7 @@ def failure_text(found: pd.DataFrame) -> str:
         parts.append(f"## {heading(experiment, protocol, condition)}\n")
         parts.append(markdown.table(["perturbation", *(style(model).label for model in models)], lines))
     parts.append("## Severities\n")
-    known = {name: SEVERITIES.get(name, "see params.yaml") for name in found["perturbation"].unique()}
+    known = {name: SEVERITIES.get(name, UNNAMED)[1] for name in found["perturbation"].unique()}
     parts.append("\n".join(f"- `{name}`: {meaning}" for name, meaning in known.items()) + "\n")
     return "\n".join(parts)
 
