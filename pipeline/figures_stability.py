@@ -7,18 +7,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from pipeline.figures import BLACK, plain_log, save, style
-from pipeline.results import Estimate
+from pipeline.report_stability import FLOOR, Level
 
 COLUMNS = 4
 LONG = 5.0  # an error that spans more than this factor is drawn on a logarithmic axis
 HIGHEST = 10.0  # times the constant model's error: what is above leaves the panel
-FLOOR = "constant"
 
-Panel = tuple[str, str, Mapping[str, Mapping[float, Estimate]]]  # title, what severity is, model -> severity -> error
+Panel = tuple[str, str, Mapping[str, Mapping[float, Level]]]  # title, what severity is, model -> severity -> error
 
 
 def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) -> None:
-    """One panel a perturbation, its severities in equal steps, `clean` for 0; bands: 95 % interval over the seeds."""
+    """One panel a perturbation, its severities in equal steps, `clean` for 0; bands: lowest to highest seed."""
     rows = -(-len(panels) // COLUMNS)
     figure, axes = plt.subplots(rows, COLUMNS, figsize=(11, 2.4 * rows + 1.2), sharey=True, squeeze=False)
     drawn = {}
@@ -42,7 +41,7 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
                 linewidth=2.2 if floor else 1.3,
             )
             if not floor:
-                ax.fill_between(place, np.maximum(low, 0.2 * mean), high, color=look.color, alpha=0.12, linewidth=0)
+                ax.fill_between(place, low, high, color=look.color, alpha=0.12, linewidth=0)
             drawn.setdefault(look.label, line)
         ax.set_title(name)
         ax.set_xlabel(unit, fontsize=8)
@@ -52,7 +51,9 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
     subtitle = _limit(axes[0, 0], panels)
     for row in axes:
         row[0].set_ylabel(ylabel)
-    figure.suptitle(f"{title}: error under perturbation (lower is better){subtitle}", fontsize=10)
+    figure.suptitle(
+        f"{title}: error under perturbation (lower is better), mean and range of the seeds{subtitle}", fontsize=10
+    )
     figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=min(len(drawn), 6))
     save(figure, path)
 

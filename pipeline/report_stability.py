@@ -102,23 +102,41 @@ def read(experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
     return table[key].assign(error=error).reset_index(drop=True)
 
 
+class Level(NamedTuple):
+    """Errors of the seeds at one severity: mean, lowest and highest of those that did not fail; how many failed."""
+
+    mean: float
+    low: float
+    high: float
+    failed: int
+
+
+def level(errors: Sequence[float]) -> Level:
+    """One error a seed; a run failed where it is not finite."""
+    errors = np.asarray(errors, dtype=float)
+    good = errors[np.isfinite(errors)]
+    if not len(good):
+        return Level(np.nan, np.nan, np.nan, len(errors))
+    return Level(float(good.mean()), float(good.min()), float(good.max()), len(errors) - len(good))
+
+
 def walked(severities: Sequence[float]) -> list[float]:
     """In the order in which a model is led to its failure: from 0 outwards, or as listed where there is no 0."""
     listed = list(dict.fromkeys(severities))
     return sorted(listed, key=lambda value: (abs(value), value)) if 0 in listed else listed
 
 
-def curves(table: pd.DataFrame) -> dict[tuple, dict[str, dict[float, results.Estimate]]]:
-    """(protocol, condition, perturbation) -> model -> severity -> estimate over the seeds, severities as walked."""
+def curves(table: pd.DataFrame) -> dict[tuple, dict[str, dict[float, Level]]]:
+    """(protocol, condition, perturbation) -> model -> severity -> errors of the seeds, severities as walked."""
     found = {}
     for place, rows in table.groupby(["protocol", "condition", "perturbation"], sort=False):
         order = walked(rows["severity"])
-        grouped = {key: results.estimate(values) for key, values in rows.groupby(["model", "severity"])["error"]}
+        grouped = {key: level(values) for key, values in rows.groupby(["model", "severity"])["error"]}
         found[place] = {model: {one: grouped[model, one] for one in order} for model in rows["model"].unique()}
     return found
 
 
-def verdict(own: Mapping[float, results.Estimate], floor: Mapping[float, results.Estimate] | None) -> Verdict:
+def verdict(own: Mapping[float, Level], floor: Mapping[float, Level] | None) -> Verdict:
     """Where a model with the errors `own` fails; floor: those of `constant`, if it is among the models."""
     first = next(iter(own))
     clean = own[first].mean

@@ -8,8 +8,7 @@ import pytest
 
 from pipeline import collect, params, paths, render_stability, report_stability
 from pipeline.errors import InputError
-from pipeline.report_stability import FAILED, HOLDS
-from pipeline.results import Estimate, estimate
+from pipeline.report_stability import FAILED, HOLDS, Level, level
 
 MODELS = {"constant": {}, "linear": {}, "lomp": {}}
 LEVELS = {"noise": [0, 0.1, 0.2], "press_speed": [0, -1, 1], "distance": [48, 12]}
@@ -21,8 +20,8 @@ ERRORS = {
 }
 
 
-def errors(values: list[float], levels: list[float]) -> dict[float, Estimate]:
-    return dict(zip(levels, map(lambda one: estimate([one]), values), strict=True))
+def errors(values: list[float], levels: list[float]) -> dict[float, Level]:
+    return dict(zip(levels, map(lambda one: level([one]), values), strict=True))
 
 
 def test_a_model_fails_above_twice_its_clean_error():
@@ -50,7 +49,7 @@ def test_where_the_truth_grows_the_allowance_grows_with_it():
 
 
 def test_a_failed_training_is_no_holding_model():
-    own = {0: estimate([2, np.nan]), 1: estimate([2, np.nan])}
+    own = {0: level([2, np.nan]), 1: level([2, np.nan])}
     assert report_stability.verdict(own, None).reason == FAILED
 
 
