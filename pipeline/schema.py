@@ -63,6 +63,14 @@ def mapping(value):
     return None if isinstance(value, Mapping) and value else "a non-empty block"
 
 
+def severities(value):
+    """A block perturbation -> list of numbers; the names are checked by the code that knows them."""
+    if not isinstance(value, Mapping) or not value:
+        return "a block of perturbations, each with its severities"
+    wrong = next(((name, bad) for name, own in value.items() if (bad := many(number())(own))), None)
+    return f"{wrong[1]} for {wrong[0]}" if wrong else None
+
+
 positive = number(1e-12)
 fraction = number(0.0, 1.0)
 one = integer(1, 1)  # the recordings are of one taxel
@@ -76,6 +84,8 @@ seeds = {"seeds": many(integer(0))}
 taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
 line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "out_of_order"), fraction)
 tactile_images = ("pressure", "strain", "combined")
+
+stress = {"protocols": many(text), "seeds": many(integer(0)), "perturbations": severities}
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
 SCHEMA = {
@@ -309,4 +319,5 @@ SCHEMA = {
         "models": mapping,
         "latency": latency,
     },
+    "stress": dict.fromkeys(("strain", "strain_recorded", "glove", "glove_recorded"), stress),
 }
