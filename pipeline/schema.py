@@ -64,11 +64,14 @@ def mapping(value):
 
 
 def severities(value):
-    """A block perturbation -> list of numbers; the names are checked by the code that knows them."""
-    if not isinstance(value, Mapping) or not value:
-        return "a block of perturbations, each with its severities"
-    wrong = next(((name, bad) for name, own in value.items() if (bad := many(number())(own))), None)
-    return f"{wrong[1]} for {wrong[0]}" if wrong else None
+    """A non-empty block: names of perturbations, each with a list of severities other than 0."""
+    if wrong := mapping(value):
+        return wrong
+    listed = many(number())
+    for name, levels in value.items():
+        if (wrong := listed(levels)) or 0 in levels:
+            return f"for {name} {wrong or 'no severity 0 (it is always done)'}"
+    return None
 
 
 positive = number(1e-12)
@@ -84,8 +87,7 @@ seeds = {"seeds": many(integer(0))}
 taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
 line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "out_of_order"), fraction)
 tactile_images = ("pressure", "strain", "combined")
-
-stress = {"protocols": many(text), "seeds": many(integer(0)), "perturbations": severities}
+stress = {"protocols": many(text), "perturbations": severities}
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
 SCHEMA = {
@@ -319,5 +321,8 @@ SCHEMA = {
         "models": mapping,
         "latency": latency,
     },
-    "stress": dict.fromkeys(("strain", "strain_recorded", "glove", "glove_recorded"), stress),
+    "stress": {
+        **dict.fromkeys(("touch", "velostat_recorded", "strain", "strain_recorded"), stress),
+        **dict.fromkeys(("glove", "glove_recorded"), stress | {"seeds": many(integer(0))}),
+    },
 }

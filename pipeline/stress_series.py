@@ -77,7 +77,7 @@ def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
     plan = planned(experiment, settings, block["perturbations"])
     written, found = results.Scores(experiment, settings), []
     for protocol in block["protocols"]:
-        for seed in block["seeds"]:
+        for seed in settings["protocols"][protocol]["seeds"]:
             run = loaded(values, experiment, model, protocol, seed)
             pieces = series.read(paths.dataset(experiment), run.task, protocol, seed)
             seen = levels(pieces, settings)
@@ -98,7 +98,7 @@ def planned(experiment: str, settings: Mapping, given: Mapping[str, list]) -> di
 
     Raises InputError for an unknown name.
     """
-    params.check_keys(dict.fromkeys(KNOWN) | given, KNOWN, f"stress.{experiment}.perturbations")
+    params.check_known(given, KNOWN, f"stress.{experiment}.perturbations")
     simulated = settings.get("source") == "simulated"
     return {name: sorted(own) for name, own in given.items() if simulated or name not in SCENES}
 
