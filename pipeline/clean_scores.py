@@ -1,4 +1,4 @@
-"""The clean level of a stress test: it must be what the stage `evaluate` has found, or one of the two is out of date."""
+"""The clean level of a stress test: it must be what the stage `evaluate` found, or one of the two is out of date."""
 
 from collections.abc import Mapping, Sequence
 

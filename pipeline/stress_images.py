@@ -128,7 +128,7 @@ class Run:
         self.clean = self._scores(self.answers)
 
     def scores(self, pictures: np.ndarray) -> list:
-        """Of the test images (n, SIDE, SIDE) uint8 after a perturbation; those that did not change are not asked again."""
+        """Of test images (n, SIDE, SIDE) uint8 after a perturbation; only those that changed are predicted again."""
         x = pictures.reshape(self.x.shape).astype(np.float32)
         changed = np.flatnonzero((x != self.x).any(axis=(1, 2)))
         answers = self.answers.copy()
@@ -161,8 +161,9 @@ def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
 def device(module, area: str) -> tuple[float, float, tuple[tuple[int, int], ...]]:
     """The range of an area's readings and its matrices; module: pipeline/experiments/glove.py or glove_recorded.py."""
     if hasattr(module, "MATRICES"):
-        joints = area == "strain"
-        return (-module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()) if joints else (0, module.FULL_SCALE, module.MATRICES)
+        if area == "strain":
+            return -module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()
+        return 0, module.FULL_SCALE, module.MATRICES
     rows, cols = module.PRESSURE if area == "pressure" else module.STRAIN
     return 0, module.LEVELS - 1, ((rows.stop - rows.start, cols.stop - cols.start),)
 
@@ -238,7 +239,7 @@ def changed_scene(settings: Mapping, frames: Frames, change: str, severity: floa
     return dict(zip(AREAS, np.split(cells, [frames.areas["pressure"].readings.shape[1]], axis=1), strict=True))
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def session(block: str, name: str, recording: str, change: str, severity: float) -> np.ndarray:
     """As scenes/glove_stress.py; `block`: `glove` as JSON. Kept, because all models of a process see the same."""
     scene = importlib.import_module("pipeline.scenes.glove_stress")

@@ -2,6 +2,7 @@
 
 A recording of its own motion, drift and noise, which no model has seen, as long as the test part of the simulated
 recordings. Every change starts from it, so that severity 0, which changes nothing, is the reference of all others.
+The clocks of DAQ and robot agree.
 """
 
 from collections.abc import Mapping
@@ -23,16 +24,18 @@ def changed(settings: Mapping, change: str, severity: float) -> dict:
     * specimen: the finger, its drift and its noise with number `severity` of the scene's seeds; 0 is the trained one.
     """
     scene, ingest = settings["simulate"], settings["ingest"]
-    scene = scene | {"samples": round(scene["samples"] * (1 - settings["split"]["train"]))}
+    devices = scene["devices"] | {"clock_offset_s": 0.0, "clock_drift_ppm": 0.0}
+    samples = round(scene["samples"] * (1 - settings["split"]["train"]))
+    scene = scene | {"devices": devices, "samples": samples}
     factor = 2.0**severity
     if change == "rate":
-        hertz = scene["devices"]["daq_hz"] * factor
-        scene |= {"samples": round(scene["samples"] * factor), "devices": scene["devices"] | {"daq_hz": hertz}}
+        devices["daq_hz"] *= factor
+        scene["samples"] = round(samples * factor)
         ingest = ingest | {"rate_hz": ingest["rate_hz"] * factor}
     elif change == "speed":
-        scene |= {"motion": scene["motion"] | {name: scene["motion"][name] * factor for name in SPEEDS}}
+        scene["motion"] = scene["motion"] | {name: scene["motion"][name] * factor for name in SPEEDS}
     elif change == "specimen":
-        scene |= {"seed": scene["seed"] + round(severity)}
+        scene["seed"] += round(severity)
     else:
         raise InputError(f"strain scene: no change '{change}'; there are {', '.join(CHANGES)}")
     return {**settings, "simulate": scene, "ingest": ingest}
