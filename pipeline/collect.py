@@ -12,7 +12,6 @@ import pandas as pd
 from pipeline import params, paths
 from pipeline.errors import InputError, run_stage
 
-
 # Of reports/stress.csv: what others read first.
 STRESS = ("experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition")
 

@@ -11,7 +11,8 @@ from pipeline.scale import set_values
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
-STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "stress", "render_stability"}
+STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study"}
+STAGES |= {"stress", "render_stability"}
 COMMANDS = {"fetch", "scale", "fit_material"}
 # Modules that find, check and start things but cannot change a number: DVC need not watch them.
 PLUMBING = {
