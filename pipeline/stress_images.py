@@ -13,6 +13,8 @@ with its own range, cells and lines; by name:
 * specimen, shift, turn, grip (simulated only): the test sessions in a changed scene, see
   pipeline/scenes/glove_stress.py. An object out of place is the same as a glove that sits wrongly on the hand.
 
+What an unseen session costs is not here: it is the difference between the experiment's splits.
+
 Cells that read the same in all training frames are not wired, or nothing reaches them; nothing of the above does.
 Readings are rounded and clipped to what the device can print. A draw depends on the seed and the perturbation's name
 alone, so that all models see the same.
