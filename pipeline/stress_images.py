@@ -188,7 +188,8 @@ def stressed(
 
 def perturbed(frames: Frames, area: str, name: str, severity: float, seed: int) -> np.ndarray:
     """Readings of one area in the test frames, (n, cells), in the type of the table, after one of READINGS."""
-    known, rng = frames.areas[area], generator(seed, "stress", name, area)
+    known = frames.areas[area]
+    rng = generator(seed, "stress", name, *([] if name in IN_TIME else [area]))  # one scan: both areas lose a frame
     result = known.readings[frames.rows]
     own = result[:, known.wired]
     if name in IN_TIME:
