@@ -35,7 +35,7 @@ SEVERITIES = {
     "noise": ("share of the range", "white noise; standard deviation as share of the sensor's range"),
     "gain_drift": ("spread of log gain", "each element's response scaled; standard deviation of the log of the factor"),
     "offset_drift": ("share of the range", "each element shifted; standard deviation as share of the sensor's range"),
-    "dead": ("dead elements", "elements that read the lowest value"),
+    "dead": ("dead elements", "elements that read the lowest value; strands of strain come loose and read the supply"),
     "stuck": ("stuck elements", "elements that repeat one old reading"),
     "dead_line": ("dead rows or columns", "rows or columns that read the lowest value"),
     "lost_frames": ("share of frames", "share of frames lost; the one before is repeated"),
@@ -46,13 +46,13 @@ SEVERITIES = {
     "tip_radius": ("change in mm", "change of the tip's radius in mm; the labels go with it"),
     "touches": ("touches at once", "touches at once"),
     "distance": ("mm", "distance in mm between two touches"),
-    "time": ("minutes", "minutes since training; nothing is perturbed"),
+    "time": ("minutes", "age of the samples in minutes since the start of the test part; nothing is perturbed"),
     "rate": ("log2 of the factor", "sampling rate changed by 2 to the severity"),
     "speed": ("log2 of the factor", "motion faster or slower by 2 to the severity"),
-    "half": ("channels", "channels that fail half way through the test part"),
-    "shift": ("shift", "shift of the glove"),
-    "turn": ("degrees", "turn of the glove in degrees"),
-    "grip": ("log2 of the factor", "grip stronger or weaker by 2 to the severity"),
+    "half": ("dead elements", "as dead, but only from the middle of the test part on"),
+    "shift": ("mm", "the object lies nearer to the fingers by so many mm"),
+    "turn": ("degrees", "the object lies turned on the palm by so many degrees"),
+    "grip": ("log2 of the factor", "margin of the grip over the slip force times 2 to the severity"),
 }
 UNNAMED = ("severity", "see params.yaml")
 FAILURES = ("experiment", "protocol", "condition", "perturbation", "model", "fails_at", "step", "clean", "error")
@@ -94,7 +94,7 @@ def read(experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
             raise InputError(f"{results.shown(path)}: no row for protocol {protocol}; run `{made_by}` again")
         for level in own.itertuples(index=False, name=None):
             for model in settings["models"]:
-                for seed in settings["protocols"][protocol]["seeds"]:
+                for seed in stress.get("seeds", settings["protocols"][protocol]["seeds"]):
                     if (*level, model, seed) not in present:
                         row = ", ".join(map(str, (*level, model)))
                         raise InputError(f"{results.shown(path)}: no row for {row}, seed {seed}; run `{made_by}` again")

@@ -87,7 +87,7 @@ seeds = {"seeds": many(integer(0))}
 taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
 line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "out_of_order"), fraction)
 tactile_images = ("pressure", "strain", "combined")
-stressed = ("touch", "velostat_recorded")  # experiments
+stress = {"protocols": many(text), "perturbations": severities}
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
 SCHEMA = {
@@ -321,5 +321,8 @@ SCHEMA = {
         "models": mapping,
         "latency": latency,
     },
-    "stress": dict.fromkeys(stressed, {"protocols": many(text), "perturbations": severities}),
+    "stress": {
+        **dict.fromkeys(("touch", "velostat_recorded", "strain", "strain_recorded"), stress),
+        **dict.fromkeys(("glove", "glove_recorded"), stress | {"seeds": many(integer(0))}),
+    },
 }
