@@ -22,8 +22,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import metrics, params, paths, perturbations, results, tables, workers
-from pipeline.errors import InputError
+from pipeline import clean_scores, metrics, params, paths, perturbations, results, tables, workers
 from pipeline.seeding import generator
 from pipeline.window import windows_of
 
@@ -113,7 +112,7 @@ def rows(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]
         case: tables.read_dataset(_scene_file(experiment, case), spec.frames)
         for case in scene_cases(values, experiment)
     }
-    found = []
+    written, found = results.Scores(experiment, settings), []
     for protocol in stress["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
             folder = paths.require(
@@ -125,7 +124,9 @@ def rows(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]
             own += _scene_rows(experiment, settings, scenes, regressor.predict)
             if json.loads((folder / "fit.json").read_text())["best_epoch"] == 0:
                 own = [(*row[:5], float("nan"), row[6]) for row in own]
-            _check_clean(experiment, model, protocol, seed, own)
+            for condition in CONDITIONS[experiment]:
+                clean = [row[3:] for row in own if row[:2] == (condition, UNCHANGED)]
+                clean_scores.check(written, (protocol, condition, model, seed), settings, clean, ROUNDING)
             found += [(protocol, condition, seed, *rest) for condition, *rest in with_clean(own)]
             report()
     return found
@@ -202,22 +203,6 @@ def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, tables
         scores = getattr(metrics, experiment)(data.rows, data.y, predict(data.x), varied)
         found += [(*case, *row) for row in scores if row[0] in REPORTED]
     return found
-
-
-def _check_clean(experiment: str, model: str, protocol: str, seed: int, found: list[tuple]) -> None:
-    """InputError where an unperturbed score differs from that of `evaluate`."""
-    made_by = f"python -m pipeline.evaluate {experiment}"
-    known = results.read_csv(paths.scores(experiment), ["protocol", "condition", "model", "seed", "metric"], made_by)
-    known = known[(known["protocol"] == protocol) & (known["model"] == model) & (known["seed"] == seed)]
-    known = {(row.condition, row.metric): row.value for row in known.itertuples()}
-    for condition, name, _, metric, _, value, _ in found:
-        if name == UNCHANGED and condition in CONDITIONS[experiment]:
-            before = known.get((condition, metric))
-            if before is None or not np.isclose(value, before, rtol=ROUNDING, atol=0, equal_nan=True):
-                raise InputError(
-                    f"{results.shown(paths.scores(experiment))}: {metric} of {protocol}, {condition}, {model}, seed "
-                    f"{seed} is {before} there and {value!r} when predicted again; run `{made_by}` again"
-                )
 
 
 def _scene_file(experiment: str, case: Case) -> Path:
