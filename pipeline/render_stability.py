@@ -37,8 +37,8 @@ def main() -> None:
             ylabel = error if unit == "1" else f"{error} ({unit})"
             figures_stability.small_multiples(draft / name, panels, title, ylabel)
             pictures[experiment].append(name)
-    failures = pd.concat(found) if found else pd.DataFrame(columns=report_stability.FAILURES)
-    training = pd.concat(trained) if trained else pd.DataFrame(columns=report_stability.TRAININGS)
+    failures = pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=report_stability.FAILURES)
+    training = pd.concat(trained, ignore_index=True) if trained else pd.DataFrame(columns=report_stability.TRAININGS)
     for name, part in (("failures", failures), ("training", training)):
         part.to_csv(draft / f"{name}.csv", index=False, lineterminator="\n")
     texts = {

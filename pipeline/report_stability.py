@@ -56,7 +56,7 @@ SEVERITIES = {
 }
 UNNAMED = ("severity", "see params.yaml")
 FAILURES = ("experiment", "protocol", "condition", "perturbation", "model", "fails_at", "step", "clean", "error")
-FAILURES += ("verdict", "last_severity")
+FAILURES += ("verdict", "last_severity", "last_error")
 TRAININGS = ("experiment", "model", "runs", "diverged", "no_usable_epoch", "scores", "nan", "worse_than_constant")
 HOLDS, FAILED = "holds", "failed in training"
 
@@ -158,7 +158,18 @@ def failures(table: pd.DataFrame, experiment: str) -> pd.DataFrame:
         for model, own in models.items():
             if model != FLOOR:
                 judged = verdict(own, models.get(FLOOR))
-                found.append((experiment, protocol, condition, perturbation, model, *judged, list(own)[-1]))
+                found.append(
+                    (
+                        experiment,
+                        protocol,
+                        condition,
+                        perturbation,
+                        model,
+                        *judged,
+                        list(own)[-1],
+                        list(own.values())[-1].mean,
+                    )
+                )
     return pd.DataFrame(found, columns=FAILURES)
 
 
@@ -261,7 +272,9 @@ def findings(found: pd.DataFrame, trained: pd.DataFrame, pictures: Mapping[str, 
         "# Stability: trained models where methods fail\n",
         "Every model as it was trained, on test data that is perturbed step by step. It fails at the first severity at "
         "which its error is above twice its clean error or worse than the constant model's; severities are explained "
-        "in [failures.md](failures.md). [Trainings that failed](training.md).\n",
+        "in [failures.md](failures.md). The rule compares a model with itself: one that is not much better than the "
+        "constant model on clean data has little to lose, so who is best under stress is named, too. "
+        "[Trainings that failed](training.md).\n",
     ]
     for experiment in dict.fromkeys([*found["experiment"], *absent]):
         if experiment in absent:
@@ -311,18 +324,22 @@ def sentences(own: pd.DataFrame) -> list[str]:
 
 
 def one_perturbation(rows: pd.DataFrame) -> str:
-    """Who fails first and who last, of one perturbation in one condition."""
-    last, failed = rows["last_severity"].iloc[0], rows[rows["verdict"] != HOLDS]
+    """Who fails first and who last, of one perturbation in one condition, and who is best at its last severity."""
+    last, failed, holding = rows["last_severity"].iloc[0], rows[rows["step"].notna()], rows[rows["step"].isna()]
+    best = rows.loc[rows["last_error"].idxmin()]
+    _, error, unit = ERRORS[best["experiment"]]
+    lowest = f"lowest {error if error.isupper() else error.lower()} at {last:g}: {style(best['model']).label} ({best['last_error']:.3g}"
+    lowest += ")." if unit == "1" else f" {unit})."
     if failed.empty:
-        return f"all hold up to {last:g}."
+        return f"all hold up to {last:g}; {lowest}"
     first, latest = (failed[failed["step"] == step] for step in (failed["step"].min(), failed["step"].max()))
-    text = f"first {names(first['model'])} ({first['fails_at'].iloc[0]:g})"
-    holding = rows[rows["verdict"] == HOLDS]["model"]
+    at = {number: own["fails_at"].iloc[0] for number, own in enumerate((first, latest))}
+    if len(first) == len(rows):
+        return f"all fail at {at[0]:g}; {lowest}"
+    text = f"first {names(first['model'])} ({at[0]:g})"
     if len(holding):
-        return f"{text}; {names(holding)} {verb(holding, 'holds', 'hold')} up to {last:g}."
-    if len(first) == len(failed):
-        return f"all fail at {first['fails_at'].iloc[0]:g}."
-    return f"{text}; last {names(latest['model'])} ({latest['fails_at'].iloc[0]:g})."
+        return f"{text}; {names(holding['model'])} {verb(holding, 'holds', 'hold')} up to {last:g}; {lowest}"
+    return f"{text}; last {names(latest['model'])} ({at[1]:g}); {lowest}"
 
 
 def names(models: Sequence[str]) -> str:

@@ -108,9 +108,9 @@ def test_the_report_says_who_fails_where(root):
     assert table.loc[("press_speed", "lomp"), "fails_at"] == -1
     assert "constant" not in table.index.get_level_values("model")
     text = (folder / "README.md").read_text()
-    assert "`noise`: first Linear (0.2); LoMP holds up to 0.2." in text
-    assert "`press_speed`: first LoMP (-1); last Linear (1)." in text
-    assert "`distance`: all hold up to 12." in text
+    assert "`noise`: first Linear (0.2); LoMP holds up to 0.2; lowest RMSE at 0.2: LoMP (3.9 kPa)." in text
+    assert "`press_speed`: first LoMP (-1); last Linear (1); lowest RMSE at 1: LoMP (2 kPa)." in text
+    assert "`distance`: all hold up to 12; lowest RMSE at 12: LoMP (3 kPa)." in text
     assert "## velostat_recorded: not run\n\nNo logs." in text
     assert "1 of 6 runs diverged, 0 left no usable weights" in text
     assert "1 of 6 clean scores are worse than the constant model's, most of LoMP in touch (1)" in text
