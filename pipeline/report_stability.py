@@ -328,8 +328,8 @@ def one_perturbation(rows: pd.DataFrame) -> str:
     last, failed, holding = rows["last_severity"].iloc[0], rows[rows["step"].notna()], rows[rows["step"].isna()]
     best = rows.loc[rows["last_error"].idxmin()]
     _, error, unit = ERRORS[best["experiment"]]
-    lowest = f"lowest {error if error.isupper() else error.lower()} at {last:g}: {style(best['model']).label} ({best['last_error']:.3g}"
-    lowest += ")." if unit == "1" else f" {unit})."
+    value = f"{best['last_error']:.3g}" + ("" if unit == "1" else f" {unit}")
+    lowest = f"lowest {error if error.isupper() else error.lower()} at {last:g}: {names([best['model']])} ({value})."
     if failed.empty:
         return f"all hold up to {last:g}; {lowest}"
     first, latest = (failed[failed["step"] == step] for step in (failed["step"].min(), failed["step"].max()))
@@ -343,8 +343,8 @@ def one_perturbation(rows: pd.DataFrame) -> str:
 
 
 def names(models: Sequence[str]) -> str:
-    """The models as the figures call them."""
-    return ", ".join(style(model).label for model in models)
+    """The models as the figures call them; some names have commas in them."""
+    return " / ".join(style(model).label for model in models)
 
 
 def verb(models: Sequence[str], one: str, several: str) -> str:
