@@ -54,7 +54,12 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
     figure.suptitle(
         f"{title}: error under perturbation (lower is better), mean and range of the seeds{subtitle}", fontsize=10
     )
-    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=min(len(drawn), 6))
+    figure.legend(
+        drawn.values(),
+        drawn.keys(),
+        loc="outside lower center",
+        ncols=min(len(drawn), 150 // (max(map(len, drawn)) + 8)),
+    )
     save(figure, path)
 
 
