@@ -1,9 +1,10 @@
-"""Stage: the scores and latencies of all experiments in one file each, in full precision, for others to read.
+"""Stage: the scores, latencies and stress of all experiments in one file each, in full precision, for others to read.
 
 Usage: python -m pipeline.collect
 """
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -11,16 +12,24 @@ import pandas as pd
 from pipeline import params, paths
 from pipeline.errors import InputError, run_stage
 
+# Of reports/stress.csv: what others read first.
+STRESS = ("experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition")
 
-def collect(parts: list[Path], target: Path) -> None:
-    """Write the rows of all `parts` (CSV files with one header) to `target`, digit for digit."""
+
+def collect(parts: list[Path], target: Path, first: Sequence[str] = ()) -> None:
+    """Write the rows of all `parts` (CSV files with one header) to `target`, digit for digit.
+
+    `first`: columns that come first, in this order, the others after them as they are.
+    """
     tables = [pd.read_csv(paths.require(part, "dvc repro"), dtype=str, keep_default_na=False) for part in parts]
     for part, table in zip(parts, tables, strict=True):
         if list(table.columns) != list(tables[0].columns):
             raise InputError(f"{part}: its columns differ from those of {parts[0]}; run `dvc repro` again")
     target.parent.mkdir(parents=True, exist_ok=True)
     draft = target.with_name(target.name + ".unfinished")
-    pd.concat(tables).to_csv(draft, index=False, lineterminator="\n")
+    together = pd.concat(tables)
+    order = [*first, *(column for column in together.columns if column not in first)]
+    together[order].to_csv(draft, index=False, lineterminator="\n")
     os.replace(draft, target)
 
 
@@ -29,6 +38,7 @@ def main() -> None:
     experiments = params.load()["experiments"]
     collect([paths.scores(name) for name in experiments], paths.REPORTS / "scores.csv")
     collect([paths.latency(name) for name in experiments], paths.REPORTS / "latency.csv")
+    collect([paths.stress(name) for name in experiments], paths.REPORTS / "stress.csv", STRESS)
 
 
 if __name__ == "__main__":

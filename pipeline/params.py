@@ -47,14 +47,20 @@ def check_keys(given: Mapping, expected: Iterable[str], where: str) -> None:
     if not isinstance(given, Mapping):
         keys = ", ".join(expected) or "{}"
         raise InputError(f"params.yaml, {where}: expected a block of settings ({keys}), got {given!r}")
+    check_known(given, expected, where)
+    for key in expected:
+        if key not in given:
+            raise InputError(f"params.yaml, {where}: key '{key}' is missing; add it")
+
+
+def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
+    """InputError that names the first key which is not among `expected`, with "did you mean"."""
+    expected = list(expected)
     for key in given:
         if key not in expected:
             near = difflib.get_close_matches(str(key), expected, n=1)
             hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(expected) or 'none'}"
             raise InputError(f"params.yaml, {where}: unknown key '{key}'; {hint}")
-    for key in expected:
-        if key not in given:
-            raise InputError(f"params.yaml, {where}: key '{key}' is missing; add it")
 
 
 def check_call(function: Callable, settings: Mapping, where: str) -> None:

@@ -96,6 +96,16 @@ def stag(experiment: str) -> Path:
     return experiment_folder(experiment) / "stag.csv"
 
 
+def stress(experiment: str) -> Path:
+    """Scores of the trained models on perturbed data (output of stress)."""
+    return experiment_folder(experiment) / "stress.csv"
+
+
+def stress_scenes(experiment: str) -> Path:
+    """Datasets of perturbed scenes, while `stress` runs."""
+    return experiment_folder(experiment) / "unfinished" / "stress"
+
+
 def require(path: Path, made_by: str) -> Path:
     """`path`, or the sentence that says which stage makes it."""
     if not path.exists():

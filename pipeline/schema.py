@@ -63,6 +63,17 @@ def mapping(value):
     return None if isinstance(value, Mapping) and value else "a non-empty block"
 
 
+def severities(value):
+    """A non-empty block: names of perturbations, each with a list of severities other than 0."""
+    if wrong := mapping(value):
+        return wrong
+    listed = many(number())
+    for name, levels in value.items():
+        if (wrong := listed(levels)) or 0 in levels:
+            return f"for {name} {wrong or 'no severity 0 (it is always done)'}"
+    return None
+
+
 positive = number(1e-12)
 fraction = number(0.0, 1.0)
 one = integer(1, 1)  # the recordings are of one taxel
@@ -76,6 +87,7 @@ seeds = {"seeds": many(integer(0))}
 taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
 line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "out_of_order"), fraction)
 tactile_images = ("pressure", "strain", "combined")
+stress = {"protocols": many(text), "perturbations": severities}
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
 SCHEMA = {
@@ -308,5 +320,9 @@ SCHEMA = {
         "protocols": mapping,
         "models": mapping,
         "latency": latency,
+    },
+    "stress": {
+        **dict.fromkeys(("touch", "velostat_recorded", "strain", "strain_recorded"), stress),
+        **dict.fromkeys(("glove", "glove_recorded"), stress | {"seeds": many(integer(0))}),
     },
 }

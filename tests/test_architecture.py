@@ -12,6 +12,7 @@ from pipeline.scale import set_values
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
 STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "judge"}
+STAGES |= {"stress", "render_stability"}
 COMMANDS = {"fetch", "scale", "fit_material"}
 # Modules that find, check and start things but cannot change a number: DVC need not watch them.
 PLUMBING = {
@@ -68,10 +69,13 @@ def test_imports_point_one_way():
             # The figure of the film's characteristic curve draws the fitted material itself.
             if (file, other) == ("pipeline/figures_touch.py", "pipeline/scenes/material.py"):
                 continue
+            # Simulated recordings are cut into windows exactly as the stage cuts the experiment's.
+            if (file, other) == ("pipeline/stress_windows.py", "pipeline/window.py"):
+                continue
             assert kind(other) in allowed[kind(file)], f"{file} imports {other}"
 
 
-@pytest.mark.parametrize("stage", ["render", "judge"])
+@pytest.mark.parametrize("stage", ["render", "judge", "render_stability"])
 def test_reports_do_not_import_torch(stage):
     for file in closure(f"pipeline/{stage}.py"):
         source = (ROOT / file).read_text()
@@ -104,6 +108,9 @@ def test_dvc_watches_what_a_stage_imports(entry):
     if command[2] == "pipeline.train_series":
         needed |= closure(f"pipeline/models/{command[4].replace('model_zero', 'lstm_direct')}.py")
         needed |= closure(f"pipeline/experiments/{command[3]}.py") - {"pipeline/logs.py", "pipeline/alignment.py"}
+    if command[2] == "pipeline.stress":
+        needed |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline/scenes").glob("*.py")}
+        needed |= closure(f"pipeline/experiments/{command[3]}.py")
     if command[2] == "pipeline.simulate":
         needed |= closure(f"pipeline/scenes/{command[3]}.py")
     if command[2] == "pipeline.ingest":

@@ -1,0 +1,57 @@
+"""Stage: what people read of the stability tests of all experiments, in reports/stability.
+
+Usage: python -m pipeline.render_stability
+"""
+
+import shutil
+
+import pandas as pd
+
+from pipeline import figures_stability, params, paths, report_stability
+from pipeline.availability import why_not_run
+from pipeline.errors import InputError, run_stage
+from pipeline.report_touch import write_text
+
+
+def main() -> None:
+    """Render all experiments of params.yaml; the folder in reports/ is replaced whole."""
+    values = params.load()
+    target = paths.REPORTS / "stability"
+    draft = target.with_name("stability.unfinished")
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir(parents=True)
+    found, trained, pictures, absent = [], [], {}, {}
+    for experiment in values["experiments"]:
+        if reason := why_not_run(experiment):
+            absent[experiment] = reason[0].upper() + reason[1:]
+            continue
+        if experiment not in values["stress"]:
+            raise InputError(f"params.yaml, stress: there is no block '{experiment}'; add one")
+        settings, stress = values[experiment], values["stress"][experiment]
+        table = report_stability.read(experiment, settings, stress)
+        found.append(report_stability.failures(table, experiment))
+        trained.append(report_stability.training_failures(experiment, settings))
+        pictures[experiment] = []
+        for name, title, panels in report_stability.panels(table, experiment):
+            _, error, unit = report_stability.ERRORS[experiment]
+            ylabel = error if unit == "1" else f"{error} ({unit})"
+            figures_stability.small_multiples(draft / name, panels, title, ylabel)
+            pictures[experiment].append(name)
+    failures = pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=report_stability.FAILURES)
+    training = pd.concat(trained, ignore_index=True) if trained else pd.DataFrame(columns=report_stability.TRAININGS)
+    for name, part in (("failures", failures), ("training", training)):
+        part.to_csv(draft / f"{name}.csv", index=False, lineterminator="\n")
+    texts = {
+        "README": report_stability.findings(failures, training, pictures, absent),
+        "failures": report_stability.failure_text(failures),
+        "training": report_stability.training_text(training),
+    }
+    for name, text in texts.items():
+        write_text(draft / f"{name}.md", text)
+    shutil.rmtree(target, ignore_errors=True)
+    draft.rename(target)
+    print(f"reports/stability: {sum(path.is_file() for path in target.rglob('*'))} files")
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,150 @@
+"""Touch scenes that the models were not trained for: another array, harder, faster or blunter presses, more touches.
+
+Three conditions. `double` are the double-touch recordings of the experiment, pressed again with one thing changed;
+unchanged, they are the same to the last digit. `single_anew` are single touches at places, depths and times drawn
+anew: the experiment's own are mostly training data. `several` are further layouts: a number of simultaneous touches,
+or two touches at a distance; they have no unchanged version. Everything else is `scenes/touch.py`.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.scenes import touch
+from pipeline.scenes.touch import Recording
+from pipeline.seeding import generator
+
+# Perturbation -> the conditions in which it acts.
+VARIATIONS = dict.fromkeys(("specimen", "peak_pressure", "press_speed", "tip_radius"), ("double", "single_anew"))
+LAYOUTS = dict.fromkeys(("touches", "distance"), ("several",))
+DRAWS = 1000  # of places, until all touches are far enough from one another
+
+
+def varied(settings: Mapping, perturbation: str, severity: float) -> dict:
+    """The block `touch` with one thing changed.
+
+    * peak_pressure: all pressures times 1 + severity.
+    * press_speed: approach, hold and release 2^severity times as fast; the way between two places as before.
+    * tip_radius: the tip's radius plus severity (mm), at the same pressures; the labels go with it (eq. 1).
+    Every other perturbation leaves the block as it is.
+    """
+    scene, label = settings["simulate"], settings["label"]
+    if perturbation == "peak_pressure":
+        scaled = {key: scene["pressure"][key] * (1 + severity) for key in ("lowest_kpa", "highest_kpa")}
+        scene = scene | {"pressure": scene["pressure"] | scaled}
+    if perturbation == "press_speed":
+        scaled = {key: scene["press"][key] / 2**severity for key in ("approach_s", "hold_s", "release_s")}
+        scene = scene | {"press": scene["press"] | scaled}
+    if perturbation == "tip_radius":
+        label = label | {"tip_radius_mm": label["tip_radius_mm"] + severity}
+        if label["tip_radius_mm"] <= 0:
+            raise InputError(f"params.yaml, stress.touch: tip_radius {severity:g} mm leaves no tip; take less away")
+    return settings | {"simulate": scene, "label": label}
+
+
+def plan(
+    settings: Mapping, condition: str, perturbation: str, severity: float
+) -> tuple[list[Recording], Callable[[Recording], dict]]:
+    """As `touch.plan`: the recordings of one condition, perturbed, and what gives the logs of one.
+
+    settings: the block `touch` as params.yaml has it. specimen: severity 1, 2, ... are other arrays of the same
+    make (and other read-out noise and clocks), at the same presses.
+    """
+    changed = varied(settings, perturbation, severity)
+    scene, sensor, radius = changed["simulate"], changed["sensor"], changed["label"]["tip_radius_mm"]
+    if condition == "double":
+        recordings = touch.double_recordings(scene, sensor, radius)
+    elif condition == "single_anew":
+        recordings = pressed(condition, *places(changed, 1), scene, radius)
+    elif perturbation == "touches":
+        recordings = pressed(condition, *places(changed, severity), scene, radius)
+    else:
+        recordings = pressed(condition, *pairs(changed, severity), scene, radius)
+    shift = int(severity) if perturbation == "specimen" else 0
+    read_out = scene | {"seed": scene["seed"] + shift}
+    return recordings, lambda recording: touch.logs_of(recording, read_out, sensor, radius, reset=False)
+
+
+def places(settings: Mapping, touches: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where and how hard `touches` tips press at once: (presses, touches, 2) in mm, (presses, touches) in kPa.
+
+    On label cells of elements drawn at random, at least one element between any two, as in the double-touch data.
+    Places are drawn for touch.ingest.max_touches tips, so that those of fewer touches are among those of more.
+    """
+    scene, sensor, most = settings["simulate"], settings["sensor"], settings["ingest"]["max_touches"]
+    if touches != int(touches) or not 1 <= touches <= most:
+        raise InputError(
+            f"params.yaml, stress.touch: {touches!r} touches at once; give a whole number from 1 to {most}"
+        )
+    rng, presses = generator(scene["seed"], "stress", "places"), _presses(scene)
+    elements = np.array([(c, r) for r in range(sensor["rows"]) for c in range(sensor["cols"])])
+    found = np.empty((presses, most, 2))
+    for press in range(presses):
+        for _ in range(DRAWS):
+            chosen = []
+            for element in rng.permutation(elements):
+                if all(abs(element - other).max() >= 2 for other in chosen):
+                    chosen.append(element)
+            if len(chosen) >= most:
+                break
+        else:
+            raise InputError(
+                f"params.yaml, touch.ingest.max_touches: {most} touches find no room on the array; lower it"
+            )
+        found[press] = chosen[:most]
+    cells = rng.integers(0, 4, found.shape)  # one of the 4 x 4 label cells of the element
+    kpa = rng.uniform(scene["pressure"]["lowest_kpa"], scene["pressure"]["highest_kpa"], found.shape[:2])
+    return ((found + (cells + 0.5) / 4) * sensor["pitch_mm"])[:, : int(touches)], kpa[:, : int(touches)]
+
+
+def pairs(settings: Mapping, distance_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Two tips `distance_mm` apart along a row or a column, at random: (presses, 2, 2) in mm, (presses, 2) in kPa.
+
+    Both stay half an element inside the array. With the same draws, a smaller distance moves the tips together.
+    """
+    scene, sensor = settings["simulate"], settings["sensor"]
+    size = np.array([sensor["cols"], sensor["rows"]]) * sensor["pitch_mm"]
+    edge = sensor["pitch_mm"] / 2
+    if not 0 < distance_mm <= size.min() - 2 * edge:
+        raise InputError(
+            f"params.yaml, stress.touch: distance {distance_mm:g} mm; give more than 0 and at most "
+            f"{size.min() - 2 * edge:g} mm (the array less half an element at each edge)"
+        )
+    rng, presses = generator(scene["seed"], "stress", "pairs"), _presses(scene)
+    along = np.eye(2)[rng.integers(0, 2, presses)]  # (presses, 2): x or y
+    first = edge + rng.random((presses, 2)) * (size - 2 * edge - distance_mm * along)
+    kpa = rng.uniform(scene["pressure"]["lowest_kpa"], scene["pressure"]["highest_kpa"], (presses, 2))
+    return np.stack([first, first + distance_mm * along], axis=1), kpa
+
+
+def pressed(
+    condition: str, places_mm: np.ndarray, kpa: np.ndarray, scene: Mapping, tip_radius_mm: float
+) -> list[Recording]:
+    """Recordings of presses in which all tips come and go together; arguments as `places` returns them.
+
+    As many recordings, of as many presses, as the double-touch data.
+    """
+    rng = generator(scene["seed"], "stress", "timing")
+    newton = 1e3 * touch.tip_area_m2(tip_radius_mm)  # per kPa
+    rest = np.zeros(round(touch.START_S / touch.STEP_S))
+    size, recordings = scene["double"]["presses_per_recording"], []
+    for number in range(scene["double"]["recordings"]):
+        own = slice(number * size, (number + 1) * size)
+        profiles = []
+        for _ in range(size):
+            duration = touch.varied(scene["press"], rng)
+            travel = np.zeros(round(duration["travel_s"] / touch.STEP_S))
+            profiles.append(np.concatenate([travel, touch.press_profile(duration)]))
+        steps = [len(rest) + len(profiles[0]), *map(len, profiles[1:-1]), len(profiles[-1]) + len(rest)]
+        force = np.concatenate([rest, *profiles, rest])
+        touches = []
+        for tip in range(kpa.shape[1]):
+            x, y = (np.repeat(column, steps) for column in places_mm[own, tip].T)
+            touches.append(touch.steady(force * np.repeat(kpa[own, tip] * newton, steps), x, y))
+        recordings.append(Recording(condition, f"run{number:03d}", touches))
+    return recordings
+
+
+def _presses(scene: Mapping) -> int:
+    return scene["double"]["recordings"] * scene["double"]["presses_per_recording"]

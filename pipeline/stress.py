@@ -1,0 +1,85 @@
+"""Stage: the trained models, as they are, on perturbed test data: where does each of them fail?
+
+Usage: python -m pipeline.stress EXPERIMENT
+"""
+
+import csv
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from types import ModuleType
+
+from tqdm import tqdm
+
+from pipeline import params, paths, workers
+from pipeline.availability import why_not_run
+from pipeline.errors import InputError, run_stage
+
+COLUMNS = (
+    "experiment",
+    "protocol",
+    "condition",
+    "model",
+    "seed",
+    "perturbation",
+    "severity",
+    "metric",
+    "unit",
+    "value",
+)
+COLUMNS += ("n",)
+
+
+def stressor(experiment: str) -> ModuleType:
+    """The module whose `rows(experiment, model, report)` perturbs and scores one model."""
+    if experiment in params.SERIES:
+        from pipeline import stress_series
+
+        return stress_series
+    if experiment in params.IMAGES:
+        from pipeline import stress_images
+
+        return stress_images
+    from pipeline import stress_windows
+
+    return stress_windows
+
+
+def stress_model(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
+    """Rows of stress.csv for one model."""
+    found = stressor(experiment).rows(experiment, model, report)
+    return [(experiment, protocol, condition, model, seed, *rest) for protocol, condition, seed, *rest in found]
+
+
+def main() -> None:
+    """Stress the models of the experiment named on the command line."""
+    values = params.load()
+    experiment = params.experiment_argument(sys.argv, "stress", values)
+    if experiment not in values["stress"]:
+        raise InputError(f"params.yaml, stress: there is no block '{experiment}'; add one")
+    protocols, block = values[experiment]["protocols"], values["stress"][experiment]
+    params.check_known(block["protocols"], protocols, f"stress.{experiment}.protocols")
+    models, found = list(values[experiment]["models"]), {}
+    if why_not_run(experiment) is None:
+        module = stressor(experiment)
+        if hasattr(module, "prepare"):  # scenes that all models share
+            module.prepare(experiment)
+        runs = sum(len(protocols[name]["seeds"]) for name in block["protocols"])
+        with tqdm(total=len(models) * runs, desc=f"stress {experiment}", unit="run") as bar:
+            # The slowest models, last in params.yaml, first: else one process would end long after the others.
+            tasks = {model: (experiment, model) for model in reversed(models)}
+            found = dict(workers.run(stress_model, tasks, bar, steps=runs))
+        shutil.rmtree(paths.stress_scenes(experiment), ignore_errors=True)
+    target = paths.stress(experiment)
+    draft = target.with_name(target.name + ".unfinished")
+    with open(draft, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for model in models:
+            writer.writerows(found.get(model, []))
+    os.replace(draft, target)
+
+
+if __name__ == "__main__":
+    run_stage(main)

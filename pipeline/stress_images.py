@@ -1,0 +1,249 @@
+"""Stress tests of models of tactile images (glove): what trained models make of readings that went wrong.
+
+The readings of the test frames go wrong, then become images by the experiment's own functions, so that what its
+normalisation hides is hidden. Severity 0 is the score of the stage `evaluate`. Pressure and strain are two areas, each
+with its own range, cells and lines; by name:
+
+* noise, offset_drift: in units of the range of all readings of the area in training.
+* gain_drift: of what a cell reads above the 5th percentile of its training frames.
+* dead: cells (joints) read 0. stuck: they stay at what they read in one of the test frames. Of an area with fewer
+  than `severity`, all.
+* dead_line: rows or columns of the scanned area read 0; of each matrix of glove_recorded, whose joints have no lines.
+* lost_frames, jitter: within a recording, over all of its frames, whether they become images or not.
+* specimen, shift, turn, grip (simulated only): the test sessions in a changed scene, see
+  pipeline/scenes/glove_stress.py. An object out of place is the same as a glove that sits wrongly on the hand.
+
+What an unseen session costs is not here: it is the difference between the experiment's splits.
+
+Cells that read the same in all training frames are not wired, or nothing reaches them; nothing of the above does.
+Readings are rounded and clipped to what the device can print. A draw depends on the seed and the perturbation's name
+alone, so that all models see the same.
+"""
+
+import functools
+import importlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+
+from pipeline import classification, clean_scores, images, params, paths, perturbations, results, tables
+from pipeline.seeding import generator
+
+IN_TIME = ("lost_frames", "jitter")
+READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", *IN_TIME)
+SCENES = ("specimen", "shift", "turn", "grip")
+AREAS = ("pressure", "strain")
+LOW_PERCENTILE = 5
+ROUNDING = 2e-3  # of a fraction: on another processor one image in a thousand may fall on the other side
+
+
+class Area(NamedTuple):
+    """What is known of one area of the sensor."""
+
+    readings: np.ndarray  # (frames, cells) of the whole frames table
+    wired: np.ndarray  # (cells,) bool: varied in training
+    span: float
+    rest: np.ndarray  # (cells,)
+    lowest: float  # the device's range
+    highest: float
+    lines: tuple[tuple[int, int], ...]  # rows, columns of the matrices that the cells fill, one after the other
+
+
+class Frames(NamedTuple):
+    """The frames of an experiment and which of them one split tests on."""
+
+    table: pa.Table
+    rows: np.ndarray  # (n,) of the test images in the table, rising
+    areas: Mapping[str, Area]
+
+
+def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
+    """Rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model's trained runs.
+
+    A run whose training diverged has NaN for values. Raises InputError for an unknown perturbation in params.yaml,
+    and where severity 0 does not have the scores of scores.csv.
+    """
+    import torch
+
+    torch.set_num_threads(1)
+    values = params.load()
+    settings, block = values[experiment], values["stress"][experiment]
+    plan = planned(experiment, settings, block["perturbations"])
+    written = results.Scores(experiment, settings)
+    found = {}
+    for split in dict.fromkeys(map(images.split_name, block["protocols"])):
+        protocols = [name for name in block["protocols"] if images.split_name(name) == split]
+        for seed in block["seeds"]:
+            runs = {protocol: Run(values, experiment, model, protocol, seed) for protocol in protocols}
+            for protocol, run in runs.items():
+                clean_scores.check(written, (protocol, run.modality, model, seed), settings, run.clean, ROUNDING)
+            frames = read(experiment, settings, next(iter(runs.values())).part)
+            for name, severities in plan.items():
+                for protocol, run in runs.items():
+                    found.setdefault((protocol, seed), []).extend((name, 0, *row) for row in run.clean)
+                for severity in severities:
+                    pictures = stressed(experiment, settings, frames, name, severity, seed)
+                    for protocol, run in runs.items():
+                        scores = run.scores(pictures[run.modality])
+                        found[protocol, seed] += [(name, severity, *row) for row in scores]
+            for _ in runs:
+                report()
+    return [
+        (protocol, images.modality(protocol), seed, *row)
+        for protocol in block["protocols"]
+        for seed in block["seeds"]
+        for row in found[protocol, seed]
+    ]
+
+
+def planned(experiment: str, settings: Mapping, given: Mapping[str, list]) -> dict[str, list]:
+    """Perturbation -> severities, rising, without those that there are not: recordings have no other scene.
+
+    Raises InputError for an unknown name.
+    """
+    scenes = SCENES if "simulate" in settings else ()
+    params.check_known(given, (*READINGS, *scenes), f"stress.{experiment}.perturbations")
+    simulated = settings.get("source") == "simulated"
+    return {name: sorted(own) for name, own in given.items() if simulated or name not in SCENES}
+
+
+class Run:
+    """One trained model and its answers to the test images as they are."""
+
+    def __init__(self, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
+        from pipeline.image_fitting import spec_of
+
+        data = images.read(paths.dataset(experiment), protocol, seed)
+        block = params.model_settings(values, experiment, model)
+        self.model = params.build_model(model, spec_of(len(data.objects)), block, f"{experiment}.models.{model}")
+        folder = paths.run_folder(experiment, model, protocol, seed)
+        self.model.load(paths.require(folder, f"python -m pipeline.train_images {experiment} {model}"))
+        self.failed = results.read_fit(experiment, model, protocol, seed).best_epoch == 0
+        self.modality, self.part = images.modality(protocol), data.part
+        test = data.part == "test"
+        self.x, self.y = data.x[test], data.y[test]
+        self.answers = self.model.predict(self.x)
+        self.clean = self._scores(self.answers)
+
+    def scores(self, pictures: np.ndarray) -> list:
+        """Of test images (n, SIDE, SIDE) uint8 after a perturbation; only those that changed are predicted again."""
+        x = pictures.reshape(self.x.shape).astype(np.float32)
+        changed = np.flatnonzero((x != self.x).any(axis=(1, 2)))
+        answers = self.answers.copy()
+        if len(changed):
+            answers[changed] = self.model.predict(x[changed])
+        return self._scores(answers)
+
+    def _scores(self, answers: np.ndarray) -> list:
+        found = classification.scores(self.y, answers)
+        return [(name, unit, np.nan if self.failed else value, n) for name, unit, value, n in found]
+
+
+def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
+    """The frames table, and its areas as they were in training; part: (images,) of one split."""
+    module = params.experiment_module(experiment)
+    path = paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}")
+    table = pyarrow.parquet.read_table(path)
+    chosen = module.chosen(table, settings)
+    train = chosen[part == "train"]
+    areas = {}
+    for name in AREAS:
+        readings = tables.matrix(table[name]).astype(float)
+        own = readings[train]
+        lowest, highest, lines = device(module, name)
+        rest = np.percentile(own, LOW_PERCENTILE, axis=0)
+        areas[name] = Area(readings, np.ptp(own, axis=0) > 0, float(np.ptp(own)), rest, lowest, highest, lines)
+    return Frames(table, chosen[part == "test"], areas)
+
+
+def device(module, area: str) -> tuple[float, float, tuple[tuple[int, int], ...]]:
+    """The range of an area's readings and its matrices; module: pipeline/experiments/glove.py or glove_recorded.py."""
+    if hasattr(module, "MATRICES"):
+        if area == "strain":
+            return -module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()
+        return 0, module.FULL_SCALE, module.MATRICES
+    rows, cols = module.PRESSURE if area == "pressure" else module.STRAIN
+    return 0, module.LEVELS - 1, ((rows.stop - rows.start, cols.stop - cols.start),)
+
+
+def stressed(
+    experiment: str, settings: Mapping, frames: Frames, name: str, severity: float, seed: int
+) -> dict[str, np.ndarray]:
+    """The test images of one split after a perturbation: modality -> (n, SIDE, SIDE) uint8."""
+    if name in SCENES:
+        readings = changed_scene(settings, frames, name, severity)
+    else:
+        readings = {area: perturbed(frames, area, name, severity, seed) for area in AREAS}
+    table = frames.table.take(pa.array(frames.rows))
+    for area in AREAS:
+        kind = table.schema.field(area).type.value_type
+        place = table.schema.get_field_index(area)
+        table = table.set_column(place, area, tables.lists(readings[area], kind))
+    return params.experiment_module(experiment).images(table, settings)
+
+
+def perturbed(frames: Frames, area: str, name: str, severity: float, seed: int) -> np.ndarray:
+    """Readings of one area in the test frames, (n, cells), in the type of the table, after one of READINGS."""
+    known = frames.areas[area]
+    rng = generator(seed, "stress", name, *([] if name in IN_TIME else [area]))  # one scan: both areas lose a frame
+    result = known.readings[frames.rows]
+    own = result[:, known.wired]
+    if name in IN_TIME:
+        act = getattr(perturbations, name)
+        for first, last in recordings(frames.table):
+            rows = np.flatnonzero((frames.rows >= first) & (frames.rows < last))
+            if len(rows):
+                whole = known.readings[first:last][:, known.wired]
+                own[rows] = act(whole, severity, rng)[frames.rows[rows] - first]
+        result[:, known.wired] = own
+    elif name == "dead_line":
+        start = 0
+        for rows, cols in known.lines:
+            cells = slice(start, start + rows * cols)
+            result[:, cells] = perturbations.dead_line(result[:, cells], severity, rng, rows=rows, cols=cols, low=0.0)
+            start += rows * cols
+    else:
+        needed = {
+            "noise": {"span": known.span},
+            "offset_drift": {"span": known.span},
+            "gain_drift": {"rest": known.rest[known.wired]},
+            "dead": {"low": 0.0},
+        }
+        most = own.shape[1] if name in ("dead", "stuck") else severity
+        act = getattr(perturbations, name)
+        result[:, known.wired] = act(own, min(severity, most), rng, **needed.get(name, {}))
+    kind = frames.table.schema.field(area).type.value_type
+    result = np.rint(result) if pa.types.is_integer(kind) else result
+    return np.clip(result, known.lowest, known.highest).astype(kind.to_pandas_dtype())
+
+
+def recordings(table: pa.Table) -> Iterator[tuple[int, int]]:
+    """First row and the row after the last of every recording of a frames table."""
+    names = np.char.add(np.char.add(tables.names(table["condition"]), "/"), tables.names(table["recording"]))
+    edges = np.flatnonzero(names[1:] != names[:-1]) + 1
+    return zip([0, *edges], [*edges, len(names)], strict=True)
+
+
+def changed_scene(settings: Mapping, frames: Frames, change: str, severity: float) -> dict[str, np.ndarray]:
+    """Readings of both areas in the test frames, (n, cells) int16, in a changed scene.
+
+    A frame that ingest left out stays left out, and is found by its time.
+    """
+    known, table = json.dumps(settings), frames.table.take(pa.array(frames.rows))
+    objects, names = tables.names(table["condition"]), tables.names(table["recording"])
+    number = np.rint(table["t_s"].to_numpy() * settings["simulate"]["frame_hz"]).astype(int) - 1
+    cells = np.empty((len(number), sum(area.readings.shape[1] for area in frames.areas.values())), np.int16)
+    for first, last in recordings(table):
+        cells[first:last] = session(known, objects[first], names[first], change, severity)[number[first:last]]
+    return dict(zip(AREAS, np.split(cells, [frames.areas["pressure"].readings.shape[1]], axis=1), strict=True))
+
+
+@functools.cache
+def session(block: str, name: str, recording: str, change: str, severity: float) -> np.ndarray:
+    """As scenes/glove_stress.py; `block`: `glove` as JSON. Kept, because all models of a process see the same."""
+    scene = importlib.import_module("pipeline.scenes.glove_stress")
+    return scene.session(json.loads(block), name, recording, change, severity).astype(np.int16)

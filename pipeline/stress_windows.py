@@ -1,0 +1,209 @@
+"""Stress of the experiments on windows, touch and velostat_recorded: perturbed windows, trained models, new errors.
+
+Perturbed readings. All test windows of a run are perturbed at once, so that the same elements fail in all conditions,
+and the draw is the same for every model. The sensor's range, the `span` of noise and offset, is the ADC's (touch) or
+what was read in training (velostat_recorded, whose readings have no unit); readings are clipped to it, counts are
+rounded. What an element reads at rest, for the gain, is its median over the training windows that end without a touch.
+A dead element or line reads the lowest value of the range. Frames are lost or late within a window, each on its own.
+
+Perturbed scenes (touch, where it is simulated). `scenes/touch_stress.py` writes logs to a temporary folder; they go
+through the ingest, the windows and the labels of the experiment. `prepare` does that once for all models.
+"""
+
+import importlib
+import json
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from tqdm import tqdm
+
+from pipeline import clean_scores, metrics, params, paths, perturbations, results, tables, workers
+from pipeline.seeding import generator
+from pipeline.window import windows_of
+
+READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", "lost_frames", "jitter")
+CONDITIONS = {"touch": ("single", "double"), "velostat_recorded": ("all",)}  # of the test windows
+REPORTED = ("rmse", "location_error", "touches_found")  # as far as the experiment has them
+UNCHANGED = "unchanged"
+ROUNDING = 1e-4  # relative: other processors sum in another order
+
+
+class Case(NamedTuple):
+    """One perturbed scene in one condition."""
+
+    condition: str
+    perturbation: str
+    severity: float
+
+
+def prepare(experiment: str) -> None:
+    """Simulate every perturbed scene that params.yaml asks for, in parallel; check the names in its block first."""
+    values = params.load()
+    listed = scene_cases(values, experiment)
+    folder = paths.stress_scenes(experiment)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    if listed:
+        with tqdm(total=len(listed), desc=f"stress {experiment}, scenes", unit="scene") as bar:
+            tasks = {case: (experiment, case) for case in listed}
+            list(workers.run(simulate, tasks, bar))
+
+
+def scene_cases(values: Mapping, experiment: str) -> list[Case]:
+    """Every scene to simulate; none without a simulator. InputError for a perturbation that nobody knows."""
+    asked = values["stress"][experiment]["perturbations"]
+    scene = importlib.import_module(f"pipeline.scenes.{experiment}_stress") if experiment == "touch" else None
+    known = scene.VARIATIONS | scene.LAYOUTS if scene else {}
+    params.check_known(asked, (*READINGS, *known), f"stress.{experiment}.perturbations")
+    if values[experiment].get("source") != "simulated":
+        return []
+    cases = [
+        Case(condition, name, severity)
+        for name, severities in asked.items()
+        for condition in known.get(name, ())
+        for severity in severities
+    ]
+    anew = [Case("single_anew", UNCHANGED, 0)] if any(case.condition == "single_anew" for case in cases) else []
+    return anew + cases
+
+
+def simulate(experiment: str, case: Case, report: Callable[[], None]) -> None:
+    """Logs, frames, windows and labels of one perturbed scene, as a dataset in the folder of `prepare`."""
+    settings, module = params.load()[experiment], params.experiment_module(experiment)
+    scene = importlib.import_module(f"pipeline.scenes.{experiment}_stress")
+    varied = scene.varied(settings, case.perturbation, case.severity)
+    recordings, logs_of = scene.plan(settings, *case)
+    frames = []
+    with tempfile.TemporaryDirectory() as folder:
+        for recording in recordings:
+            target = Path(folder) / recording.condition / recording.name
+            target.mkdir(parents=True)
+            for name, (lines, _) in logs_of(recording).items():
+                (target / name).write_text("\n".join(lines) + "\n", encoding="ascii")
+            frames.append(module.read_recording(target, varied)[0])
+    windows = windows_of(pa.concat_tables(frames).unify_dictionaries().combine_chunks(), varied["window"])
+    table = windows.append_column("y", tables.lists(module.labels(windows, varied), pa.float32()))
+    tables.write(_scene_file(experiment, case), table.schema, [table])
+    report()
+
+
+def rows(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
+    """One model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n).
+
+    Severity 0 stands before every perturbation that has an unperturbed version, and is what `evaluate` found, or
+    InputError is raised. A run that failed in training keeps its rows, with NaN as value. `prepare` ran before.
+    """
+    import torch
+
+    from pipeline.fitting import Spec
+
+    torch.set_num_threads(1)
+    values = params.load()
+    settings, stress = values[experiment], values["stress"][experiment]
+    spec = Spec(*params.shapes(settings))
+    block = params.model_settings(values, experiment, model)
+    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
+    scenes = {
+        case: tables.read_dataset(_scene_file(experiment, case), spec.frames)
+        for case in scene_cases(values, experiment)
+    }
+    written, found = results.Scores(experiment, settings), []
+    for protocol in stress["protocols"]:
+        for seed in settings["protocols"][protocol]["seeds"]:
+            folder = paths.require(
+                paths.run_folder(experiment, model, protocol, seed), f"python -m pipeline.train {experiment} {model}"
+            )
+            regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
+            regressor.load(folder)
+            own = _readings_rows(experiment, values, data, protocol, seed, regressor.predict)
+            own += _scene_rows(experiment, settings, scenes, regressor.predict)
+            if json.loads((folder / "fit.json").read_text())["best_epoch"] == 0:
+                own = [(*row[:5], float("nan"), row[6]) for row in own]
+            for condition in CONDITIONS[experiment]:
+                clean = [row[3:] for row in own if row[:2] == (condition, UNCHANGED)]
+                clean_scores.check(written, (protocol, condition, model, seed), settings, clean, ROUNDING)
+            found += [(protocol, condition, seed, *rest) for condition, *rest in with_clean(own)]
+            report()
+    return found
+
+
+def perturber(experiment: str, settings: Mapping, data: tables.Dataset, train: np.ndarray) -> Callable:
+    """`change(x, perturbation, severity, rng)` for windows x (n, frames, elements); train: (n of `data`,) bool."""
+    readings = data.x[train]
+    if experiment == "touch":
+        low, high = 0.0, float(params.experiment_module(experiment).HIGHEST_COUNT)
+    else:
+        low, high = float(readings.min()), float(readings.max())
+    force_n = np.nansum(tables.matrix(data.rows["force_n"]), axis=1)[train]
+    untouched = readings[force_n < settings["window"]["contact_threshold_n"]]
+    rest = np.median(untouched if len(untouched) else readings, axis=(0, 1))
+    sensor = settings["sensor"]
+    needed = {
+        "noise": {"span": high - low},
+        "offset_drift": {"span": high - low},
+        "gain_drift": {"rest": rest},
+        "dead": {"low": low},
+        "dead_line": {"low": low, "rows": sensor["rows"], "cols": sensor["cols"]},
+    }
+
+    def change(x: np.ndarray, perturbation: str, severity: float, rng: np.random.Generator) -> np.ndarray:
+        changed = getattr(perturbations, perturbation)(x, severity, rng, **needed.get(perturbation, {}))
+        if severity == 0:
+            return changed
+        return np.clip(np.rint(changed) if experiment == "touch" else changed, low, high)
+
+    return change
+
+
+def with_clean(found: list[tuple]) -> list[tuple]:
+    """Rows (condition, perturbation, severity, ...), those of `unchanged` copied before every perturbation."""
+    clean = [row for row in found if row[1] == UNCHANGED]
+    groups = dict.fromkeys(row[1] for row in found if row[1] != UNCHANGED)
+    result = []
+    for name in groups:
+        own = [row for row in found if row[1] == name]
+        conditions = {row[0] for row in own}
+        result += [(row[0], name, 0, *row[3:]) for row in clean if row[0] in conditions] + own
+    return result
+
+
+def _readings_rows(
+    experiment: str, values: Mapping, data: tables.Dataset, protocol: str, seed: int, predict: Callable
+) -> list[tuple]:
+    """(condition, perturbation, severity, metric, unit, value, n) of the test windows, unchanged and perturbed."""
+    settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
+    part = data.part(protocol, seed)
+    test = np.flatnonzero(part == "test")
+    x, condition = data.x[test], tables.names(data.rows["condition"])[test]
+    change = perturber(experiment, settings, data, part == "train")
+    wanted = [(UNCHANGED, 0), *((name, severity) for name in asked if name in READINGS for severity in asked[name])]
+    found = []
+    for name, severity in wanted:
+        predicted = predict(x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name)))
+        for one in CONDITIONS[experiment]:
+            chosen = np.full(len(test), True) if one == "all" else condition == one
+            if chosen.any():
+                windows = data.rows.take(pa.array(test[chosen]))
+                scores = getattr(metrics, experiment)(windows, data.y[test[chosen]], predicted[chosen], settings)
+                found += [(one, name, severity, *row) for row in scores if row[0] in REPORTED]
+    return found
+
+
+def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, tables.Dataset], predict: Callable) -> list:
+    """As `_readings_rows`, of the perturbed scenes."""
+    found = []
+    for case, data in scenes.items():
+        scene = importlib.import_module(f"pipeline.scenes.{experiment}_stress")
+        varied = scene.varied(settings, case.perturbation, case.severity)
+        scores = getattr(metrics, experiment)(data.rows, data.y, predict(data.x), varied)
+        found += [(*case, *row) for row in scores if row[0] in REPORTED]
+    return found
+
+
+def _scene_file(experiment: str, case: Case) -> Path:
+    return paths.stress_scenes(experiment) / f"{case.condition}-{case.perturbation}-{case.severity:g}.parquet"

@@ -1,0 +1,161 @@
+"""Reports of the stability tests: they say where a model fails, and nothing that stress.csv does not say."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline import collect, params, paths, render_stability, report_stability
+from pipeline.errors import InputError
+from pipeline.report_stability import FAILED, HOLDS, Level, level
+
+MODELS = {"constant": {}, "linear": {}, "lomp": {}}
+LEVELS = {"noise": [0, 0.1, 0.2], "press_speed": [0, -1, 1], "distance": [48, 12]}
+# model -> error at the levels of each perturbation; constant has 10 everywhere
+ERRORS = {
+    "constant": {name: [10.0] * len(levels) for name, levels in LEVELS.items()},
+    "linear": {"noise": [3, 5, 7], "press_speed": [3, 3, 11], "distance": [3, 4]},
+    "lomp": {"noise": [2, 3, 3.9], "press_speed": [2, 5, 2], "distance": [2, 3]},
+}
+
+
+def errors(values: list[float], levels: list[float]) -> dict[float, Level]:
+    return dict(zip(levels, map(lambda one: level([one]), values), strict=True))
+
+
+def test_a_model_fails_above_twice_its_clean_error():
+    found = report_stability.verdict(errors([2, 3.9, 4.1, 9], [0, 1, 2, 3]), errors([10] * 4, [0, 1, 2, 3]))
+    assert found[:4] == (2, 2, 2, 4.1) and found.reason == "above twice its clean error"
+
+
+def test_a_model_fails_where_a_constant_is_better():
+    found = report_stability.verdict(errors([8, 11], [0, 1]), errors([10, 10], [0, 1]))
+    assert (found.severity, found.reason) == (1, "worse than constant")
+    bad = report_stability.verdict(errors([12, 13], [0, 1]), errors([10, 10], [0, 1]))
+    assert (bad.severity, bad.step) == (0, 0)
+
+
+def test_a_model_that_stays_below_both_holds():
+    found = report_stability.verdict(errors([2, 4], [0, 1]), errors([10, 10], [0, 1]))
+    assert found.reason == HOLDS and np.isnan(found.severity)
+    assert report_stability.verdict(errors([2, 4.1], [0, 1]), None).severity == 1  # without `constant`
+
+
+def test_where_the_truth_grows_the_allowance_grows_with_it():
+    harder = errors([10, 20], [0, 1])
+    assert report_stability.verdict(errors([2, 7.9], [0, 1]), harder).reason == HOLDS
+    assert report_stability.verdict(errors([2, 8.1], [0, 1]), harder).severity == 1
+
+
+def test_a_failed_training_is_no_holding_model():
+    own = {0: level([2, np.nan]), 1: level([2, np.nan])}
+    assert report_stability.verdict(own, None).reason == FAILED
+
+
+def test_severities_are_walked_outwards_from_0_or_as_listed():
+    assert report_stability.walked([0, 2, -1, 1, -2]) == [0, -1, 1, -2, 2]
+    assert report_stability.walked([48, 12, 24]) == [48, 12, 24]
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A project with a trained `touch`, whose stress.csv is ERRORS, and no other experiment."""
+    values = params.load()
+    values["experiments"] = ["touch", "velostat_recorded"]
+    values["touch"] |= {"models": MODELS, "protocols": {"press": {"seeds": [0, 1]}}}
+    values["stress"]["touch"]["protocols"] = ["press"]
+    text = json.dumps(values)
+    monkeypatch.setattr(params, "load", lambda: json.loads(text))
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
+    for experiment, report in (
+        ("touch", '{"run": true}'),
+        ("velostat_recorded", '{"run": false, "reason": "no logs"}'),
+    ):
+        paths.experiment_folder(experiment).mkdir(parents=True)
+        paths.ingest_report(experiment).write_text(report)
+    scores, rows = [], []
+    for model, own in ERRORS.items():
+        for seed in (0, 1):
+            folder = paths.run_folder("touch", model, "press", seed)
+            folder.mkdir(parents=True)
+            reason = "diverged" if (model, seed) == ("linear", 1) else "closed_form"
+            fit = {"stop_reason": reason, "best_epoch": 1, "epochs": 1, "parameters": 1}
+            (folder / "fit.json").write_text(json.dumps(fit))
+            (folder / "history.csv").write_text("epoch,train_loss,validation_loss\n1,1,1\n")
+            worse = 12 if (model, seed) == ("lomp", 0) else own["noise"][0]
+            scores.append(("touch", "press", "single", model, seed, "rmse", "kPa", worse, 5))
+            for name, levels in LEVELS.items():
+                condition = "several" if name == "distance" else "single"
+                for severity, error in zip(levels, own[name], strict=True):
+                    key = ("touch", "press", condition, model, seed, name, severity)
+                    rows.append((*key, "rmse", "kPa", error + 0.01 * seed, 5))
+    columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
+    pd.DataFrame(scores, columns=columns).to_csv(paths.scores("touch"), index=False)
+    columns[5:5] = ["perturbation", "severity"]
+    pd.DataFrame(rows, columns=columns).to_csv(paths.stress("touch"), index=False)
+    pd.DataFrame([], columns=columns).to_csv(paths.stress("velostat_recorded"), index=False)
+    return tmp_path
+
+
+def test_the_report_says_who_fails_where(root):
+    render_stability.main()
+    folder = paths.REPORTS / "stability"
+    table = pd.read_csv(folder / "failures.csv").set_index(["perturbation", "model"])
+    assert table.loc[("noise", "linear"), "fails_at"] == 0.2 and table.loc[("noise", "lomp"), "verdict"] == HOLDS
+    assert table.loc[("press_speed", "linear"), "verdict"] == "worse than constant"
+    assert table.loc[("press_speed", "lomp"), "fails_at"] == -1
+    assert "constant" not in table.index.get_level_values("model")
+    text = (folder / "README.md").read_text()
+    assert "`noise`: first Linear (0.2); LoMP holds up to 0.2; lowest RMSE at 0.2: LoMP (3.9 kPa)." in text
+    assert "`press_speed`: first LoMP (-1); last Linear (1); lowest RMSE at 1: LoMP (2 kPa)." in text
+    assert "`distance`: all hold up to 12; lowest RMSE at 12: LoMP (3 kPa)." in text
+    assert "## velostat_recorded: not run\n\nNo logs." in text
+    assert "1 of 6 runs diverged, 0 left no usable weights" in text
+    assert "1 of 6 clean scores are worse than the constant model's, most of LoMP in touch (1)" in text
+    assert "1 (floor)" in (folder / "failures.md").read_text()
+    pictures = {path.name for path in folder.glob("*.png")}
+    assert pictures == {"touch_press_single.png", "touch_press_double.png"}
+    assert all(name in text for name in pictures)
+
+
+def test_the_report_is_the_same_in_every_run(root):
+    def content():
+        render_stability.main()
+        return {path.name: path.read_bytes() for path in (paths.REPORTS / "stability").iterdir()}
+
+    assert content() == content()
+
+
+def test_a_failed_run_is_named(root):
+    table = pd.read_csv(paths.stress("touch"))
+    table.loc[(table.model == "linear") & (table.seed == 1), "value"] = np.nan
+    table.to_csv(paths.stress("touch"), index=False)
+    render_stability.main()
+    assert "Failed in training, not judged: Linear." in (paths.REPORTS / "stability" / "README.md").read_text()
+
+
+def test_a_missing_row_is_refused(root):
+    table = pd.read_csv(paths.stress("touch"))
+    table.drop(index=table[(table.model == "lomp") & (table.severity == 0.1)].index[:1]).to_csv(
+        paths.stress("touch"), index=False
+    )
+    with pytest.raises(InputError, match="no row for press, single, noise, 0.1, lomp, seed 0; run"):
+        render_stability.main()
+
+
+def test_a_repeated_row_is_refused(root):
+    table = pd.read_csv(paths.stress("touch"))
+    pd.concat([table, table.tail(1)]).to_csv(paths.stress("touch"), index=False)
+    with pytest.raises(InputError, match="two rows for press, several, distance"):
+        render_stability.main()
+
+
+def test_stress_of_all_experiments_is_one_file_with_the_agreed_columns(root):
+    target = paths.REPORTS / "stress.csv"
+    collect.collect([paths.stress(name) for name in ("touch", "velostat_recorded")], target, collect.STRESS)
+    found = pd.read_csv(target)
+    first = ["experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value"]
+    assert list(found.columns) == [*first, "protocol", "condition", "n"]
+    assert found.value.sum() == pytest.approx(pd.read_csv(paths.stress("touch")).value.sum())

@@ -1,0 +1,237 @@
+"""Stress of trained models: perturbed scenes are the known ones with one thing changed, clean scores come back."""
+
+import json
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline import dataset, evaluate, ingest, params, paths, simulate, stress, stress_windows, tables, train, window
+from pipeline.errors import InputError
+from pipeline.scenes import touch, touch_stress
+from pipeline.seeding import generator
+
+PERTURBATIONS = {"noise": [0.01, 0.03], "dead": [2], "specimen": [1], "press_speed": [-1], "touches": [1, 2]}
+
+
+def small() -> dict:
+    """params.yaml with two models on a few presses."""
+    values = params.load()
+    block = values["touch"]
+    block["simulate"]["single"] = {"points_per_side": 5, "depths": 2, "repetitions": 1, "presses_per_recording": 50}
+    block["simulate"]["double"] = {"recordings": 1, "presses_per_recording": 10}
+    block["protocols"] = {"press": {"seeds": [0, 1]}}
+    block["models"] = {"constant": {}, "linear": {}}
+    values["stress"]["touch"] = {"protocols": ["press"], "perturbations": PERTURBATIONS}
+    return values
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """Root of a project in which `touch` was simulated, trained and evaluated."""
+    root, values = tmp_path_factory.mktemp("touch"), small()
+    (root / "pipeline").symlink_to(paths.ROOT / "pipeline")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(paths, "ROOT", root)
+        patch.setattr(params, "load", small_loader(values))
+        patch.setenv("WORKERS", "1")
+        stages = [simulate, ingest, window, dataset]
+        for stage, more in [*((one, []) for one in stages), (train, ["constant"]), (train, ["linear"]), (evaluate, [])]:
+            patch.setattr(sys, "argv", [stage.__name__, "touch", *more])
+            stage.main()
+    return root
+
+
+def small_loader(values: dict):
+    text = json.dumps(values)
+    return lambda: json.loads(text)
+
+
+@pytest.fixture
+def project(trained, monkeypatch):
+    """`project(values)` makes the trained project the current one."""
+
+    def use(values: dict) -> None:
+        monkeypatch.setattr(paths, "ROOT", trained)
+        monkeypatch.setattr(params, "load", small_loader(values))
+        monkeypatch.setenv("WORKERS", "1")
+        monkeypatch.setattr(sys, "argv", ["stress", "touch"])
+
+    return use
+
+
+def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(project):
+    project(small())
+    stress.main()
+    found, scores = pd.read_csv(paths.stress("touch")), pd.read_csv(paths.scores("touch"))
+    assert tuple(found.columns) == stress.COLUMNS
+    key = ["protocol", "condition", "model", "seed", "metric"]
+    clean = found[(found.severity == 0) & found.condition.isin(["single", "double"])]
+    both = clean.merge(scores, on=key, suffixes=("", "_before"))
+    assert len(both) == len(clean) > 0 and (both.value.fillna(-1) == both.value_before.fillna(-1)).all()
+    rmse = found[found.metric == "rmse"]
+    levels = {
+        (name, condition): tuple(own.severity.unique())
+        for (name, condition), own in rmse.groupby(["perturbation", "condition"])
+    }
+    assert levels == {
+        ("noise", "single"): (0, 0.01, 0.03),
+        ("noise", "double"): (0, 0.01, 0.03),
+        ("dead", "single"): (0, 2),
+        ("dead", "double"): (0, 2),
+        ("specimen", "double"): (0, 1),
+        ("specimen", "single_anew"): (0, 1),
+        ("press_speed", "double"): (0, -1),
+        ("press_speed", "single_anew"): (0, -1),
+        ("touches", "several"): (1, 2),
+    }
+    assert (rmse.groupby(["perturbation", "condition", "severity"]).size() == 4).all()  # 2 models, 2 seeds
+    linear = rmse[(rmse.model == "linear") & (rmse.condition == "single") & (rmse.perturbation == "noise")]
+    assert (np.diff(linear.pivot(index="severity", columns="seed", values="value"), axis=0) > 0).all()
+    assert not paths.stress_scenes("touch").exists()
+
+
+def test_other_clean_scores_than_those_of_evaluate_are_refused(project):
+    project(small())
+    file = paths.scores("touch")
+    before = file.read_text()
+    scores = pd.read_csv(file)
+    scores.loc[(scores.model == "linear") & (scores.metric == "rmse"), "value"] *= 1.01
+    scores.to_csv(file, index=False)
+    try:
+        with pytest.raises(InputError, match="linear, press, seed 0 has rmse .* run `python -m pipeline.evaluate"):
+            stress.main()
+    finally:
+        file.write_text(before)
+
+
+def test_a_run_that_failed_in_training_has_no_value(project):
+    project(small())
+    fit = paths.run_folder("touch", "constant", "press", 1) / "fit.json"
+    files = {file: file.read_text() for file in (fit, paths.scores("touch"))}
+    fit.write_text(json.dumps(json.loads(files[fit]) | {"best_epoch": 0}))
+    scores = pd.read_csv(paths.scores("touch"))
+    scores.loc[(scores.model == "constant") & (scores.seed == 1), "value"] = np.nan
+    scores.to_csv(paths.scores("touch"), index=False)
+    try:
+        stress.main()
+    finally:
+        for file, text in files.items():
+            file.write_text(text)
+    rmse = pd.read_csv(paths.stress("touch")).query("metric == 'rmse' and model == 'constant'")
+    assert rmse[rmse.seed == 1].value.isna().all() and rmse[rmse.seed == 0].value.notna().all()
+
+
+def test_an_unknown_name_gets_a_hint(project):
+    values = small()
+    values["stress"]["touch"]["perturbations"] = {"nois": [0.1]}
+    project(values)
+    with pytest.raises(InputError, match="stress.touch.perturbations: unknown key 'nois'; did you mean 'noise'"):
+        stress.main()
+    values = small()
+    values["stress"]["touch"]["protocols"] = ["pres"]
+    project(values)
+    with pytest.raises(InputError, match="stress.touch.protocols: unknown key 'pres'; did you mean 'press'"):
+        stress.main()
+
+
+def test_recordings_that_are_absent_leave_a_header(project, monkeypatch):
+    project(small())
+    monkeypatch.setattr(sys, "argv", ["stress", "velostat_recorded"])
+    paths.ingest_report("velostat_recorded").parent.mkdir(exist_ok=True)
+    paths.ingest_report("velostat_recorded").write_text('{"run": false, "reason": "no recordings"}')
+    stress.main()
+    assert paths.stress("velostat_recorded").read_text() == ",".join(stress.COLUMNS) + "\n"
+
+
+def test_own_logs_have_no_scene_to_perturb():
+    values = small()
+    assert len(stress_windows.scene_cases(values, "touch")) == 7  # 2 x 2 variations, 2 layouts, the single touches
+    values["touch"]["source"] = "data/own"
+    assert stress_windows.scene_cases(values, "touch") == []
+
+
+def test_perturbed_counts_stay_what_the_adc_can_print(trained, project):
+    project(small())
+    values = small()
+    data = tables.read_dataset(paths.dataset("touch"), 8)
+    train_part = data.part("press", 0) == "train"
+    change = stress_windows.perturber("touch", values["touch"], data, train_part)
+    for name, severity in (("noise", 0.5), ("gain_drift", 2.0), ("offset_drift", 0.5), ("jitter", 1.0)):
+        x = change(data.x[:50], name, severity, generator(0, name))
+        assert x.min() >= 0 and x.max() <= 1023 and np.array_equal(x, np.rint(x)), name
+    untouched = np.nansum(tables.matrix(data.rows["force_n"]), axis=1) < 0.5
+    rest = np.median(data.x[train_part & untouched], axis=(0, 1))
+    still = np.broadcast_to(rest, (3, 8, 25)).astype(np.float32)
+    assert np.array_equal(change(still, "gain_drift", 1.0, generator(0, "g")), still)  # no response, no change
+
+
+@pytest.fixture
+def settings():
+    return small()["touch"]
+
+
+def first(settings, condition, perturbation, severity):
+    recordings, logs_of = touch_stress.plan(settings, condition, perturbation, severity)
+    return recordings[0], logs_of(recordings[0])
+
+
+def test_unchanged_double_recordings_are_the_experiments_own(settings):
+    recordings, logs_of = touch.plan(settings)
+    own = next(recording for recording in recordings if recording.condition == "double")
+    for perturbation in ("peak_pressure", "press_speed", "tip_radius", "specimen"):
+        assert first(settings, "double", perturbation, 0)[1] == logs_of(own)
+
+
+@pytest.mark.parametrize("condition", ["double", "single_anew"])
+def test_one_thing_changes_at_a_time(settings, condition):
+    plain, logs = first(settings, condition, "unchanged", 0)
+    harder, _ = first(settings, condition, "peak_pressure", 0.5)
+    np.testing.assert_allclose(harder.touches[0].force_n, 1.5 * plain.touches[0].force_n)
+    assert np.array_equal(harder.touches[0].x_mm, plain.touches[0].x_mm)
+
+    slower, _ = first(settings, condition, "press_speed", -1)
+    pressed, before = ((one.touches[-1].force_n > 0).sum() for one in (slower, plain))
+    assert pressed == pytest.approx(2 * before, rel=0.1)
+    assert slower.touches[-1].force_n.max() == pytest.approx(plain.touches[-1].force_n.max())
+
+    blunter, _ = first(settings, condition, "tip_radius", 5)
+    np.testing.assert_allclose(blunter.touches[0].force_n, 4 * plain.touches[0].force_n)  # same pressure
+    assert touch_stress.varied(settings, "tip_radius", 5)["label"]["tip_radius_mm"] == 10
+
+    other, other_logs = first(settings, condition, "specimen", 1)
+    assert np.array_equal(other.touches[0].force_n, plain.touches[0].force_n)
+    assert other_logs["array.log"][0] != logs["array.log"][0]
+
+
+def test_more_touches_are_the_same_touches_and_others(settings):
+    places, kpa = touch_stress.places(settings, 5)
+    fewer, softer = touch_stress.places(settings, 2)
+    assert np.array_equal(places[:, :2], fewer) and np.array_equal(kpa[:, :2], softer)
+    elements = np.floor(places / settings["sensor"]["pitch_mm"])
+    apart = np.abs(elements[:, :, None] - elements[:, None]).max(axis=-1)
+    assert (apart[:, ~np.eye(5, dtype=bool)] >= 2).all() and places.min() > 0 and places.max() < 60
+    recording, _ = first(settings, "several", "touches", 3)
+    assert len(recording.touches) == 3
+
+
+@pytest.mark.parametrize("distance", [12, 48])
+def test_two_touches_are_as_far_apart_as_asked(settings, distance):
+    places, _ = touch_stress.pairs(settings, distance)
+    assert np.allclose(np.linalg.norm(places[:, 1] - places[:, 0], axis=1), distance)
+    assert places.min() >= 6 and places.max() <= 54
+
+
+@pytest.mark.parametrize(
+    ("perturbation", "severity", "sentence"),
+    [
+        ("touches", 6, "whole number from 1 to 5"),
+        ("touches", 1.5, "whole number"),
+        ("distance", 60, "at most 48 mm"),
+        ("tip_radius", -5, "leaves no tip"),
+    ],
+)
+def test_impossible_scenes_are_refused(settings, perturbation, severity, sentence):
+    with pytest.raises(InputError, match=sentence):
+        touch_stress.plan(settings, "several", perturbation, severity)

@@ -1,0 +1,198 @@
+"""Stress tests of models of images: what acts on which cells, and that nothing at severity 0 differs from evaluate."""
+
+import csv
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import yaml
+
+from pipeline import dataset, evaluate, images, ingest, params, paths, simulate, stress_images, tables, train_images
+from pipeline.errors import InputError
+from pipeline.experiments import glove, glove_recorded
+from pipeline.scale import set_values
+from pipeline.scenes import glove_stress
+
+MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """Logs, frames and dataset of the glove at miniature scale, naive Bayes and constant trained and scored."""
+    folder, root = tmp_path_factory.mktemp("images"), paths.ROOT
+    (folder / "pipeline").symlink_to(root / "pipeline")
+    copy = folder / "params.yaml"
+    copy.write_text((root / "params.yaml").read_text())
+    set_values(yaml.safe_load((root / "tests" / "miniature.yaml").read_text()), copy)
+    values = params.load(copy)
+    values["glove"]["models"] = MODELS
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(paths, "ROOT", folder)
+        patch.setattr(params, "load", lambda: values)
+        simulate.simulate("glove", values["glove"])
+        ingest.ingest("glove", values["glove"])
+        patch.setattr("sys.argv", ["dataset", "glove"])
+        dataset.main()
+        scores = []
+        for model in MODELS:
+            for protocol, seed in params.runs(values, "glove"):
+                target = paths.run_folder("glove", model, protocol, seed)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                train_images.train_run("glove", model, protocol, seed, target, lambda *numbers: None)
+            scores += evaluate.evaluate_image_model("glove", model, folder, lambda: None)
+        with open(paths.scores("glove"), "w", newline="") as file:
+            csv.writer(file).writerows([evaluate.COLUMNS, *scores])
+        yield values
+
+
+def read(values) -> stress_images.Frames:
+    part = images.read(paths.dataset("glove"), "session_combined", 0).part
+    return stress_images.read("glove", values["glove"], part)
+
+
+def test_severity_0_is_exactly_what_evaluate_found(project):
+    reports = []
+    found = stress_images.rows("glove", "naive_bayes", lambda: reports.append(1))
+    with open(paths.scores("glove")) as file:
+        known = {tuple(row[k] for k in (1, 2, 4, 5)): row[7] for row in csv.reader(file) if row[3] == "naive_bayes"}
+    block = params.load()["stress"]["glove"]
+    asked = {(name, severity) for name, own in block["perturbations"].items() for severity in (0, *own)}
+    assert len(reports) == 4 and {row[3:5] for row in found} == asked
+    for protocol, condition, seed, _, severity, metric, _, value, _ in found:
+        if severity == 0:
+            assert value == float(known[protocol, condition, str(seed), metric])
+    level = {
+        row[3:5]: row[7] for row in found if row[:3] == ("session_combined", "combined", 0) and row[5] == "accuracy"
+    }
+    assert len({value for (_, severity), value in level.items() if severity}) > 1
+    constant = stress_images.rows("glove", "constant", lambda: None)
+    assert len({row[7] for row in constant if row[2] == 0 and row[5] == "accuracy"}) == 1
+
+
+def test_a_score_that_is_out_of_date_is_an_error(project):
+    text = paths.scores("glove").read_text()
+    row = next(
+        line for line in text.splitlines() if line.startswith("glove,session_pressure,pressure,naive_bayes,1,acc")
+    )
+    fields = row.split(",")
+    fields[7] = str(float(fields[7]) + 0.01)
+    paths.scores("glove").write_text(text.replace(row, ",".join(fields)))
+    with pytest.raises(InputError, match="naive_bayes, session_pressure, seed 1 has accuracy .*evaluate glove` again"):
+        stress_images.rows("glove", "naive_bayes", lambda: None)
+    paths.scores("glove").write_text(text)
+
+
+def test_severity_0_of_every_perturbation_gives_the_images_of_the_dataset(project):
+    frames, settings = read(project), project["glove"]
+    data = images.read(paths.dataset("glove"), "session_combined", 0)
+    expected = data.x[data.part == "test"].reshape(-1, images.SIDE, images.SIDE)
+    for name in (*stress_images.READINGS, *stress_images.SCENES):
+        pictures = stress_images.stressed("glove", settings, frames, name, 0, 7)
+        assert np.array_equal(pictures["combined"], expected), name
+    for name in (*stress_images.READINGS, *stress_images.SCENES):
+        pictures = stress_images.stressed("glove", settings, frames, name, 2, 7)
+        assert not np.array_equal(pictures["combined"], expected), name
+
+
+def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(project):
+    frames = read(project)
+    wired = frames.areas["pressure"].wired
+    assert (~wired).sum() == 27  # 3 rows of the palm's 9 columns
+    for name in ("noise", "offset_drift", "gain_drift", "dead", "stuck"):
+        found = stress_images.perturbed(frames, "pressure", name, 3, 0)
+        assert found.dtype == np.int16 and found.min() >= 0 and found.max() <= 1023 and not found[:, ~wired].any(), name
+    most = stress_images.perturbed(frames, "strain", "dead", 1000, 0)
+    assert not most.any()
+    few = stress_images.perturbed(frames, "pressure", "dead", 4, 0)
+    before = frames.areas["pressure"].readings[frames.rows]
+    assert (few != before).any(axis=0).sum() == 4
+
+
+def test_a_line_is_a_row_or_a_column_of_its_area(project):
+    frames = read(project)
+    found = stress_images.perturbed(frames, "pressure", "dead_line", 1, 0).reshape(-1, 15, 18)
+    before = frames.areas["pressure"].readings[frames.rows].reshape(-1, 15, 18)
+    rows, cols = np.nonzero((found != before).any(axis=0))
+    assert len(set(rows)) == 1 or len(set(cols)) == 1
+    assert not found[:, rows, cols].any()
+
+
+def test_lost_frames_come_from_the_same_recording(project):
+    frames = read(project)
+    found = stress_images.perturbed(frames, "pressure", "lost_frames", 1.0, 0)
+    whole, starts = frames.areas["pressure"].readings, [first for first, _ in stress_images.recordings(frames.table)]
+    first = np.array([max(start for start in starts if start <= row) for row in frames.rows])
+    assert np.array_equal(found, whole[first])  # every frame but the first is lost
+    some = {area: stress_images.perturbed(frames, area, "lost_frames", 0.5, 0) for area in stress_images.AREAS}
+    kept = {area: (some[area] == frames.areas[area].readings[frames.rows]).all(axis=1) for area in some}
+    assert 0 < kept["pressure"].mean() < 1 and np.array_equal(kept["pressure"], kept["strain"])  # one scan
+
+
+def test_the_recorded_hand_has_six_matrices_and_joints_without_lines():
+    assert stress_images.device(glove_recorded, "pressure") == (0, 4095, glove_recorded.MATRICES)
+    assert stress_images.device(glove_recorded, "strain") == (-180.0, 180.0, ())
+    assert stress_images.device(glove, "strain") == (0, 1023, ((15, 9),))
+    pressure, joints = np.full((3, glove_recorded.CELLS), 100.0), np.full((3, glove_recorded.JOINTS), 10.0)
+    areas = {
+        name: stress_images.Area(own, np.full(own.shape[1], True), 10.0, np.zeros(own.shape[1]), *device)
+        for (name, own), device in zip(
+            {"pressure": pressure, "strain": joints}.items(),
+            [stress_images.device(glove_recorded, name) for name in stress_images.AREAS],
+            strict=True,
+        )
+    }
+    columns = {name: tables.lists(area.readings, pa.float32()) for name, area in areas.items()}
+    frames = stress_images.Frames(pa.table(columns), np.arange(3), areas)
+    found = stress_images.perturbed(frames, "pressure", "dead_line", 2, 0)
+    start = 0
+    for rows, cols in glove_recorded.MATRICES:
+        matrix = found[0, start : start + rows * cols].reshape(rows, cols)
+        assert (matrix == 0).all(axis=0).sum() + (matrix == 0).all(axis=1).sum() == 2
+        start += rows * cols
+    assert np.array_equal(stress_images.perturbed(frames, "strain", "dead_line", 2, 0), joints)
+
+
+def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_numbers():
+    asked = []
+
+    def predict(x):
+        asked.append(len(x))
+        return np.repeat([[1.0, 0.0]], len(x), axis=0)
+
+    run = stress_images.Run.__new__(stress_images.Run)
+    run.model, run.failed = SimpleNamespace(predict=predict), False
+    run.x, run.y = np.zeros((4, 1, images.SIDE**2), np.float32), np.eye(2)[[0, 1, 1, 1]]
+    run.answers = np.repeat([[0.0, 1.0]], 4, axis=0)
+    pictures = np.zeros((4, images.SIDE, images.SIDE), np.uint8)
+    assert run.scores(pictures)[0] == ("accuracy", "1", 0.75, 4) and not asked
+    pictures[0] = 1
+    assert run.scores(pictures)[0] == ("accuracy", "1", 1.0, 4) and asked == [1]
+    run.failed = True
+    assert np.isnan(run.scores(pictures)[0][2])
+
+
+def test_a_changed_scene_changes_what_it_says(project):
+    def counts(change, severity):
+        whole = glove_stress.session(project["glove"], "magic_cube", "session00", change, severity).astype(float)
+        return whole[:, : glove.PRESSURE_CELLS], whole[:, glove.PRESSURE_CELLS :]
+
+    pressure, strain = counts("grip", 0)
+    firm, same = counts("grip", 2)
+    assert firm.mean() > 1.1 * pressure.mean() and np.array_equal(same, strain)
+    for change in ("specimen", "shift"):
+        other = counts(change, 20)
+        assert not np.array_equal(other[0], pressure) and not np.array_equal(other[1], strain)
+    turned, same = counts("turn", 30)
+    assert not np.array_equal(turned, pressure) and np.array_equal(same, strain)
+    with pytest.raises(InputError, match="no change 'colour'"):
+        counts("colour", 1)
+
+
+def test_unknown_perturbations_are_refused_and_recordings_have_no_scene():
+    with pytest.raises(InputError, match="unknown key 'deads'; did you mean 'dead'"):
+        stress_images.planned("glove", {"simulate": {}}, {"deads": [1]})
+    with pytest.raises(InputError, match="unknown key 'grip'"):
+        stress_images.planned("glove_recorded", {}, {"grip": [1]})
+    own = {"source": "data/own", "simulate": {}}
+    assert stress_images.planned("glove", own, {"grip": [1], "noise": [2, 1]}) == {"noise": [1, 2]}

@@ -1,0 +1,199 @@
+"""Stress tests of models of series: what acts where, against models whose errors are known in closed form."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from pipeline import dataset, evaluate, ingest, params, paths, series, simulate, stress_series, train_series
+from pipeline.errors import InputError
+from pipeline.scale import set_values
+from pipeline.scenes import strain, strain_stress
+from pipeline.stress_series import Levels, Run
+
+SAMPLES, FIRST = 4000, 3500  # the test part is longer ago than WARM_UP from the start
+SEEN = Levels(np.array([1.0, 2.0]), np.array([0.5, 0.5]), 5.0)
+
+
+def piece() -> series.Piece:
+    """Two channels, one output; the first 3500 samples train. One sample a second."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(1, 2, (SAMPLES, 2)).astype(np.float32)
+    number = np.arange(SAMPLES)
+    part = np.where(number < FIRST, "train", "test")
+    record = series.Record(x, x[:, :1].copy(), np.full(SAMPLES, True), part == "train", np.full(SAMPLES, -1))
+    return series.Piece("task_1", number, part, number * 1.0, record)
+
+
+def errors(predict, failed=False, seed=0, **plan) -> dict:
+    """(perturbation, severity) -> (error, n) of a model, in the order in which they come."""
+    run = Run(predict, failed, series.Task((2,), {"task_1": [0, 1]}, False, "task_0"), "task_1", seed)
+    found = stress_series.stressed(run, piece(), SEEN, plan, {})
+    return {(name, severity): next((v, n) for m, _, v, n in scores if m == "error") for name, severity, scores in found}
+
+
+def first_channel(x):
+    return x[:, :1]
+
+
+def test_a_clean_model_and_what_noise_and_offsets_add():
+    found = errors(first_channel, noise=[0.01, 0.1], offset_drift=[0.1])
+    assert list(found) == [("noise", 0), ("noise", 0.01), ("noise", 0.1), ("offset_drift", 0), ("offset_drift", 0.1)]
+    assert found["noise", 0] == found["offset_drift", 0] == (0.0, SAMPLES - FIRST)
+    # Mean absolute error of a normal error of standard deviation severity * span.
+    assert found["noise", 0.1][0] == pytest.approx(0.1 * np.sqrt(2 / np.pi), rel=0.1)
+    assert found["noise", 0.01][0] == pytest.approx(found["noise", 0.1][0] / 10, rel=1e-3)
+    wide = errors(lambda x: x[:, :1] + x[:, 1:] - x[:, 1:], noise=[0.1])
+    assert wide["noise", 0.1][0] == pytest.approx(found["noise", 0.1][0], rel=1e-5)
+
+
+def test_gain_is_of_the_deviation_from_rest():
+    x = piece().record.x[FIRST:]
+    once, twice = (
+        np.log((stress_series.perturbed("gain_drift", x, severity, 0, SEEN) - SEEN.rest) / (x - SEEN.rest))
+        for severity in (0.2, 0.4)
+    )
+    assert np.ptp(once, axis=0) == pytest.approx(0, abs=1e-5) and abs(once[0]).min() > 1e-3
+    assert twice == pytest.approx(2 * once, abs=1e-5)
+
+
+def test_readings_stay_between_0_and_what_a_loose_strand_reads():
+    x = piece().record.x[FIRST:]
+    for name in ("noise", "offset_drift", "gain_drift"):
+        found = stress_series.perturbed(name, x, 10.0, 0, SEEN)
+        assert found.min() >= 0 and found.max() <= SEEN.loose and found.dtype == np.float32
+
+
+def test_a_dead_strand_reads_the_supply_and_half_of_the_time_costs_half():
+    both = errors(lambda x: x.mean(axis=1, keepdims=True), dead=[2], half=[2])
+    assert both["dead", 2][0] == pytest.approx(np.mean(5.0 - piece().record.x[FIRST:, 0]), rel=1e-5)
+    x, middle = piece().record.x[FIRST:], FIRST + (SAMPLES - FIRST) // 2
+    early = np.abs(x.mean(axis=1) - x[:, 0])[: middle - FIRST].sum()
+    late = (5.0 - x[middle - FIRST :, 0]).sum()
+    assert both["half", 2][0] == pytest.approx((early + late) / len(x), rel=1e-5)
+
+
+def test_time_counts_every_sample_once_by_its_age():
+    drifting = errors(lambda x: x[:, :1] + np.arange(len(x))[:, None], time=[2, 5, 10])
+    clean, n = drifting.pop(("time", 0))
+    assert sum(count for _, count in drifting.values()) == n == SAMPLES - FIRST
+    assert sum(value * count for value, count in drifting.values()) == pytest.approx(clean * n)
+    assert [value for value, _ in drifting.values()] == sorted(value for value, _ in drifting.values())
+    with pytest.raises(InputError, match="no sample of task_1 is 60 minutes old; its test part lasts 8.3 minutes"):
+        errors(first_channel, time=[10, 60])
+
+
+def test_a_model_that_forgets_nothing_sees_the_whole_recording():
+    lengths = []
+
+    def mean_so_far(x):
+        lengths.append(len(x))
+        return np.cumsum(x[:, :1], axis=0, dtype=float) / np.arange(1, len(x) + 1)[:, None] * 1e3
+
+    found = errors(mean_so_far, noise=[1e-9])
+    assert found["noise", 1e-9][0] == pytest.approx(found["noise", 0][0], rel=1e-6)
+    assert lengths[-1] == SAMPLES
+    lengths.clear()
+    errors(lambda x: lengths.append(len(x)) or x[:, :1], noise=[0.1])
+    assert lengths[-1] == SAMPLES - FIRST + stress_series.WARM_UP
+
+
+def test_a_failed_run_has_no_numbers_and_seeds_draw_anew():
+    assert all(np.isnan(value) for value, _ in errors(first_channel, failed=True, noise=[0.1]).values())
+    one, other = (errors(first_channel, seed=seed, stuck=[1])["stuck", 1] for seed in (0, 1))
+    assert one == errors(first_channel, seed=0, stuck=[1])["stuck", 1] and one != other
+
+
+def test_unknown_perturbations_are_refused_and_own_recordings_have_no_scene():
+    with pytest.raises(InputError, match="unknown key 'noize'; did you mean 'noise'"):
+        stress_series.planned("strain", {}, {"noize": [1]})
+    given = {"noise": [2, 1], "speed": [1]}
+    assert stress_series.planned("strain", {"source": "simulated"}, given) == {"noise": [1, 2], "speed": [1]}
+    assert stress_series.planned("strain", {"source": "data/own"}, given) == {"noise": [1, 2]}
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """Logs, frames and dataset of strain at miniature scale, ridge and constant trained and scored; its settings."""
+    folder = tmp_path_factory.mktemp("series")
+    (folder / "pipeline").symlink_to(paths.ROOT / "pipeline")
+    values = miniature(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(paths, "ROOT", folder)
+        patch.setattr(params, "load", lambda: values)
+        simulate.simulate("strain", values["strain"])
+        ingest.ingest("strain", values["strain"])
+        patch.setattr("sys.argv", ["dataset", "strain"])
+        dataset.main()
+        scores = []
+        for model in values["strain"]["models"]:
+            for protocol, seed in params.runs(values, "strain"):
+                target = paths.run_folder("strain", model, protocol, seed)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                train_series.train_run("strain", model, protocol, seed, target, lambda *numbers: None)
+            scores += evaluate.evaluate_series_model("strain", model, folder, lambda: None)
+        with open(paths.scores("strain"), "w", newline="") as file:
+            csv.writer(file).writerows([evaluate.COLUMNS, *scores])
+        yield values
+
+
+def miniature(folder) -> dict:
+    """params.yaml at miniature scale, with the two models of strain that are solved at once."""
+    root = paths.ROOT
+    copy = folder / "params.yaml"
+    copy.write_text((root / "params.yaml").read_text())
+    set_values(yaml.safe_load((root / "tests" / "miniature.yaml").read_text()), copy)
+    values = params.load(copy)
+    values["strain"]["models"] = {"constant": {}, "ridge": {"ridge": 1.0}}
+    return values
+
+
+def test_severity_0_is_exactly_what_evaluate_found(project):
+    with open(paths.scores("strain")) as file:
+        known = {tuple(row[k] for k in (1, 2, 4, 5)): float(row[7]) for row in csv.reader(file) if row[3] == "ridge"}
+    reports = []
+    found = stress_series.rows("strain", "ridge", lambda: reports.append(1))
+    clean = [row for row in found if row[4] == 0 and row[3] not in stress_series.SCENES]
+    assert len(reports) == 4 and len(clean) == 4 * 4 * 2  # runs; perturbations, error and r2
+    for protocol, condition, seed, _, _, metric, _, value, _ in clean:
+        assert value == known[protocol, condition, str(seed), metric]
+    asked = params.load()["stress"]["strain"]["perturbations"]
+    assert {(row[3], row[4]) for row in found} == {(name, s) for name, own in asked.items() for s in (0, *own)}
+    worse = {row[3]: row[7] for row in found if row[0] == "task_1" and row[5] == "error" and row[4] > 0}
+    clean = {row[3]: row[7] for row in found if row[0] == "task_1" and row[5] == "error" and row[4] == 0}
+    assert worse["dead"] > 5 * clean["dead"] and worse["specimen"] != clean["specimen"]
+
+
+def test_a_score_that_is_out_of_date_is_an_error(project):
+    text = paths.scores("strain").read_text()
+    before = next(line for line in text.splitlines() if line.startswith("strain,task_1,task_1,ridge,0,error"))
+    fields = before.split(",")
+    fields[7] = str(float(fields[7]) + 0.01)
+    paths.scores("strain").write_text(text.replace(before, ",".join(fields)))
+    with pytest.raises(InputError, match="ridge, task_1, seed 0 has error .* run `python -m pipeline.evaluate strain`"):
+        stress_series.rows("strain", "ridge", lambda: None)
+    paths.scores("strain").write_text(text)
+
+
+def test_changed_scenes_keep_the_motion_and_change_what_they_say(project):
+    settings = project["strain"]
+    settings = settings | {"simulate": settings["simulate"] | {"faults": settings["simulate"]["faults"] | {"gaps": 0}}}
+
+    def record(change, severity):
+        return stress_series.scene_record(json.dumps(settings), "task_2", change, severity)
+
+    plain, double, fast, other = record("rate", 0), record("rate", 1), record("speed", 1), record("specimen", 1)
+    assert len(double.x) == pytest.approx(2 * len(plain.x), abs=4)
+    n = len(plain.y) - 2
+    assert np.abs(plain.y[:n] - double.y[::2][:n]).max() < 0.5  # mm; two readings of one place
+    assert np.abs(plain.y[:n] - other.y[:n]).max() < 0.5
+    assert not np.allclose(np.ptp(other.x, axis=0), np.ptp(plain.x, axis=0), rtol=0.05)
+    before_rest = 10  # samples of the first stroke
+    assert np.abs(plain.y[:before_rest:2][:5] - fast.y[: before_rest // 2]).max() < 0.5
+    trained = next(one for one in strain.recordings(settings["simulate"]) if one.condition == "task_2")
+    steps = round(1 / settings["ingest"]["rate_hz"] / strain.STEP_S)
+    assert np.abs(trained.place_mm[::steps, :2][:n] - plain.y[:n]).max() > 10  # a path that no model has seen
+    with pytest.raises(InputError, match="no change 'colour'"):
+        strain_stress.changed(settings, "colour", 1)
