@@ -78,6 +78,18 @@ line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "o
 tactile_images = ("pressure", "strain", "combined")
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
+
+def ablation(*protocols: str) -> dict:
+    """The block of `physics` for one experiment; `scene` is held against the experiment's schema when it is used."""
+    return {
+        "floor_seeds": many(integer(0)),
+        "effect_seeds": many(integer(0)),
+        "protocols": many(one_of(*protocols)),
+        "scene": mapping,
+        "models": mapping,
+    }
+
+
 SCHEMA = {
     "experiments": many(one_of("touch", "velostat_recorded", "strain", "strain_recorded", "glove", "glove_recorded")),
     "device": one_of("auto", "cpu", "cuda"),
@@ -308,5 +320,10 @@ SCHEMA = {
         "protocols": mapping,
         "models": mapping,
         "latency": latency,
+    },
+    "physics": {
+        "touch": ablation("press"),
+        "strain": ablation("task_1", "task_2"),
+        "glove": ablation(*(f"session_{images}" for images in tactile_images)),
     },
 }

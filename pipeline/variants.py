@@ -1,0 +1,20 @@
+"""The variants of a simulated scene: which effect is left out, and with which seed."""
+
+from collections.abc import Mapping
+
+from pipeline.errors import InputError
+
+COLUMNS = ("experiment", "effect", "condition", "model", "seed", "metric", "unit", "value")  # of physics.csv
+NONE = "none"  # no effect is left out
+
+
+def variants(values: Mapping, experiment: str) -> list[tuple[str, int]]:
+    """(effect, seed) of every run of params.yaml, `none` first. Raises InputError for seeds that cannot be compared."""
+    chosen = values["physics"][experiment]
+    floor, fewer = chosen["floor_seeds"], chosen["effect_seeds"]
+    if len(floor) < 2 or not set(fewer) <= set(floor):
+        raise InputError(
+            f"params.yaml, physics.{experiment}: floor_seeds must be two or more, with all of effect_seeds among them"
+        )
+    effects = list(values[experiment]["simulate"]["effects"])
+    return [(NONE, seed) for seed in floor] + [(effect, seed) for effect in effects for seed in fewer]
