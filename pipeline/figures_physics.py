@@ -11,8 +11,10 @@ from pipeline.effects import NEEDED, Assessment
 from pipeline.figures import style
 
 FULL = 3.0  # floors at which the colour is full
-# The sign is in the numbers, so that nothing is lost in grey.
-COLOURS = LinearSegmentedColormap.from_list("change", [figures.BLUE, *["white"] * 3, figures.VERMILION])
+# White up to one floor, then two hues; the sign is in the numbers, so that nothing is lost in grey.
+EDGE = 0.5 - 0.5 / FULL
+STEPS = [(0, figures.BLUE), (EDGE, "#D9E8F2"), (EDGE, "white"), (1 - EDGE, "white"), (1 - EDGE, "#F8E3D6")]
+COLOURS = LinearSegmentedColormap.from_list("change", [*STEPS, (1, figures.VERMILION)], N=600)
 
 
 def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
@@ -43,7 +45,7 @@ def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
         ax.axvline(len(models) - 0.5, color=figures.GREY, linewidth=0.8)
         labels = [style(model).label for model in models]
         ax.set_xticks(range(len(models) + 1), [*labels, "order: tau"], rotation=50, ha="right", rotation_mode="anchor")
-        ax.set_title(f"{condition.replace('_', ' ')} (seeds: tau ≥ {assessment.floor_tau[condition]:.2f})")
+        ax.set_title(f"{condition.replace('_', ' ')} (between seeds: tau ≥ {assessment.floor_tau[condition]:.2f})")
         ax.set_xticks(np.arange(len(models) + 2) - 0.5, minor=True)
         ax.set_yticks(np.arange(len(effects) + 1) - 0.5, minor=True)
         ax.grid(False)

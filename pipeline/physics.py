@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from pipeline import classification, images, metrics, params, paths, schema, series, tables, workers
 from pipeline.errors import InputError, run_stage
-from pipeline.variants import COLUMNS, NONE, variants
+from pipeline.variants import COLUMNS, NONE, TOGETHER, variants
 from pipeline.window import windows_of
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
@@ -31,12 +31,14 @@ CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about 
 def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dict:
     """The experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
 
-    Raises InputError where the result is not what pipeline/schema.py allows.
+    `none`: with all of them; `together`: without those of physics.<experiment>.together. Raises InputError where the
+    result is not what pipeline/schema.py allows.
     """
     settings = _merged(values[experiment], values["physics"][experiment]["scene"])
     params.check_block(settings, schema.SCHEMA[experiment], f"{experiment} with physics.{experiment}.scene")
     scene = settings["simulate"]
-    effects = scene["effects"] if effect == NONE else scene["effects"] | {effect: False}
+    out = {NONE: [], TOGETHER: values["physics"][experiment]["together"]}.get(effect, [effect])
+    effects = scene["effects"] | dict.fromkeys(out, False)
     return settings | {"simulate": scene | {"seed": scene["seed"] + seed, "effects": effects}}
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 from pipeline import effects, markdown
 from pipeline.effects import FAILED, NEEDED, NOT_NEEDED, Assessment, Judgement
 from pipeline.figures import style
+from pipeline.variants import TOGETHER
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
 ERRORS = {"rmse": "RMSE in kPa", "error": "error in mm", "accuracy": "share of images named wrongly"}
@@ -26,31 +27,35 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "that all seeds agree on turns over, or any model's error changes by more than its floor. With and without "
         "an effect, the same seeds are compared.\n",
         "## What could be left out\n",
-        *[_left_out(experiment, one) for experiment, one in found.items()],
+        *[_left_out(experiment, one, settings[experiment]["together"]) for experiment, one in found.items()],
         "",
-        "One effect is left out at a time: two that change nothing alone may do so together. An effect is judged by "
-        "the models and claims below, on a scene of this size; what only a longer training shows is not seen.\n",
+        "One effect is left out at a time; two that change nothing alone may do so together (`together` is the test "
+        "of that). An effect is judged by the models and claims below, on a scene of this size; what only a longer "
+        "training shows is not seen.\n",
     ]
     for experiment, one in found.items():
         parts += _experiment(experiment, one, scores[experiment], settings[experiment])
     return "\n".join(parts)
 
 
-def _left_out(experiment: str, assessment: Assessment) -> str:
+def _left_out(experiment: str, assessment: Assessment, together: list[str]) -> str:
     """One line an experiment: what is not needed, what failed, and what stays although nothing needs it."""
-    by_verdict = {
-        verdict: [one for one in assessment.effects if one.verdict == verdict]
-        for verdict in (NEEDED, NOT_NEEDED, FAILED)
-    }
+    alone = [one for one in assessment.effects if one.effect != TOGETHER]
+    by_verdict = {verdict: [one for one in alone if one.verdict == verdict] for verdict in (NEEDED, NOT_NEEDED, FAILED)}
     purposes = {one.effect: effects.PURPOSE.get((experiment, one.effect)) for one in by_verdict[NOT_NEEDED]}
     free = [f"`{effect}`" for effect, purpose in purposes.items() if not purpose]
     kept = [f"`{effect}` stays: {purpose}" for effect, purpose in purposes.items() if purpose]
     text = f"- {TITLES[experiment]}: "
-    text += f"{len(by_verdict[NEEDED])} of {len(assessment.effects)} effects are needed. "
+    text += f"{len(by_verdict[NEEDED])} of {len(alone)} effects are needed. "
     text += f"Could be off by default: {', '.join(free)}. " if free else "None of them could be off by default. "
     text += f"Change nothing, but {'; '.join(kept)}. " if kept else ""
     failed = [f"`{one.effect}`" for one in by_verdict[FAILED]]
-    return text + (f"Not known, a run failed: {', '.join(failed)}." if failed else "")
+    text += f"Not known, a run failed: {', '.join(failed)}. " if failed else ""
+    whole = [one.verdict for one in assessment.effects if one.effect == TOGETHER]
+    if whole:
+        said = {NOT_NEEDED: "changes nothing either", NEEDED: "changes the results", FAILED: "has a failed run"}
+        text += f"To leave out {', '.join(f'`{name}`' for name in together)} together {said[whole[0]]}."
+    return text.rstrip()
 
 
 def _experiment(experiment: str, assessment: Assessment, scores: pd.DataFrame, settings: Mapping) -> list[str]:
