@@ -49,12 +49,12 @@ def least(errors: Errors, models: Sequence[str], condition: str) -> float:
 
 
 def learning_beats_conventional(errors: Errors) -> bool:
-    """LoMP paper, section IV-B."""
+    """LoMP paper, section IV-C: a clear gap between conventional and learning-based approaches."""
     return least(errors, NETWORKS, "single") < least(errors, CONVENTIONAL, "single")
 
 
 def lomp_best_on_double(errors: Errors) -> bool:
-    """LoMP paper, section IV-C."""
+    """LoMP paper, section IV-D."""
     return errors["lomp", "double"] < least(errors, (*CONVENTIONAL, "cnn", "rnn"), "double")
 
 
@@ -76,7 +76,7 @@ def direct_finds_the_depth(errors: Errors) -> bool:
 
 
 def direct_finds_the_place(errors: Errors) -> bool:
-    """Latent-space paper, section IV: absolute x and y from slips, better than a window of 2 s can tell."""
+    """Latent-space paper, section III-B: the place is summed from slips, better than a window of 2 s can tell."""
     return errors["lstm_direct", "task_2"] < min(errors["constant", "task_2"], errors["ridge", "task_2"])
 
 
