@@ -1,7 +1,13 @@
-"""Which effects of a simulated scene the results need: errors with and without, against what another seed does.
+"""Which effects of a simulated scene the results need: errors with and without, against what other seeds do.
 
-An effect is needed if, without it, the order of the models (Kendall's tau) changes more than between two seeds of the
-whole scene, or a claim that all seeds agree on turns over, or a model's error changes by more than its floor.
+The yardstick are seeds of the whole scene. Leaving an effect out compares the mean error of some seeds with that of
+the same seeds; the same comparison between different seeds of the whole scene shows what chance does. An effect is
+needed if, without it,
+
+* a model's error changes by more than its floor, the 95 % band of a difference between two means of as many seeds,
+  t s sqrt(2 / m) with s the spread over all seeds, and in the same direction in every seed; or
+* the order of the models changes more (a smaller Kendall's tau) than between 95 % of such groups of seeds; or
+* a claim that all seeds agree on turns over.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,10 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.special import stdtrit
 from scipy.stats import kendalltau
 
 from pipeline.variants import NONE
 
+CONFIDENCE = 0.95
 LEAST = 0.01  # share of its error below which no change of a model counts, however little the seeds differ
 NEEDED, NOT_NEEDED, FAILED = "needed", "not needed", "failed"
 
@@ -203,12 +211,18 @@ class Change(NamedTuple):
     model: str
     before: float  # error with all effects
     after: float  # without this one; infinite if a run failed
-    floor: float  # largest difference between two seeds with all effects on, at least LEAST of the mean error
+    floor: float  # of the difference, at least LEAST of the mean error; NaN if a run with all effects failed
+    steady: bool  # in the same direction in every seed
 
     @property
     def floors(self) -> float:
         """The change in units of the floor, positive where the error grows."""
         return (self.after - self.before) / self.floor if np.isfinite(self.after - self.before) else np.nan
+
+    @property
+    def counts(self) -> bool:
+        """Whether the change is more than chance: beyond the floor, and steady."""
+        return abs(self.floors) > 1 and self.steady
 
     @property
     def relative(self) -> float:
@@ -221,21 +235,21 @@ class Judgement(NamedTuple):
     """What leaving out one effect does."""
 
     effect: str
-    tau: dict[str, float]  # condition -> Kendall's tau between the models' errors with and without, mean over seeds
+    tau: dict[str, float]  # condition -> Kendall's tau between the models' mean errors with and without
     changes: list[Change]
     flipped: list[str]  # names of claims that turn over
     verdict: str
 
     def largest(self, condition: str | None = None) -> Change:
-        """The change that is most floors large (a failed one before all others), of one condition or of all."""
+        """The largest change in floors, of one condition or of all: failed ones first, then those that count."""
         own = [one for one in self.changes if condition in (None, one.condition)]
-        return max(own, key=lambda one: np.inf if np.isnan(one.floors) else abs(one.floors))
+        return max(own, key=lambda one: (np.isnan(one.floors), one.counts, abs(one.floors)))
 
 
 class Assessment(NamedTuple):
     """One experiment's effects, and the yardstick they are judged by."""
 
-    floor_tau: dict[str, float]  # condition -> smallest tau between two seeds with all effects on
+    floor_tau: dict[str, float]  # condition -> tau that 95 % of pairs of groups of seeds reach, all effects on
     claims: dict[str, bool | None]  # name -> whether it holds with all effects on; None: seeds differ
     effects: list[Judgement]
 
@@ -255,11 +269,9 @@ def assess(experiment: str, scores: pd.DataFrame) -> Assessment:
     }
     whole = {seed: run for (effect, seed), run in runs.items() if effect == NONE}
     keys, conditions = list(next(iter(whole.values()))), list(dict.fromkeys(table["condition"]))
-    floors = {key: _floor([run[key] for run in whole.values()]) for key in keys}
-    floor_tau = {
-        condition: min(tau(one, other, condition) for one, other in combinations(whole.values(), 2))
-        for condition in conditions
-    }
+    size = min(table[table["effect"] != NONE].groupby("effect")["seed"].nunique())
+    floors = {key: _floor([run[key] for run in whole.values()], size) for key in keys}
+    floor_tau = {condition: _floor_tau(list(whole.values()), size, condition) for condition in conditions}
     testable = [
         claim
         for claim in CLAIMS[experiment]
@@ -277,13 +289,11 @@ def assess(experiment: str, scores: pd.DataFrame) -> Assessment:
         before = mean([whole[seed] for seed in own])
         after = mean(list(own.values()))
         changes = [
-            Change(condition, model, before[model, condition], after[model, condition], floors[model, condition])
-            for model, condition in keys
+            Change(condition, model, before[key], after[key], floors[key], _steady(whole, own, key))
+            for key in keys
+            for model, condition in [key]
         ]
-        taus = {
-            condition: float(np.mean([tau(whole[seed], run, condition) for seed, run in own.items()]))
-            for condition in conditions
-        }
+        taus = {condition: tau(before, after, condition) for condition in conditions}
         flipped = [
             claim.name
             for claim in testable
@@ -306,18 +316,36 @@ def tau(one: Errors, other: Errors, condition: str) -> float:
     return float(kendalltau([one[m, condition] for m in models], [other[m, condition] for m in models]).statistic)
 
 
-def _floor(values: list[float]) -> float:
-    """Largest difference between seeds, at least LEAST of their mean; NaN if one of them failed."""
+def _floor(values: list[float], size: int) -> float:
+    """The 95 % band of a difference between means of `size` seeds, from one value a seed; NaN if one failed."""
     if not np.isfinite(values).all():
         return np.nan
-    return max(max(values) - min(values), LEAST * float(np.mean(values)), np.finfo(float).tiny)
+    band = stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2) * np.std(values, ddof=1) * np.sqrt(2 / size)
+    return max(float(band), LEAST * float(np.mean(values)), np.finfo(float).tiny)
+
+
+def _floor_tau(runs: list[Errors], size: int, condition: str) -> float:
+    """The tau that 95 % of the pairs of groups of `size` seeds (half of all at most) with no common seed reach."""
+    size = min(size, len(runs) // 2)
+    found = [
+        tau(mean(list(one)), mean(list(other)), condition)
+        for one in combinations(runs, size)
+        for other in combinations([run for run in runs if not any(run is own for own in one)], size)
+    ]
+    return float(np.quantile(found, 1 - CONFIDENCE, method="lower"))
+
+
+def _steady(whole: Mapping[int, Errors], without: Mapping[int, Errors], key: tuple[str, str]) -> bool:
+    """Whether an error changes in the same direction in every seed."""
+    signs = {np.sign(run[key] - whole[seed][key]) for seed, run in without.items()}
+    return len(signs) == 1 and 0 not in signs
 
 
 def _verdict(taus: Mapping, floor_tau: Mapping, changes: list[Change], flipped: list[str]) -> str:
     if any(np.isnan(change.floors) for change in changes):
         return FAILED
     reordered = any(taus[condition] < floor_tau[condition] - 1e-9 for condition in taus)
-    return NEEDED if reordered or flipped or any(abs(change.floors) > 1 for change in changes) else NOT_NEEDED
+    return NEEDED if reordered or flipped or any(change.counts for change in changes) else NOT_NEEDED
 
 
 def report_rows(experiment: str, assessment: Assessment) -> list[dict]:

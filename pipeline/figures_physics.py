@@ -37,7 +37,7 @@ def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
                     continue
                 column = models.index(change.model)
                 floors[row, column] = np.clip(np.nan_to_num(change.floors, nan=FULL), -FULL, FULL)
-                _number(ax, column, row, change.relative * 100, abs(change.floors) > 1, abs(floors[row, column]) > 2.5)
+                _number(ax, column, row, change.relative * 100, change.counts, abs(floors[row, column]) > 2.5)
             changed = one.tau[condition] < assessment.floor_tau[condition] - 1e-9
             weight = "bold" if changed else "normal"
             ax.text(len(models), row, f"{one.tau[condition]:.2f}", ha="center", va="center", fontsize=7, weight=weight)
@@ -45,7 +45,7 @@ def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
         ax.axvline(len(models) - 0.5, color=figures.GREY, linewidth=0.8)
         labels = [style(model).label for model in models]
         ax.set_xticks(range(len(models) + 1), [*labels, "order: tau"], rotation=50, ha="right", rotation_mode="anchor")
-        ax.set_title(f"{condition.replace('_', ' ')} (between seeds: tau ≥ {assessment.floor_tau[condition]:.2f})")
+        ax.set_title(f"{condition.replace('_', ' ')} (other seeds: tau ≥ {assessment.floor_tau[condition]:.2f})")
         ax.set_xticks(np.arange(len(models) + 2) - 0.5, minor=True)
         ax.set_yticks(np.arange(len(effects) + 1) - 0.5, minor=True)
         ax.grid(False)
@@ -56,8 +56,9 @@ def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
     axes[0, 0].set_yticks(range(len(effects)), names)
     axes[0, 0].set_ylabel("effect left out (*: needed)")
     bar = figure.colorbar(drawn, ax=axes[0].tolist(), ticks=[-FULL, -1, 0, 1, FULL], pad=0.01, shrink=0.9)
-    bar.set_label("change of the error, in floors\n(1: the spread between seeds)")
-    figure.suptitle(f"{title}\nNumbers: change of the error ({unit}) in %, bold beyond one floor", fontsize=9)
+    bar.set_label("change of the error, in floors\n(1: what other seeds do)")
+    note = f"Numbers: change of the error ({unit}) in %, bold where it counts: beyond one floor, in every seed alike"
+    figure.suptitle(f"{title}\n{note}", fontsize=9)
     figures.save(figure, path)
 
 

@@ -21,11 +21,13 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "labels, training, scores of the test part. The scenes are small and the trainings short (params.yaml, "
         "`physics`), so errors are larger than in the tables of each experiment: do not compare the two.\n",
         "**The yardstick is another seed.** With all effects on, the scene is drawn with several seeds (specimen, "
-        "motion, noise, split and start of training all differ). A model's *floor* is the largest difference of its "
-        f"error between two of them, at least {effects.LEAST:.0%} of the error. An effect is **needed** if, without "
-        "it, the order of the models differs more (Kendall's tau, 1: same order) than between two seeds, or a claim "
-        "that all seeds agree on turns over, or any model's error changes by more than its floor. With and without "
-        "an effect, the same seeds are compared.\n",
+        "motion, noise, split and start of training all differ). Without an effect, the mean of some of these seeds "
+        "is compared with the mean of the same seeds with it; the yardstick is the same comparison between different "
+        f"seeds. A model's *floor* is the {effects.CONFIDENCE:.0%} band of that difference, t s sqrt(2 / m) for m "
+        f"seeds and a spread s over all of them, at least {effects.LEAST:.0%} of the error. An effect is **needed** if, "
+        "without it, a model's error changes by more than its floor, and in every seed in the same direction; or the "
+        f"order of the models (Kendall's tau, 1: the same) differs more than in {effects.CONFIDENCE:.0%} of pairs of "
+        "groups of other seeds; or a claim that all seeds agree on turns over.\n",
         "## What could be left out\n",
         *[_left_out(experiment, one, settings[experiment]["together"]) for experiment, one in found.items()],
         "",
@@ -63,7 +65,7 @@ def _experiment(experiment: str, assessment: Assessment, scores: pd.DataFrame, s
     header = ["effect left out", *[f"tau, {name.replace('_', ' ')}" for name in conditions]]
     header += ["largest change (floors)", "of", "claims that turn over", "verdict"]
     rows = [[_bold(one), *_row(one, conditions), one.verdict] for one in assessment.effects]
-    floor = ["*floor: two seeds*", *[f"≥ {markdown.number(value)}" for value in assessment.floor_tau.values()]]
+    floor = ["*floor: other seeds*", *[f"≥ {markdown.number(value)}" for value in assessment.floor_tau.values()]]
     rows.append([*floor, "1.00", "", "", ""])
     claims = [
         f"- {claim.name}: {claim.sentence}. {_said(assessment.claims[claim.name])}"

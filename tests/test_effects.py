@@ -24,7 +24,8 @@ DOUBLE = {
     "lomp": 7.0,
 }
 SEEDS = (0, 1, 2)
-FLOOR = 0.04  # two seeds further apart differ by this share of the error
+STEP = 0.02  # a seed differs from the one before by this share of the error
+FLOOR = 4.3027 * STEP  # t of three seeds; two are compared with two: sqrt(2 / 2)
 
 
 def touch_scores(changes=None, effect="creep", seeds=(0, 1)) -> pd.DataFrame:
@@ -35,7 +36,7 @@ def touch_scores(changes=None, effect="creep", seeds=(0, 1)) -> pd.DataFrame:
             for condition, values in (("single", SINGLE), ("double", DOUBLE)):
                 for model, value in values.items():
                     factor = (changes or {}).get((model, condition), 1.0) if name != NONE else 1.0
-                    value = value * (1 + FLOOR * seed / 2) * factor
+                    value = value * (1 + STEP * (seed - 1)) * factor
                     rows.append(("touch", name, condition, model, seed, "rmse", "kPa", value))
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -64,16 +65,27 @@ def test_a_change_counts_beyond_the_floor():
 def test_the_floor_is_the_spread_between_seeds():
     scores = touch_scores()
     change = next(one for one in assess("touch", scores).effects[0].changes if one[:2] == ("single", "tree"))
-    assert change.floor == pytest.approx(7.5 * FLOOR)
+    assert change.floor == pytest.approx(7.5 * FLOOR, rel=1e-4)
     last = (scores.effect == NONE) & (scores.seed == 2) & (scores.model == "tree") & (scores.condition == "single")
     scores.loc[last, "value"] = 9.0
     change = next(one for one in assess("touch", scores).effects[0].changes if one[:2] == ("single", "tree"))
-    assert change.floor == pytest.approx(1.5)
+    assert change.floor == pytest.approx(4.3027 * np.std([7.35, 7.5, 9.0], ddof=1), rel=1e-4)
+
+
+def test_a_change_in_one_seed_alone_does_not_count():
+    scores = touch_scores()
+    one = (scores.effect == "creep") & (scores.seed == 0) & (scores.model == "tree") & (scores.condition == "single")
+    scores.loc[one, "value"] *= 1 + 3 * FLOOR
+    found = assess("touch", scores).effects[0]
+    assert found.largest().floors > 1 and not found.largest().counts and found.verdict == NOT_NEEDED
+    both = (scores.effect == "creep") & (scores.model == "tree") & (scores.condition == "single")
+    scores.loc[both & (scores.seed == 1), "value"] *= 1.001
+    assert assess("touch", scores).effects[0].verdict == NEEDED
 
 
 def test_seeds_that_agree_to_the_digit_leave_a_floor():
     scores = touch_scores({("lomp", "single"): 1.005})
-    scores = scores.assign(value=scores["value"] / (1 + FLOOR * scores["seed"] / 2))
+    scores = scores.assign(value=scores["value"] / (1 + STEP * (scores["seed"] - 1)))
     (one,) = assess("touch", scores).effects
     assert one.verdict == NOT_NEEDED and one.largest().floors == pytest.approx(0.005 / effects.LEAST)
 
@@ -184,7 +196,7 @@ def test_settings_switch_one_effect_and_move_the_seed():
     assert whole["simulate"]["seed"] == values["touch"]["simulate"]["seed"] + 3
     assert [k for k, on in without["simulate"]["effects"].items() if not on] == ["crosstalk"]
     assert whole["simulate"]["effects"] == values["touch"]["simulate"]["effects"]
-    assert whole["simulate"]["single"]["points_per_side"] == 10 and values["touch"]["simulate"]["circuit"]
+    assert whole["simulate"]["single"]["points_per_side"] == 12 and values["touch"]["simulate"]["circuit"]
 
 
 def test_effects_can_be_left_out_together():
