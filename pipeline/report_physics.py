@@ -25,8 +25,8 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "is compared with the mean of the same seeds with it; the yardstick is the same comparison between different "
         f"seeds. A model's *floor* is the {effects.CONFIDENCE:.0%} band of that difference, t s sqrt(2 / m) for m "
         f"seeds and a spread s over all of them, at least {effects.LEAST:.0%} of the error. An effect is **needed** "
-        "if, without it, a model's error changes by more than its floor, and in every seed in the same direction; or the "
-        f"order of the models (Kendall's tau, 1: the same) differs more than in {effects.CONFIDENCE:.0%} of pairs of "
+        "if, without it, a model's error changes by more than its floor, and in every seed in the same direction; or "
+        f"the order of the models (Kendall's tau, 1: the same) differs more than in {effects.CONFIDENCE:.0%} of pairs of "
         "groups of other seeds; or a claim that all seeds agree on turns over.\n",
         "## What could be left out\n",
         *[_left_out(experiment, one, settings[experiment]["together"]) for experiment, one in found.items()],
