@@ -1,8 +1,9 @@
 """Which effects of a simulated scene the results need: errors with and without, against what other seeds do.
 
 The yardstick are seeds of the whole scene. Leaving an effect out compares the mean error of some seeds with that of
-the same seeds; the same comparison between different seeds of the whole scene shows what chance does. An effect is
-needed if, without it,
+the same seeds; the same comparison between different seeds of the whole scene shows what chance does. Errors are
+compared as ratios (logarithms; means are geometric), for an effect may be what makes seeds differ: without drift, all
+errors are small, which no difference in mm would show beside the largest of them. An effect is needed if, without it,
 
 * a model's error changes by more than its floor, the 95 % band of a difference between two means of as many seeds,
   t s sqrt(2 / m) with s the spread over all seeds, and in the same direction in every seed; or
@@ -23,6 +24,7 @@ from pipeline.variants import NONE
 
 CONFIDENCE = 0.95
 LEAST = 0.01  # share of its error below which no change of a model counts, however little the seeds differ
+LOWEST = 1e-3  # smaller errors are taken for this one: less than one image of a small test part, 1 um, 1 Pa
 NEEDED, NOT_NEEDED, FAILED = "needed", "not needed", "failed"
 
 # Effects that no model has to see: what they are for.
@@ -205,19 +207,19 @@ CLAIMS = {
 
 
 class Change(NamedTuple):
-    """What leaving an effect out does to one model's error in one condition, means over the effect's seeds."""
+    """What leaving an effect out does to one model's error in one condition, geometric means over its seeds."""
 
     condition: str
     model: str
     before: float  # error with all effects
     after: float  # without this one; infinite if a run failed
-    floor: float  # of the difference, at least LEAST of the mean error; NaN if a run with all effects failed
+    floor: float  # of the logarithm of their ratio, at least LEAST; NaN if a run with all effects failed
     steady: bool  # in the same direction in every seed
 
     @property
     def floors(self) -> float:
-        """The change in units of the floor, positive where the error grows."""
-        return (self.after - self.before) / self.floor if np.isfinite(self.after - self.before) else np.nan
+        """The change in units of the floor, positive where the error grows; NaN if a run failed."""
+        return float(np.log(self.after / self.before)) / self.floor if np.isfinite(self.after) else np.nan
 
     @property
     def counts(self) -> bool:
@@ -227,8 +229,7 @@ class Change(NamedTuple):
     @property
     def relative(self) -> float:
         """The change as a share of the error with all effects."""
-        difference = self.after - self.before
-        return difference / self.before if np.isfinite(difference) and self.before else np.nan
+        return self.after / self.before - 1 if np.isfinite(self.after) else np.nan
 
 
 class Judgement(NamedTuple):
@@ -255,9 +256,12 @@ class Assessment(NamedTuple):
 
 
 def errors(scores: pd.DataFrame) -> pd.DataFrame:
-    """`scores` (variants.COLUMNS) with a column `error`: the value, or 1 - accuracy; infinite for a failed run."""
+    """`scores` (variants.COLUMNS) with a column `error`: the value, or 1 - accuracy; infinite for a failed run.
+
+    At least LOWEST, so that it has a logarithm.
+    """
     value = scores["value"].where(scores["metric"] != "accuracy", 1 - scores["value"])
-    return scores.assign(error=value.where(np.isfinite(value), np.inf))
+    return scores.assign(error=value.where(np.isfinite(value), np.inf).clip(lower=LOWEST))
 
 
 def assess(experiment: str, scores: pd.DataFrame) -> Assessment:
@@ -304,8 +308,8 @@ def assess(experiment: str, scores: pd.DataFrame) -> Assessment:
 
 
 def mean(runs: list[Errors]) -> dict[tuple[str, str], float]:
-    """Mean error of every model and condition over runs."""
-    return {key: float(np.mean([run[key] for run in runs])) for key in runs[0]}
+    """Geometric mean error of every model and condition over runs; infinite if one failed."""
+    return {key: float(np.exp(np.mean(np.log([run[key] for run in runs])))) for key in runs[0]}
 
 
 def tau(one: Errors, other: Errors, condition: str) -> float:
@@ -317,11 +321,11 @@ def tau(one: Errors, other: Errors, condition: str) -> float:
 
 
 def _floor(values: list[float], size: int) -> float:
-    """The 95 % band of a difference between means of `size` seeds, from one value a seed; NaN if one failed."""
+    """The 95 % band of a difference between mean logarithms of `size` seeds; values: one a seed. NaN if one failed."""
     if not np.isfinite(values).all():
         return np.nan
-    band = stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2) * np.std(values, ddof=1) * np.sqrt(2 / size)
-    return max(float(band), LEAST * float(np.mean(values)), np.finfo(float).tiny)
+    band = stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2) * np.std(np.log(values), ddof=1) * np.sqrt(2 / size)
+    return max(float(band), float(np.log1p(LEAST)))
 
 
 def _floor_tau(runs: list[Errors], size: int, condition: str) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 
 from pipeline import effects, markdown
@@ -23,11 +24,12 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "**The yardstick is another seed.** With all effects on, the scene is drawn with several seeds (specimen, "
         "motion, noise, split and start of training all differ). Without an effect, the mean of some of these seeds "
         "is compared with the mean of the same seeds with it; the yardstick is the same comparison between different "
-        f"seeds. A model's *floor* is the {effects.CONFIDENCE:.0%} band of that difference, t s sqrt(2 / m) for m "
-        f"seeds and a spread s over all of them, at least {effects.LEAST:.0%} of the error. An effect is **needed** "
+        f"seeds. Errors are compared as ratios: a model's *floor* is the {effects.CONFIDENCE:.0%} band of the "
+        "logarithm of that ratio, t s sqrt(2 / m) for m seeds and a spread s over all of them, at least "
+        f"{effects.LEAST:.0%}. An effect is **needed** "
         "if, without it, a model's error changes by more than its floor, and in every seed in the same direction; or "
-        f"the order of the models (Kendall's tau, 1: the same) differs more than in {effects.CONFIDENCE:.0%} of pairs of "
-        "groups of other seeds; or a claim that all seeds agree on turns over.\n",
+        f"the order of the models (Kendall's tau, 1: the same) differs more than in {effects.CONFIDENCE:.0%} of pairs "
+        "of groups of other seeds; or a claim that all seeds agree on turns over.\n",
         "## What could be left out\n",
         *[_left_out(experiment, one, settings[experiment]["together"]) for experiment, one in found.items()],
         "",
@@ -82,7 +84,7 @@ def _experiment(experiment: str, assessment: Assessment, scores: pd.DataFrame, s
         f"{len(settings['effect_seeds'])} without each; [all numbers](../physics.csv).\n",
         f"![{TITLES[experiment]}: change of every model's error]({experiment}.png)\n",
         markdown.table(header, rows),
-        "Error of every model with all effects (mean, smallest to largest over seeds):\n",
+        "Error of every model with all effects (geometric mean, smallest to largest over seeds):\n",
         _floors(scores, conditions),
         "Claims as they are tested here, with all effects on:\n",
         *claims,
@@ -116,6 +118,7 @@ def _floors(scores: pd.DataFrame, conditions: list[str]) -> str:
             own = whole[(whole["model"] == model) & (whole["condition"] == condition)]["error"]
             low, high = markdown.number(own.min()), markdown.number(own.max())
             failed = own.isin([float("inf")]).any()
-            cells.append("failed" if failed else f"{markdown.number(own.mean())} ({low} to {high})")
+            middle = markdown.number(float(np.exp(np.log(own).mean())))
+            cells.append("failed" if failed else f"{middle} ({low} to {high})")
         rows.append([style(model).label, *cells])
     return markdown.table(["Model", *[name.replace("_", " ") for name in conditions]], rows)

@@ -65,11 +65,11 @@ def test_a_change_counts_beyond_the_floor():
 def test_the_floor_is_the_spread_between_seeds():
     scores = touch_scores()
     change = next(one for one in assess("touch", scores).effects[0].changes if one[:2] == ("single", "tree"))
-    assert change.floor == pytest.approx(7.5 * FLOOR, rel=1e-4)
+    assert change.floor == pytest.approx(FLOOR, rel=1e-3)
     last = (scores.effect == NONE) & (scores.seed == 2) & (scores.model == "tree") & (scores.condition == "single")
     scores.loc[last, "value"] = 9.0
     change = next(one for one in assess("touch", scores).effects[0].changes if one[:2] == ("single", "tree"))
-    assert change.floor == pytest.approx(4.3027 * np.std([7.35, 7.5, 9.0], ddof=1), rel=1e-4)
+    assert change.floor == pytest.approx(4.3027 * np.std(np.log([7.35, 7.5, 9.0]), ddof=1), rel=1e-4)
 
 
 def test_a_change_in_one_seed_alone_does_not_count():
@@ -87,7 +87,9 @@ def test_seeds_that_agree_to_the_digit_leave_a_floor():
     scores = touch_scores({("lomp", "single"): 1.005})
     scores = scores.assign(value=scores["value"] / (1 + STEP * (scores["seed"] - 1)))
     (one,) = assess("touch", scores).effects
-    assert one.verdict == NOT_NEEDED and one.largest().floors == pytest.approx(0.005 / effects.LEAST)
+    assert one.verdict == NOT_NEEDED and one.largest().floors == pytest.approx(
+        np.log(1.005) / np.log(1 + effects.LEAST)
+    )
 
 
 def test_another_order_is_seen():
@@ -135,6 +137,16 @@ def test_a_failed_run_is_no_verdict():
     settings = {"touch": {"floor_seeds": [0, 1, 2], "effect_seeds": [0, 1], "together": []}}
     text = report_physics.readme({"touch": found}, {"touch": scores}, settings)
     assert "a run failed: `creep`" in text and "failed" in text.split("| creep")[1].split("\n")[0]
+
+
+def test_an_effect_that_makes_the_seeds_differ_is_seen():
+    """Without it all errors are small and alike: in kPa, a change within the spread between seeds."""
+    scores = touch_scores()
+    own = (scores.condition == "single") & (scores.model == "tree")
+    scores.loc[own & (scores.effect == NONE), "value"] = [4.0, 8.0, 12.0]
+    scores.loc[own & (scores.effect != NONE), "value"] = [0.1, 0.1]
+    change = assess("touch", scores).effects[0].largest()
+    assert change[:2] == ("single", "tree") and change.counts and change.before - change.after < 12.0 - 4.0
 
 
 def test_accuracy_counts_as_an_error():
