@@ -6,7 +6,8 @@ compared as ratios (logarithms; means are geometric), for an effect may be what 
 errors are small, which no difference in mm would show beside the largest of them. An effect is needed if, without it,
 
 * a model's error changes by more than its floor, the 95 % band of a difference between two means of as many seeds,
-  t s sqrt(2 / m) with s the spread over all seeds, and in the same direction in every seed; or
+  t s sqrt(2 / m) with s the spread over all seeds (or, if larger, the median one of all models and conditions), and
+  in the same direction in every seed; or
 * the order of the models changes more (a smaller Kendall's tau) than between 95 % of such groups of seeds; or
 * a claim that all seeds agree on turns over.
 """
@@ -274,7 +275,7 @@ def assess(experiment: str, scores: pd.DataFrame) -> Assessment:
     whole = {seed: run for (effect, seed), run in runs.items() if effect == NONE}
     keys, conditions = list(next(iter(whole.values()))), list(dict.fromkeys(table["condition"]))
     size = min(table[table["effect"] != NONE].groupby("effect")["seed"].nunique())
-    floors = {key: _floor([run[key] for run in whole.values()], size) for key in keys}
+    floors = _floors(list(whole.values()), size)
     floor_tau = {condition: _floor_tau(list(whole.values()), size, condition) for condition in conditions}
     testable = [
         claim
@@ -320,12 +321,22 @@ def tau(one: Errors, other: Errors, condition: str) -> float:
     return float(kendalltau([one[m, condition] for m in models], [other[m, condition] for m in models]).statistic)
 
 
-def _floor(values: list[float], size: int) -> float:
-    """The 95 % band of a difference between mean logarithms of `size` seeds; values: one a seed. NaN if one failed."""
-    if not np.isfinite(values).all():
-        return np.nan
-    band = stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2) * np.std(np.log(values), ddof=1) * np.sqrt(2 / size)
-    return max(float(band), float(np.log1p(LEAST)))
+def _floors(runs: list[Errors], size: int) -> dict[tuple[str, str], float]:
+    """The 95 % band of a difference between mean logarithms of `size` runs, by model and condition; NaN if one failed.
+
+    From the spread over all runs of one seed each, or the median spread of all models and conditions where that is
+    larger: among so many, some agree by luck when there are few seeds.
+    """
+    with np.errstate(invalid="ignore"):  # infinite - infinite, of failed runs
+        spread = {key: float(np.std(np.log([run[key] for run in runs]), ddof=1)) for key in runs[0]}
+    finite = [value for value in spread.values() if np.isfinite(value)]
+    middle = float(np.median(finite)) if finite else np.nan
+    band = stdtrit(len(runs) - 1, (1 + CONFIDENCE) / 2) * np.sqrt(2 / size)
+    least_change = float(np.log1p(LEAST))
+    return {
+        key: max(float(band) * max(value, middle), least_change) if np.isfinite(value) else np.nan
+        for key, value in spread.items()
+    }
 
 
 def _floor_tau(runs: list[Errors], size: int, condition: str) -> float:

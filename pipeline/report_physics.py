@@ -24,12 +24,14 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "**The yardstick is another seed.** With all effects on, the scene is drawn with several seeds (specimen, "
         "motion, noise, split and start of training all differ). Without an effect, the mean of some of these seeds "
         "is compared with the mean of the same seeds with it; the yardstick is the same comparison between different "
-        f"seeds. Errors are compared as ratios: a model's *floor* is the {effects.CONFIDENCE:.0%} band of the "
-        "logarithm of that ratio, t s sqrt(2 / m) for m seeds and a spread s over all of them, at least "
-        f"{effects.LEAST:.0%}. An effect is **needed** "
-        "if, without it, a model's error changes by more than its floor, and in every seed in the same direction; or "
-        f"the order of the models (Kendall's tau, 1: the same) differs more than in {effects.CONFIDENCE:.0%} of pairs "
-        "of groups of other seeds; or a claim that all seeds agree on turns over.\n",
+        "seeds. An effect is **needed** if, without it,\n",
+        "- a model's error changes by more than its *floor*, and in every seed in the same direction; or",
+        f"- the order of the models (Kendall's tau, 1: the same) differs more than in {effects.CONFIDENCE:.0%} of pairs "
+        "of groups of other seeds; or",
+        "- a claim that all seeds agree on turns over.\n",
+        f"Errors are compared as ratios: the floor is the {effects.CONFIDENCE:.0%} band of the logarithm of the ratio, "
+        "t s sqrt(2 / m) for m seeds. The spread s is the model's own over all seeds, or the median of all models and "
+        f"conditions where that is larger (some agree by luck); the least floor is {effects.LEAST:.0%}.\n",
         "## What could be left out\n",
         *[_left_out(experiment, one, settings[experiment]["together"]) for experiment, one in found.items()],
         "",

@@ -72,6 +72,14 @@ def test_the_floor_is_the_spread_between_seeds():
     assert change.floor == pytest.approx(4.3027 * np.std(np.log([7.35, 7.5, 9.0]), ddof=1), rel=1e-4)
 
 
+def test_a_model_whose_seeds_agree_by_luck_gets_the_median_floor():
+    scores = touch_scores({("tree", "single"): 1 + 0.9 * FLOOR})
+    lucky = (scores.effect == NONE) & (scores.model == "tree") & (scores.condition == "single")
+    scores.loc[lucky, "value"] = 7.5
+    change = assess("touch", scores).effects[0].largest()
+    assert change.model == "tree" and change.floor == pytest.approx(FLOOR, rel=1e-3) and not change.counts
+
+
 def test_a_change_in_one_seed_alone_does_not_count():
     scores = touch_scores()
     one = (scores.effect == "creep") & (scores.seed == 0) & (scores.model == "tree") & (scores.condition == "single")
