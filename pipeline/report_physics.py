@@ -1,5 +1,6 @@
 """Text of reports/physics: which effects of the simulated scenes the results need."""
 
+import json
 from collections.abc import Mapping
 
 import numpy as np
@@ -26,8 +27,8 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "is compared with the mean of the same seeds with it; the yardstick is the same comparison between different "
         "seeds. An effect is **needed** if, without it,\n",
         "- a model's error changes by more than its *floor*, and in every seed in the same direction; or",
-        f"- the order of the models (Kendall's tau, 1: the same) differs more than in {effects.CONFIDENCE:.0%} of pairs "
-        "of groups of other seeds; or",
+        f"- the order of the models (Kendall's tau, 1: the same) changes more than in {effects.CONFIDENCE:.0%} of pairs"
+        " of groups of other seeds; or",
         "- a claim that all seeds agree on turns over.\n",
         f"Errors are compared as ratios: the floor is the {effects.CONFIDENCE:.0%} band of the logarithm of the ratio, "
         "t s sqrt(2 / m) for m seeds. The spread s is the model's own over all seeds, or the median of all models and "
@@ -79,11 +80,14 @@ def _experiment(experiment: str, assessment: Assessment, scores: pd.DataFrame, s
     untested = [claim.name for claim in effects.CLAIMS[experiment] if claim.name not in assessment.claims]
     if untested:
         claims.append(f"- Not tested, for a model or condition is missing: {', '.join(untested)}.")
-    metric = scores["metric"].iloc[0]
+    metric, scene = scores["metric"].iloc[0], settings["scene"]
+    size = f"Scene, in place of `{experiment}` in params.yaml: `{json.dumps(scene).replace(chr(34), '')}`."
+    if "sensor" in scene:
+        size += " Crosstalk comes from fewer elements than in the whole array."
     return [
         f"## {TITLES[experiment]}\n",
         f"Error: {ERRORS[metric]}; {len(settings['floor_seeds'])} seeds with all effects, "
-        f"{len(settings['effect_seeds'])} without each; [all numbers](../physics.csv).\n",
+        f"{len(settings['effect_seeds'])} without each; [all numbers](../physics.csv). {size}\n",
         f"![{TITLES[experiment]}: change of every model's error]({experiment}.png)\n",
         markdown.table(header, rows),
         "Error of every model with all effects (geometric mean, smallest to largest over seeds):\n",
@@ -102,6 +106,8 @@ def _row(one: Judgement, conditions: list[str]) -> list[str]:
     most = one.largest()
     failed = most.floors != most.floors
     change = "failed" if failed else f"{most.floors:+.2f} ({most.relative:+.0%})"
+    if abs(most.floors) > 1 and not most.steady:
+        change += ", seeds differ"
     of = f"{style(most.model).label}, {most.condition.replace('_', ' ')}"
     return [*[markdown.number(one.tau[name]) for name in conditions], change, of, "; ".join(one.flipped) or "none"]
 
