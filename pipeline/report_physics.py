@@ -12,7 +12,7 @@ from pipeline.figures import style
 from pipeline.variants import TOGETHER
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
-ERRORS = {"rmse": "RMSE in kPa", "error": "error in mm", "accuracy": "share of images named wrongly"}
+ERRORS = {"rmse": "RMSE in kPa", "error": "distance in mm", "accuracy": "share of images named wrongly"}
 
 
 def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], settings: Mapping) -> str:
@@ -54,14 +54,18 @@ def _left_out(experiment: str, assessment: Assessment, together: list[str]) -> s
     kept = [f"`{effect}` stays: {purpose}" for effect, purpose in purposes.items() if purpose]
     text = f"- {TITLES[experiment]}: "
     text += f"{len(by_verdict[NEEDED])} of {len(alone)} effects are needed. "
-    text += f"Could be off by default: {', '.join(free)}. " if free else "None of them could be off by default. "
-    text += f"Change nothing, but {'; '.join(kept)}. " if kept else ""
+    text += f"Change nothing when left out alone: {', '.join(free)}. " if free else ""
+    text += f"Change nothing either, but {'; '.join(kept)}. " if kept else ""
     failed = [f"`{one.effect}`" for one in by_verdict[FAILED]]
     text += f"Not known, a run failed: {', '.join(failed)}. " if failed else ""
     whole = [one.verdict for one in assessment.effects if one.effect == TOGETHER]
     if whole:
-        said = {NOT_NEEDED: "changes nothing either", NEEDED: "changes the results", FAILED: "has a failed run"}
-        text += f"To leave out {', '.join(f'`{name}`' for name in together)} together {said[whole[0]]}."
+        said = {
+            NOT_NEEDED: "changes nothing: they could be off by default.",
+            NEEDED: "changes the results, so they cannot all be off.",
+            FAILED: "is not known: a run failed.",
+        }
+        text += f"To leave out {', '.join(f'`{name}`' for name in together)} at once {said[whole[0]]}"
     return text.rstrip()
 
 

@@ -142,7 +142,7 @@ def test_a_failed_run_is_no_verdict():
     scores.loc[(scores.effect == "creep") & (scores.seed == 0) & (scores.model == "rnn"), "value"] = np.nan
     found = assess("touch", scores)
     assert found.effects[0].verdict == FAILED
-    settings = {"touch": {"floor_seeds": [0, 1, 2], "effect_seeds": [0, 1], "together": []}}
+    settings = {"touch": {"floor_seeds": [0, 1, 2], "effect_seeds": [0, 1], "together": [], "scene": {}}}
     text = report_physics.readme({"touch": found}, {"touch": scores}, settings)
     assert "a run failed: `creep`" in text and "failed" in text.split("| creep")[1].split("\n")[0]
 
@@ -246,7 +246,7 @@ def test_seeds_that_cannot_be_compared_are_refused():
 
 def test_a_missing_run_is_named(tmp_path, monkeypatch):
     values = params.load()
-    values["physics"]["touch"] |= {"floor_seeds": list(SEEDS), "effect_seeds": [0, 1]}
+    values["physics"]["touch"] |= {"floor_seeds": list(SEEDS), "effect_seeds": [0, 1], "together": []}
     values["touch"]["simulate"]["effects"] = {"creep": True}
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     target = paths.physics("touch")
