@@ -106,6 +106,11 @@ def stress_scenes(experiment: str) -> Path:
     return experiment_folder(experiment) / "unfinished" / "stress"
 
 
+def physics(experiment: str) -> Path:
+    """Scores of small models on the scene without one of its effects (output of physics)."""
+    return experiment_folder(experiment) / "physics.csv"
+
+
 def require(path: Path, made_by: str) -> Path:
     """`path`, or the sentence that says which stage makes it."""
     if not path.exists():

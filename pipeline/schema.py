@@ -58,6 +58,11 @@ def many(item: Check) -> Check:
     return check
 
 
+def names(value):
+    """A list of texts, which may be empty."""
+    return None if isinstance(value, list) and all(isinstance(one, str) for one in value) else "a list of names, or []"
+
+
 def mapping(value):
     """A non-empty block whose keys are free (models)."""
     return None if isinstance(value, Mapping) and value else "a non-empty block"
@@ -89,6 +94,19 @@ line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "o
 tactile_images = ("pressure", "strain", "combined")
 stress = {"protocols": many(text), "perturbations": severities}
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
+
+
+def ablation(*protocols: str) -> dict:
+    """The block of `physics` for one experiment; `scene` is held against the experiment's schema when it is used."""
+    return {
+        "floor_seeds": many(integer(0)),
+        "effect_seeds": many(integer(0)),
+        "together": names,
+        "protocols": many(one_of(*protocols)),
+        "scene": mapping,
+        "models": mapping,
+    }
+
 
 SCHEMA = {
     "experiments": many(one_of("touch", "velostat_recorded", "strain", "strain_recorded", "glove", "glove_recorded")),
@@ -324,5 +342,10 @@ SCHEMA = {
     "stress": {
         **dict.fromkeys(("touch", "velostat_recorded", "strain", "strain_recorded"), stress),
         **dict.fromkeys(("glove", "glove_recorded"), stress | {"seeds": many(integer(0))}),
+    },
+    "physics": {
+        "touch": ablation("press"),
+        "strain": ablation("task_1", "task_2"),
+        "glove": ablation(*(f"session_{images}" for images in tactile_images)),
     },
 }

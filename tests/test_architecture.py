@@ -12,7 +12,7 @@ from pipeline.scale import set_values
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
 STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "judge"}
-STAGES |= {"stress", "render_stability"}
+STAGES |= {"stress", "render_stability", "physics", "render_physics"}
 COMMANDS = {"fetch", "scale", "fit_material"}
 # Modules that find, check and start things but cannot change a number: DVC need not watch them.
 PLUMBING = {
@@ -70,12 +70,12 @@ def test_imports_point_one_way():
             if (file, other) == ("pipeline/figures_touch.py", "pipeline/scenes/material.py"):
                 continue
             # Simulated recordings are cut into windows exactly as the stage cuts the experiment's.
-            if (file, other) == ("pipeline/stress_windows.py", "pipeline/window.py"):
+            if other == "pipeline/window.py" and file in ("pipeline/stress_windows.py", "pipeline/physics.py"):
                 continue
             assert kind(other) in allowed[kind(file)], f"{file} imports {other}"
 
 
-@pytest.mark.parametrize("stage", ["render", "judge", "render_stability"])
+@pytest.mark.parametrize("stage", ["render", "judge", "render_stability", "render_physics"])
 def test_reports_do_not_import_torch(stage):
     for file in closure(f"pipeline/{stage}.py"):
         source = (ROOT / file).read_text()
@@ -118,6 +118,10 @@ def test_dvc_watches_what_a_stage_imports(entry):
     if command[2] == "pipeline.dataset":
         needed |= closure(f"pipeline/experiments/{command[3]}.py")
         needed -= {"pipeline/logs.py", "pipeline/alignment.py"}  # reading logs is ingest's part of these files
+    if command[2] == "pipeline.physics":
+        models = params.load()["physics"][command[3]]["models"]
+        for file in (f"scenes/{command[3]}", f"experiments/{command[3]}", *(f"models/{model}" for model in models)):
+            needed |= closure(f"pipeline/{file}.py")
     missing = {
         file for file in needed - PLUMBING if file not in deps and not any(file.startswith(f"{dep}/") for dep in deps)
     }
@@ -150,8 +154,10 @@ def test_every_model_block_fits_its_build():
     from pipeline.fitting import Spec
 
     values = params.load()
-    for experiment in values["experiments"]:
-        for model, block in values[experiment]["models"].items():
+    blocks = [(experiment, values[experiment]["models"]) for experiment in values["experiments"]]
+    blocks += [(experiment, block["models"]) for experiment, block in values["physics"].items()]
+    for experiment, models in blocks:
+        for model, block in models.items():
             if experiment in params.SERIES:
                 spec = Spec(20, 1, 6, 1, 2)
             elif experiment in params.IMAGES:
