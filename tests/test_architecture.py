@@ -12,6 +12,7 @@ from pipeline.scale import set_values
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
 STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study"}
+STAGES |= {"rightsize", "render_rightsize"}
 COMMANDS = {"fetch", "scale", "fit_material"}
 # Modules that find, check and start things but cannot change a number: DVC need not watch them.
 PLUMBING = {
@@ -72,7 +73,7 @@ def test_imports_point_one_way():
 
 
 def test_render_does_not_import_torch():
-    for file in closure("pipeline/render.py"):
+    for file in closure("pipeline/render.py") | closure("pipeline/render_rightsize.py"):
         source = (ROOT / file).read_text()
         assert "import torch" not in source and "from torch" not in source, file
 
