@@ -7,6 +7,7 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.ticker import LogLocator, NullLocator
 
 from pipeline import enough, figures
 
@@ -57,22 +58,33 @@ def _panel(ax: plt.Axes, name: str, own: pd.DataFrame, reference: Reference, han
     ):
         colour = figures.VERMILION if mark.startswith("smallest") else figures.BLACK
         handles[mark] = ax.scatter(across[where], value[where], **({"color": colour} | how), zorder=3)
-    failed = ~np.isfinite(value)
-    bottom, top = np.nanmin([*(value - spread[0]), reference.trained]), np.nanmax([*(value + spread[1])])
+    bottom, top = (
+        np.nanmin([*(value - np.nan_to_num(spread[0])), reference.trained]),
+        np.nanmax([*(value + np.nan_to_num(spread[1]))]),
+    )
     top = np.nanmax([top, reference.constant])
+    failed, gone = (own["failed"] > 0).to_numpy(), ~np.isfinite(value)
     if failed.any():
-        handles["all runs failed"] = ax.scatter(across[failed], [top] * failed.sum(), marker="x", color=figures.BLACK)
+        handles["a run failed, or all"] = ax.scatter(
+            across[failed], np.where(gone, top, value)[failed], s=70, marker="x", color=figures.BLACK, zorder=4
+        )
     if np.isfinite(reference.constant):
         handles["constant (floor)"] = ax.axhline(reference.constant, color=figures.GREY, linestyle=":")
     if np.isfinite(reference.trained):
         handles["model of the tables, fully trained"] = ax.axhline(
             reference.trained, color=figures.GREEN, linestyle=(0, (5, 1.5))
         )
-    for x, y, size in zip(across, np.where(failed, top, value), own["size"], strict=True):
-        ax.annotate(f"{size:g}", (x, y), (0, 9), textcoords="offset points", ha="center", fontsize=8)
+    tops = np.where(gone, top, value + np.nan_to_num(spread[1]))
+    for x, y, size in zip(across, tops, own["size"], strict=True) if name != "window" else ():
+        ax.annotate(
+            f"{size:g}", (x, y), (0, 9), textcoords="offset points", ha="center", fontsize=8,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
+        )  # fmt: skip
     ax.set(xscale="log", yscale="log", xlim=(across.min() / 1.6, across.max() * 1.6), ylim=(bottom / 1.25, top * 1.25))
     ax.set_xlabel("Frames a window" if name == "window" else f"Parameters (label: {scale.size_name})")
     if name == "window":
         ax.set_xticks(across, [f"{size:g}" for size in across])
-        ax.xaxis.set_minor_formatter(figures.NullFormatter())
-    figures.plain_log(ax.yaxis)
+        ax.xaxis.set_minor_locator(NullLocator())
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 4, 6, 8)))
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.yaxis.set_minor_locator(NullLocator())

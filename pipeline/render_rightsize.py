@@ -32,14 +32,18 @@ SHORT = {  # how a ladder's training differs from that of the tables
 
 
 def references(experiment: str, values: Mapping, judged: pd.DataFrame) -> dict[tuple[str, str], Reference]:
-    """(family, condition) -> errors of the constant and of the fully trained model, NaN where params.yaml has none."""
+    """(family, condition) -> errors of the constant and of the fully trained model, NaN where there is none.
+
+    A ladder whose models are fully trained needs no other.
+    """
     settings, found = values[experiment], {}
     scores = Scores(experiment, settings)
     for (name, condition), own in judged.groupby(["family", "condition"], sort=False):
         metric, protocol = own.iloc[0]["metric"], ladders.protocol(experiment, condition)
+        models = ("constant", ladders.FAMILIES[name].model if name in SHORT else "")
         means = [
             scores.estimate(protocol, condition, model, metric).mean if model in settings["models"] else float("nan")
-            for model in ("constant", ladders.FAMILIES[name].model)
+            for model in models
         ]
         found[name, condition] = Reference(*(enough.error_of(mean, metric) for mean in means))
     return found
@@ -48,7 +52,8 @@ def references(experiment: str, values: Mapping, judged: pd.DataFrame) -> dict[t
 def shown_error(row: pd.Series) -> str:
     """`mean [low, high]` of one row of enough.JUDGED, or that it failed."""
     value, *ends = (enough.error_of(row[name], row["metric"]) for name in ("value", "low", "high"))
-    return markdown.interval(Estimate(value, min(ends), max(ends), row["runs"], row["failed"]))
+    digits = 3 if row["metric"] == "error" and value < 1 else 2
+    return markdown.interval(Estimate(value, min(ends), max(ends), row["runs"], row["failed"]), digits)
 
 
 def finding(own: pd.DataFrame) -> str:
@@ -76,10 +81,17 @@ def finding(own: pd.DataFrame) -> str:
     paper = published.iloc[0]
     if paper["size"] == small["size"]:
         return f"{start}{text}. That is the published size: nothing smaller is enough."
+    if paper["size"] < small["size"]:
+        above = enough.error_of(paper["value"], paper["metric"]) / enough.error_of(best["value"], best["metric"]) - 1
+        return (
+            f"{start}{text}. The published {scale.published:g} has {small['params'] / paper['params']:.3g} times fewer "
+            f"parameters; by this rule they are too few: {shown_error(paper)} {unit}, {100 * above:.0f} % above the "
+            "best."
+        )
     if first["family"] == "window":
         ratio = f"{scale.published / small['size']:.3g} times as many frames"
     else:
-        ratio = f"{markdown.number(paper['params'] / small['params'])} times as many parameters"
+        ratio = f"{paper['params'] / small['params']:.3g} times as many parameters"
     return f"{start}{text}. The published {scale.published:g} has {ratio} and {shown_error(paper)} {unit}."
 
 

@@ -72,7 +72,8 @@ def test_conditions_are_judged_apart():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({32: [5, 5.1], 128: [4.9, 5.1]}, ["32 hidden units", "published 128 has 4.00 times as many parameters"]),
+        ({32: [5, 5.1], 128: [4.9, 5.1]}, ["32 hidden units", "published 128 has 4 times as many parameters"]),
+        ({128: [5, 5.2], 512: [4, 4]}, ["512 hidden units", "4 times fewer parameters", "27 % above the best"]),
         ({32: [9, 9], 128: [5, 5]}, ["That is the published size", "largest of the ladder"]),
         ({8: [9, 9], 16: [5, 5], 32: [6, 6]}, ["published 128 is not in this ladder", "16 hidden", "the best."]),
         ({32: [NAN, 1], 128: [NAN, NAN]}, ["none can be chosen"]),
@@ -142,3 +143,28 @@ def test_a_family_without_rows_is_an_error(tmp_path, monkeypatch):
     runs("lomp", "rmse", "kPa", {8: [1, 2]}).to_csv(path, index=False)
     with pytest.raises(InputError, match="no row for family window"):
         enough.read("touch")
+
+
+def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):
+    folder = miniature.folder
+    judged = pd.read_csv(folder / "reports" / "rightsize.csv")
+    sizes = {"lomp": [2, 4], "window": [1, 8], "lstm": [3, 5], "sp_resnet": [0.125, 1]}
+    wanted = [("touch", c, f) for f in ("lomp", "window") for c in ("single", "double")]
+    wanted += [("strain", task, "lstm") for task in ("task_1", "task_2")]
+    wanted += [("glove", images, "sp_resnet") for images in ("pressure", "strain", "combined")]
+    found = {key: own for key, own in judged.groupby(["experiment", "condition", "family"])}
+    assert sorted(found) == sorted(wanted)
+    for (_, _, family), own in found.items():
+        assert list(own["size"]) == sizes[family]
+        assert own["chosen"].sum() == 1 and own["value"].gt(0).all() and own["params"].is_monotonic_increasing
+        assert (own["low"] <= own["value"]).all() and (own["value"] <= own["high"]).all()
+    scores = pd.read_csv(folder / "data" / "glove" / "scores.csv")
+    table = scores[(scores.protocol == "session_strain") & (scores.model == "sp_resnet")]
+    full = found["glove", "strain", "sp_resnet"].iloc[1]
+    assert full["value"] == pytest.approx(table[table.metric == "macro_precision"]["value"].mean())
+    assert full["params"] == 99_224
+    text = (folder / "reports" / "rightsize" / "README.md").read_text()
+    assert all(f"![Error against size]({name}.png)" in text for name in ("touch", "strain", "glove"))
+    assert {path.name for path in (folder / "reports" / "rightsize").iterdir()} == {
+        *("README.md", "touch.png", "strain.png", "glove.png")
+    }
