@@ -1,5 +1,6 @@
 """What size of a ladder is enough."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -37,15 +38,27 @@ def label(family: str) -> str:
     return style(ladders.FAMILIES[family].model).label
 
 
-def read(experiment: str) -> pd.DataFrame:
-    """The runs that the stage `rightsize` wrote. Raises InputError for a missing file, column or family."""
+def wanted(experiment: str, values: Mapping) -> dict[str, tuple[list, list]]:
+    """Family -> sizes and seeds that params.yaml asks for; values: all of it."""
+    if experiment == "strain":
+        study = values["strain"]["study"]
+        return {"lstm": (study["capacity"]["units"], study["seeds"])}
+    return {family: (block["sizes"], block["seeds"]) for family, block in values["rightsize"][experiment].items()}
+
+
+def read(experiment: str, values: Mapping) -> pd.DataFrame:
+    """The runs that the stage `rightsize` wrote. Raises InputError for a missing file, column or run."""
     made_by = f"python -m pipeline.rightsize {experiment}"
     table = read_csv(ladders.path(experiment), ladders.COLUMNS, made_by)
-    wanted = {name for name, family in ladders.FAMILIES.items() if family.experiment == experiment}
-    if absent := wanted - set(table["family"]):
-        raise InputError(
-            f"{shown(ladders.path(experiment))}: no row for family {sorted(absent)[0]}; run `{made_by}` again"
-        )
+    conditions = dict.fromkeys(table["condition"])
+    known = set(zip(table["family"], table["condition"], table["size"], table["seed"], strict=True))
+    for family, (sizes, seeds) in wanted(experiment, values).items():
+        for run in itertools.product([family], conditions, sizes, seeds):
+            if run not in known:
+                raise InputError(
+                    f"{shown(ladders.path(experiment))}: no row for family {run[0]}, condition {run[1]}, "
+                    f"size {run[2]:g}, seed {run[3]}; run `{made_by}` again"
+                )
     return table
 
 

@@ -163,7 +163,7 @@ def write_csv(path: Path, judged: pd.DataFrame) -> None:
 def main() -> None:
     """Judge and render all ladders; reports/rightsize is replaced whole."""
     values = params.load()
-    judged = {experiment: enough.judge(enough.read(experiment)) for experiment in ladders.METRIC}
+    judged = {experiment: enough.judge(enough.read(experiment, values)) for experiment in ladders.METRIC}
     found = {experiment: references(experiment, values, table) for experiment, table in judged.items()}
     target = paths.REPORTS / "rightsize"
     draft = target.with_name("rightsize.unfinished")

@@ -136,13 +136,23 @@ def test_settings_that_cannot_be_are_refused():
         rightsize.touch(values)
 
 
-def test_a_family_without_rows_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr(enough.ladders.paths, "ROOT", tmp_path)
+@pytest.mark.parametrize(
+    ("seeds", "frames", "words"),
+    [([0, 1], [1], None), ([0, 1, 2], [1], "lomp, condition single, size 8, seed 2"), ([0], [1, 4], "window.*size 4")],
+)
+def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(tmp_path, monkeypatch, seeds, frames, words):
+    monkeypatch.setattr(ladders.paths, "ROOT", tmp_path)
     path = ladders.path("touch")
     path.parent.mkdir(parents=True)
-    runs("lomp", "rmse", "kPa", {8: [1, 2]}).to_csv(path, index=False)
-    with pytest.raises(InputError, match="no row for family window"):
-        enough.read("touch")
+    rows = [runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})]
+    pd.concat(rows).to_csv(path, index=False)
+    blocks = {"lomp": {"sizes": [8], "seeds": seeds}, "window": {"sizes": frames, "seeds": [0, 1]}}
+    values = {"rightsize": {"touch": blocks}}
+    if words is None:
+        assert len(enough.read("touch", values)) == 4
+    else:
+        with pytest.raises(InputError, match=words):
+            enough.read("touch", values)
 
 
 def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):
