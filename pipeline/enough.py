@@ -50,7 +50,7 @@ def read(experiment: str, values: Mapping) -> pd.DataFrame:
     """The runs that the stage `rightsize` wrote. Raises InputError for a missing file, column or run."""
     made_by = f"python -m pipeline.rightsize {experiment}"
     table = read_csv(ladders.path(experiment), ladders.COLUMNS, made_by)
-    conditions = dict.fromkeys(table["condition"])
+    conditions = dict.fromkeys(table["condition"]) or ("any",)  # of an empty table every run is missing
     known = set(zip(table["family"], table["condition"], table["size"], table["seed"], strict=True))
     for family, (sizes, seeds) in wanted(experiment, values).items():
         for run in itertools.product([family], conditions, sizes, seeds):

@@ -25,8 +25,7 @@ said here and are used for nothing else. All numbers: [rightsize.csv](../rightsi
 precision as a fraction, of which more is better; here it is 1 - macro precision in %).
 """
 SHORT = {  # how a ladder's training differs from that of the tables
-    "lomp": "at most {max_epochs} epochs at a learning rate of {learning_rate:g}",
-    "window": "at most {max_epochs} epochs at a learning rate of {learning_rate:g}",
+    "window": "at most {max_epochs} epochs",
     "lstm": "{streams} parallel streams, {max_epochs} epochs",
 }
 
@@ -118,8 +117,8 @@ def ladder_table(own: pd.DataFrame) -> str:
 def training_note(name: str, own: pd.DataFrame, values: Mapping, found: Mapping) -> str:
     """How a family was trained, and what that costs against the fully trained model of the tables."""
     scale, first = enough.SCALES[name], own.iloc[0]
-    if name == "sp_resnet":
-        return "Trained as the models of the tables; 1 is that model itself.\n"
+    if name not in SHORT:
+        return "Every size is trained as the model of the tables; at its own size it is that model itself.\n"
     if name == "lstm":
         training = values["strain"]["study"]["capacity"]["training"]
     else:

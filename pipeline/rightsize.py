@@ -1,8 +1,8 @@
 """Stage: the papers' own models at several sizes, trained and scored on the test part: what is the smallest enough?
 
-touch: LoMP of several widths, and a CNN that sees only the last frames of each window, both trained for fewer
-epochs than the models of the tables. glove: SP-ResNet with fewer channels; its full width is the model of the table.
-strain: the LSTMs that the stage `study` has trained.
+touch: narrower LoMPs, and a CNN that sees only the last frames of each window and is trained for fewer epochs than the
+one of the tables. glove: SP-ResNet with fewer channels. strain: the LSTMs that the stage `study` has trained. LoMP and
+SP-ResNet are trained as in the tables; the size that the tables have is the model of the tables itself.
 The errors choose nothing but the ladders' own verdict: no other table depends on them.
 Usage: python -m pipeline.rightsize touch|strain|glove
 """
@@ -41,7 +41,7 @@ def touch_run(family: str, size: int, seed: int, report) -> list[tuple]:
         block = block | {"hidden": size, "readout": readout}
     else:
         x, spec = x[:, -size:], spec._replace(frames=size)
-    block = block | {"training": block["training"] | values["rightsize"]["touch"][family]["training"]}
+        block = block | {"training": block["training"] | values["rightsize"]["touch"][family]["training"]}
     regressor = params.build_model(model, spec, block, f"rightsize.touch.{family}")
     part = data.part(protocol, seed)
     train, validation = ((x[part == name], data.y[part == name]) for name in ("train", "validation"))
@@ -88,11 +88,10 @@ def _row(experiment: str, condition: str, family: str, size, model, scores: list
 
 def touch(values: dict) -> list[tuple]:
     """All runs of both touch ladders, the largest first."""
-    ladder = values["rightsize"]["touch"]
-    known = values["touch"]["protocols"][ladders.protocol("touch", "single")]["seeds"]
+    ladder, settings, protocol = values["rightsize"]["touch"], values["touch"], ladders.protocol("touch", "single")
     for family, block in ladder.items():
-        _check_seeds(f"rightsize.touch.{family}.seeds", block["seeds"], known)
-    frames = values["touch"]["window"]["frames"]
+        _check_seeds(f"rightsize.touch.{family}.seeds", block["seeds"], settings["protocols"][protocol]["seeds"])
+    frames, hidden = settings["window"]["frames"], params.model_settings(values, "touch", "lomp")["hidden"]
     if max(ladder["window"]["sizes"]) > frames:
         raise InputError(f"params.yaml, rightsize.touch.window.sizes: a window has {frames} frames; take no more")
     runs = [
@@ -100,39 +99,42 @@ def touch(values: dict) -> list[tuple]:
         for family in ladder
         for size in sorted(ladder[family]["sizes"], reverse=True)
         for seed in ladder[family]["seeds"]
+        if (family, size) != ("lomp", hidden)
     ]
-    return _trained(touch_run, runs, "rightsize touch")
+    found = _trained(touch_run, runs, "rightsize touch")
+    if hidden in ladder["lomp"]["sizes"]:
+        found += [_of_tables("touch", c, "lomp", hidden, seed) for c in CONDITIONS for seed in ladder["lomp"]["seeds"]]
+    return found
 
 
 def glove(values: dict) -> list[tuple]:
-    """All runs of the SP-ResNet ladder; width 1 is the model of the table, with its scores."""
-    block = values["rightsize"]["glove"]["sp_resnet"]
-    settings, widths, seeds = values["glove"], block["sizes"], block["seeds"]
+    """All runs of the SP-ResNet ladder."""
+    block, settings = values["rightsize"]["glove"]["sp_resnet"], values["glove"]
+    widths, seeds = block["sizes"], block["seeds"]
     for condition in images.MODALITIES:
         known = settings["protocols"][ladders.protocol("glove", condition)]["seeds"]
         _check_seeds("rightsize.glove.sp_resnet.seeds", seeds, known)
     runs = [(c, width, seed) for width in sorted(widths) if width < 1 for c in images.MODALITIES for seed in seeds]
     found = _trained(glove_run, runs, "rightsize glove")
     if 1 in widths:
-        found += [_published(condition, seed) for condition in images.MODALITIES for seed in seeds]
+        found += [_of_tables("glove", c, "sp_resnet", 1, seed) for c in images.MODALITIES for seed in seeds]
     return found
 
 
-def _published(condition: str, seed: int) -> tuple:
-    """The run of the table's SP-ResNet, as a row of the ladder."""
-    protocol, metric = ladders.protocol("glove", condition), ladders.METRIC["glove"]
-    path = paths.require(paths.scores("glove"), "python -m pipeline.evaluate glove")
-    scores = pd.read_csv(path).set_index(["protocol", "model", "seed", "metric"])["value"]
-    key = (protocol, "sp_resnet", seed, metric)
-    if key not in scores:
-        raise InputError(
-            f"{path}: no row for {', '.join(map(str, key))}; run `python -m pipeline.evaluate glove` again"
-        )
-    folder = paths.run_folder("glove", "sp_resnet", protocol, seed)
-    made_by = "python -m pipeline.train_images glove sp_resnet"
-    fit = json.loads(paths.require(folder / "fit.json", made_by).read_text(encoding="utf-8"))
-    size = (1.0, fit["parameters"], metric, "1", seed, float(scores[key]), fit["macs"])
-    return ("glove", condition, "sp_resnet", *size)
+def _of_tables(experiment: str, condition: str, family: str, size, seed: int) -> tuple:
+    """One run of the model that the tables have, as a row of a ladder."""
+    protocol, metric = ladders.protocol(experiment, condition), ladders.METRIC[experiment]
+    model = ladders.FAMILIES[family].model
+    path, made_by = paths.scores(experiment), f"python -m pipeline.evaluate {experiment}"
+    scores = pd.read_csv(paths.require(path, made_by)).set_index(["protocol", "condition", "model", "seed", "metric"])
+    key = (protocol, condition, model, seed, metric)
+    if key not in scores.index:
+        raise InputError(f"{path}: no row for {', '.join(map(str, key))}; run `{made_by}` again")
+    row = scores.loc[key]
+    fit = paths.require(paths.run_folder(experiment, model, protocol, seed) / "fit.json", "dvc repro")
+    counts = json.loads(fit.read_text(encoding="utf-8"))
+    value = float(row["value"])
+    return (experiment, condition, family, size, counts["parameters"], metric, row["unit"], seed, value, counts["macs"])
 
 
 def strain(values: dict) -> list[tuple]:

@@ -76,7 +76,6 @@ seeds = {"seeds": many(integer(0))}
 taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
 line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "out_of_order"), fraction)
 tactile_images = ("pressure", "strain", "combined")
-short_training = {"learning_rate": positive, "max_epochs": integer(1)}
 latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
 
 SCHEMA = {
@@ -311,7 +310,10 @@ SCHEMA = {
         "latency": latency,
     },
     "rightsize": {
-        "touch": dict.fromkeys(("lomp", "window"), seeds | {"sizes": many(integer(1)), "training": short_training}),
+        "touch": {
+            "lomp": seeds | {"sizes": many(integer(1))},
+            "window": seeds | {"sizes": many(integer(1)), "training": {"max_epochs": integer(1)}},
+        },
         "glove": {"sp_resnet": seeds | {"sizes": many(number(1 / 64, 1.0))}},
     },
 }

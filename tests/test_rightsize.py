@@ -129,7 +129,11 @@ def test_settings_that_cannot_be_are_refused():
     with pytest.raises(InputError, match="there is no split of seed 7"):
         rightsize._check_seeds("rightsize.touch.lomp.seeds", [0, 7], [0, 1])
     values = {
-        "touch": {"window": {"frames": 8}, "protocols": {"press": {"seeds": [0]}}},
+        "touch": {
+            "window": {"frames": 8},
+            "protocols": {"press": {"seeds": [0]}},
+            "models": {"lomp": {"hidden": 128}},
+        },
         "rightsize": {"touch": {"lomp": {"seeds": [0]}, "window": {"seeds": [0], "sizes": [4, 9]}}},
     }
     with pytest.raises(InputError, match="a window has 8 frames"):
@@ -158,7 +162,7 @@ def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(tmp_path
 def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):
     folder = miniature.folder
     judged = pd.read_csv(folder / "reports" / "rightsize.csv")
-    sizes = {"lomp": [2, 4], "window": [1, 8], "lstm": [3, 5], "sp_resnet": [0.125, 1]}
+    sizes = {"lomp": [4, 8], "window": [1, 8], "lstm": [3, 5], "sp_resnet": [0.125, 1]}
     wanted = [("touch", c, f) for f in ("lomp", "window") for c in ("single", "double")]
     wanted += [("strain", task, "lstm") for task in ("task_1", "task_2")]
     wanted += [("glove", images, "sp_resnet") for images in ("pressure", "strain", "combined")]
