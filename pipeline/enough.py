@@ -27,9 +27,9 @@ class Scale(NamedTuple):
 
 SCALES = {
     "lomp": Scale("hidden units", 128),
-    "window": Scale("frames a window", 8),
+    "window": Scale("frames of a window", 8),
     "lstm": Scale("units", 50),
-    "sp_resnet": Scale("times the published channels", 1),
+    "sp_resnet": Scale("share of the published channels", 1),
 }
 
 

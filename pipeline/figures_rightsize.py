@@ -11,6 +11,8 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from pipeline import enough, figures
 
+LEAST = 0.6  # of the smallest error is where the axis ends: a longer interval runs out of the panel
+
 
 class Reference(NamedTuple):
     """Errors that a panel is read against, NaN if unknown: the constant model's and the fully trained model's."""
@@ -63,6 +65,7 @@ def _panel(ax: plt.Axes, name: str, own: pd.DataFrame, reference: Reference, han
         np.nanmax([*(value + np.nan_to_num(spread[1]))]),
     )
     top = np.nanmax([top, reference.constant])
+    bottom = max(bottom, LEAST * np.nanmin([*value, reference.trained]))
     failed, gone = (own["failed"] > 0).to_numpy(), ~np.isfinite(value)
     if failed.any():
         handles["a run failed, or all"] = ax.scatter(
@@ -81,7 +84,7 @@ def _panel(ax: plt.Axes, name: str, own: pd.DataFrame, reference: Reference, han
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
         )  # fmt: skip
     ax.set(xscale="log", yscale="log", xlim=(across.min() / 1.6, across.max() * 1.6), ylim=(bottom / 1.25, top * 1.25))
-    ax.set_xlabel("Frames a window" if name == "window" else f"Parameters (label: {scale.size_name})")
+    ax.set_xlabel("Frames of a window" if name == "window" else f"Parameters (label: {scale.size_name})")
     if name == "window":
         ax.set_xticks(across, [f"{size:g}" for size in across])
         ax.xaxis.set_minor_locator(NullLocator())

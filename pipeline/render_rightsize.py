@@ -20,9 +20,10 @@ INTRODUCTION = """# How small a model each scene needs
 Each of the papers' models at several sizes; everything else stays the same within a ladder. The smallest size is
 enough if its mean test error is at most the best size's mean plus one standard error of that mean. Runs of a ladder
 differ in the seed, and with it in the start and, for touch and glove, in the split. Values are mean [95 % t interval];
-lower is better. A size with a failed run is never chosen. The errors are those of the test part: they decide what is
-said here and are used for nothing else. All numbers: [rightsize.csv](../rightsize.csv) (for the glove it has macro
-precision as a fraction, of which more is better; here it is 1 - macro precision in %).
+lower is better. A size with a failed run is never chosen. A size that falls short does so after this training: a
+longer one might lift it. The errors are those of the test part: they decide what is said here and are used for nothing
+else. All numbers: [rightsize.csv](../rightsize.csv) (for the glove it has macro precision as a fraction, of which more
+is better; here it is 1 - macro precision in %).
 """
 SHORT = {  # how a ladder's training differs from that of the tables
     "window": "at most {max_epochs} epochs",
@@ -51,8 +52,12 @@ def references(experiment: str, values: Mapping, judged: pd.DataFrame) -> dict[t
 def shown_error(row: pd.Series) -> str:
     """`mean [low, high]` of one row of enough.JUDGED, or that it failed."""
     value, *ends = (enough.error_of(row[name], row["metric"]) for name in ("value", "low", "high"))
-    digits = 3 if row["metric"] == "error" and value < 1 else 2
-    return markdown.interval(Estimate(value, min(ends), max(ends), row["runs"], row["failed"]), digits)
+    return markdown.interval(Estimate(value, min(ends), max(ends), row["runs"], row["failed"]), digits(value))
+
+
+def digits(error: float) -> int:
+    """Decimals of an error in its unit."""
+    return 3 if error < 1 else 2
 
 
 def finding(own: pd.DataFrame) -> str:
@@ -60,14 +65,14 @@ def finding(own: pd.DataFrame) -> str:
     first = own.iloc[0]
     scale, unit = enough.SCALES[first["family"]], enough.unit_of(first["metric"], first["unit"])
     where = f"{first['experiment'].capitalize()}, {first['condition'].replace('_', ' ')}"
-    start = f"- {where}, {enough.label(first['family'])}: "
+    start = f"- {where}, {enough.label(first['family'])}, {scale.size_name}: "
     if not own["chosen"].any():
         return start + "every size has a failed run, so none can be chosen."
     small = own[own["chosen"] == 1].iloc[0]
     sound = own[own["failed"] == 0]
     best = sound.loc[enough.error_of(sound["value"], first["metric"]).idxmin()]
-    text = f"{small['size']:g} {scale.size_name} ({markdown.size(small['params'])} parameters) are the fewest "
-    text += f"that are enough: {shown_error(small)} {unit}"
+    text = f"{small['size']:g} ({markdown.size(small['params'])} parameters) is the smallest that is enough, "
+    text += f"{shown_error(small)} {unit}"
     if best["size"] != small["size"]:
         text += f", the best ({best['size']:g}) {shown_error(best)} {unit}"
     elif best["size"] == own["size"].max():
@@ -128,7 +133,8 @@ def training_note(name: str, own: pd.DataFrame, values: Mapping, found: Mapping)
     for condition, part in own.groupby("condition", sort=False):
         published = part[part["size"] == scale.published]
         reached = shown_error(published.iloc[0]) if len(published) else "not in the ladder"
-        full = markdown.number(found[name, condition].trained)
+        trained = found[name, condition].trained
+        full = markdown.number(trained, digits(trained))
         parts.append(f"{condition.replace('_', ' ')} {reached} {unit} against {full} {unit}")
     return (
         f"A shorter training than in the tables, the same for every size: {SHORT[name].format(**training)}. What that "

@@ -174,11 +174,12 @@ def main() -> None:
     target = ladders.path(experiment)
     target.parent.mkdir(parents=True, exist_ok=True)
     draft = target.with_name(target.name + ".unfinished")
-    family, size = ladders.COLUMNS.index("family"), ladders.COLUMNS.index("size")
+    conditions = list(dict.fromkeys(row[1] for row in rows))
+    rows.sort(key=lambda row: (row[2], conditions.index(row[1]), row[3], row[7]))  # family, condition, size, seed
     with open(draft, "w", newline="", encoding="ascii") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(ladders.COLUMNS)
-        writer.writerows(sorted(rows, key=lambda row: (row[family], row[1], row[size], row[7])))
+        writer.writerows(rows)
     os.replace(draft, target)
 
 

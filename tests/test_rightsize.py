@@ -72,12 +72,15 @@ def test_conditions_are_judged_apart():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({32: [5, 5.1], 128: [4.9, 5.1]}, ["32 hidden units", "published 128 has 4 times as many parameters"]),
-        ({128: [5, 5.2], 512: [4, 4]}, ["512 hidden units", "4 times fewer parameters", "27 % above the best"]),
+        (
+            {32: [5, 5.1], 128: [4.9, 5.1]},
+            ["hidden units: 32 (3,200 parameters)", "published 128 has 4 times as many parameters"],
+        ),
+        ({128: [5, 5.2], 512: [4, 4]}, ["hidden units: 512", "4 times fewer parameters", "27 % above the best"]),
         ({32: [9, 9], 128: [5, 5]}, ["That is the published size", "largest of the ladder"]),
-        ({8: [9, 9], 16: [5, 5], 32: [6, 6]}, ["published 128 is not in this ladder", "16 hidden", "the best."]),
+        ({8: [9, 9], 16: [5, 5], 32: [6, 6]}, ["published 128 is not in this ladder", "hidden units: 16", "the best."]),
         ({32: [NAN, 1], 128: [NAN, NAN]}, ["none can be chosen"]),
-        ({32: [NAN, NAN], 128: [5, 5]}, ["128 hidden units"]),
+        ({32: [NAN, NAN], 128: [5, 5]}, ["hidden units: 128"]),
     ],
 )
 def test_findings_follow_from_the_numbers(values, words):
