@@ -348,4 +348,11 @@ SCHEMA = {
         "strain": ablation("task_1", "task_2"),
         "glove": ablation(*(f"session_{images}" for images in tactile_images)),
     },
+    "rightsize": {
+        "touch": {
+            "lomp": seeds | {"sizes": many(integer(1))},
+            "window": seeds | {"sizes": many(integer(1)), "training": {"max_epochs": integer(1)}},
+        },
+        "glove": {"sp_resnet": seeds | {"sizes": many(number(1 / 64, 1.0))}},
+    },
 }

@@ -62,8 +62,8 @@ class Project:
 
 # Two halves of the pipeline that share no stage: run side by side, they take half as long.
 HALVES = (
-    ["render@touch", "render@velostat_recorded", "render@strain_recorded"],
-    ["render_strain", "render_glove", "render_glove_recorded"],
+    ["render@touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch"],
+    ["render_strain", "render_glove", "render_glove_recorded", "rightsize_strain", "rightsize_glove"],
 )
 
 

@@ -1,0 +1,34 @@
+"""Size ladders: which there are, and the table of their runs that one stage writes and another judges."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from pipeline import paths
+
+COLUMNS = ("experiment", "condition", "family", "size", "params", "metric", "unit", "seed", "value", "macs")
+METRIC = {"touch": "rmse", "strain": "error", "glove": "macro_precision"}  # of each experiment's ladders
+
+
+class Family(NamedTuple):
+    """One way to make a model larger; `model` is its key in params.yaml."""
+
+    experiment: str
+    model: str
+
+
+FAMILIES = {
+    "lomp": Family("touch", "lomp"),  # hidden units
+    "window": Family("touch", "cnn"),  # frames of a window that the model sees
+    "lstm": Family("strain", "lstm_direct"),  # units
+    "sp_resnet": Family("glove", "sp_resnet"),  # channels, as a share of the published ones
+}
+
+
+def path(experiment: str) -> Path:
+    """All runs of an experiment's ladders (output of rightsize)."""
+    return paths.experiment_folder(experiment) / "rightsize.csv"
+
+
+def protocol(experiment: str, condition: str) -> str:
+    """The protocol of the experiment's main table under which a condition is trained and tested."""
+    return {"touch": "press", "glove": f"session_{condition}"}.get(experiment, condition)

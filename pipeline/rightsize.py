@@ -1,0 +1,187 @@
+"""Stage: the papers' own models at several sizes, trained and scored on the test part: what is the smallest enough?
+
+touch: narrower LoMPs, and a CNN that sees only the last frames of each window and is trained for fewer epochs than the
+one of the tables. glove: SP-ResNet with fewer channels. strain: the LSTMs that the stage `study` has trained. LoMP and
+SP-ResNet are trained as in the tables; the size that the tables have is the model of the tables itself.
+The errors choose nothing but the ladders' own verdict: no other table depends on them.
+Usage: python -m pipeline.rightsize touch|strain|glove
+"""
+
+import csv
+import json
+import os
+import sys
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from tqdm import tqdm
+
+from pipeline import classification, images, ladders, metrics, narrow, params, paths, tables, workers
+from pipeline.errors import InputError, run_stage
+from pipeline.fitting import Spec
+
+CONDITIONS = ("single", "double")  # of touch, as in Table I
+
+
+def touch_run(family: str, size: int, seed: int, report) -> list[tuple]:
+    """Train and score one run of a touch ladder; a row a condition, in the order of ladders.COLUMNS."""
+    import torch
+
+    torch.set_num_threads(1)
+    values = params.load()
+    settings, protocol = values["touch"], ladders.protocol("touch", "single")
+    spec = Spec(*params.shapes(settings))
+    data = tables.read_dataset(paths.dataset("touch"), spec.frames)
+    x = data.x
+    model = ladders.FAMILIES[family].model
+    block = params.model_settings(values, "touch", model)
+    if family == "lomp":
+        readout = [max(1, round(width * size / block["hidden"])) for width in block["readout"]]
+        block = block | {"hidden": size, "readout": readout}
+    else:
+        x, spec = x[:, -size:], spec._replace(frames=size)
+        block = block | {"training": block["training"] | values["rightsize"]["touch"][family]["training"]}
+    regressor = params.build_model(model, spec, block, f"rightsize.touch.{family}")
+    part = data.part(protocol, seed)
+    train, validation = ((x[part == name], data.y[part == name]) for name in ("train", "validation"))
+    regressor.fit(train, validation, seed=seed, device=values["device"])
+    predicted, rows = np.full(data.y.shape, np.nan, np.float32), np.flatnonzero(part == "test")
+    if regressor.summary.best_epoch:
+        predicted[rows] = regressor.predict(x[rows])
+    condition, found = tables.names(data.rows["condition"]), []
+    for name in CONDITIONS:
+        own = rows[condition[rows] == name]
+        if not len(own):
+            continue
+        scores = metrics.touch(data.rows.take(pa.array(own)), data.y[own], predicted[own], settings)
+        found.append(_row("touch", name, family, size, regressor, scores, seed))
+    report()
+    return found
+
+
+def glove_run(condition: str, width: float, seed: int, report) -> list[tuple]:
+    """Train and score one SP-ResNet narrower than the published one, with the settings of the published one."""
+    import torch
+
+    from pipeline.image_fitting import spec_of
+
+    torch.set_num_threads(1)
+    values = params.load()
+    block = params.model_settings(values, "glove", "sp_resnet")
+    data = images.read(paths.dataset("glove"), ladders.protocol("glove", condition), seed)
+    classifier = narrow.build(spec_of(len(data.objects)), width=width, **block)
+    train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
+    classifier.fit(train, validation, seed=seed, device=values["device"])
+    scores = classification.scores(test[1], classifier.predict(test[0]))
+    if not classifier.summary.best_epoch:
+        scores = [(metric, unit, np.nan, n) for metric, unit, _, n in scores]
+    report()
+    return [_row("glove", condition, "sp_resnet", width, classifier, scores, seed)]
+
+
+def _row(experiment: str, condition: str, family: str, size, model, scores: list, seed: int) -> tuple:
+    metric, unit, value, _ = next(row for row in scores if row[0] == ladders.METRIC[experiment])
+    value = value if np.isfinite(value) else float("nan")
+    return (experiment, condition, family, size, model.parameters(), metric, unit, seed, value, model.macs())
+
+
+def touch(values: dict) -> list[tuple]:
+    """All runs of both touch ladders, the largest first."""
+    ladder, settings, protocol = values["rightsize"]["touch"], values["touch"], ladders.protocol("touch", "single")
+    for family, block in ladder.items():
+        _check_seeds(f"rightsize.touch.{family}.seeds", block["seeds"], settings["protocols"][protocol]["seeds"])
+    frames, hidden = settings["window"]["frames"], params.model_settings(values, "touch", "lomp")["hidden"]
+    if max(ladder["window"]["sizes"]) > frames:
+        raise InputError(f"params.yaml, rightsize.touch.window.sizes: a window has {frames} frames; take no more")
+    runs = [
+        (family, size, seed)
+        for family in ladder
+        for size in sorted(ladder[family]["sizes"], reverse=True)
+        for seed in ladder[family]["seeds"]
+        if (family, size) != ("lomp", hidden)
+    ]
+    found = _trained(touch_run, runs, "rightsize touch")
+    if hidden in ladder["lomp"]["sizes"]:
+        found += [_of_tables("touch", c, "lomp", hidden, seed) for c in CONDITIONS for seed in ladder["lomp"]["seeds"]]
+    return found
+
+
+def glove(values: dict) -> list[tuple]:
+    """All runs of the SP-ResNet ladder."""
+    block, settings = values["rightsize"]["glove"]["sp_resnet"], values["glove"]
+    widths, seeds = block["sizes"], block["seeds"]
+    for condition in images.MODALITIES:
+        known = settings["protocols"][ladders.protocol("glove", condition)]["seeds"]
+        _check_seeds("rightsize.glove.sp_resnet.seeds", seeds, known)
+    runs = [(c, width, seed) for width in sorted(widths) if width < 1 for c in images.MODALITIES for seed in seeds]
+    found = _trained(glove_run, runs, "rightsize glove")
+    if 1 in widths:
+        found += [_of_tables("glove", c, "sp_resnet", 1, seed) for c in images.MODALITIES for seed in seeds]
+    return found
+
+
+def _of_tables(experiment: str, condition: str, family: str, size, seed: int) -> tuple:
+    """One run of the model that the tables have, as a row of a ladder."""
+    protocol, metric = ladders.protocol(experiment, condition), ladders.METRIC[experiment]
+    model = ladders.FAMILIES[family].model
+    path, made_by = paths.scores(experiment), f"python -m pipeline.evaluate {experiment}"
+    scores = pd.read_csv(paths.require(path, made_by)).set_index(["protocol", "condition", "model", "seed", "metric"])
+    key = (protocol, condition, model, seed, metric)
+    if key not in scores.index:
+        raise InputError(f"{path}: no row for {', '.join(map(str, key))}; run `{made_by}` again")
+    row = scores.loc[key]
+    fit = paths.require(paths.run_folder(experiment, model, protocol, seed) / "fit.json", "dvc repro")
+    counts = json.loads(fit.read_text(encoding="utf-8"))
+    value = float(row["value"])
+    return (experiment, condition, family, size, counts["parameters"], metric, row["unit"], seed, value, counts["macs"])
+
+
+def strain(values: dict) -> list[tuple]:
+    """The runs of `study`'s capacity.csv, as rows of a ladder."""
+    from pipeline import series_fitting
+
+    path = paths.experiment_folder("strain") / "study" / "capacity.csv"
+    table = pd.read_csv(paths.require(path, "python -m pipeline.study strain"))
+    model, module = ladders.FAMILIES["lstm"].model, params.experiment_module("strain")
+    block, frames = params.model_settings(values, "strain", model), values["strain"]["window"]["frames"]
+    found = []
+    for row in table[table["metric"] == ladders.METRIC["strain"]].itertuples():
+        spec = series_fitting.spec_of(module.task(row.protocol), frames)
+        network = params.build_model(model, spec, block | {"units": int(row.units)}, f"strain.models.{model}")
+        size = (int(row.units), int(row.params), row.metric, row.unit, row.seed, row.value, network.macs())
+        found.append(("strain", row.protocol, "lstm", *size))
+    return found
+
+
+def _check_seeds(name: str, seeds: list[int], known: list[int]) -> None:
+    if absent := [seed for seed in seeds if seed not in known]:
+        raise InputError(f"params.yaml, {name}: there is no split of seed {absent[0]}; known: {known}")
+
+
+def _trained(function, runs: list[tuple], title: str) -> list[tuple]:
+    with tqdm(total=len(runs), desc=title, unit="run") as bar:
+        found = dict(workers.run(function, {run: run for run in runs}, bar))
+    return [row for run in runs for row in found[run]]
+
+
+def main() -> None:
+    """Climb the ladders of the experiment named on the command line."""
+    if len(sys.argv) != 2 or sys.argv[1] not in ladders.METRIC:
+        raise InputError(f"usage: python -m pipeline.rightsize {'|'.join(ladders.METRIC)}")
+    experiment = sys.argv[1]
+    rows = {"touch": touch, "strain": strain, "glove": glove}[experiment](params.load())
+    target = ladders.path(experiment)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = target.with_name(target.name + ".unfinished")
+    conditions = list(dict.fromkeys(row[1] for row in rows))
+    rows.sort(key=lambda row: (row[2], conditions.index(row[1]), row[3], row[7]))  # family, condition, size, seed
+    with open(draft, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(ladders.COLUMNS)
+        writer.writerows(rows)
+    os.replace(draft, target)
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,187 @@
+"""What size of a ladder is enough, and that its rungs are the papers' own models."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from pipeline import enough, ladders, narrow, render_rightsize, rightsize
+from pipeline.errors import InputError
+from pipeline.figures_rightsize import Reference
+from pipeline.models import sp_resnet
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("errors", "chosen"),
+    [
+        ({8: [9, 9, 9], 16: [5.5, 5.5, 5.5], 32: [4, 5, 6]}, 16),  # standard error 0.577
+        ({8: [9, 9, 9], 16: [5.6, 5.6, 5.6], 32: [4, 5, 6]}, 32),
+        ({8: [5.1, 5.1], 16: [5, 5], 32: [7, 7]}, 16),  # no spread: only the best
+        ({8: [5.1, 5.1], 16: [4.9, 5.1], 32: [7, 7]}, 8),
+        ({8: [5, NAN, 5], 16: [5.1, 5.15, 5.2], 32: [5, 5.1, 5.2]}, 16),  # 8 failed once
+        ({8: [1, NAN], 16: [9, 9]}, 16),  # nor is a size with a failed run the best
+        ({8: [5.0], 16: [4.9]}, 16),  # one run has no standard error
+        ({8: [np.inf, 1], 16: [NAN, NAN]}, None),
+    ],
+)
+def test_smallest_within_one_standard_error_of_the_best(errors, chosen):
+    assert enough.smallest(errors) == chosen
+
+
+def runs(family, metric, unit, values, condition="single"):
+    """Rows of rightsize.csv; values: size -> a value a seed."""
+    experiment = ladders.FAMILIES[family].experiment
+    rows = [
+        (experiment, condition, family, float(size), 100 * size, metric, unit, seed, value, 1000 * size)
+        for size, ones in values.items()
+        for seed, value in enumerate(ones)
+    ]
+    return pd.DataFrame(rows, columns=ladders.COLUMNS)
+
+
+def test_judged_rows_have_means_intervals_and_one_choice():
+    judged = enough.judge(runs("lomp", "rmse", "kPa", {128: [4, 5, 6], 8: [9, NAN, 9], 32: [5.5, 5.2, 5.8]}))
+    assert list(judged["size"]) == [8, 32, 128] and list(judged["chosen"]) == [0, 1, 0]
+    assert list(judged["failed"]) == [1, 0, 0] and list(judged["runs"]) == [2, 3, 3]
+    half = 4.302652729911275 / np.sqrt(3)  # t of 2 degrees of freedom, standard deviation 1
+    assert judged.iloc[2][["value", "low", "high"]].tolist() == pytest.approx([5, 5 - half, 5 + half])
+    assert list(judged["params"]) == [800, 3200, 12800]
+
+
+def test_of_a_fraction_more_is_better():
+    fractions = runs("sp_resnet", "macro_precision", "1", {0.25: [0.5, 0.5], 0.5: [0.89, 0.89], 1: [0.8, 1.0]})
+    judged = enough.judge(fractions)
+    assert list(judged["chosen"]) == [0, 1, 0]
+    assert render_rightsize.shown_error(judged.iloc[1]) == "11.00 [11.00, 11.00]"
+
+
+def test_conditions_are_judged_apart():
+    both = [
+        runs("lomp", "rmse", "kPa", values, condition)
+        for condition, values in (("single", {8: [1, 1], 16: [2, 2]}), ("double", {8: [2, 2], 16: [1, 1]}))
+    ]
+    judged = enough.judge(pd.concat(both))
+    assert set(zip(judged[judged.chosen == 1].condition, judged[judged.chosen == 1]["size"], strict=True)) == {
+        ("single", 8),
+        ("double", 16),
+    }
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (
+            {32: [5, 5.1], 128: [4.9, 5.1]},
+            ["hidden units: 32 (3,200 parameters)", "published 128 has 4 times as many parameters"],
+        ),
+        ({128: [5, 5.2], 512: [4, 4]}, ["hidden units: 512", "4 times fewer parameters", "27 % above the best"]),
+        ({32: [9, 9], 128: [5, 5]}, ["That is the published size", "largest of the ladder"]),
+        ({8: [9, 9], 16: [5, 5], 32: [6, 6]}, ["published 128 is not in this ladder", "hidden units: 16", "the best."]),
+        ({32: [NAN, 1], 128: [NAN, NAN]}, ["none can be chosen"]),
+        ({32: [NAN, NAN], 128: [5, 5]}, ["hidden units: 128"]),
+    ],
+)
+def test_findings_follow_from_the_numbers(values, words):
+    sentence = render_rightsize.finding(enough.judge(runs("lomp", "rmse", "kPa", values)))
+    assert all(word in sentence for word in words), sentence
+
+
+def test_failed_runs_are_said_in_table_file_and_figure(tmp_path):
+    judged = enough.judge(runs("lomp", "rmse", "kPa", {8: [NAN, NAN], 32: [NAN, 4.0], 128: [5, 6]}))
+    table = render_rightsize.ladder_table(judged)
+    assert "failed (2 of 2 runs)" in table and "failed (1 of 2 runs); others 4.00" in table
+    assert table.count("*") == 1 and "128 (published)" in table
+    render_rightsize.write_csv(tmp_path / "rightsize.csv", judged)
+    lines = (tmp_path / "rightsize.csv").read_text().splitlines()
+    assert lines[0].startswith("experiment,condition,family,size,params,metric,unit,value,low,high,chosen")
+    assert lines[1].startswith("touch,single,lomp,8,800,rmse,kPa,nan,nan,nan,0")
+    pictures = []
+    for name in ("one.png", "two.png"):
+        render_rightsize.figures_rightsize.curves(
+            tmp_path / name, "Touch", judged, {("lomp", "single"): Reference(11.0, 3.4)}
+        )
+        pictures.append((tmp_path / name).read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_full_width_is_the_published_network():
+    x = torch.randn(2, 1, 32, 32)
+    networks = []
+    for make in (lambda: narrow.network(1, 16, 1.0, 16), lambda: sp_resnet.network(1, 16, 16)):
+        torch.manual_seed(0)
+        networks.append(make().eval())
+    ours, published = networks
+    assert [weight.shape for weight in ours.parameters()] == [weight.shape for weight in published.parameters()]
+    assert torch.equal(ours(x), published(x))
+    assert sum(weight.numel() for weight in ours.parameters()) == 99_224
+
+
+def test_narrow_networks_shrink_and_impossible_widths_are_refused():
+    counts = [
+        sum(weight.numel() for weight in narrow.network(1, 16, width, 16).parameters())
+        for width in (1 / 64, 0.125, 0.25, 0.5, 1.0)
+    ]
+    assert counts == sorted(counts) and counts[3] < counts[4] / 3
+    with pytest.raises(InputError, match="a width of 0.3 leaves 19.2 of 64 channels"):
+        narrow.network(1, 16, 0.3, 16)
+
+
+def test_settings_that_cannot_be_are_refused():
+    with pytest.raises(InputError, match="there is no split of seed 7"):
+        rightsize._check_seeds("rightsize.touch.lomp.seeds", [0, 7], [0, 1])
+    values = {
+        "touch": {
+            "window": {"frames": 8},
+            "protocols": {"press": {"seeds": [0]}},
+            "models": {"lomp": {"hidden": 128}},
+        },
+        "rightsize": {"touch": {"lomp": {"seeds": [0]}, "window": {"seeds": [0], "sizes": [4, 9]}}},
+    }
+    with pytest.raises(InputError, match="a window has 8 frames"):
+        rightsize.touch(values)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "frames", "words"),
+    [([0, 1], [1], None), ([0, 1, 2], [1], "lomp, condition single, size 8, seed 2"), ([0], [1, 4], "window.*size 4")],
+)
+def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(tmp_path, monkeypatch, seeds, frames, words):
+    monkeypatch.setattr(ladders.paths, "ROOT", tmp_path)
+    path = ladders.path("touch")
+    path.parent.mkdir(parents=True)
+    rows = [runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})]
+    pd.concat(rows).to_csv(path, index=False)
+    blocks = {"lomp": {"sizes": [8], "seeds": seeds}, "window": {"sizes": frames, "seeds": [0, 1]}}
+    values = {"rightsize": {"touch": blocks}}
+    if words is None:
+        assert len(enough.read("touch", values)) == 4
+    else:
+        with pytest.raises(InputError, match=words):
+            enough.read("touch", values)
+
+
+def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):
+    folder = miniature.folder
+    judged = pd.read_csv(folder / "reports" / "rightsize.csv")
+    sizes = {"lomp": [4, 8], "window": [1, 8], "lstm": [3, 5], "sp_resnet": [0.125, 1]}
+    wanted = [("touch", c, f) for f in ("lomp", "window") for c in ("single", "double")]
+    wanted += [("strain", task, "lstm") for task in ("task_1", "task_2")]
+    wanted += [("glove", images, "sp_resnet") for images in ("pressure", "strain", "combined")]
+    found = {key: own for key, own in judged.groupby(["experiment", "condition", "family"])}
+    assert sorted(found) == sorted(wanted)
+    for (_, _, family), own in found.items():
+        assert list(own["size"]) == sizes[family]
+        assert own["chosen"].sum() == 1 and own["value"].gt(0).all() and own["params"].is_monotonic_increasing
+        assert (own["low"] <= own["value"]).all() and (own["value"] <= own["high"]).all()
+    scores = pd.read_csv(folder / "data" / "glove" / "scores.csv")
+    table = scores[(scores.protocol == "session_strain") & (scores.model == "sp_resnet")]
+    full = found["glove", "strain", "sp_resnet"].iloc[1]
+    assert full["value"] == pytest.approx(table[table.metric == "macro_precision"]["value"].mean())
+    assert full["params"] == 99_224
+    text = (folder / "reports" / "rightsize" / "README.md").read_text()
+    assert all(f"![Error against size]({name}.png)" in text for name in ("touch", "strain", "glove"))
+    assert {path.name for path in (folder / "reports" / "rightsize").iterdir()} == {
+        *("README.md", "touch.png", "strain.png", "glove.png")
+    }
