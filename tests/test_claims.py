@@ -328,19 +328,29 @@ def test_absent_recordings_and_missing_runs_are_not_testable(tmp_path, monkeypat
     assert found.verdict == NOT_TESTABLE and "no row for protocol press" in found.reason and "seed 1" in found.reason
 
 
+class Unread(Exception):
+    """A claim rests on something else than scores."""
+
+
+class OnlyScores(Evidence):
+    """Evidence that has what it is given and reads no file."""
+
+    def once(self, key, read):
+        if key not in self._known:
+            raise Unread(key)
+        return self._known[key]
+
+
 def test_no_claim_on_scores_survives_failed_runs():
     given = {("scores", name): Scores(name, lambda *key: np.nan) for name in EXPERIMENTS}
-    given |= drift(0.5) | {("scores", "strain"): given["scores", "strain"]}
-    given[("counts",)] = pd.read_csv(ROOT / "reports" / "counts.csv")
+    verdicts = []
     for one in CLAIMS.values():
-        given = {key: value for key, value in given.items()}
-        if one.key.startswith(("macs", "params", "fewest", "parameters", "drift", "latency", "time")):
+        try:
+            verdicts.append((one.judged(OnlyScores(VALUES, given)).verdict, one.key))
+        except Unread:
             continue
-        if one.key in ("off-centre", "redundant-strands") or one.key.startswith(("few-", "samples-", "augmentation-")):
-            continue
-        if "stag" in one.key or one.key.startswith("more-frames") or one.key.startswith("above-resnet3x3"):
-            continue
-        assert one.judged(Evidence(VALUES, given)).verdict == NOT_TESTABLE, one.key
+    assert len(verdicts) > 100
+    assert {verdict for verdict, _ in verdicts} == {NOT_TESTABLE}, [v for v in verdicts if v[0] != NOT_TESTABLE]
 
 
 def test_the_list_of_claims():
