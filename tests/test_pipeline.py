@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 import yaml
 
-MODELS = ["constant", "linear", "tree", "rnn", "lomp"]
+MODELS = ["constant", "linear", "tree", "cnn", "rnn", "lomp"]
 
 
 def lock(project) -> dict:
@@ -255,7 +255,7 @@ def test_mlflow_store_is_complete_and_comes_back(miniature):
     assert mlflow_runs(miniature) == EXPECTED_RUNS
     with sqlite3.connect(miniature.folder / "mlruns" / "mlflow.db") as store:
         curve = store.execute("select count(*) from metrics where key = 'validation_loss'").fetchone()[0]
-    networks = ("rnn", "lomp")
+    networks = ("cnn", "rnn", "lomp")
     assert curve >= 2 * 3 * len(networks)  # two epochs, three runs
     shutil.rmtree(miniature.folder / "mlruns")
     miniature.dvc("repro", "track")
