@@ -293,7 +293,7 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"    constant: {}": "    constant: {}\n    lompp: {}"}, ["lompp", "did you mean 'lomp'"]),
+        ({"models: {constant: {}": "models: {lompp: {}, constant: {}"}, ["lompp", "did you mean 'lomp'"]),
         ({"stride: 8": "strid: 8"}, ["touch.window", "strid", "did you mean 'stride'"]),
         ({"max_touches: 5": "max_touches: five"}, ["touch.ingest.max_touches", "whole number", "'five'"]),
         ({", max_touches: 5": ""}, ["touch.ingest", "max_touches", "missing"]),
