@@ -17,10 +17,13 @@ Panel = tuple[str, str, Mapping[str, Mapping[float, Level]]]  # title, what seve
 
 
 def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) -> None:
-    """One panel a perturbation, its severities in equal steps, `clean` for 0; bands: lowest to highest seed."""
+    """One panel a perturbation, its severities in equal steps, `clean` for 0; bands: lowest to highest seed.
+
+    A model with failed runs is named as such, and its curve is of the others; where all failed, it has none.
+    """
     rows = -(-len(panels) // COLUMNS)
     figure, axes = plt.subplots(rows, COLUMNS, figsize=(11, 2.4 * rows + 1.2), sharey=True, squeeze=False)
-    drawn = {}
+    drawn, failed = {}, {}
     for ax, (name, unit, models) in zip(axes.flat, panels, strict=False):
         severities = list(next(iter(models.values())))
         if 0 in severities:
@@ -43,6 +46,7 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
             if not floor:
                 ax.fill_between(place, low, high, color=look.color, alpha=0.12, linewidth=0)
             drawn.setdefault(look.label, line)
+            failed[look.label] = max(failed.get(look.label, 0), *(one.failed for one in own.values()))
         ax.set_title(name)
         ax.set_xlabel(unit, fontsize=8)
         ax.set_xticks(range(len(severities)), [f"{one:g}" if one else "clean" for one in severities])
@@ -51,14 +55,13 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
     subtitle = _limit(axes[0, 0], panels)
     for row in axes:
         row[0].set_ylabel(ylabel)
-    figure.suptitle(
-        f"{title}: error under perturbation (lower is better), mean and range of the seeds{subtitle}", fontsize=10
-    )
+    some = next(iter(next(iter(panels[0][2].values())).values()))
+    seeds = some.runs + some.failed
+    runs = "one seed" if seeds == 1 else f"mean and range of {seeds} seeds"
+    figure.suptitle(f"{title}: error under perturbation (lower is better), {runs}{subtitle}", fontsize=10)
+    names = [f"{name}: failed ({failed[name]} of {seeds} runs)" if failed[name] else name for name in drawn]
     figure.legend(
-        drawn.values(),
-        drawn.keys(),
-        loc="outside lower center",
-        ncols=min(len(drawn), 150 // (max(map(len, drawn)) + 8)),
+        drawn.values(), names, loc="outside lower center", ncols=min(len(names), 150 // (max(map(len, names)) + 8))
     )
     save(figure, path)
 

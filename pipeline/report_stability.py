@@ -103,11 +103,12 @@ def read(experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
 
 
 class Level(NamedTuple):
-    """Errors of the seeds at one severity: mean, lowest and highest of those that did not fail; how many failed."""
+    """Errors of the seeds at one severity: mean, lowest and highest of those that did not fail, and how many did."""
 
     mean: float
     low: float
     high: float
+    runs: int
     failed: int
 
 
@@ -116,8 +117,8 @@ def level(errors: Sequence[float]) -> Level:
     errors = np.asarray(errors, dtype=float)
     good = errors[np.isfinite(errors)]
     if not len(good):
-        return Level(np.nan, np.nan, np.nan, len(errors))
-    return Level(float(good.mean()), float(good.min()), float(good.max()), len(errors) - len(good))
+        return Level(np.nan, np.nan, np.nan, 0, len(errors))
+    return Level(float(good.mean()), float(good.min()), float(good.max()), len(good), len(errors) - len(good))
 
 
 def walked(severities: Sequence[float]) -> list[float]:

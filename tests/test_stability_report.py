@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import collect, params, paths, render_stability, report_stability
+from pipeline import collect, figures_stability, params, paths, render_stability, report_stability
 from pipeline.errors import InputError
 from pipeline.report_stability import FAILED, HOLDS, Level, level
 
@@ -128,12 +128,18 @@ def test_the_report_is_the_same_in_every_run(root):
     assert content() == content()
 
 
-def test_a_failed_run_is_named(root):
+def test_a_failed_run_is_named(root, monkeypatch):
+    legends = []
+    monkeypatch.setattr(figures_stability, "save", lambda figure, path: legends.append(figure.legends[0].get_texts()))
     table = pd.read_csv(paths.stress("touch"))
     table.loc[(table.model == "linear") & (table.seed == 1), "value"] = np.nan
     table.to_csv(paths.stress("touch"), index=False)
     render_stability.main()
     assert "Failed in training, not judged: Linear." in (paths.REPORTS / "stability" / "README.md").read_text()
+    assert legends
+    for legend in legends:
+        names = [text.get_text() for text in legend]
+        assert "Linear: failed (1 of 2 runs)" in names and "LoMP" in names
 
 
 def test_a_missing_row_is_refused(root):
