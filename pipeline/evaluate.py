@@ -3,10 +3,7 @@
 Usage: python -m pipeline.evaluate EXPERIMENT
 """
 
-import csv
 import json
-import os
-import shutil
 import sys
 from pathlib import Path
 
@@ -14,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, images, metrics, params, paths, series, tables, workers
+from pipeline import classification, files, images, metrics, params, paths, series, tables, workers
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
@@ -144,30 +141,18 @@ def main() -> None:
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "evaluate", values)
     models, runs = list(values[experiment]["models"]), params.runs(values, experiment)
-    target = paths.predictions(experiment)
-    draft = target.with_name("predictions.unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
-    draft.mkdir(parents=True)
+    evaluate = evaluate_model
+    if experiment in params.SERIES:
+        evaluate = evaluate_series_model
+    if experiment in params.IMAGES:
+        evaluate = evaluate_image_model
     found = {}
-    if why_not_run(experiment) is None:
-        tasks = {model: (experiment, model, draft) for model in models}
-        with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
-            evaluate = evaluate_model
-            if experiment in params.SERIES:
-                evaluate = evaluate_series_model
-            if experiment in params.IMAGES:
-                evaluate = evaluate_image_model
-            found = dict(workers.run(evaluate, tasks, bar, steps=len(runs)))
-    scores = paths.scores(experiment)
-    unfinished = scores.with_name("scores.csv.unfinished")
-    with open(unfinished, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for model in models:
-            writer.writerows(found.get(model, []))
-    shutil.rmtree(target, ignore_errors=True)
-    draft.rename(target)
-    os.replace(unfinished, scores)
+    with files.replacing_folder(paths.predictions(experiment)) as draft:
+        if why_not_run(experiment) is None:
+            tasks = {model: (experiment, model, draft) for model in models}
+            with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
+                found = dict(workers.run(evaluate, tasks, bar, steps=len(runs)))
+    files.write_csv(paths.scores(experiment), COLUMNS, (row for model in models for row in found.get(model, [])))
 
 
 if __name__ == "__main__":

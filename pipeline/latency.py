@@ -13,7 +13,7 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import images, params, paths, series, tables
+from pipeline import files, images, params, paths, series, tables
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
@@ -119,14 +119,7 @@ def main() -> None:
                     p50, p95 = np.percentile(times, [50, 95])
                     costs = (regressor.parameters(), regressor.macs(), training_seconds(experiment, model, protocol))
                     rows.append((experiment, model, batch, settings["threads"], p50, p95, *costs, size))
-    target = paths.latency(experiment)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(rows)
-    os.replace(draft, target)
+    files.write_csv(paths.latency(experiment), COLUMNS, rows)
 
 
 if __name__ == "__main__":

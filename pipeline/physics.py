@@ -7,9 +7,7 @@ Writes data/<experiment>/physics.csv; `render_physics` judges it.
 Usage: python -m pipeline.physics touch|strain|glove
 """
 
-import csv
 import importlib
-import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
@@ -19,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, images, metrics, params, paths, schema, series, tables, workers
+from pipeline import classification, files, images, metrics, params, paths, schema, series, tables, workers
 from pipeline.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, NONE, TOGETHER, variants
 from pipeline.window import windows_of
@@ -195,15 +193,7 @@ def main() -> None:
     wanted = variants(values, experiment)
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
         found = dict(workers.run(run_variant, {key: (experiment, *key) for key in wanted}, bar))
-    target = paths.physics(experiment)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for key in wanted:
-            writer.writerows(found[key])
-    os.replace(draft, target)
+    files.write_csv(paths.physics(experiment), COLUMNS, (row for key in wanted for row in found[key]))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ same in every run.
 Usage: python -m pipeline.render EXPERIMENT
 """
 
-import shutil
 import sys
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from pipeline import (
     figures_strain,
     figures_touch,
     figures_velostat,
+    files,
     images,
     params,
     paths,
@@ -38,7 +38,6 @@ from pipeline.differences import read_differences
 from pipeline.errors import run_stage
 from pipeline.experiments import glove
 from pipeline.figures import style
-from pipeline.report_touch import write_text
 
 CODE = Path(__file__).resolve().parent
 GRASPED = "mobile_phone"  # in figure 10
@@ -73,9 +72,9 @@ def render_touch(settings: dict, target: Path) -> None:
     frames_path = paths.require(paths.frames("touch"), "python -m pipeline.ingest touch")
     frames = pyarrow.parquet.read_table(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
 
-    _write_csv(accuracy / "table1.csv", report_touch.score_table(scores, settings, conditions))
-    write_text(accuracy / "table1.md", report_touch.table_one(scores, settings, conditions))
-    write_text(accuracy / "training.md", report_touch.training(fits, settings))
+    files.write_table(accuracy / "table1.csv", report_touch.score_table(scores, settings, conditions))
+    files.write_text(accuracy / "table1.md", report_touch.table_one(scores, settings, conditions))
+    files.write_text(accuracy / "training.md", report_touch.training(fits, settings))
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
     differences = _own_differences("touch", settings)
     unseen = report_touch.unseen_products(
@@ -84,7 +83,7 @@ def render_touch(settings: dict, target: Path) -> None:
         tables.names(table["condition"]),
         settings["sensor"],
     )
-    write_text(
+    files.write_text(
         accuracy / "README.md", report_touch.findings(scores, settings, conditions, trained, differences, unseen)
     )
 
@@ -121,9 +120,9 @@ def render_velostat_recorded(settings: dict, target: Path) -> None:
         for model in settings["models"]
     }
 
-    _write_csv(accuracy / "table.csv", report_velostat.score_table(scores, settings, groups))
-    write_text(accuracy / "table.md", report_velostat.score_text(scores, settings, groups))
-    write_text(accuracy / "README.md", report_velostat.findings(scores, settings, groups, best))
+    files.write_table(accuracy / "table.csv", report_velostat.score_table(scores, settings, groups))
+    files.write_text(accuracy / "table.md", report_velostat.score_text(scores, settings, groups))
+    files.write_text(accuracy / "README.md", report_velostat.findings(scores, settings, groups, best))
     # The recordings that the best model (or, if all failed, the first) reads best, in the middle and worst.
     judge = best or next(iter(settings["models"]))
     order = sorted(
@@ -201,12 +200,12 @@ def render_strain(settings: dict, target: Path) -> None:
     grouped = studies["drift"].groupby(["protocol", "target", "input"], sort=False)["value"]
     figures_strain.decoding(accuracy / "drift.png", {key: results.estimate(values) for key, values in grouped})
 
-    _write_csv(accuracy / "table1.csv", report_strain.score_table(scores, settings))
+    files.write_table(accuracy / "table1.csv", report_strain.score_table(scores, settings))
     parameters = {key: fit.parameters for key, fit in fits.items()}
-    write_text(accuracy / "table1.md", report_strain.table_one(scores, settings, parameters))
+    files.write_text(accuracy / "table1.md", report_strain.table_one(scores, settings, parameters))
     for name, study in studies.items():
-        _write_csv(accuracy / f"{name}.csv", study)
-    write_text(
+        files.write_table(accuracy / f"{name}.csv", study)
+    files.write_text(
         accuracy / "README.md",
         report_strain.findings(
             scores,
@@ -220,7 +219,7 @@ def render_strain(settings: dict, target: Path) -> None:
     train_s = {
         (model, task): results.read_training_times("strain", model, task) for model in models for task in tests
     }
-    write_text(target / "speed" / "table1_times.md", report_strain.table_times(train_s, settings))
+    files.write_text(target / "speed" / "table1_times.md", report_strain.table_times(train_s, settings))
     panels = {task.replace("_", " "): (task, task) for task in tests}
     _write_speed(target, settings, scores, latency, panels, ("error", "Error (mm)"), report_strain.TRANSFER_COSTS)
 
@@ -231,9 +230,9 @@ def render_strain_recorded(settings: dict, target: Path) -> None:
     scores, latency, table, _, _ = _read("strain_recorded", settings)
     models = list(settings["models"])
     tested = {protocol: condition for protocol, condition, _ in scores.measured()}
-    _write_csv(accuracy / "table.csv", report_strain.score_table(scores, settings))
-    write_text(accuracy / "table.md", report_strain_recorded.score_text(scores, settings, tested))
-    write_text(accuracy / "README.md", report_strain_recorded.findings(scores, settings, tested))
+    files.write_table(accuracy / "table.csv", report_strain.score_table(scores, settings))
+    files.write_text(accuracy / "table.md", report_strain_recorded.score_text(scores, settings, tested))
+    files.write_text(accuracy / "README.md", report_strain_recorded.findings(scores, settings, tested))
     truth, press = tables.matrix(table["y"]), table["press"].to_numpy()
     views = {}
     for protocol in tested:
@@ -268,13 +267,13 @@ def render_glove(settings: dict, target: Path) -> None:
         for dataset in ("combined", "pressure")
     }
 
-    _write_csv(accuracy / "table1.csv", report_glove.score_table(scores, settings, report_glove.published()))
-    write_text(accuracy / "table1.md", report_glove.table_one(scores, settings, counts))
-    _write_csv(accuracy / "table2.csv", report_glove.augmentation_table(augmentation))
-    write_text(accuracy / "table2.md", report_glove.table_two(augmentation["macro_precision"], settings))
+    files.write_table(accuracy / "table1.csv", report_glove.score_table(scores, settings, report_glove.published()))
+    files.write_text(accuracy / "table1.md", report_glove.table_one(scores, settings, counts))
+    files.write_table(accuracy / "table2.csv", report_glove.augmentation_table(augmentation))
+    files.write_text(accuracy / "table2.md", report_glove.table_two(augmentation["macro_precision"], settings))
     by_frames = [rows.assign(condition=dataset) for dataset, rows in frames.items()]
-    _write_csv(accuracy / "figure15.csv", pd.concat(by_frames))
-    write_text(
+    files.write_table(accuracy / "figure15.csv", pd.concat(by_frames))
+    files.write_text(
         accuracy / "README.md",
         report_glove_findings.findings(
             scores,
@@ -322,9 +321,9 @@ def render_glove_recorded(settings: dict, target: Path) -> None:
     objects, fits = images.classes(table), report_glove.read_fits("glove_recorded", settings)
     best = report_glove_recorded.best_networks(scores, settings)
     confusions = report_glove.read_confusions("glove_recorded", settings, table, best)
-    _write_csv(accuracy / "table.csv", report_glove.score_table(scores, settings, {}).drop(columns="published"))
-    write_text(accuracy / "table.md", report_glove_recorded.score_text(scores, settings, objects))
-    write_text(
+    files.write_table(accuracy / "table.csv", report_glove.score_table(scores, settings, {}).drop(columns="published"))
+    files.write_text(accuracy / "table.md", report_glove_recorded.score_text(scores, settings, objects))
+    files.write_text(
         accuracy / "README.md",
         report_glove_recorded.findings(
             scores,
@@ -401,15 +400,6 @@ def _by_force(name: str) -> tuple:
     return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in name.split("_"))
 
 
-def _write_csv(path: Path, table: pd.DataFrame) -> None:
-    table.to_csv(path, index=False, lineterminator="\n", float_format=_repr)
-
-
-def _repr(value: float) -> str:
-    """The shortest text that reads back as the same number."""
-    return repr(float(value))
-
-
 def _write_speed(
     target: Path,
     settings: dict,
@@ -423,8 +413,8 @@ def _write_speed(
     """All of the folder `speed`; panels, measure: see `report_speed.speed_table`; note, end: more of table2.md."""
     folder = target / "speed"
     table = report_speed.speed_table(scores, settings, latency, panels, measure)
-    _write_csv(folder / "table2.csv", table)
-    write_text(folder / "table2.md", report_speed.speed_text(table, settings["latency"]["calls"], note) + end)
+    files.write_table(folder / "table2.csv", table)
+    files.write_text(folder / "table2.md", report_speed.speed_text(table, settings["latency"]["calls"], note) + end)
     figures_speed.chart(folder / "tradeoff.png", table, "p50_ms")
     figures_speed.chart(folder / "training.png", table, "train_s")
 
@@ -442,20 +432,15 @@ def main() -> None:
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "render", values)
     target = paths.REPORTS / experiment
-    draft = target.with_name(f"{experiment}.unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
-    for part in ("accuracy", "speed"):
-        (draft / part).mkdir(parents=True)
     reason = why_not_run(experiment)
-    if reason is None:
-        stages[experiment](values[experiment], draft)
-    else:
+    with files.replacing_folder(target) as draft:
         for part in ("accuracy", "speed"):
-            write_text(
-                draft / part / "README.md", f"# {experiment}: not run\n\n{reason[0].upper()}{reason[1:]}.\n"
-            )
-    shutil.rmtree(target, ignore_errors=True)
-    draft.rename(target)
+            (draft / part).mkdir()
+            if reason:
+                text = f"# {experiment}: not run\n\n{reason[0].upper()}{reason[1:]}.\n"
+                files.write_text(draft / part / "README.md", text)
+        if reason is None:
+            stages[experiment](values[experiment], draft)
     print(f"reports/{experiment}: {sum(path.is_file() for path in target.rglob('*'))} files")
 
 

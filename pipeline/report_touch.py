@@ -1,7 +1,6 @@
 """What reports/touch says: Table I and Table II beside the published numbers, training, and findings."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -394,6 +393,3 @@ def published_times(latency: Mapping[tuple[str, int], Mapping], settings: Mappin
     )
 
 
-def write_text(path: Path, text: str) -> None:
-    """UTF-8 with Unix line ends on every machine."""
-    path.write_text(text, encoding="utf-8", newline="\n")

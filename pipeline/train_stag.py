@@ -5,15 +5,13 @@ test part for every number of input frames. Without the file (`none`) the table 
 Usage: python -m pipeline.train_stag glove
 """
 
-import csv
-import os
 import sys
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import classification, params, paths, seeding, stag, workers
+from pipeline import classification, files, params, paths, seeding, stag, workers
 from pipeline.errors import InputError, run_stage
 
 COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
@@ -75,15 +73,7 @@ def main() -> None:
         epochs = max(values["glove"]["models"][model]["training"]["max_epochs"] for model in MODELS)
         with tqdm(total=epochs * len(tasks), desc="train STAG", unit="epoch") as bar:
             found = dict(workers.run(train_run, tasks, bar, steps=epochs))
-    target = paths.stag("glove")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for key in sorted(found):
-            writer.writerows(found[key])
-    os.replace(draft, target)
+    files.write_csv(paths.stag("glove"), COLUMNS, (row for key in sorted(found) for row in found[key]))
 
 
 if __name__ == "__main__":
