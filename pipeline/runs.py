@@ -52,7 +52,11 @@ def train_all(
 
 
 def save(target: Path, regressor, history: list[dict], settings: Mapping) -> None:
-    """Write a fitted run to the new folder `target`: the model's own files, history.csv and fit.json."""
+    """Write a fitted run to the new folder `target`: the model's own files, history.csv and fit.json.
+
+    history: a dictionary an epoch, losses in the label's unit squared (images: cross-entropy); settings: the
+    model's block of params.yaml.
+    """
     target.mkdir(parents=True)
     regressor.save(target)
     columns = list(history[0])

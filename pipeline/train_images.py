@@ -16,7 +16,7 @@ from pipeline.errors import InputError, run_stage
 def train_run(
     experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run and write its files to the new folder `target`; returns the seconds that fitting took."""
+    """Train one run and write its files (see `runs.save`); returns the seconds that fitting took."""
     import torch
 
     from pipeline.image_fitting import spec_of

@@ -7,6 +7,7 @@ Usage: python -m pipeline.train_series strain|strain_recorded MODEL|model_zero
 import csv
 import shutil
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from pipeline.errors import InputError, run_stage
 def train_run(
     experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run and write its files to the new folder `target`; returns the seconds that fitting took."""
+    """Train one run and write its files (see `runs.save`); returns the seconds that fitting took."""
     values = params.load()
     settings = values[experiment]
     base = params.experiment_module(experiment).task(protocol).base
@@ -52,9 +53,11 @@ def _train(
     records = series.seen_in_training(series.read(paths.dataset(experiment), task, protocol, seed))
     if not any(record.training.any() for record in records):
         raise InputError(f"{experiment}, {protocol}: no sample in the training part; record longer")
-    return series_fitting.fit_and_save(
-        regressor, records, target, settings=block, seed=seed, device=values["device"], progress=report, base=zero
-    )
+    started = time.perf_counter()
+    history = regressor.fit(records, seed=seed, device=values["device"], progress=report, base=zero)
+    seconds = time.perf_counter() - started
+    runs.save(target, regressor, history, block)
+    return seconds
 
 
 def _seconds_of_model_zero(experiment: str, protocol: str, seed: int) -> float:
