@@ -7,10 +7,9 @@ Usage: python -m pipeline.augment glove
 
 import sys
 
-import numpy as np
 from tqdm import tqdm
 
-from pipeline import classification, files, images, params, paths, workers
+from pipeline import classification, files, images, metrics, params, paths, workers
 from pipeline.errors import InputError, run_stage
 
 METHODS = {"none": (), "A": ("flip",), "B": ("noise",), "C": ("affine",)}  # what stays on; the others are set to 0
@@ -35,8 +34,7 @@ def train_run(experiment: str, method: str, protocol: str, seed: int, report) ->
     train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
     classifier.fit(train, validation, seed=seed, device=values["device"], progress=report)
     found = classification.scores(test[1], classifier.predict(test[0]))
-    if not classifier.summary.best_epoch:
-        found = [(metric, unit, np.nan, n) for metric, unit, _, n in found]
+    found = metrics.unless_failed(found, classifier.summary.best_epoch == 0)
     return [(method, protocol, images.modality(protocol), seed, *row) for row in found]
 
 

@@ -130,7 +130,7 @@ def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
             rows = np.flatnonzero((part == "test") & (condition == name))
             predicted = regressor.predict(data.x[rows])
             found = metrics.touch(data.rows.take(pa.array(rows)), data.y[rows], predicted, settings)
-            yield name, model, _unless_failed(found, regressor)
+            yield name, model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
 
 
 def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
@@ -161,7 +161,7 @@ def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devi
             test = piece.part == "test"
             own = series.Record(*(column[test] for column in piece.record))
             found = metrics.series(own, regressor.predict(piece.record.x)[test], task.outputs)
-            yield protocol, model, _unless_failed(found, regressor)
+            yield protocol, model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
 
 
 def glove_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
@@ -175,13 +175,7 @@ def glove_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
             regressor = params.build_model(model, spec_of(len(data.objects)), block, f"physics.glove.models.{model}")
             regressor.fit(train, validation, seed=seed, device=device)
             found = classification.scores(test[1], regressor.predict(test[0]))
-            yield images.modality(protocol), model, _unless_failed(found, regressor)
-
-
-def _unless_failed(found: list[metrics.Row], regressor) -> list[metrics.Row]:
-    """Scores, NaN where training diverged before any usable epoch."""
-    failed = regressor.summary.best_epoch == 0
-    return [(name, unit, float("nan") if failed else value, n) for name, unit, value, n in found]
+            yield images.modality(protocol), model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
 
 
 def main() -> None:

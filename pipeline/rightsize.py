@@ -72,8 +72,7 @@ def glove_run(condition: str, width: float, seed: int, report) -> list[tuple]:
     train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
     classifier.fit(train, validation, seed=seed, device=values["device"])
     scores = classification.scores(test[1], classifier.predict(test[0]))
-    if not classifier.summary.best_epoch:
-        scores = [(metric, unit, np.nan, n) for metric, unit, _, n in scores]
+    scores = metrics.unless_failed(scores, classifier.summary.best_epoch == 0)
     report()
     return [_row("glove", condition, "sp_resnet", width, classifier, scores, seed)]
 

@@ -46,10 +46,7 @@ def train_run(
 
 def main() -> None:
     """Train the model named on the command line."""
-    experiments = params.load()["experiments"]
-    if len(sys.argv) != 3 or sys.argv[1] not in experiments:
-        raise InputError(f"usage: python -m pipeline.train {'|'.join(experiments)} MODEL")
-    runs.train_all(train_run, sys.argv[1], sys.argv[2])
+    runs.train_all(train_run, *params.training_arguments(sys.argv, "train", params.load()))
 
 
 if __name__ == "__main__":

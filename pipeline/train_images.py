@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pipeline import images, params, paths, runs
-from pipeline.errors import InputError, run_stage
+from pipeline.errors import run_stage
 
 
 def train_run(
@@ -38,9 +38,7 @@ def train_run(
 
 def main() -> None:
     """Train the model named on the command line."""
-    if len(sys.argv) != 3 or sys.argv[1] not in params.IMAGES:
-        raise InputError(f"usage: python -m pipeline.train_images {'|'.join(params.IMAGES)} MODEL")
-    runs.train_all(train_run, sys.argv[1], sys.argv[2])
+    runs.train_all(train_run, *params.training_arguments(sys.argv, "train_images", params.load()))
 
 
 if __name__ == "__main__":

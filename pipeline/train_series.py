@@ -62,7 +62,7 @@ def _train(
 
 def _seconds_of_model_zero(experiment: str, protocol: str, seed: int) -> float:
     path = paths.training_times(experiment, paths.MODEL_ZERO)
-    made_by = f"python -m pipeline.train_series {experiment} {paths.MODEL_ZERO}"
+    made_by = params.training_command(experiment, paths.MODEL_ZERO)
     with open(paths.require(path, made_by), newline="", encoding="ascii") as file:
         times = {(row["protocol"], row["seed"]): float(row["train_s"]) for row in csv.DictReader(file)}
     return times[protocol, str(seed)]
@@ -70,13 +70,12 @@ def _seconds_of_model_zero(experiment: str, protocol: str, seed: int) -> float:
 
 def main() -> None:
     """Train the model named on the command line, or model-0 for all protocols that need one."""
-    if len(sys.argv) != 3 or sys.argv[1] not in params.SERIES:
-        raise InputError(f"usage: python -m pipeline.train_series {'|'.join(params.SERIES)} MODEL|{paths.MODEL_ZERO}")
-    experiment, model = sys.argv[1:]
+    values = params.load()
+    experiment, model = params.training_arguments(sys.argv, "train_series", values, f"MODEL|{paths.MODEL_ZERO}")
     if model != paths.MODEL_ZERO:
         runs.train_all(train_run, experiment, model)
         return
-    settings, module = params.load()[experiment], params.experiment_module(experiment)
+    settings, module = values[experiment], params.experiment_module(experiment)
     bases = {module.task(protocol).base for protocol in settings["protocols"]}
     runs.train_all(model_zero_run, experiment, settings["model_zero"], into=model, protocols=bases)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import classification, files, params, paths, seeding, stag, workers
+from pipeline import classification, files, metrics, params, paths, seeding, stag, workers
 from pipeline.errors import InputError, run_stage
 
 COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
@@ -38,13 +38,12 @@ def train_run(experiment: str, model: str, seed: int, file: str, report) -> list
     predicted = classifier.predict(data.images[test])
     names = np.char.add(np.char.add(data.recording[test], "/"), data.label[test].astype(str))
     _, group = np.unique(names, return_inverse=True)
-    rows = []
+    rows, failed = [], classifier.summary.best_epoch == 0
     for frames in range(1, MOST_FRAMES + 1):
         first, means = classification.by_frames(predicted, group, frames)
         if len(first):
-            for metric, unit, value, n in classification.scores(y[test][first], means):
-                value = value if classifier.summary.best_epoch else np.nan
-                rows.append((model, seed, frames, metric, unit, value, n))
+            scores = metrics.unless_failed(classification.scores(y[test][first], means), failed)
+            rows += [(model, seed, frames, *row) for row in scores]
     return rows
 
 
