@@ -1,4 +1,4 @@
-"""The look of all figures: Okabe-Ito colours, one fixed style a model, and files that never carry a date."""
+"""The look of all figures: nine colours and grey, one fixed style a model, and files that never carry a date."""
 
 import zlib
 from pathlib import Path
@@ -14,6 +14,7 @@ DPI = 150
 BLACK, GREY = "#000000", "#777777"
 ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+WINE, OLIVE = "#882255", "#999933"  # of Tol's muted scheme: `touch` has ten models
 MEASURED = {"color": BLACK, "linestyle": "--", "linewidth": 1.5}
 
 
@@ -29,9 +30,9 @@ class Style(NamedTuple):
 STYLES = {
     "constant": Style("Constant (mean)", GREY, "x", ":"),
     "linear": Style("Linear", ORANGE, "o", "-"),
-    "poly": Style("Polynomial", ORANGE, "^", "--"),
+    "poly": Style("Polynomial", WINE, "^", "--"),
     "tree": Style("Decision tree", YELLOW, "s", "-"),
-    "rbf": Style("RBF-Net", GREY, "D", "--"),
+    "rbf": Style("RBF-Net", OLIVE, "D", (0, (1, 1))),
     "cnn": Style("CNN", GREEN, "v", "-."),
     "vgg": Style("VGG-16", SKY, "P", "-"),
     "convlstm": Style("ConvLSTM", PURPLE, "h", (0, (4, 1, 1, 1))),
@@ -41,8 +42,8 @@ STYLES = {
     "esn": Style("Echo state network", GREEN, "v", "-."),
     "lstm_direct": Style("LSTM, direct", BLUE, "s", "-"),
     "lstm_transfer": Style("LSTM, transfer (Adam)", VERMILION, "^", "--"),
-    "lstm_highpass": Style("LSTM on high-passed voltages", GREEN, "*", "-"),
-    "press_difference": Style("Extra trees, press minus rest", BLACK, "s", ":"),
+    "lstm_highpass": Style("LSTM on high-passed voltages", SKY, "*", (0, (5, 1.5))),
+    "press_difference": Style("Extra trees, press minus rest", BLACK, "P", (0, (1, 1))),
     "lstm_transfer_ridge": Style("LSTM, transfer (closed form)", PURPLE, "D", (0, (4, 1, 1, 1))),
     "naive_bayes": Style("Naive Bayes", ORANGE, "o", ":"),
     "resnet18": Style("ResNet-18", GREEN, "v", "-."),

@@ -14,6 +14,7 @@ from pipeline.results import Estimate, estimate
 
 SHOWN_S = 120.0  # of the test part in figures 5 to 8
 AXES = "xyz"
+MOST_PRESSES = 300
 
 
 def performance(
@@ -158,24 +159,32 @@ def error_over_time(path: Path, errors: Mapping[str, Mapping[str, np.ndarray]], 
 
 
 def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]]) -> None:
-    """Predicted against true place of every test press, a row a protocol, two columns (x, y) a model.
+    """Predicted against true place of test presses, a row a protocol, two columns (x, y) a model.
+
+    Of many presses MOST_PRESSES are drawn, evenly over the test part.
 
     views: protocol -> (truth (n, 3), press (n,), model -> prediction (n, 3)), samples of presses only.
     """
     shown = ("lstm_direct", "lstm_highpass", "press_difference")
     models = [model for model in shown if all(model in view[2] for view in views.values())]
     figure, axes = plt.subplots(
-        len(views), 2 * len(models), figsize=(2.3 * 2 * len(models), 2.5 * len(views) + 0.5), squeeze=False
+        len(views),
+        2 * len(models),
+        figsize=(2.0 * 2 * len(models), 2.2 * len(views) + 0.5),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
     )
     for row, (protocol, (truth, press, predicted)) in zip(axes, views.items(), strict=True):
-        numbers, first, size = np.unique(press, return_index=True, return_counts=True)
-        halves = [slice(start + count // 2, start + count) for start, count in zip(first, size, strict=True)]
+        _, first, size = np.unique(press, return_index=True, return_counts=True)
+        chosen = np.unique(np.linspace(0, len(first) - 1, min(MOST_PRESSES, len(first))).astype(int))
+        halves = [slice(first[k] + size[k] // 2, first[k] + size[k]) for k in chosen]
         true = np.array([truth[half].mean(axis=0) for half in halves])
         for k, model in enumerate(models):
             guess = np.array([predicted[model][half].mean(axis=0) for half in halves])
             for column in range(2):
                 ax = row[2 * k + column]
-                ax.plot(true[:, column], guess[:, column], ".", color=style(model).color, markersize=1.5, alpha=0.5)
+                ax.plot(true[:, column], guess[:, column], ".", color=style(model).color, markersize=2.5)
                 ax.plot([-22.5, 22.5], [-22.5, 22.5], color=figures.VERMILION, linewidth=0.8)
                 ax.set(xlim=(-25, 25), ylim=(-40, 40))
                 if ax.get_subplotspec().is_first_row():
@@ -183,5 +192,5 @@ def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mappin
         row[0].set_ylabel(f"{protocol.replace('_', ' ')}\npredicted (mm)")
     for ax in axes[-1]:
         ax.set_xlabel("true (mm)")
-    figure.suptitle("Place of every test press, mean over the second half of its samples")
+    figure.suptitle(f"Place of test presses (up to {MOST_PRESSES}), mean over the second half of a press's samples")
     figures.save(figure, path)
