@@ -27,6 +27,10 @@ class Estimate(NamedTuple):
     runs: int
     failed: int
 
+    def percent(self) -> "Estimate":
+        """A fraction in percent."""
+        return self._replace(mean=100 * self.mean, low=100 * self.low, high=100 * self.high)
+
 
 def estimate(values: Sequence[float]) -> Estimate:
     """Mean and 95 % t interval of one value a run; a run is failed where its value is not finite."""

@@ -16,11 +16,10 @@ from pipeline.errors import InputError, run_stage
 
 COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")
-MOST_FRAMES = 8
 
 
 def train_run(experiment: str, model: str, seed: int, file: str, report) -> list[tuple]:
-    """Train one model and score it with 1 to MOST_FRAMES frames of a recording at a time; rows of stag.csv."""
+    """Train one model and score it with 1 to MOST_FRAMES frames of a recording; rows of stag.csv."""
     import torch
 
     from pipeline.image_fitting import spec_of
@@ -39,7 +38,7 @@ def train_run(experiment: str, model: str, seed: int, file: str, report) -> list
     names = np.char.add(np.char.add(data.recording[test], "/"), data.label[test].astype(str))
     _, group = np.unique(names, return_inverse=True)
     rows, failed = [], classifier.summary.best_epoch == 0
-    for frames in range(1, MOST_FRAMES + 1):
+    for frames in range(1, classification.MOST_FRAMES + 1):
         first, means = classification.by_frames(predicted, group, frames)
         if len(first):
             scores = metrics.unless_failed(classification.scores(y[test][first], means), failed)
