@@ -5,14 +5,11 @@ together is the model itself, which `train_images` has trained. Writes the score
 Usage: python -m pipeline.augment glove
 """
 
-import csv
-import os
 import sys
 
-import numpy as np
 from tqdm import tqdm
 
-from pipeline import classification, images, params, paths, workers
+from pipeline import classification, files, images, metrics, params, paths, workers
 from pipeline.errors import InputError, run_stage
 
 METHODS = {"none": (), "A": ("flip",), "B": ("noise",), "C": ("affine",)}  # what stays on; the others are set to 0
@@ -37,8 +34,7 @@ def train_run(experiment: str, method: str, protocol: str, seed: int, report) ->
     train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
     classifier.fit(train, validation, seed=seed, device=values["device"], progress=report)
     found = classification.scores(test[1], classifier.predict(test[0]))
-    if not classifier.summary.best_epoch:
-        found = [(metric, unit, np.nan, n) for metric, unit, _, n in found]
+    found = metrics.unless_failed(found, classifier.summary.best_epoch == 0)
     return [(method, protocol, images.modality(protocol), seed, *row) for row in found]
 
 
@@ -61,15 +57,7 @@ def main() -> None:
     epochs = block["training"]["max_epochs"]
     with tqdm(total=epochs * len(runs), desc=f"augment {experiment}", unit="epoch") as bar:
         found = dict(workers.run(train_run, {run: run for run in runs}, bar, steps=epochs))
-    target = paths.augmentation(experiment)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for run in runs:
-            writer.writerows(found[run])
-    os.replace(draft, target)
+    files.write_csv(paths.augmentation(experiment), COLUMNS, (row for run in runs for row in found[run]))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,8 @@ import numpy as np
 
 from pipeline.metrics import Row
 
+MOST_FRAMES = 8  # whose scores are averaged (figure 15)
+
 
 def scores(truth: np.ndarray, predicted: np.ndarray) -> list[Row]:
     """accuracy and macro_precision (fractions); truth, predicted: (n, classes), one-hot and a score a class.

@@ -3,13 +3,12 @@
 Usage: python -m pipeline.collect
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from pipeline import params, paths
+from pipeline import files, params, paths
 from pipeline.errors import InputError, run_stage
 
 # Of reports/stress.csv: what others read first.
@@ -25,12 +24,9 @@ def collect(parts: list[Path], target: Path, first: Sequence[str] = ()) -> None:
     for part, table in zip(parts, tables, strict=True):
         if list(table.columns) != list(tables[0].columns):
             raise InputError(f"{part}: its columns differ from those of {parts[0]}; run `dvc repro` again")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
     together = pd.concat(tables)
     order = [*first, *(column for column in together.columns if column not in first)]
-    together[order].to_csv(draft, index=False, lineterminator="\n")
-    os.replace(draft, target)
+    files.write_table(target, together[order])
 
 
 def main() -> None:

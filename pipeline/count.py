@@ -3,8 +3,6 @@
 Usage: python -m pipeline.count
 """
 
-import csv
-import os
 from decimal import Decimal
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import pandas as pd
 import torch
 from torch import nn
 
-from pipeline import counting, params, paths
+from pipeline import counting, files, params, paths
 from pipeline.errors import run_stage
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.operations import operations
@@ -65,13 +63,7 @@ def count(reduction: int, target: Path) -> None:
             ("sp_resnet", sp_resnet.network(1, OBJECTS, reduction), IMAGE, OBJECTS, trained),
         ]
         rows = [_row(*each, paper[each[0]]) for each in as_published] + [_row(*each, None) for each in like_with_like]
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(rows)
-    os.replace(draft, target)
+    files.write_csv(target, COLUMNS, rows)
 
 
 def published() -> dict[str, list[tuple[Decimal, int]]]:

@@ -3,22 +3,25 @@
 Usage: python -m pipeline.evaluate EXPERIMENT
 """
 
-import csv
-import json
-import os
-import shutil
+import functools
 import sys
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, images, metrics, params, paths, series, tables, workers
+from pipeline import classification, files, images, metrics, params, paths, series, tables, trained, workers
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
 COLUMNS = ("experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n")
+
+# A run's protocol and seed, and for each part of its test rows: the rows' numbers in the dataset (n,), predictions
+# (n, outputs), and scores, each with its condition.
+Piece = tuple[np.ndarray, np.ndarray, list[tuple]]
+Tested = tuple[str, int, list[Piece]]
 
 
 def evaluate_model(experiment: str, model: str, target: Path, report) -> list[tuple]:
@@ -28,115 +31,75 @@ def evaluate_model(experiment: str, model: str, target: Path, report) -> list[tu
     """
     import torch
 
-    from pipeline.fitting import Spec
-
     torch.set_num_threads(1)
     values = params.load()
-    settings = values[experiment]
-    score, pooled = getattr(metrics, experiment), metrics.POOLED.get(experiment, ())
-    spec = Spec(*params.shapes(settings))
-    block = params.model_settings(values, experiment, model)
-    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
-    condition = tables.names(data.rows["condition"])
+    tested = on_series if experiment in params.SERIES else on_images if experiment in params.IMAGES else on_windows
+    load = functools.partial(trained.load, values, experiment, model)
     scores, parts = [], []
-    for protocol, seed in params.runs(values, experiment):
-        folder = paths.require(
-            paths.run_folder(experiment, model, protocol, seed), f"python -m pipeline.train {experiment} {model}"
-        )
-        regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
-        regressor.load(folder)
-        rows = np.flatnonzero(data.part(protocol, seed) == "test")
-        predicted = regressor.predict(data.x[rows])
-        failed = json.loads((folder / "fit.json").read_text())["best_epoch"] == 0
-        if failed:
-            predicted[:] = np.nan
-        conditions = np.unique(condition[rows])
-        for name in [*conditions, *(pooled if len(conditions) > 1 else ())]:
-            chosen = rows if name in pooled else rows[condition[rows] == name]
-            picked = predicted if name in pooled else predicted[condition[rows] == name]
-            windows = data.rows.take(pa.array(chosen))
-            for metric, unit, value, n in score(windows, data.y[chosen], picked, settings):
-                value = float("nan") if failed else value
-                scores.append((experiment, protocol, name, model, seed, metric, unit, value, n))
-        parts.append(tables.prediction_rows(protocol, seed, rows, predicted))
+    for protocol, seed, pieces in tested(experiment, values[experiment], params.runs(values, experiment), load):
+        for rows, predicted, found in pieces:
+            scores += [(experiment, protocol, condition, model, seed, *row) for condition, *row in found]
+            parts.append(tables.prediction_rows(protocol, seed, rows, predicted))
         report()
     tables.write(target / f"{model}.parquet", parts[0].schema, parts)
     return scores
 
 
-def evaluate_series_model(experiment: str, model: str, target: Path, report) -> list[tuple]:
-    """As `evaluate_model`, for an experiment on series: a model goes through the whole recording, the test part counts.
+def on_windows(experiment: str, settings: Mapping, runs: list[tuple[str, int]], load: Callable) -> Iterator[Tested]:
+    """The tests of all runs of one model; `load(protocol, seed, spec)` gives its trained.Trained."""
+    from pipeline.fitting import Spec
+
+    score, pooled = getattr(metrics, experiment), metrics.POOLED.get(experiment, ())
+    spec = Spec(*params.shapes(settings))
+    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
+    condition = tables.names(data.rows["condition"])
+    for protocol, seed in runs:
+        run = load(protocol, seed, spec)
+        rows = np.flatnonzero(data.part(protocol, seed) == "test")
+        predicted, conditions, found = run.predict(data.x[rows]), np.unique(condition[rows]), []
+        for name in [*conditions, *(pooled if len(conditions) > 1 else ())]:
+            own = np.full(len(rows), name in pooled) | (condition[rows] == name)
+            windows = data.rows.take(pa.array(rows[own]))
+            values = score(windows, data.y[rows[own]], predicted[own], settings)
+            found += [(name, *row) for row in metrics.unless_failed(values, run.failed)]
+        yield protocol, seed, [(rows, predicted, found)]
+
+
+def on_series(experiment: str, settings: Mapping, runs: list[tuple[str, int]], load: Callable) -> Iterator[Tested]:
+    """As `on_windows`: a model goes through each whole recording, and the samples of the test part count.
 
     Predictions have the three columns x, y, z (mm), NaN where the task does not ask for one.
     """
-    import torch
+    from pipeline.series_fitting import spec_of
 
-    from pipeline import series_fitting
-
-    torch.set_num_threads(1)
-    values = params.load()
-    settings, module = values[experiment], params.experiment_module(experiment)
-    block = params.model_settings(values, experiment, model)
-    scores, parts = [], []
-    for protocol, seed in params.runs(values, experiment):
-        folder = paths.require(
-            paths.run_folder(experiment, model, protocol, seed), f"python -m pipeline.train_series {experiment} {model}"
-        )
+    module = params.experiment_module(experiment)
+    for protocol, seed in runs:
         task = module.task(protocol)
-        spec = series_fitting.spec_of(task, settings["window"]["frames"])
-        regressor = series_fitting.adapted(
-            params.build_model(model, spec, block, f"{experiment}.models.{model}"), spec
-        )
-        regressor.load(folder)
-        failed = json.loads((folder / "fit.json").read_text())["best_epoch"] == 0
+        run, pieces = load(protocol, seed, spec_of(task, settings["window"]["frames"])), []
         for piece in series.read(paths.dataset(experiment), task, protocol, seed):
             test = piece.part == "test"
             if not test.any():
                 continue
-            predicted = regressor.predict(piece.record.x)[test]
-            if failed:
-                predicted[:] = np.nan
+            predicted = run.predict(piece.record.x)[test]
             own = series.Record(*(column[test] for column in piece.record))
-            for metric, unit, value, n in metrics.series(own, predicted, task.outputs):
-                value = float("nan") if failed else value
-                scores.append((experiment, protocol, piece.condition, model, seed, metric, unit, value, n))
+            values = metrics.unless_failed(metrics.series(own, predicted, task.outputs), run.failed)
             wide = np.full((len(predicted), 3), np.nan, np.float32)
             wide[:, list(task.outputs)] = predicted
-            parts.append(tables.prediction_rows(protocol, seed, piece.rows[test], wide))
-        report()
-    tables.write(target / f"{model}.parquet", parts[0].schema, parts)
-    return scores
+            pieces.append((piece.rows[test], wide, [(piece.condition, *row) for row in values]))
+        yield protocol, seed, pieces
 
 
-def evaluate_image_model(experiment: str, model: str, target: Path, report) -> list[tuple]:
-    """As `evaluate_model`, for an experiment on images; predictions have a column a class."""
-    import torch
-
+def on_images(experiment: str, settings: Mapping, runs: list[tuple[str, int]], load: Callable) -> Iterator[Tested]:
+    """As `on_windows`; predictions have a column a class."""
     from pipeline.image_fitting import spec_of
 
-    torch.set_num_threads(1)
-    values = params.load()
-    block = params.model_settings(values, experiment, model)
-    scores, parts = [], []
-    for protocol, seed in params.runs(values, experiment):
-        folder = paths.require(
-            paths.run_folder(experiment, model, protocol, seed), f"python -m pipeline.train_images {experiment} {model}"
-        )
+    for protocol, seed in runs:
         data = images.read(paths.dataset(experiment), protocol, seed)
-        classifier = params.build_model(model, spec_of(len(data.objects)), block, f"{experiment}.models.{model}")
-        classifier.load(folder)
+        run = load(protocol, seed, spec_of(len(data.objects)))
         rows = np.flatnonzero(data.part == "test")
-        predicted = classifier.predict(data.x[rows])
-        failed = json.loads((folder / "fit.json").read_text())["best_epoch"] == 0
-        if failed:
-            predicted[:] = np.nan
-        for metric, unit, value, n in classification.scores(data.y[rows], predicted):
-            value = float("nan") if failed else value
-            scores.append((experiment, protocol, images.modality(protocol), model, seed, metric, unit, value, n))
-        parts.append(tables.prediction_rows(protocol, seed, rows, predicted))
-        report()
-    tables.write(target / f"{model}.parquet", parts[0].schema, parts)
-    return scores
+        predicted = run.predict(data.x[rows])
+        values = metrics.unless_failed(classification.scores(data.y[rows], predicted), run.failed)
+        yield protocol, seed, [(rows, predicted, [(images.modality(protocol), *row) for row in values])]
 
 
 def main() -> None:
@@ -144,30 +107,13 @@ def main() -> None:
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "evaluate", values)
     models, runs = list(values[experiment]["models"]), params.runs(values, experiment)
-    target = paths.predictions(experiment)
-    draft = target.with_name("predictions.unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
-    draft.mkdir(parents=True)
     found = {}
-    if why_not_run(experiment) is None:
-        tasks = {model: (experiment, model, draft) for model in models}
-        with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
-            evaluate = evaluate_model
-            if experiment in params.SERIES:
-                evaluate = evaluate_series_model
-            if experiment in params.IMAGES:
-                evaluate = evaluate_image_model
-            found = dict(workers.run(evaluate, tasks, bar, steps=len(runs)))
-    scores = paths.scores(experiment)
-    unfinished = scores.with_name("scores.csv.unfinished")
-    with open(unfinished, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for model in models:
-            writer.writerows(found.get(model, []))
-    shutil.rmtree(target, ignore_errors=True)
-    draft.rename(target)
-    os.replace(unfinished, scores)
+    with files.replacing_folder(paths.predictions(experiment)) as draft:
+        if why_not_run(experiment) is None:
+            tasks = {model: (experiment, model, draft) for model in models}
+            with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
+                found = dict(workers.run(evaluate_model, tasks, bar, steps=len(runs)))
+    files.write_csv(paths.scores(experiment), COLUMNS, (row for model in models for row in found.get(model, [])))
 
 
 if __name__ == "__main__":

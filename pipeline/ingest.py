@@ -4,7 +4,6 @@ Usage: python -m pipeline.ingest EXPERIMENT
 """
 
 import json
-import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -13,7 +12,7 @@ from pathlib import Path
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import params, paths, sources, tables
+from pipeline import files, params, paths, sources, tables
 from pipeline.errors import InputError, run_stage
 
 
@@ -81,10 +80,7 @@ def _write(
 
     tables.write(paths.frames(experiment), schema, frames())
     tables.write(paths.rejects(experiment), tables.REJECTS, rejects)
-    target = paths.ingest_report(experiment)
-    draft = target.with_name(target.name + ".unfinished")
-    draft.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    os.replace(draft, target)
+    files.write_text(paths.ingest_report(experiment), json.dumps(report, indent=1) + "\n")
 
 
 def main() -> None:

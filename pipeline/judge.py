@@ -5,13 +5,12 @@ for each claim that is not reproduced, what was tried to find the reason.
 Usage: python -m pipeline.judge
 """
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 
 import pandas as pd
 
-from pipeline import claims_glove, claims_strain, claims_touch, params, paths
+from pipeline import claims_glove, claims_strain, claims_touch, files, params, paths
 from pipeline.claims import (
     EXPERIMENTS,
     NOT_REPRODUCED,
@@ -153,16 +152,8 @@ def main() -> None:
     values = params.load()
     evidence = Evidence(values)
     found = [(one, one.judged(evidence)) for one in (on_own_logs(one, values) for one in all_claims())]
-    paths.REPORTS.mkdir(parents=True, exist_ok=True)
-    contents = {
-        "claims.csv": rows(found).to_csv(index=False, lineterminator="\n"),
-        "claims.md": text(found, evidence),
-    }
-    for name, content in contents.items():
-        target = paths.REPORTS / name
-        draft = target.with_name(name + ".unfinished")
-        draft.write_text(content, encoding="utf-8", newline="\n")
-        os.replace(draft, target)
+    files.write_table(paths.REPORTS / "claims.csv", rows(found))
+    files.write_text(paths.REPORTS / "claims.md", text(found, evidence))
     verdicts = [judged.verdict for _, judged in found]
     print(f"{len(found)} claims: {', '.join(f'{verdicts.count(v)} {v}' for v in VERDICTS)}")
 

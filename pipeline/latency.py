@@ -13,7 +13,7 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import images, params, paths, series, tables
+from pipeline import files, images, params, paths, series, tables, trained
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
@@ -48,7 +48,7 @@ def prediction_times(predict, x: np.ndarray, batch: int, settings: dict) -> np.n
 
 def training_seconds(experiment: str, model: str, protocol: str) -> float:
     """Median over the seeds of the main protocol of the measured training time, in s."""
-    path = paths.require(paths.training_times(experiment, model), f"python -m pipeline.train {experiment} {model}")
+    path = paths.require(paths.training_times(experiment, model), params.training_command(experiment, model))
     with open(path, newline="", encoding="ascii") as file:
         return statistics.median(float(row["train_s"]) for row in csv.DictReader(file) if row["protocol"] == protocol)
 
@@ -102,13 +102,7 @@ def main() -> None:
             x = np.resize(x, (max(settings["batches"]), *x.shape[1:]))
         for model in tqdm(values[experiment]["models"], desc=f"latency {experiment}", unit="model"):
             folder = paths.run_folder(experiment, model, protocol, seed)
-            where = f"{experiment}.models.{model}"
-            regressor = params.build_model(model, spec, params.model_settings(values, experiment, model), where)
-            if on_series:
-                from pipeline.series_fitting import adapted
-
-                regressor = adapted(regressor, spec)
-            regressor.load(folder)
+            regressor = trained.load(values, experiment, model, protocol, seed, spec).model
             predict = regressor.step if on_series else regressor.predict
             size = sum(
                 file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json")
@@ -119,14 +113,7 @@ def main() -> None:
                     p50, p95 = np.percentile(times, [50, 95])
                     costs = (regressor.parameters(), regressor.macs(), training_seconds(experiment, model, protocol))
                     rows.append((experiment, model, batch, settings["threads"], p50, p95, *costs, size))
-    target = paths.latency(experiment)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(rows)
-    os.replace(draft, target)
+    files.write_csv(paths.latency(experiment), COLUMNS, rows)
 
 
 if __name__ == "__main__":

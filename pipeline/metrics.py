@@ -1,6 +1,6 @@
 """Scores: one function an experiment, named like it, from truth and prediction to rows of scores.csv."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pyarrow as pa
@@ -13,6 +13,11 @@ LOWEST_PEAK_KPA = 15.0  # half the smallest peak pressure of the data: less does
 POOLED = {"velostat_recorded": ("all",)}  # all test windows of a run, if of several conditions
 
 Row = tuple[str, str, float, int]  # metric, unit, value, number of windows or touches
+
+
+def unless_failed(rows: Iterable[Row], failed: bool) -> list[Row]:
+    """Rows of scores, with NaN as value where training diverged before any usable epoch (`failed`)."""
+    return [(metric, unit, float("nan") if failed else value, n) for metric, unit, value, n in rows]
 
 
 def overall(truth: np.ndarray, predicted: np.ndarray, unit: str) -> list[Row]:

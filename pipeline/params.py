@@ -124,6 +124,26 @@ def experiment_module(experiment: str):
     return importlib.import_module(f"pipeline.experiments.{experiment}")
 
 
+def training_stage(experiment: str) -> str:
+    """The stage that trains an experiment's models."""
+    return "train_series" if experiment in SERIES else "train_images" if experiment in IMAGES else "train"
+
+
+def training_command(experiment: str, model: str) -> str:
+    """What to run to have one model trained."""
+    return f"python -m pipeline.{training_stage(experiment)} {experiment} {model}"
+
+
+def training_arguments(argv: list[str], stage: str, params: Mapping, what: str = "MODEL") -> tuple[str, str]:
+    """Experiment and model named on the command line of a stage that trains; `what` may stand for the model."""
+    own = [experiment for experiment in params["experiments"] if training_stage(experiment) == stage]
+    if len(argv) == 3 and argv[1] in params["experiments"] and argv[1] not in own:
+        raise InputError(f"{argv[1]} is not trained by {stage}; run `{training_command(argv[1], argv[2])}`")
+    if len(argv) != 3 or argv[1] not in own:
+        raise InputError(f"usage: python -m pipeline.{stage} {'|'.join(own)} {what}")
+    return argv[1], argv[2]
+
+
 SERIES = ("strain", "strain_recorded")  # experiments whose models see a whole series, not windows
 IMAGES = ("glove", "glove_recorded")  # experiments whose models see one tactile image and name the object
 

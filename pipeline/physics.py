@@ -7,9 +7,7 @@ Writes data/<experiment>/physics.csv; `render_physics` judges it.
 Usage: python -m pipeline.physics touch|strain|glove
 """
 
-import csv
 import importlib
-import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
@@ -19,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, images, metrics, params, paths, schema, series, tables, workers
+from pipeline import classification, files, images, metrics, params, paths, schema, series, tables, workers
 from pipeline.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, NONE, TOGETHER, variants
 from pipeline.window import windows_of
@@ -132,7 +130,7 @@ def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
             rows = np.flatnonzero((part == "test") & (condition == name))
             predicted = regressor.predict(data.x[rows])
             found = metrics.touch(data.rows.take(pa.array(rows)), data.y[rows], predicted, settings)
-            yield name, model, _unless_failed(found, regressor)
+            yield name, model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
 
 
 def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
@@ -163,7 +161,7 @@ def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devi
             test = piece.part == "test"
             own = series.Record(*(column[test] for column in piece.record))
             found = metrics.series(own, regressor.predict(piece.record.x)[test], task.outputs)
-            yield protocol, model, _unless_failed(found, regressor)
+            yield protocol, model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
 
 
 def glove_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
@@ -177,13 +175,7 @@ def glove_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
             regressor = params.build_model(model, spec_of(len(data.objects)), block, f"physics.glove.models.{model}")
             regressor.fit(train, validation, seed=seed, device=device)
             found = classification.scores(test[1], regressor.predict(test[0]))
-            yield images.modality(protocol), model, _unless_failed(found, regressor)
-
-
-def _unless_failed(found: list[metrics.Row], regressor) -> list[metrics.Row]:
-    """Scores, NaN where training diverged before any usable epoch."""
-    failed = regressor.summary.best_epoch == 0
-    return [(name, unit, float("nan") if failed else value, n) for name, unit, value, n in found]
+            yield images.modality(protocol), model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
 
 
 def main() -> None:
@@ -195,15 +187,7 @@ def main() -> None:
     wanted = variants(values, experiment)
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
         found = dict(workers.run(run_variant, {key: (experiment, *key) for key in wanted}, bar))
-    target = paths.physics(experiment)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for key in wanted:
-            writer.writerows(found[key])
-    os.replace(draft, target)
+    files.write_csv(paths.physics(experiment), COLUMNS, (row for key in wanted for row in found[key]))
 
 
 if __name__ == "__main__":

@@ -4,8 +4,6 @@ Joints that never move rest at angles that differ by thousandths of a degree fro
 Usage: python -m pipeline.probe glove_recorded
 """
 
-import csv
-import os
 import sys
 
 import numpy as np
@@ -14,7 +12,7 @@ import pyarrow.parquet
 from sklearn.ensemble import ExtraTreesClassifier
 from tqdm import tqdm
 
-from pipeline import params, paths, tables
+from pipeline import files, params, paths, tables
 from pipeline.availability import why_not_run
 from pipeline.errors import InputError, run_stage
 from pipeline.experiments import glove_recorded
@@ -56,13 +54,7 @@ def main() -> None:
     if sys.argv[1:] != [EXPERIMENT]:
         raise InputError(f"usage: python -m pipeline.probe {EXPERIMENT}")
     rows = probe(params.load()[EXPERIMENT]) if why_not_run(EXPERIMENT) is None else []
-    target = paths.probe(EXPERIMENT)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(rows)
-    os.replace(draft, target)
+    files.write_csv(paths.probe(EXPERIMENT), COLUMNS, rows)
 
 
 if __name__ == "__main__":

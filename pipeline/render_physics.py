@@ -3,12 +3,9 @@
 Usage: python -m pipeline.render_physics
 """
 
-import os
-import shutil
-
 import pandas as pd
 
-from pipeline import effects, figures_physics, params, paths, report_physics, results
+from pipeline import effects, figures_physics, files, params, paths, report_physics, results
 from pipeline.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, variants
 
@@ -32,33 +29,19 @@ def read(experiment: str, values: dict) -> pd.DataFrame:
     return scores
 
 
-def _repr(value: float) -> str:
-    """The shortest text that reads back as the same number."""
-    return repr(float(value))
-
-
 def main() -> None:
     """Judge and render all experiments."""
     values = params.load()
     scores = {experiment: read(experiment, values) for experiment in values["physics"]}
     found = {experiment: effects.assess(experiment, table) for experiment, table in scores.items()}
-    target = paths.REPORTS / "physics"
-    draft = target.with_name("physics.unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
-    draft.mkdir(parents=True)
-    for experiment, one in found.items():
-        unit = report_physics.ERRORS[scores[experiment]["metric"].iloc[0]]
-        title = f"{report_physics.TITLES[experiment]}: an effect of the scene left out"
-        figures_physics.matrices(draft / f"{experiment}.png", title, one, unit)
-    text = report_physics.readme(found, scores, values["physics"])
-    (draft / "README.md").write_text(text, encoding="utf-8")
+    with files.replacing_folder(paths.REPORTS / "physics") as draft:
+        for experiment, one in found.items():
+            unit = report_physics.ERRORS[scores[experiment]["metric"].iloc[0]]
+            title = f"{report_physics.TITLES[experiment]}: an effect of the scene left out"
+            figures_physics.matrices(draft / f"{experiment}.png", title, one, unit)
+        files.write_text(draft / "README.md", report_physics.readme(found, scores, values["physics"]))
     rows = [row for experiment, one in found.items() for row in effects.report_rows(experiment, one)]
-    table = paths.REPORTS / "physics.csv"
-    unfinished = table.with_name("physics.csv.unfinished")
-    pd.DataFrame(rows).to_csv(unfinished, index=False, lineterminator="\n", float_format=_repr)
-    shutil.rmtree(target, ignore_errors=True)
-    draft.rename(target)
-    os.replace(unfinished, table)
+    files.write_table(paths.REPORTS / "physics.csv", pd.DataFrame(rows))
     for experiment, one in found.items():
         spare = [judged.effect for judged in one.effects if judged.verdict == effects.NOT_NEEDED]
         print(f"{experiment}: not needed: {', '.join(spare) or 'none'}")

@@ -3,14 +3,12 @@
 Usage: python -m pipeline.render_rightsize
 """
 
-import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
 
-from pipeline import enough, figures_rightsize, ladders, markdown, params, paths
+from pipeline import enough, figures_rightsize, files, ladders, markdown, params, paths
 from pipeline.errors import run_stage
 from pipeline.figures_rightsize import Reference
 from pipeline.results import Estimate, Scores
@@ -159,10 +157,7 @@ def report(judged: pd.DataFrame, values: Mapping, found: Mapping[tuple[str, str]
 
 def write_csv(path: Path, judged: pd.DataFrame) -> None:
     """enough.JUDGED in full precision; a mean that does not exist is `nan`, as in scores.csv."""
-    draft = path.with_name(path.name + ".unfinished")
-    table = judged.assign(size=[f"{size:g}" for size in judged["size"]])
-    table.to_csv(draft, index=False, lineterminator="\n", na_rep="nan", float_format=lambda value: repr(float(value)))
-    os.replace(draft, path)
+    files.write_table(path, judged.assign(size=[f"{size:g}" for size in judged["size"]]), missing="nan")
 
 
 def main() -> None:
@@ -170,19 +165,14 @@ def main() -> None:
     values = params.load()
     judged = {experiment: enough.judge(enough.read(experiment, values)) for experiment in ladders.METRIC}
     found = {experiment: references(experiment, values, table) for experiment, table in judged.items()}
-    target = paths.REPORTS / "rightsize"
-    draft = target.with_name("rightsize.unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
-    draft.mkdir(parents=True)
-    for experiment, table in judged.items():
-        title = f"{experiment.capitalize()}: how small a model is enough? (lower is better)"
-        figures_rightsize.curves(draft / f"{experiment}.png", title, table, found[experiment])
     everything = pd.concat(judged.values(), ignore_index=True)
     known = {key: value for own in found.values() for key, value in own.items()}
-    (draft / "README.md").write_text(report(everything, values, known), encoding="utf-8", newline="\n")
+    with files.replacing_folder(paths.REPORTS / "rightsize") as draft:
+        for experiment, table in judged.items():
+            title = f"{experiment.capitalize()}: how small a model is enough? (lower is better)"
+            figures_rightsize.curves(draft / f"{experiment}.png", title, table, found[experiment])
+        files.write_text(draft / "README.md", report(everything, values, known))
     write_csv(paths.REPORTS / "rightsize.csv", everything)
-    shutil.rmtree(target, ignore_errors=True)
-    draft.rename(target)
 
 
 if __name__ == "__main__":

@@ -3,23 +3,26 @@
 Usage: python -m pipeline.render_stability
 """
 
-import shutil
+from pathlib import Path
 
 import pandas as pd
 
-from pipeline import figures_stability, params, paths, report_stability
+from pipeline import figures_stability, files, params, paths, report_stability
 from pipeline.availability import why_not_run
 from pipeline.errors import InputError, run_stage
-from pipeline.report_touch import write_text
 
 
 def main() -> None:
     """Render all experiments of params.yaml; the folder in reports/ is replaced whole."""
     values = params.load()
     target = paths.REPORTS / "stability"
-    draft = target.with_name("stability.unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
-    draft.mkdir(parents=True)
+    with files.replacing_folder(target) as draft:
+        _write(values, draft)
+    print(f"reports/stability: {sum(path.is_file() for path in target.rglob('*'))} files")
+
+
+def _write(values: dict, folder: Path) -> None:
+    """All of the report, into the new folder."""
     found, trained, pictures, absent = [], [], {}, {}
     for experiment in values["experiments"]:
         if reason := why_not_run(experiment):
@@ -35,22 +38,19 @@ def main() -> None:
         for name, title, panels in report_stability.panels(table, experiment):
             _, error, unit = report_stability.ERRORS[experiment]
             ylabel = error if unit == "1" else f"{error} ({unit})"
-            figures_stability.small_multiples(draft / name, panels, title, ylabel)
+            figures_stability.small_multiples(folder / name, panels, title, ylabel)
             pictures[experiment].append(name)
     failures = pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=report_stability.FAILURES)
     training = pd.concat(trained, ignore_index=True) if trained else pd.DataFrame(columns=report_stability.TRAININGS)
     for name, part in (("failures", failures), ("training", training)):
-        part.to_csv(draft / f"{name}.csv", index=False, lineterminator="\n")
+        files.write_table(folder / f"{name}.csv", part)
     texts = {
         "README": report_stability.findings(failures, training, pictures, absent),
         "failures": report_stability.failure_text(failures),
         "training": report_stability.training_text(training),
     }
     for name, text in texts.items():
-        write_text(draft / f"{name}.md", text)
-    shutil.rmtree(target, ignore_errors=True)
-    draft.rename(target)
-    print(f"reports/stability: {sum(path.is_file() for path in target.rglob('*'))} files")
+        files.write_text(folder / f"{name}.md", text)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,6 @@ METHODS = {  # of augmentation, as augmentation.csv and the paper call them
     "all": "all",
 }
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
-MOST_FRAMES = 8  # of figure 15
 METRICS = {"macro_precision": "Macro precision", "accuracy": "Accuracy"}
 
 
@@ -137,7 +136,7 @@ def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: 
         for seed in settings["protocols"][protocol]["seeds"]
     }
     longest = [images[session[test[label[test] == k]]].max() for test in tests.values() for k in set(label[test])]
-    most = min(MOST_FRAMES, *longest)
+    most = min(classification.MOST_FRAMES, *longest)
     rows = []
     for model in models:
         for seed, test in tests.items():
@@ -152,14 +151,9 @@ def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: 
     return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "unit", "value", "n"])
 
 
-def percent(found: Estimate) -> Estimate:
-    """A fraction in percent."""
-    return found._replace(mean=100 * found.mean, low=100 * found.low, high=100 * found.high)
-
-
 def score(scores: Scores, protocol: str, model: str, metric: str = "macro_precision") -> Estimate:
     """Mean and interval over the seeds of one protocol, in percent."""
-    return percent(scores.estimate(protocol, modality(protocol), model, metric))
+    return scores.estimate(protocol, modality(protocol), model, metric).percent()
 
 
 def gain(scores: Scores, one: tuple[str, str], other: tuple[str, str], metric: str = "macro_precision") -> Estimate:
@@ -313,7 +307,7 @@ def table_two(values: Mapping[tuple[str, str], list[float]], settings: Mapping) 
     for cell in (
         lambda method, dataset: (
             number(paper[method, dataset]),
-            interval(percent(estimate(values[method, dataset]))),
+            interval(estimate(values[method, dataset]).percent()),
         ),
         lambda method, dataset: (
             number(paper[method, dataset] - paper["none", dataset]),

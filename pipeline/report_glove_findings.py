@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from pipeline import sentences
 from pipeline.figures import style
 from pipeline.images import MODALITIES
 from pipeline.markdown import interval, number, size
@@ -17,12 +18,10 @@ from pipeline.report_glove import (
     gain,
     like_with_like,
     main_protocols,
-    percent,
     published,
     score,
     splits,
 )
-from pipeline.report_touch import stops_sentence
 from pipeline.results import Estimate, Fit, Scores, estimate
 
 BASELINES = ("naive_bayes", "tree")
@@ -66,6 +65,8 @@ def findings(
     classes; frames: dataset -> table like `stag`: macro precision by number of input frames.
     """
     protocols, split = main_protocols(settings), next(iter(splits(settings))).replace("_", " ")
+    chosen = settings["yardstick"]
+    what = f"{chosen['condition']}, {METRICS[chosen['metric']].lower()}, set on the validation part, frames at random"
     lines = [
         "# SP-ResNet (glove): results\n",
         f"Macro precision in % on the test part, split by {split}, mean over seeds [95 % t interval]; differences in "
@@ -80,7 +81,7 @@ def findings(
         *baseline_sentences(scores, settings, protocols),
         "\n## Split, scene and training\n",
         *optimism_sentences(scores, settings),
-        yardstick_sentence(scores, settings),
+        sentences.yardstick(scores, settings, (f"{RANDOM}_{chosen['condition']}", chosen["condition"]), what, "%"),
         training_sentence(trained),
         "\n## Augmentation and input frames\n",
         *augmentation_sentences(augmentation),
@@ -102,8 +103,7 @@ def findings(
         **({"learning_curves": "validation loss over epochs"} if trained else {}),
     }
     lines += [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items()]
-    lines.append("\n## Where the code differs from the paper\n")
-    lines += [f"- `{file}`: {text}" for file, text in differences] or ["- Nowhere."]
+    lines += sentences.differences_section(differences)
     return "\n".join(lines) + "\n"
 
 
@@ -301,22 +301,6 @@ def optimism_sentences(scores: Scores, settings: Mapping) -> list[str]:
     return lines
 
 
-def yardstick_sentence(scores: Scores, settings: Mapping) -> str:
-    """The one number the scene's difficulty was set by."""
-    chosen = settings["yardstick"]
-    if settings["source"] != "simulated":
-        return "- The data are recorded, so no yardstick was used."
-    if chosen["model"] not in settings["models"]:
-        return f"- Yardstick of the scene: {chosen['model']} is not among the models."
-    ours = score(scores, f"{RANDOM}_{chosen['condition']}", chosen["model"], chosen["metric"])
-    return (
-        f"- Yardstick of the scene, the one number that it was set by, on the validation part: "
-        f"{style(chosen['model']).label}, {chosen['condition']}, {METRICS[chosen['metric']].lower()}, frames at random "
-        f"as the paper seems to have split: ours {interval(ours)}, published {number(100 * chosen['published'])} %. "
-        "All other numbers are predictions."
-    )
-
-
 def augmentation_sentences(values: Mapping[tuple[str, str], list[float]]) -> list[str]:
     """What each method adds; the paper says that B alone adds nothing, the others something."""
     paper, lines = published(), []
@@ -345,7 +329,7 @@ def frames_sentences(tables: Mapping[str, pd.DataFrame]) -> list[str]:
         numbers = sorted(set(own["frames"]))
         parts = []
         for model in dict.fromkeys(own["model"]):
-            mean = {n: percent(estimate(_at(own, model, n)["value"])) for n in (numbers[0], numbers[-1])}
+            mean = {n: estimate(_at(own, model, n)["value"]).percent() for n in (numbers[0], numbers[-1])}
             more = _difference(_at(own, model, numbers[-1]), _at(own, model, numbers[0]))
             parts.append(
                 f"{style(model).label} from {interval(mean[numbers[0]])} to {interval(mean[numbers[-1]])} %, a gain of "
@@ -457,6 +441,6 @@ def training_sentence(trained: Sequence[Fit]) -> str:
     """How the runs of the networks ended."""
     last = sum(fit.best_epoch == fit.epochs for fit in trained)
     return (
-        f"- {stops_sentence(trained)} The learning rate follows a fixed course over the allowed epochs, so none stops "
+        f"- {sentences.stops(trained)} The learning rate follows a fixed course over the allowed epochs, so none stops "
         f"by patience; the best epoch, which is kept, was the last one in {last} of them."
     )

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline import paths
+from pipeline import paths, sentences
 from pipeline.figures import style
 from pipeline.images import MODALITIES
 from pipeline.markdown import interval, number, table
@@ -97,9 +97,8 @@ def findings(
         "\n## Figures\n",
         *(f"- [confusion_{d}.png](confusion_{d}.png): {DATASETS[d]}, {style(best[d]).label}" for d in confusions),
         *(["- [learning_curves.png](learning_curves.png): validation loss over epochs"] if trained else []),
-        "\n## Where the code differs from the paper\n",
+        *sentences.differences_section(differences),
     ]
-    lines += [f"- `{file}`: {text}" for file, text in differences] or ["- Nowhere."]
     return "\n".join(lines) + "\n"
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline import paths
+from pipeline import paths, sentences
 from pipeline.figures import style
 from pipeline.markdown import interval, number, size, table
 from pipeline.results import PUBLISHED, Estimate, Scores, estimate, read_csv
@@ -117,12 +117,13 @@ def findings(
     scores: Scores, settings: Mapping, studies: Mapping[str, pd.DataFrame], late: Mapping, differences: Sequence
 ) -> str:
     """README.md: verdicts in sentences that are computed from the numbers; late: see `time_sentences`."""
+    task = settings["yardstick"]["condition"]
     lines = [
         "# Drift-free latent space (strain): results\n",
         "Test error in mm, mean over seeds [95 % t interval]. [Table I](table1.md), [training times]"
         "(../speed/table1_times.md), [speed](../speed/table2.md).\n",
         "## The paper's table\n",
-        yardstick_sentence(scores, settings),
+        sentences.yardstick(scores, settings, (task, task), task.replace("_", " "), "mm"),
     ]
     for task in ("task_1", "task_2"):
         lines += task_sentences(scores, settings, task)
@@ -144,24 +145,8 @@ def findings(
         "capacity": "error against the size of the LSTM",
     }
     lines += [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items()]
-    lines.append("\n## Where the code differs from the papers\n")
-    lines += [f"- `{file}`: {text}" for file, text in differences] or ["- Nowhere."]
+    lines += sentences.differences_section(differences)
     return "\n".join(lines) + "\n"
-
-
-def yardstick_sentence(scores: Scores, settings: Mapping) -> str:
-    """The one number the scene's difficulty was set by."""
-    chosen = settings["yardstick"]
-    if settings["source"] != "simulated":
-        return "- The data are recorded, so no yardstick was used."
-    if chosen["model"] not in settings["models"]:
-        return f"- Yardstick of the scene: {chosen['model']} is not among the models."
-    ours = scores.estimate(chosen["condition"], chosen["condition"], chosen["model"], chosen["metric"])
-    return (
-        f"- Yardstick of the scene, the one number that it was set by: {style(chosen['model']).label}, "
-        f"{chosen['condition'].replace('_', ' ')}: ours {interval(ours)} mm, published {number(chosen['published'])} "
-        "mm. All other numbers are predictions."
-    )
 
 
 def task_sentences(scores: Scores, settings: Mapping, task: str) -> list[str]:

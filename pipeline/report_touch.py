@@ -1,11 +1,11 @@
 """What reports/touch says: Table I and Table II beside the published numbers, training, and findings."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from pipeline import sentences
 from pipeline.figures import style
 from pipeline.markdown import interval, number, size, table
 from pipeline.results import Estimate, Fit, Scores, published
@@ -154,23 +154,12 @@ def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> st
     return "\n".join(
         [
             "# Training\n",
-            stops_sentence(trained) + "\n",
+            sentences.stops(trained) + "\n",
             f"Most epochs allowed: {limits or 'no model is trained in epochs'}. The weights of the best "
             "epoch (lowest validation loss) are kept. Lists are in the order of the seeds.\n",
             table(["Model", "Split", "Parameters", "Epochs run", "Best epoch", "Stopped by"], rows),
         ]
     )
-
-
-def stops_sentence(trained: Sequence[Fit]) -> str:
-    """How many of the runs trained in epochs stopped for which reason."""
-    reasons = [fit.stop_reason for fit in trained]
-    parts = [
-        f"Of {len(reasons)} runs trained in epochs, {reasons.count('patience')} stopped by patience",
-        f"{reasons.count('max_epochs')} reached the allowed number of epochs",
-        f"{reasons.count('diverged')} diverged",
-    ]
-    return ", ".join(parts[:2]) + f" and {parts[2]}."
 
 
 def findings(
@@ -213,8 +202,10 @@ def findings(
             "training window determined."
         )
     lines += optimism_sentences(scores, settings, protocol)
-    lines.append(yardstick_sentence(scores, settings, protocol))
-    lines.append(f"- {stops_sentence(trained)}")
+    chosen = settings["yardstick"]
+    what = f"{chosen['condition']} touch, {chosen['metric']}"
+    lines.append(sentences.yardstick(scores, settings, (protocol, chosen["condition"]), what, "kPa"))
+    lines.append(f"- {sentences.stops(trained)}")
     lines.append("\n## Figures\n")
     captions = {
         "figure2b": "characteristic curve of the fitted film",
@@ -231,10 +222,9 @@ def findings(
     lines += [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items() if name not in absent]
     lines.append(
         f"\nFigures 4 and 6 to 8 show the run `{protocol}`, "
-        f"seed {settings['protocols'][protocol]['seeds'][0]}.\n"
+        f"seed {settings['protocols'][protocol]['seeds'][0]}."
     )
-    lines.append("## Where the code differs from the papers\n")
-    lines += [f"- `{file}`: {text}" for file, text in differences] or ["- Nowhere."]
+    lines += sentences.differences_section(differences)
     return "\n".join(lines) + "\n"
 
 
@@ -349,24 +339,6 @@ def optimism_sentences(scores: Scores, settings: Mapping, protocol: str) -> list
     return lines
 
 
-def yardstick_sentence(scores: Scores, settings: Mapping, protocol: str) -> str:
-    """The one number the scene's difficulty was set by, beside the published one."""
-    chosen = settings["yardstick"]
-    if settings["source"] != "simulated":
-        return "- The data are recorded, so no yardstick was used."
-    if chosen["model"] not in settings["models"]:
-        return (
-            f"- Yardstick of the scene: {chosen['model']} is not among the models, so it cannot be compared."
-        )
-    ours = scores.estimate(protocol, chosen["condition"], chosen["model"], chosen["metric"])
-    return (
-        f"- Yardstick of the scene, the one number that it was set by: {style(chosen['model']).label}, "
-        f"{chosen['condition']} touch, {chosen['metric']}: ours {interval(ours)}, published "
-        f"{number(chosen['published'])} kPa ({100 * (ours.mean / chosen['published'] - 1):+.0f} %). "
-        "All other numbers are predictions."
-    )
-
-
 def published_times(latency: Mapping[tuple[str, int], Mapping], settings: Mapping) -> str:
     """Table II: the published times beside ours, both also as multiples of the linear model's."""
     batch, condition = settings["latency"]["batches"][0], "single touch (GTX 1070)"
@@ -394,6 +366,3 @@ def published_times(latency: Mapping[tuple[str, int], Mapping], settings: Mappin
     )
 
 
-def write_text(path: Path, text: str) -> None:
-    """UTF-8 with Unix line ends on every machine."""
-    path.write_text(text, encoding="utf-8", newline="\n")

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet
 from scipy.special import stdtrit
 
-from pipeline import paths, tables
+from pipeline import params, paths, tables
 from pipeline.errors import InputError
 
 PUBLISHED = Path(__file__).with_name("published.csv")
@@ -26,6 +26,10 @@ class Estimate(NamedTuple):
     high: float
     runs: int
     failed: int
+
+    def percent(self) -> "Estimate":
+        """A fraction in percent."""
+        return self._replace(mean=100 * self.mean, low=100 * self.low, high=100 * self.high)
 
 
 def estimate(values: Sequence[float]) -> Estimate:
@@ -127,7 +131,7 @@ def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]
 
 def read_training_times(experiment: str, model: str, protocol: str) -> list[float]:
     """Measured training seconds of one model, one a seed."""
-    made_by = f"python -m pipeline.train {experiment} {model}"
+    made_by = params.training_command(experiment, model)
     times = read_csv(paths.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
     return times[times["protocol"] == protocol]["train_s"].tolist()
 
@@ -145,7 +149,7 @@ class Fit(NamedTuple):
 def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
     """The fit of one run. Raises InputError for a missing or broken file."""
     folder = paths.run_folder(experiment, model, protocol, seed)
-    made_by = f"python -m pipeline.train {experiment} {model}"
+    made_by = params.training_command(experiment, model)
     path = paths.require(folder / "fit.json", made_by)
     try:
         fit = json.loads(path.read_text(encoding="utf-8"))

@@ -7,9 +7,7 @@ The errors choose nothing but the ladders' own verdict: no other table depends o
 Usage: python -m pipeline.rightsize touch|strain|glove
 """
 
-import csv
 import json
-import os
 import sys
 
 import numpy as np
@@ -17,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, images, ladders, metrics, narrow, params, paths, tables, workers
+from pipeline import classification, files, images, ladders, metrics, narrow, params, paths, tables, workers
 from pipeline.errors import InputError, run_stage
 from pipeline.fitting import Spec
 
@@ -74,8 +72,7 @@ def glove_run(condition: str, width: float, seed: int, report) -> list[tuple]:
     train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
     classifier.fit(train, validation, seed=seed, device=values["device"])
     scores = classification.scores(test[1], classifier.predict(test[0]))
-    if not classifier.summary.best_epoch:
-        scores = [(metric, unit, np.nan, n) for metric, unit, _, n in scores]
+    scores = metrics.unless_failed(scores, classifier.summary.best_epoch == 0)
     report()
     return [_row("glove", condition, "sp_resnet", width, classifier, scores, seed)]
 
@@ -171,16 +168,9 @@ def main() -> None:
         raise InputError(f"usage: python -m pipeline.rightsize {'|'.join(ladders.METRIC)}")
     experiment = sys.argv[1]
     rows = {"touch": touch, "strain": strain, "glove": glove}[experiment](params.load())
-    target = ladders.path(experiment)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
     conditions = list(dict.fromkeys(row[1] for row in rows))
     rows.sort(key=lambda row: (row[2], conditions.index(row[1]), row[3], row[7]))  # family, condition, size, seed
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(ladders.COLUMNS)
-        writer.writerows(rows)
-    os.replace(draft, target)
+    files.write_csv(ladders.path(experiment), ladders.COLUMNS, rows)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """All runs of one model, trained in parallel into a folder that appears once it is complete."""
 
-import csv
 import json
 import shutil
 from collections.abc import Callable, Collection, Mapping
@@ -8,7 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pipeline import params, paths, workers
+from pipeline import files, params, paths, workers
 from pipeline.availability import why_not_run
 
 
@@ -47,23 +46,21 @@ def train_all(
             }
             for key, result in workers.run(train_run, tasks, bar, steps=epochs):
                 seconds[key] = result
-    times.parent.mkdir(parents=True, exist_ok=True)
-    with open(times, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["protocol", "seed", "train_s"])
-        writer.writerows([protocol, seed, seconds[protocol, seed]] for protocol, seed in runs)
+    files.write_csv(times, ["protocol", "seed", "train_s"], [(*run, seconds[run]) for run in runs])
     target.parent.mkdir(parents=True, exist_ok=True)
     draft.rename(target)
 
 
 def save(target: Path, regressor, history: list[dict], settings: Mapping) -> None:
-    """Write a fitted run to the new folder `target`: the model's own files, history.csv and fit.json."""
+    """Write a fitted run to the new folder `target`: the model's own files, history.csv and fit.json.
+
+    history: a dictionary an epoch, losses in the label's unit squared (images: cross-entropy); settings: the
+    model's block of params.yaml.
+    """
     target.mkdir(parents=True)
     regressor.save(target)
-    with open(target / "history.csv", "w", newline="", encoding="ascii") as file:
-        writer = csv.DictWriter(file, fieldnames=list(history[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(history)
+    columns = list(history[0])
+    files.write_csv(target / "history.csv", columns, ([epoch[name] for name in columns] for epoch in history))
     fit = {
         "stop_reason": regressor.summary.stop_reason,
         "best_epoch": regressor.summary.best_epoch,
@@ -72,4 +69,4 @@ def save(target: Path, regressor, history: list[dict], settings: Mapping) -> Non
         "macs": regressor.macs(),
         "settings": settings,
     }
-    (target / "fit.json").write_text(json.dumps(fit, indent=1) + "\n", encoding="ascii")
+    files.write_text(target / "fit.json", json.dumps(fit, indent=1) + "\n")

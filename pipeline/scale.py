@@ -4,7 +4,6 @@ A scale is a file scales/<name>.yaml of dotted keys and values; all other settin
 """
 
 import difflib
-import os
 import sys
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import yaml
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from pipeline import params, paths
+from pipeline import files, params, paths
 from pipeline.errors import InputError, run_stage
 
 
@@ -32,10 +31,8 @@ def set_values(values: dict, params_file: Path) -> None:
                 raise InputError(f"{params_file.name}: there is no key '{dotted}'{hint}")
             parent, block = block, block[key]
         parent[last] = _flow(value)
-    draft = params_file.with_name(params_file.name + ".unfinished")
-    with open(draft, "w", encoding="utf-8") as file:
+    with files.replacing(params_file) as draft, open(draft, "w", encoding="utf-8") as file:
         editor.dump(content, file)
-    os.replace(draft, params_file)
 
 
 def _float(representer, value: float):

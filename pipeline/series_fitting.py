@@ -5,9 +5,6 @@ All have the same methods: `fit(records, *, seed, device, progress, base)`, `pre
 parallel streams, `save`, `load`, `parameters`, `macs` (for one sample) and `summary`.
 """
 
-import csv
-import json
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -428,32 +425,6 @@ def _streams(column: torch.Tensor, streams: int) -> torch.Tensor:
     """(1, T, ...) as (streams, T // streams, ...); the first samples that do not fill a stream are left out."""
     length = column.shape[1] // streams
     return column[0, column.shape[1] - streams * length :].view(streams, length, *column.shape[2:])
-
-
-def fit_and_save(model, records: list[Record], target: Path, *, settings: dict, **how) -> float:
-    """Fit (`how`: the keyword arguments of `fit`) and write one run to the new folder `target`; seconds it took.
-
-    Files: the model's own, history.csv (a row an epoch, losses in mm squared) and fit.json.
-    """
-    started = time.perf_counter()
-    history = model.fit(records, **how)
-    seconds = time.perf_counter() - started
-    target.mkdir(parents=True)
-    model.save(target)
-    with open(target / "history.csv", "w", newline="", encoding="ascii") as file:
-        writer = csv.DictWriter(file, fieldnames=list(history[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(history)
-    fit = {
-        "stop_reason": model.summary.stop_reason,
-        "best_epoch": model.summary.best_epoch,
-        "epochs": len(history),
-        "parameters": model.parameters(),
-        "macs": model.macs(),
-        "settings": settings,
-    }
-    (target / "fit.json").write_text(json.dumps(fit, indent=1) + "\n", encoding="ascii")
-    return seconds
 
 
 def _row(epoch: int, train_loss: float, validation_loss: float, rate: float) -> dict:

@@ -3,14 +3,12 @@
 Usage: python -m pipeline.simulate touch|strain|glove
 """
 
-import csv
 import importlib
-import shutil
 import sys
 
 from tqdm import tqdm
 
-from pipeline import params, paths
+from pipeline import files, params, paths
 from pipeline.errors import InputError, run_stage
 
 SCENES = ("touch", "strain", "glove")
@@ -22,22 +20,15 @@ def simulate(experiment: str, settings: dict) -> None:
     `pipeline/scenes/<experiment>.py` gives the recordings and, for each, its logs with their faults.
     """
     recordings, logs_of = importlib.import_module(f"pipeline.scenes.{experiment}").plan(settings)
-    target = paths.logs(experiment)
-    draft = target.with_name("logs.unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
     rows = []
-    for recording in tqdm(recordings, desc=f"simulate {experiment}", unit="recording"):
-        folder = draft / recording.condition / recording.name
-        folder.mkdir(parents=True)
-        for name, (lines, faults) in logs_of(recording).items():
-            (folder / name).write_text("\n".join(lines) + "\n", encoding="ascii")
-            rows += [(recording.condition, recording.name, name, fault.line, fault.kind) for fault in faults]
-    with open(draft / "faults.csv", "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["condition", "recording", "file", "line", "fault"])
-        writer.writerows(rows)
-    shutil.rmtree(target, ignore_errors=True)
-    draft.rename(target)
+    with files.replacing_folder(paths.logs(experiment)) as draft:
+        for recording in tqdm(recordings, desc=f"simulate {experiment}", unit="recording"):
+            folder = draft / recording.condition / recording.name
+            folder.mkdir(parents=True)
+            for name, (lines, faults) in logs_of(recording).items():
+                (folder / name).write_text("\n".join(lines) + "\n", encoding="ascii")
+                rows += [(recording.condition, recording.name, name, fault.line, fault.kind) for fault in faults]
+        files.write_csv(draft / "faults.csv", ["condition", "recording", "file", "line", "fault"], rows)
 
 
 def main() -> None:

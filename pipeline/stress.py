@@ -3,8 +3,6 @@
 Usage: python -m pipeline.stress EXPERIMENT
 """
 
-import csv
-import os
 import shutil
 import sys
 from collections.abc import Callable
@@ -12,7 +10,7 @@ from types import ModuleType
 
 from tqdm import tqdm
 
-from pipeline import params, paths, workers
+from pipeline import files, params, paths, workers
 from pipeline.availability import why_not_run
 from pipeline.errors import InputError, run_stage
 
@@ -71,14 +69,7 @@ def main() -> None:
             tasks = {model: (experiment, model) for model in reversed(models)}
             found = dict(workers.run(stress_model, tasks, bar, steps=runs))
         shutil.rmtree(paths.stress_scenes(experiment), ignore_errors=True)
-    target = paths.stress(experiment)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for model in models:
-            writer.writerows(found.get(model, []))
-    os.replace(draft, target)
+    files.write_csv(paths.stress(experiment), COLUMNS, (row for model in models for row in found.get(model, [])))
 
 
 if __name__ == "__main__":

@@ -30,7 +30,18 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from pipeline import classification, clean_scores, images, params, paths, perturbations, results, tables
+from pipeline import (
+    classification,
+    clean_scores,
+    images,
+    metrics,
+    params,
+    paths,
+    perturbations,
+    results,
+    tables,
+    trained,
+)
 from pipeline.seeding import generator
 
 IN_TIME = ("lost_frames", "jitter")
@@ -118,11 +129,8 @@ class Run:
         from pipeline.image_fitting import spec_of
 
         data = images.read(paths.dataset(experiment), protocol, seed)
-        block = params.model_settings(values, experiment, model)
-        self.model = params.build_model(model, spec_of(len(data.objects)), block, f"{experiment}.models.{model}")
-        folder = paths.run_folder(experiment, model, protocol, seed)
-        self.model.load(paths.require(folder, f"python -m pipeline.train_images {experiment} {model}"))
-        self.failed = results.read_fit(experiment, model, protocol, seed).best_epoch == 0
+        spec = spec_of(len(data.objects))
+        self.model, self.failed = trained.load(values, experiment, model, protocol, seed, spec)
         self.modality, self.part = images.modality(protocol), data.part
         test = data.part == "test"
         self.x, self.y = data.x[test], data.y[test]
@@ -139,8 +147,7 @@ class Run:
         return self._scores(answers)
 
     def _scores(self, answers: np.ndarray) -> list:
-        found = classification.scores(self.y, answers)
-        return [(name, unit, np.nan if self.failed else value, n) for name, unit, value, n in found]
+        return metrics.unless_failed(classification.scores(self.y, answers), self.failed)
 
 
 def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:

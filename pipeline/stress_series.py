@@ -27,7 +27,19 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import alignment, clean_scores, logs, metrics, params, paths, perturbations, results, series, tables
+from pipeline import (
+    alignment,
+    clean_scores,
+    logs,
+    metrics,
+    params,
+    paths,
+    perturbations,
+    results,
+    series,
+    tables,
+    trained,
+)
 from pipeline.errors import InputError
 from pipeline.seeding import generator
 
@@ -61,7 +73,7 @@ class Run(NamedTuple):
     def scores(self, record: series.Record, predicted: np.ndarray) -> list[metrics.Row]:
         """Those of METRICS that there are; NaN for a failed run."""
         found = [row for row in metrics.series(record, predicted, self.task.outputs) if row[0] in METRICS]
-        return [(name, unit, np.nan if self.failed else value, n) for name, unit, value, n in found]
+        return metrics.unless_failed(found, self.failed)
 
 
 def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
@@ -110,12 +122,8 @@ def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: in
 
     task = params.experiment_module(experiment).task(protocol)
     spec = series_fitting.spec_of(task, values[experiment]["window"]["frames"])
-    block = params.model_settings(values, experiment, model)
-    built = series_fitting.adapted(params.build_model(model, spec, block, f"{experiment}.models.{model}"), spec)
-    folder = paths.run_folder(experiment, model, protocol, seed)
-    built.load(paths.require(folder, f"python -m pipeline.train_series {experiment} {model}"))
-    failed = results.read_fit(experiment, model, protocol, seed).best_epoch == 0
-    return Run(built.predict, failed, task, protocol, seed)
+    run = trained.load(values, experiment, model, protocol, seed, spec)
+    return Run(run.model.predict, run.failed, task, protocol, seed)
 
 
 def levels(pieces: list[series.Piece], settings: Mapping) -> Levels:

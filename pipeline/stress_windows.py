@@ -11,7 +11,6 @@ through the ingest, the windows and the labels of the experiment. `prepare` does
 """
 
 import importlib
-import json
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
@@ -22,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import clean_scores, metrics, params, paths, perturbations, results, tables, workers
+from pipeline import clean_scores, metrics, params, paths, perturbations, results, tables, trained, workers
 from pipeline.seeding import generator
 from pipeline.window import windows_of
 
@@ -106,7 +105,6 @@ def rows(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]
     values = params.load()
     settings, stress = values[experiment], values["stress"][experiment]
     spec = Spec(*params.shapes(settings))
-    block = params.model_settings(values, experiment, model)
     data = tables.read_dataset(paths.dataset(experiment), spec.frames)
     scenes = {
         case: tables.read_dataset(_scene_file(experiment, case), spec.frames)
@@ -115,14 +113,10 @@ def rows(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]
     written, found = results.Scores(experiment, settings), []
     for protocol in stress["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
-            folder = paths.require(
-                paths.run_folder(experiment, model, protocol, seed), f"python -m pipeline.train {experiment} {model}"
-            )
-            regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
-            regressor.load(folder)
-            own = _readings_rows(experiment, values, data, protocol, seed, regressor.predict)
-            own += _scene_rows(experiment, settings, scenes, regressor.predict)
-            if json.loads((folder / "fit.json").read_text())["best_epoch"] == 0:
+            run = trained.load(values, experiment, model, protocol, seed, spec)
+            own = _readings_rows(experiment, values, data, protocol, seed, run.model.predict)
+            own += _scene_rows(experiment, settings, scenes, run.model.predict)
+            if run.failed:
                 own = [(*row[:5], float("nan"), row[6]) for row in own]
             for condition in CONDITIONS[experiment]:
                 clean = [row[3:] for row in own if row[:2] == (condition, UNCHANGED)]

@@ -7,9 +7,6 @@ drift.csv is from held-out blocks of the whole recording.
 Usage: python -m pipeline.study strain
 """
 
-import csv
-import os
-import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import metrics, params, paths, series, workers
+from pipeline import files, metrics, params, paths, series, workers
 from pipeline.errors import InputError, run_stage
 
 BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
@@ -166,17 +163,13 @@ def main() -> None:
             ("protocol", "input", "target", "seed", "metric", "unit", "value"),
         ),
     }
-    target = paths.experiment_folder("strain") / "study"
-    draft = target.with_name("study.unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
-    draft.mkdir(parents=True)
-    for name, (function, arguments, columns) in plans.items():
-        with tqdm(total=len(arguments), desc=f"study strain {name}", unit="run") as bar:
-            found = dict(workers.run(function, dict(enumerate(arguments)), bar))
-        _write(draft / f"{name}.csv", columns, [row for key in sorted(found) for row in found[key]])
-    _write_latents(draft / "latents.csv")
-    shutil.rmtree(target, ignore_errors=True)
-    os.replace(draft, target)
+    with files.replacing_folder(paths.experiment_folder("strain") / "study") as draft:
+        for name, (function, arguments, columns) in plans.items():
+            with tqdm(total=len(arguments), desc=f"study strain {name}", unit="run") as bar:
+                found = dict(workers.run(function, dict(enumerate(arguments)), bar))
+            rows = [row for key in sorted(found) for row in found[key]]
+            files.write_csv(draft / f"{name}.csv", columns, sorted(rows, key=lambda row: tuple(map(str, row[:4]))))
+        _write_latents(draft / "latents.csv")
 
 
 def _write_latents(path: Path) -> None:
@@ -195,13 +188,6 @@ def _write_latents(path: Path) -> None:
     table = np.column_stack([piece.time_s[first : first + len(states)], states])
     header = ",".join(["t_s", *(f"h{k}" for k in range(states.shape[1]))])
     np.savetxt(path, table, fmt="%.6g", delimiter=",", header=header, comments="")
-
-
-def _write(path: Path, columns: tuple[str, ...], rows: list[tuple]) -> None:
-    with open(path, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(sorted(rows, key=lambda row: tuple(map(str, row[:4]))))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """The contract between stages: the columns of every Parquet file that one stage writes and another reads."""
 
-import os
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
+
+from pipeline import files
 
 LONG = 1.5  # median intervals; a longer one means that a frame is missing
 
@@ -115,12 +116,9 @@ def _lists(values: np.ndarray, kind: pa.DataType) -> pa.Array:
 
 def write(path: Path, schema: pa.Schema, parts: Iterable[pa.Table]) -> None:
     """Write the parts, in order, as one Parquet file; `path` changes only once all of it is written."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(path.name + ".unfinished")
-    with pyarrow.parquet.ParquetWriter(draft, schema, compression="zstd") as writer:
+    with files.replacing(path) as draft, pyarrow.parquet.ParquetWriter(draft, schema, compression="zstd") as writer:
         for part in parts:
             writer.write_table(part.select(schema.names).cast(schema))
-    os.replace(draft, path)
 
 
 PARTS = ("train", "validation", "test", "unused")  # of a split

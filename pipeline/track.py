@@ -4,9 +4,7 @@ A second call adds nothing; see `tracking.py` for what one run holds. The store 
 server that MLFLOW_TRACKING_URI names.
 """
 
-import os
-
-from pipeline import tracking
+from pipeline import files, tracking
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 from pipeline.params import load
@@ -27,10 +25,7 @@ def track(params: dict) -> None:
         print(f"{experiment}: {len(found)} runs")
         runs += found
     table, logged, deleted = tracking.synchronise(runs)
-    tracking.store_folder().mkdir(exist_ok=True)
-    partial = tracking.receipt().with_suffix(".partial")
-    table.to_csv(partial, index=False)
-    os.replace(partial, tracking.receipt())
+    files.write_table(tracking.receipt(), table)
     print(f"MLflow: {logged} runs logged, {len(table) - logged} unchanged, {deleted} superseded")
 
 

@@ -5,8 +5,6 @@ with one thread, which gives the same numbers whatever the number of processes.
 Usage: python -m pipeline.train touch|velostat_recorded MODEL
 """
 
-import csv
-import json
 import sys
 import time
 from collections.abc import Callable
@@ -19,10 +17,7 @@ from pipeline.errors import InputError, run_stage
 def train_run(
     experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run and write its files to the new folder `target`; returns the seconds that fitting took.
-
-    Files: the model's own, history.csv (a row an epoch, losses in the label's unit squared) and fit.json.
-    """
+    """Train one run and write its files (see `runs.save`); returns the seconds that fitting took."""
     import torch
 
     from pipeline.fitting import Spec
@@ -45,30 +40,13 @@ def train_run(
     started = time.perf_counter()
     history = regressor.fit(train, validation, seed=seed, device=values["device"], progress=report)
     seconds = time.perf_counter() - started
-    target.mkdir(parents=True)
-    regressor.save(target)
-    with open(target / "history.csv", "w", newline="", encoding="ascii") as file:
-        writer = csv.DictWriter(file, fieldnames=list(history[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(history)
-    fit = {
-        "stop_reason": regressor.summary.stop_reason,
-        "best_epoch": regressor.summary.best_epoch,
-        "epochs": len(history),
-        "parameters": regressor.parameters(),
-        "macs": regressor.macs(),
-        "settings": block,
-    }
-    (target / "fit.json").write_text(json.dumps(fit, indent=1) + "\n", encoding="ascii")
+    runs.save(target, regressor, history, block)
     return seconds
 
 
 def main() -> None:
     """Train the model named on the command line."""
-    experiments = params.load()["experiments"]
-    if len(sys.argv) != 3 or sys.argv[1] not in experiments:
-        raise InputError(f"usage: python -m pipeline.train {'|'.join(experiments)} MODEL")
-    runs.train_all(train_run, sys.argv[1], sys.argv[2])
+    runs.train_all(train_run, *params.training_arguments(sys.argv, "train", params.load()))
 
 
 if __name__ == "__main__":

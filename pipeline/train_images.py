@@ -10,13 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pipeline import images, params, paths, runs
-from pipeline.errors import InputError, run_stage
+from pipeline.errors import run_stage
 
 
 def train_run(
     experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run and write its files to the new folder `target`; returns the seconds that fitting took."""
+    """Train one run and write its files (see `runs.save`); returns the seconds that fitting took."""
     import torch
 
     from pipeline.image_fitting import spec_of
@@ -38,9 +38,7 @@ def train_run(
 
 def main() -> None:
     """Train the model named on the command line."""
-    if len(sys.argv) != 3 or sys.argv[1] not in params.IMAGES:
-        raise InputError(f"usage: python -m pipeline.train_images {'|'.join(params.IMAGES)} MODEL")
-    runs.train_all(train_run, sys.argv[1], sys.argv[2])
+    runs.train_all(train_run, *params.training_arguments(sys.argv, "train_images", params.load()))
 
 
 if __name__ == "__main__":

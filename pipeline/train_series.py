@@ -7,6 +7,7 @@ Usage: python -m pipeline.train_series strain|strain_recorded MODEL|model_zero
 import csv
 import shutil
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from pipeline.errors import InputError, run_stage
 def train_run(
     experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run and write its files to the new folder `target`; returns the seconds that fitting took."""
+    """Train one run and write its files (see `runs.save`); returns the seconds that fitting took."""
     values = params.load()
     settings = values[experiment]
     base = params.experiment_module(experiment).task(protocol).base
@@ -52,14 +53,16 @@ def _train(
     records = series.seen_in_training(series.read(paths.dataset(experiment), task, protocol, seed))
     if not any(record.training.any() for record in records):
         raise InputError(f"{experiment}, {protocol}: no sample in the training part; record longer")
-    return series_fitting.fit_and_save(
-        regressor, records, target, settings=block, seed=seed, device=values["device"], progress=report, base=zero
-    )
+    started = time.perf_counter()
+    history = regressor.fit(records, seed=seed, device=values["device"], progress=report, base=zero)
+    seconds = time.perf_counter() - started
+    runs.save(target, regressor, history, block)
+    return seconds
 
 
 def _seconds_of_model_zero(experiment: str, protocol: str, seed: int) -> float:
     path = paths.training_times(experiment, paths.MODEL_ZERO)
-    made_by = f"python -m pipeline.train_series {experiment} {paths.MODEL_ZERO}"
+    made_by = params.training_command(experiment, paths.MODEL_ZERO)
     with open(paths.require(path, made_by), newline="", encoding="ascii") as file:
         times = {(row["protocol"], row["seed"]): float(row["train_s"]) for row in csv.DictReader(file)}
     return times[protocol, str(seed)]
@@ -67,13 +70,12 @@ def _seconds_of_model_zero(experiment: str, protocol: str, seed: int) -> float:
 
 def main() -> None:
     """Train the model named on the command line, or model-0 for all protocols that need one."""
-    if len(sys.argv) != 3 or sys.argv[1] not in params.SERIES:
-        raise InputError(f"usage: python -m pipeline.train_series {'|'.join(params.SERIES)} MODEL|{paths.MODEL_ZERO}")
-    experiment, model = sys.argv[1:]
+    values = params.load()
+    experiment, model = params.training_arguments(sys.argv, "train_series", values, f"MODEL|{paths.MODEL_ZERO}")
     if model != paths.MODEL_ZERO:
         runs.train_all(train_run, experiment, model)
         return
-    settings, module = params.load()[experiment], params.experiment_module(experiment)
+    settings, module = values[experiment], params.experiment_module(experiment)
     bases = {module.task(protocol).base for protocol in settings["protocols"]}
     runs.train_all(model_zero_run, experiment, settings["model_zero"], into=model, protocols=bases)
 

@@ -5,24 +5,21 @@ test part for every number of input frames. Without the file (`none`) the table 
 Usage: python -m pipeline.train_stag glove
 """
 
-import csv
-import os
 import sys
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import classification, params, paths, seeding, stag, workers
+from pipeline import classification, files, metrics, params, paths, seeding, stag, workers
 from pipeline.errors import InputError, run_stage
 
 COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")
-MOST_FRAMES = 8
 
 
 def train_run(experiment: str, model: str, seed: int, file: str, report) -> list[tuple]:
-    """Train one model and score it with 1 to MOST_FRAMES frames of a recording at a time; rows of stag.csv."""
+    """Train one model and score it with 1 to MOST_FRAMES frames of a recording; rows of stag.csv."""
     import torch
 
     from pipeline.image_fitting import spec_of
@@ -40,13 +37,12 @@ def train_run(experiment: str, model: str, seed: int, file: str, report) -> list
     predicted = classifier.predict(data.images[test])
     names = np.char.add(np.char.add(data.recording[test], "/"), data.label[test].astype(str))
     _, group = np.unique(names, return_inverse=True)
-    rows = []
-    for frames in range(1, MOST_FRAMES + 1):
+    rows, failed = [], classifier.summary.best_epoch == 0
+    for frames in range(1, classification.MOST_FRAMES + 1):
         first, means = classification.by_frames(predicted, group, frames)
         if len(first):
-            for metric, unit, value, n in classification.scores(y[test][first], means):
-                value = value if classifier.summary.best_epoch else np.nan
-                rows.append((model, seed, frames, metric, unit, value, n))
+            scores = metrics.unless_failed(classification.scores(y[test][first], means), failed)
+            rows += [(model, seed, frames, *row) for row in scores]
     return rows
 
 
@@ -75,15 +71,7 @@ def main() -> None:
         epochs = max(values["glove"]["models"][model]["training"]["max_epochs"] for model in MODELS)
         with tqdm(total=epochs * len(tasks), desc="train STAG", unit="epoch") as bar:
             found = dict(workers.run(train_run, tasks, bar, steps=epochs))
-    target = paths.stag("glove")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    draft = target.with_name(target.name + ".unfinished")
-    with open(draft, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for key in sorted(found):
-            writer.writerows(found[key])
-    os.replace(draft, target)
+    files.write_csv(paths.stag("glove"), COLUMNS, (row for key in sorted(found) for row in found[key]))
 
 
 if __name__ == "__main__":

@@ -14,10 +14,9 @@ STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "laten
 STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "judge"}
 STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize", "render_rightsize"}
 COMMANDS = {"fetch", "scale", "fit_material"}
-# Modules that find, check and start things but cannot change a number: DVC need not watch them.
-PLUMBING = {
-    f"pipeline/{name}.py" for name in ("availability", "errors", "params", "paths", "runs", "schema", "workers")
-}
+# Modules that find, check, start and write things but cannot change a number: DVC need not watch them.
+PLUMBING = {"availability", "errors", "files", "params", "paths", "runs", "schema", "workers"}
+PLUMBING = {f"pipeline/{name}.py" for name in PLUMBING}
 
 
 def imports(path: Path) -> set[str]:

@@ -50,6 +50,12 @@ def model_zero(tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_every_reservoir_has_the_spectral_radius_asked_for(seed):
+    model = build("esn", spec(2), BLOCKS["esn"] | {"units": 80})
+    assert np.abs(np.linalg.eigvals(model.make(6, seed)["reservoir"])).max() == pytest.approx(0.9, rel=1e-5)
+
+
 @pytest.mark.parametrize(("outputs", "direct", "transfer"), [(1, 11_450, 50), (2, 11_500, 100)])
 def test_published_numbers_of_parameters(tmp_path, outputs, direct, transfer):
     zero = build("lstm_direct", spec(3), {"units": 50, "training": RECIPE | {"max_epochs": 1}})

@@ -40,7 +40,7 @@ def project(tmp_path_factory):
                 target = paths.run_folder("glove", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 train_images.train_run("glove", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_image_model("glove", model, folder, lambda: None)
+            scores += evaluate.evaluate_model("glove", model, folder, lambda: None)
         with open(paths.scores("glove"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])
         yield values

@@ -133,7 +133,7 @@ def project(tmp_path_factory):
                 target = paths.run_folder("strain", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 train_series.train_run("strain", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_series_model("strain", model, folder, lambda: None)
+            scores += evaluate.evaluate_model("strain", model, folder, lambda: None)
         with open(paths.scores("strain"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])
         yield values

@@ -2,7 +2,6 @@
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import eigs
 
 from pipeline.fitting import Spec
 from pipeline.seeding import generator
@@ -22,8 +21,8 @@ def build(spec: Spec, *, units: int, spectral_radius: float, leak: float, input_
         reservoir = np.zeros((units, units), np.float32)
         for row in reservoir:
             row[rng.choice(units, min(LINKS, units), replace=False)] = rng.normal(size=min(LINKS, units))
-        values = eigs(reservoir.astype(np.float64), k=1, v0=np.ones(units), return_eigenvectors=False)
-        reservoir *= spectral_radius / np.abs(values[0])
+        # All eigenvalues: the search for the largest alone (ARPACK) does not converge for every reservoir.
+        reservoir *= spectral_radius / np.abs(np.linalg.eigvals(reservoir.astype(np.float64))).max()
         return {
             "reservoir": reservoir,
             "input": (input_scale * rng.uniform(-1, 1, (channels, units))).astype(np.float32),

@@ -1,0 +1,56 @@
+"""Files and folders that change only when all of their new content is written, and then at once.
+
+What a killed stage leaves behind is a draft beside them, `<name>.unfinished`, which the next call writes anew.
+"""
+
+import csv
+import os
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """The draft of a file, to be written in the block: it becomes `path` where the block ends without an error."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(path.name + ".unfinished")
+    yield draft
+    os.replace(draft, path)
+
+
+@contextmanager
+def replacing_folder(path: Path) -> Iterator[Path]:
+    """As `replacing`, for a folder with all that is in it; the draft is a new, empty folder."""
+    draft = path.with_name(path.name + ".unfinished")
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir(parents=True)
+    yield draft
+    shutil.rmtree(path, ignore_errors=True)
+    draft.rename(path)
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> None:
+    """A header and rows, numbers in full precision."""
+    with replacing(path) as draft, open(draft, "w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def write_table(path: Path, table, missing: str = "") -> None:
+    """A pandas table without its index as CSV, numbers in full precision; `missing` stands for NaN."""
+    with replacing(path) as draft:
+        table.to_csv(draft, index=False, lineterminator="\n", na_rep=missing, float_format=_shortest)
+
+
+def write_text(path: Path, text: str) -> None:
+    """UTF-8 with Unix line ends on every machine."""
+    with replacing(path) as draft:
+        draft.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _shortest(value: float) -> str:
+    """The shortest text that reads back as the same number."""
+    return repr(float(value))

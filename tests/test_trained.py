@@ -1,0 +1,83 @@
+"""What a training stage saves is what the others load; a wrong stage or an untrained run gets one sentence."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pipeline import metrics, params, paths, runs, train, train_images, train_series, trained
+from pipeline.errors import InputError
+from pipeline.fitting import Spec
+
+SPEC = Spec(2, 1, 3, 1, 2)
+
+
+@pytest.fixture
+def values(tmp_path, monkeypatch):
+    """params.yaml in a folder of its own, with one run of `linear` of touch saved there."""
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    (tmp_path / "pipeline").symlink_to(paths.PARAMS.parent / "pipeline")
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(size=(40, 2, 3)).astype(np.float32), rng.normal(size=(40, 2)).astype(np.float32)
+    values = params.load()
+    model = params.build_model("linear", SPEC, {}, "test")
+    history = model.fit((x[:30], y[:30]), (x[30:], y[30:]), seed=0, device="cpu")
+    runs.save(paths.run_folder("touch", "linear", "press", 0), model, history, {})
+    return values | {"x": x, "expected": model.predict(x), "history": history}
+
+
+def test_a_saved_run_is_loaded_as_it_was(values):
+    run = trained.load(values, "touch", "linear", "press", 0, SPEC)
+    assert not run.failed
+    assert np.array_equal(run.predict(values["x"]), values["expected"])
+    folder = paths.run_folder("touch", "linear", "press", 0)
+    header, *epochs = (folder / "history.csv").read_text().splitlines()
+    assert header == ",".join(values["history"][0]) and len(epochs) == len(values["history"])
+    fit = json.loads((folder / "fit.json").read_text())
+    assert (fit["parameters"], fit["epochs"]) == (run.model.parameters(), len(epochs))
+
+
+def test_a_run_that_diverged_predicts_nothing(values):
+    path = paths.run_folder("touch", "linear", "press", 0) / "fit.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"best_epoch": 0}))
+    run = trained.load(values, "touch", "linear", "press", 0, SPEC)
+    assert run.failed and np.isnan(run.predict(values["x"])).all()
+    assert metrics.unless_failed([("rmse", "kPa", 1.0, 7)], False) == [("rmse", "kPa", 1.0, 7)]
+    ((metric, unit, value, n),) = metrics.unless_failed([("rmse", "kPa", 1.0, 7)], True)
+    assert (metric, unit, n) == ("rmse", "kPa", 7) and np.isnan(value)
+
+
+def test_a_run_that_is_not_there_or_broken_says_how_to_train_it(values):
+    with pytest.raises(InputError, match="press-1: not found; run `python -m pipeline.train touch linear` first"):
+        trained.load(values, "touch", "linear", "press", 1, SPEC)
+    with pytest.raises(InputError, match="run `python -m pipeline.train_images glove tree` first"):
+        trained.load(values, "glove", "tree", "session_strain", 0, Spec(1, 32, 32, 1, 16))
+    (paths.run_folder("touch", "linear", "press", 0) / "fit.json").write_text("{}")
+    with pytest.raises(InputError, match="no fit summary .*; run `python -m pipeline.train touch linear` again"):
+        trained.load(values, "touch", "linear", "press", 0, SPEC)
+
+
+@pytest.mark.parametrize(
+    ("stage", "arguments", "sentence"),
+    [
+        (
+            train,
+            ["strain", "ridge"],
+            "strain is not trained by train; run `python -m pipeline.train_series strain ridge`",
+        ),
+        (train, ["glove", "tree"], "run `python -m pipeline.train_images glove tree`"),
+        (
+            train_series,
+            ["touch", "cnn"],
+            "touch is not trained by train_series; run `python -m pipeline.train touch cnn`",
+        ),
+        (train_images, ["strain", "esn"], "run `python -m pipeline.train_series strain esn`"),
+        (train, ["tuch", "cnn"], r"usage: python -m pipeline.train touch\|velostat_recorded MODEL"),
+        (train_series, ["strain"], r"usage: python -m pipeline.train_series strain\|strain_recorded MODEL\|model_zero"),
+        (train, ["touch", "cn"], "touch.models: no model 'cn'"),
+    ],
+)
+def test_a_wrong_experiment_or_model_is_one_sentence(stage, arguments, sentence, monkeypatch):
+    monkeypatch.setattr("sys.argv", [stage.__name__, *arguments])
+    with pytest.raises(InputError, match=sentence):
+        stage.main()
