@@ -50,7 +50,7 @@ def main() -> None:
         unit = report_physics.ERRORS[scores[experiment]["metric"].iloc[0]]
         title = f"{report_physics.TITLES[experiment]}: an effect of the scene left out"
         figures_physics.matrices(draft / f"{experiment}.png", title, one, unit)
-    text = report_physics.readme(found, scores, values["physics"])
+    text = report_physics.readme(found, scores, values)
     (draft / "README.md").write_text(text, encoding="utf-8")
     rows = [row for experiment, one in found.items() for row in effects.report_rows(experiment, one)]
     table = paths.REPORTS / "physics.csv"
