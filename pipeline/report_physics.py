@@ -40,7 +40,8 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         *[_left_out(experiment, one, off[experiment]) for experiment, one in found.items()],
         "",
         "One effect is left out at a time; two that change nothing alone may do so together (`default` is the test "
-        "of that: the scene as it is in params.yaml). An effect is judged by the models and claims below, on a scene of this size; what only a longer "
+        "of that: the scene as it is in params.yaml). An effect is judged by the models and claims below, on a scene "
+        "of this size; what only a longer "
         "training shows is not seen.\n",
     ]
     for experiment, one in found.items():
