@@ -1,8 +1,9 @@
 """Stage: what do the models say of a scene that lacks one of its effects? Small scenes, short trainings.
 
 Every variant (an effect and a seed) goes the whole way: simulated logs, ingest, windows, labels, training, scores of
-the test part. Effect `none`: all effects as they are in params.yaml. The seed moves the scene's own seed and is that
-of split and training, so that two seeds differ in all that is drawn by chance; variants of one seed share it.
+the test part. Effect `none`: all effects on; `default`: those that params.yaml has on. The seed moves the scene's own
+seed and is that of split and training, so that two seeds differ in all that is drawn by chance; variants of one seed
+share it.
 Writes data/<experiment>/physics.csv; `render_physics` judges it.
 Usage: python -m pipeline.physics touch|strain|glove
 """
@@ -19,7 +20,7 @@ from tqdm import tqdm
 
 from pipeline import classification, files, images, metrics, params, paths, schema, series, tables, workers
 from pipeline.errors import InputError, run_stage
-from pipeline.variants import COLUMNS, NONE, TOGETHER, variants
+from pipeline.variants import COLUMNS, DEFAULT, NONE, variants
 from pipeline.window import windows_of
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
@@ -29,14 +30,14 @@ CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about 
 def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dict:
     """The experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
 
-    `none`: with all of them; `together`: without those of physics.<experiment>.together. Raises InputError where the
-    result is not what pipeline/schema.py allows.
+    `none`: with all of them; `default`: with those that are on in params.yaml. Raises InputError where the result is
+    not what pipeline/schema.py allows.
     """
     settings = _merged(values[experiment], values["physics"][experiment]["scene"])
     params.check_block(settings, schema.SCHEMA[experiment], f"{experiment} with physics.{experiment}.scene")
     scene = settings["simulate"]
-    out = {NONE: [], TOGETHER: values["physics"][experiment]["together"]}.get(effect, [effect])
-    effects = scene["effects"] | dict.fromkeys(out, False)
+    on = dict.fromkeys(scene["effects"], True)
+    effects = {NONE: on, DEFAULT: scene["effects"]}.get(effect, on | {effect: False})
     return settings | {"simulate": scene | {"seed": scene["seed"] + seed, "effects": effects}}
 
 

@@ -39,7 +39,7 @@ def main() -> None:
             unit = report_physics.ERRORS[scores[experiment]["metric"].iloc[0]]
             title = f"{report_physics.TITLES[experiment]}: an effect of the scene left out"
             figures_physics.matrices(draft / f"{experiment}.png", title, one, unit)
-        files.write_text(draft / "README.md", report_physics.readme(found, scores, values["physics"]))
+        files.write_text(draft / "README.md", report_physics.readme(found, scores, values))
     rows = [row for experiment, one in found.items() for row in effects.report_rows(experiment, one)]
     files.write_table(paths.REPORTS / "physics.csv", pd.DataFrame(rows))
     for experiment, one in found.items():

@@ -9,14 +9,17 @@ import pandas as pd
 from pipeline import effects, markdown
 from pipeline.effects import FAILED, NEEDED, NOT_NEEDED, Assessment, Judgement
 from pipeline.figures import style
-from pipeline.variants import TOGETHER
+from pipeline.variants import DEFAULT
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
 ERRORS = {"rmse": "RMSE in kPa", "error": "distance in mm", "accuracy": "share of images named wrongly"}
 
 
-def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], settings: Mapping) -> str:
-    """README.md; found, scores: by experiment, settings: the block `physics`."""
+def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], values: Mapping) -> str:
+    """README.md; found, scores: by experiment, values: params.yaml."""
+    settings = values["physics"]
+    switches = {experiment: values[experiment]["simulate"]["effects"] for experiment in found}
+    off = {experiment: [name for name, on in own.items() if not on] for experiment, own in switches.items()}
     parts = [
         "# No more physics than the scenes need\n",
         "Every effect of the three simulated scenes is left out in turn, and everything is done anew: logs, ingest, "
@@ -34,10 +37,11 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "t s sqrt(2 / m) for m seeds. The spread s is the model's own over all seeds, or the median of all models and "
         f"conditions where that is larger (some agree by luck); the least floor is {effects.LEAST:.0%}.\n",
         "## What could be left out\n",
-        *[_left_out(experiment, one, settings[experiment]["together"]) for experiment, one in found.items()],
+        *[_left_out(experiment, one, off[experiment]) for experiment, one in found.items()],
         "",
-        "One effect is left out at a time; two that change nothing alone may do so together (`together` is the test "
-        "of that). An effect is judged by the models and claims below, on a scene of this size; what only a longer "
+        "One effect is left out at a time; two that change nothing alone may do so together (`default` is the test "
+        "of that: the scene as it is in params.yaml). An effect is judged by the models and claims below, on a scene "
+        "of this size; what only a longer "
         "training shows is not seen.\n",
     ]
     for experiment, one in found.items():
@@ -45,9 +49,9 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
     return "\n".join(parts)
 
 
-def _left_out(experiment: str, assessment: Assessment, together: list[str]) -> str:
+def _left_out(experiment: str, assessment: Assessment, off: list[str]) -> str:
     """One line an experiment: what is not needed, what failed, and what stays although nothing needs it."""
-    alone = [one for one in assessment.effects if one.effect != TOGETHER]
+    alone = [one for one in assessment.effects if one.effect != DEFAULT]
     by_verdict = {verdict: [one for one in alone if one.verdict == verdict] for verdict in (NEEDED, NOT_NEEDED, FAILED)}
     purposes = {one.effect: effects.PURPOSE.get((experiment, one.effect)) for one in by_verdict[NOT_NEEDED]}
     free = [f"`{effect}`" for effect, purpose in purposes.items() if not purpose]
@@ -58,14 +62,14 @@ def _left_out(experiment: str, assessment: Assessment, together: list[str]) -> s
     text += f"Change nothing either, but {'; '.join(kept)}. " if kept else ""
     failed = [f"`{one.effect}`" for one in by_verdict[FAILED]]
     text += f"Not known, a run failed: {', '.join(failed)}. " if failed else ""
-    whole = [one.verdict for one in assessment.effects if one.effect == TOGETHER]
+    whole = [one.verdict for one in assessment.effects if one.effect == DEFAULT]
     if whole:
         said = {
-            NOT_NEEDED: "changes nothing: they could be off by default.",
-            NEEDED: "changes the results, so they cannot all be off.",
-            FAILED: "is not known: a run failed.",
+            NOT_NEEDED: "which changes nothing.",
+            NEEDED: "which changes the results: switch some of them on.",
+            FAILED: "and what that changes is not known, for a run failed.",
         }
-        text += f"To leave out {', '.join(f'`{name}`' for name in together)} at once {said[whole[0]]}"
+        text += f"Off by default, all at once: {', '.join(f'`{name}`' for name in off)}, {said[whole[0]]}"
     return text.rstrip()
 
 

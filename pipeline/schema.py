@@ -58,11 +58,6 @@ def many(item: Check) -> Check:
     return check
 
 
-def names(value):
-    """A list of texts, which may be empty."""
-    return None if isinstance(value, list) and all(isinstance(one, str) for one in value) else "a list of names, or []"
-
-
 def mapping(value):
     """A non-empty block whose keys are free (models)."""
     return None if isinstance(value, Mapping) and value else "a non-empty block"
@@ -101,7 +96,6 @@ def ablation(*protocols: str) -> dict:
     return {
         "floor_seeds": many(integer(0)),
         "effect_seeds": many(integer(0)),
-        "together": names,
         "protocols": many(one_of(*protocols)),
         "scene": mapping,
         "models": mapping,

@@ -9,7 +9,7 @@ import pytest
 from pipeline import effects, params, paths, physics, render_physics, report_physics
 from pipeline.effects import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
 from pipeline.errors import InputError
-from pipeline.variants import COLUMNS, TOGETHER, variants
+from pipeline.variants import COLUMNS, DEFAULT, variants
 
 # RMSE in kPa: LoMP is best on double touch, the networks are best on single touch.
 SINGLE = {"constant": 11.0, "linear": 9.0, "poly": 6.0, "tree": 7.5, "rbf": 5.5, "cnn": 4.0, "rnn": 4.8, "lomp": 3.5}
@@ -142,8 +142,9 @@ def test_a_failed_run_is_no_verdict():
     scores.loc[(scores.effect == "creep") & (scores.seed == 0) & (scores.model == "rnn"), "value"] = np.nan
     found = assess("touch", scores)
     assert found.effects[0].verdict == FAILED
-    settings = {"touch": {"floor_seeds": [0, 1, 2], "effect_seeds": [0, 1], "together": [], "scene": {}}}
-    text = report_physics.readme({"touch": found}, {"touch": scores}, settings)
+    settings = {"touch": {"floor_seeds": [0, 1, 2], "effect_seeds": [0, 1], "scene": {}}}
+    values = {"physics": settings, "touch": {"simulate": {"effects": {"creep": True}}}}
+    text = report_physics.readme({"touch": found}, {"touch": scores}, values)
     assert "a run failed: `creep`" in text and "failed" in text.split("| creep")[1].split("\n")[0]
 
 
@@ -201,7 +202,7 @@ def test_params_yaml_runs_what_the_claims_need():
         models = set(values["physics"][experiment]["models"])
         assert all(set(claim.models) <= models for claim in claims)
         wanted = variants(values, experiment)
-        assert {effect for effect, _ in wanted} - {TOGETHER} == {NONE, *values[experiment]["simulate"]["effects"]}
+        assert {effect for effect, _ in wanted} - {DEFAULT} == {NONE, *values[experiment]["simulate"]["effects"]}
 
 
 def test_every_effect_with_a_purpose_exists():
@@ -215,19 +216,20 @@ def test_settings_switch_one_effect_and_move_the_seed():
     whole, without = (physics.settings_of(values, "touch", effect, 3) for effect in (NONE, "crosstalk"))
     assert whole["simulate"]["seed"] == values["touch"]["simulate"]["seed"] + 3
     assert [k for k, on in without["simulate"]["effects"].items() if not on] == ["crosstalk"]
-    assert whole["simulate"]["effects"] == values["touch"]["simulate"]["effects"]
+    assert all(whole["simulate"]["effects"].values())
     assert whole["simulate"]["single"]["points_per_side"] == 12 and values["touch"]["simulate"]["circuit"]
 
 
-def test_effects_can_be_left_out_together():
+def test_what_is_off_by_default_is_left_out_at_once():
     values = params.load()
-    values["physics"]["glove"]["together"] = ["noise", "softness"]
-    effects = physics.settings_of(values, "glove", TOGETHER, 0)["simulate"]["effects"]
+    switches = values["glove"]["simulate"]["effects"]
+    switches |= dict.fromkeys(switches, True)
+    assert DEFAULT not in {effect for effect, _ in variants(values, "glove")}
+    switches |= {"noise": False, "softness": False}
+    effects = physics.settings_of(values, "glove", DEFAULT, 0)["simulate"]["effects"]
     assert {name for name, on in effects.items() if not on} == {"noise", "softness"}
-    assert (TOGETHER, values["physics"]["glove"]["effect_seeds"][0]) in variants(values, "glove")
-    values["physics"]["glove"]["together"] = ["nois"]
-    with pytest.raises(InputError, match="physics.glove.together: there is no effect 'nois'"):
-        variants(values, "glove")
+    assert all(physics.settings_of(values, "glove", NONE, 0)["simulate"]["effects"].values())
+    assert (DEFAULT, values["physics"]["glove"]["effect_seeds"][0]) in variants(values, "glove")
 
 
 def test_a_misspelt_scene_setting_is_refused():
@@ -246,7 +248,7 @@ def test_seeds_that_cannot_be_compared_are_refused():
 
 def test_a_missing_run_is_named(tmp_path, monkeypatch):
     values = params.load()
-    values["physics"]["touch"] |= {"floor_seeds": list(SEEDS), "effect_seeds": [0, 1], "together": []}
+    values["physics"]["touch"] |= {"floor_seeds": list(SEEDS), "effect_seeds": [0, 1]}
     values["touch"]["simulate"]["effects"] = {"creep": True}
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     target = paths.physics("touch")
@@ -264,7 +266,7 @@ def test_miniature_judges_every_effect_and_condition(miniature):
     values = params.load(miniature.folder / "params.yaml")
     for experiment, conditions in (("touch", 2), ("strain", 2), ("glove", 3)):
         own = table[table.experiment == experiment]
-        assert set(own.effect) == {*values[experiment]["simulate"]["effects"], TOGETHER}
+        assert set(own.effect) == {*values[experiment]["simulate"]["effects"], DEFAULT}
         assert own.groupby("effect")["condition"].nunique().eq(conditions).all()
         with open(miniature.folder / "data" / experiment / "physics.csv", newline="") as file:
             rows = list(csv.DictReader(file))

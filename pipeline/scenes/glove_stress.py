@@ -19,7 +19,7 @@ def session(settings: Mapping, name: str, recording: str, change: str, severity:
 
     settings: the block `glove` of params.yaml. Severity 0 is the log itself before its line faults. By change:
 
-    * specimen: films with the gains of number `severity` of the scene's seeds, in the same hands.
+    * specimen: films with the gains of number `severity` of the scene's seeds, spread even where training's are not.
     * shift: the object lies `severity` mm nearer to the fingers than the hand wants it to.
     * turn: its axis lies `severity` degrees further turned on the palm.
     * grip: the margin of the grip over the slip force, times 2^severity.
@@ -30,7 +30,8 @@ def session(settings: Mapping, name: str, recording: str, change: str, severity:
     frames = -(-scene["frames_per_object"] // scene["sessions"])
     hold, film = glove.held(frames, scene, generator(*names, "hold")), scene
     if change == "specimen":
-        film = scene | {"seed": scene["seed"] + round(severity)}
+        effects = scene["effects"] | {"element_spread": True}
+        film = scene | {"seed": scene["seed"] + round(severity), "effects": effects}
     elif change == "shift":
         hold = hold._replace(along=hold.along + severity)
     elif change == "turn":

@@ -48,8 +48,8 @@ def plan(
 ) -> tuple[list[Recording], Callable[[Recording], dict]]:
     """As `touch.plan`: the recordings of one condition, perturbed, and what gives the logs of one.
 
-    settings: the block `touch` as params.yaml has it. specimen: severity 1, 2, ... are other arrays of the same
-    make (and other read-out noise and clocks), at the same presses.
+    settings: the block `touch` as params.yaml has it. specimen: severity 1, 2, ... are arrays of the same make with
+    the spread of their elements, even where training's has none (and other clocks), at the same presses.
     """
     changed = varied(settings, perturbation, severity)
     scene, sensor, radius = changed["simulate"], changed["sensor"], changed["label"]["tip_radius_mm"]
@@ -61,8 +61,10 @@ def plan(
         recordings = pressed(condition, *places(changed, severity), scene, radius)
     else:
         recordings = pressed(condition, *pairs(changed, severity), scene, radius)
-    shift = int(severity) if perturbation == "specimen" else 0
-    read_out = scene | {"seed": scene["seed"] + shift}
+    read_out = scene
+    if perturbation == "specimen":
+        effects = scene["effects"] | {"element_spread": True}
+        read_out = scene | {"seed": scene["seed"] + int(severity), "effects": effects}
     return recordings, lambda recording: touch.logs_of(recording, read_out, sensor, radius, reset=False)
 
 
