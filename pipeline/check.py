@@ -378,9 +378,12 @@ def main() -> None:
     first = check(experiment, folder, params.load())
     if first is not None:
         sys.exit(f"mend first: {first}")
-    inside = folder.resolve().is_relative_to(paths.ROOT)
-    name = folder.resolve().relative_to(paths.ROOT) if inside else "data/own/<name>, after copying the folder there,"
-    print(f"ready: set {experiment}.source: {name} in params.yaml, then `dvc repro`")
+    own = paths.ROOT / "data" / "own"
+    if folder.resolve().is_relative_to(own):
+        name = folder.resolve().relative_to(paths.ROOT)
+        print(f"ready: set {experiment}.source: {name} in params.yaml, then `dvc repro`")
+    else:
+        print(f"ready: copy it to data/own/{folder.resolve().name} and set {experiment}.source to that in params.yaml")
 
 
 if __name__ == "__main__":

@@ -64,19 +64,19 @@ def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -
 def signals(ax: plt.Axes, one, files: str, pattern: str) -> None:
     """The matching columns of the matching logs of a recording, and ticks at the bottom where lines were rejected."""
     looks, ticks = cycle(LINES), []
-    for name, log in one.logs.items():
-        if not re.fullmatch(files + r"\.log", name):
-            continue
+    found = {name: log for name, log in one.logs.items() if re.fullmatch(files + r"\.log", name)}
+    for name, log in found.items():
         time = reference_time(log, one.report.get(name))
         silent = np.flatnonzero(np.abs(np.diff(time)) > SILENT * np.median(np.diff(time))) + 1
         columns = [column for column in log.rows.column_names if re.fullmatch(pattern, column)]
         values = {column: log.rows[column].to_numpy() for column in columns}
         if (combined := COMBINED.get(columns[0][0])) is not None:
-            values = {"": combined(np.column_stack(list(values.values())))}
+            values = {"all": combined(np.column_stack(list(values.values())))}
         for (column, value), (colour, style) in zip(values.items(), looks, strict=False):
-            label = " ".join(filter(None, (name.removesuffix(".log"), column.removesuffix("_mm"))))
             broken = np.insert(time, silent, np.nan), np.insert(value.astype(float), silent, np.nan)
-            ax.plot(*broken, color=colour, linestyle=style, linewidth=0.9, label=label)
+            label = [name.removesuffix(".log")] * (len(found) > 1 or len(values) == 1)
+            label += [column.removesuffix("_mm")] * (len(values) > 1)
+            ax.plot(*broken, color=colour, linestyle=style, linewidth=0.9, label=" ".join(label))
         ticks += np.interp(log.rejects["line"].to_numpy(), log.rows["line"].to_numpy(), time).tolist()
     if ticks:
         ax.plot(
@@ -87,11 +87,23 @@ def signals(ax: plt.Axes, one, files: str, pattern: str) -> None:
             markersize=9,
             markeredgewidth=1.5,
             transform=ax.get_xaxis_transform(),
-            label="rejected lines",
+            label="rejected",
         )
     if ax.lines:
-        below = {"loc": "lower left", "bbox_to_anchor": (0, 1.0), "ncols": 4, "fontsize": 7, "handlelength": 1.8}
-        ax.legend(**below, columnspacing=1.0, borderaxespad=0.1)
+        handles, names = ax.get_legend_handles_labels()
+        first = [*range(min(len(LINES) - 2, len(handles)))]  # further lines look like one of these
+        first += [len(handles) - 1] * (len(handles) - 1 not in first)
+        ax.legend(
+            [handles[k] for k in first],
+            [names[k] for k in first],
+            loc="lower left",
+            bbox_to_anchor=(0, 1.0),
+            ncols=len(LINES),
+            fontsize=7,
+            handlelength=1.8,
+            columnspacing=1.0,
+            borderaxespad=0.1,
+        )
 
 
 def reference_time(log, report: Mapping | None) -> np.ndarray:
