@@ -26,6 +26,7 @@ DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, from which the number of its columns is taken
 STEP = 1  # counts; an element that never changes by more is dead
 OUTSIDE = 0.02  # share of contacts that may lie beside the array
+SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # no scan and no serial line is outside of this
 BETTER = 0.2  # more of the contacts explained by another order of the elements: that is the order
 
 
@@ -81,7 +82,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
         read[name] = Log(rows.append_column("time_s", pa.array(time)), rejects, report)
     frames, report = None, {}
     if not problems:
-        problems += signs(folder, read)
+        problems += conventions(folder, read)
         try:
             frames, _, report = params.experiment_module(experiment).read_recording(folder, settings)
         except InputError as error:
@@ -111,12 +112,17 @@ def wrong_columns(experiment: str, path: Path, fmt: logs.Format, settings: Mappi
             f"{path}: {values} voltages a line, but strain.sensor.channels in params.yaml is {expected}; "
             f"set strain.sensor.channels: {values}"
         )
-    return f"{path}: {values + 1} columns a line; expected {expected + 1}, {fmt.columns[0].name} first"
+    header = fmt.header if expected < 5 else f"{fmt.columns[0].name},{fmt.columns[1].name},...,{fmt.columns[-1].name}"
+    return f"{path}: {values + 1} columns a line; expected {expected + 1}: {header}"
 
 
-def signs(folder: Path, read: Mapping[str, Log]) -> Iterator[str]:
-    """Conventions of touch logs without which nothing can be aligned: pressing is positive force, negative z."""
+def conventions(folder: Path, read: Mapping[str, Log]) -> Iterator[str]:
+    """What logs get wrong and still parse: the unit of time, and (touch) the signs of force and depth."""
     for name, log in read.items():
+        rate = log.report["rate_hz"]
+        if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
+            unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
+            yield f"{folder / name}: {rate:g} lines a second; is the first column the time in {unit}?"
         if "fz_n" in log.rows.column_names:
             force = log.rows["fz_n"].to_numpy()
             rest, low, high = np.median(force), *np.percentile(force, [0.5, 99.5])

@@ -60,7 +60,7 @@ def touch(
         for k in range(touches):
             t, force, x, y = pressing(seconds, width, height, rng)
             near = np.exp(-((x[:, None] - centre_x) ** 2 + (y[:, None] - centre_y) ** 2) / (0.8 * pitch_mm**2))
-            answer += highest / 40 * force[:, None] ** 0.8 * near
+            answer += highest / 20 * force[:, None] ** 0.8 * near
             suffix = "" if k == 0 else f"_{k + 1}"
             at = np.arange(0.4, seconds, 1 / 80)
             cell = np.interp(at, t, force)[:, None] + rng.normal(0, 0.03, (len(at), 1))
@@ -105,3 +105,18 @@ def strain(folder: Path, channels, rate_hz, seconds=240.0, seed=0):
         clock = 1.7e9 + at * (1 + 30e-6)  # seconds since 1970
         lines = [f"{t:.4f}," + ",".join(f"{v:.3f}" for v in row) for t, row in zip(clock, where, strict=True)]
         (target / "robot.log").write_text("\n".join(spoiled(lines, rng)) + "\n")
+
+
+def glove(folder: Path, objects=("ball", "cup"), sessions=3, frames=25, seed=0):
+    """`<object>/<session>/scanner.log`: each object presses its own cells, dead: p0 and s134."""
+    rng = np.random.default_rng(seed)
+    for one in objects:
+        pattern = rng.uniform(50, 600, 405) * (rng.random(405) < 0.4)
+        for session in range(sessions):
+            target = folder / one / f"grasp{session}"
+            target.mkdir(parents=True)
+            counts = np.rint(pattern * rng.uniform(0.7, 1.3, (frames, 1)) + rng.uniform(0, 20, (frames, 405)))
+            counts[:, [0, -1]] = 7
+            lines = stamped(np.arange(frames) / 15, counts, "%d", start_us=900_000)
+            lines[8] = lines[8][:300]
+            (target / "scanner.log").write_text("\n".join([BANNER, *lines]) + "\n")

@@ -51,6 +51,7 @@ def written(tmp_path_factory):
     for name, (shape, highest, _) in ARRAYS.items():
         own_logs.touch(folder / name, *shape, highest=highest, seconds=40.0)
     own_logs.strain(folder / "strain", 4, 12.0)
+    own_logs.glove(folder / "glove")
     return folder
 
 
@@ -125,6 +126,17 @@ def test_check_says_ready(root, written, name, capsys):
     assert drawn(experiment) > 20_000
 
 
+def test_check_of_a_glove(root, written, tmp_path, capsys):
+    assert check.check("glove", written / "glove", params.load()) is None
+    said = capsys.readouterr().out
+    for words in ("6 of 6 recordings", "2 of 405 elements never change", "p0, s134", "15.00 Hz", "column count 1"):
+        assert words in said, words
+    assert drawn("glove") > 20_000
+    shutil.copytree(written / "glove", tmp_path / "logs")
+    shutil.rmtree(tmp_path / "logs" / "cup" / "grasp2")
+    assert "object 'cup': 2 sessions; at least 3" in check.check("glove", tmp_path / "logs", params.load())
+
+
 def changed(folder, target, edit, pattern="array.log"):
     """A copy of a folder of logs in which `edit` has changed the lines of the files that match."""
     shutil.copytree(folder, target)
@@ -156,6 +168,12 @@ MISTAKES = {
     "places from the middle": ("cnc*.log", numbers(lambda v: [float(v[0]) - 35, *v[1:]]), "beside the array.*shift"),
     "pull for push": ("load_cell*.log", numbers(lambda v: [-float(v[0])]), "makes fz_n negative; write it positive"),
     "depth for height": ("cnc*.log", numbers(lambda v: [*v[:2], -float(v[2])]), "z_mm is never below 0"),
+    "milliseconds": (
+        "array.log",
+        lambda lines: [",".join([line[: line.find(",") - 3], *line.split(",")[1:]]) for line in lines if "," in line],
+        "is the first column the time in microseconds",
+    ),
+    "no depth": ("cnc.log", numbers(lambda v: v[:2]), "3 columns a line; expected 4: t_us,x_mm,y_mm,z_mm"),
     "other separator": ("cnc*.log", lambda lines: [line.replace(",", ";") for line in lines], "no line can be read"),
     "empty log": ("cnc_2.log", lambda lines: [], "no line can be read|file is empty"),
 }
