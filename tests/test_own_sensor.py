@@ -19,7 +19,7 @@ from pipeline.window import windows_of
 
 ARRAYS = {  # rows, cols, frames a second, highest count, and a map in params.yaml that is a multiple of the array
     "3x7": ((3, 7, 40.0), 1023, (9, 21)),
-    "6x4": ((6, 4, 55.0), 4095, (12, 8)),
+    "6x4": ((6, 4, 55.0), 65535, (12, 8)),
 }
 FAULTS = {"column count", "duplicate", "out of order", "unreadable bytes"}
 
