@@ -247,4 +247,4 @@ def test_own_strain_sensor_end_to_end(written, tmp_path):
     error = scores[scores.metric == "error"].groupby(["protocol", "model"]).value.mean()
     assert error["task_1", "ridge"] < error["task_1", "constant"] / 2
     accuracy = project.folder / "reports" / "strain" / "accuracy"
-    assert "Task 2" in (accuracy / "table1.md").read_text() and (accuracy / "figure6.png").stat().st_size > 20_000
+    assert "task 2" in (accuracy / "table1.md").read_text() and (accuracy / "figure6.png").stat().st_size > 20_000
