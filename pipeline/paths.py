@@ -36,6 +36,11 @@ def ingest_report(experiment: str) -> Path:
     return experiment_folder(experiment) / "ingest.json"
 
 
+def check(experiment: str) -> Path:
+    """The picture of a folder of own logs (written by `python -m pipeline.check`; no stage reads it)."""
+    return experiment_folder(experiment) / "check.png"
+
+
 def windows(experiment: str) -> Path:
     """One row a window (output of window)."""
     return experiment_folder(experiment) / "windows.parquet"

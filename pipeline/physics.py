@@ -143,7 +143,9 @@ def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devi
     def fitted(protocol: str, model: str, base: Path | None):
         if model not in chosen["models"]:
             raise InputError(f"params.yaml, physics.strain.models: '{model}' is missing; strain.model_zero names it")
-        block, task = chosen["models"][model], module.task(protocol)
+        # The scene's strands, however many an own sensor has.
+        channels = {protocol: list(range(settings["sensor"]["channels"]))}
+        block, task = chosen["models"][model], module.task(protocol)._replace(channels=channels)
         spec = series_fitting.spec_of(task, settings["window"]["frames"])
         regressor = params.build_model(model, spec, block, f"physics.strain.models.{model}")
         regressor = series_fitting.adapted(regressor, spec)

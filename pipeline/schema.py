@@ -162,6 +162,7 @@ SCHEMA = {
             "max_clock_offset_s": positive,
             "min_correlation": fraction,
             "max_touches": integer(1),
+            "highest_count": integer(1, 2**31 - 1),
         },
         "window": window,
         "label": {"tip_radius_mm": positive, "map_rows": integer(1), "map_cols": integer(1)},
@@ -172,6 +173,7 @@ SCHEMA = {
     },
     "strain": {
         "source": text,
+        "sensor": {"channels": integer(1)},
         "yardstick": {"model": text, "condition": text, "metric": text, "published": positive},
         "simulate": {
             "seed": integer(0),

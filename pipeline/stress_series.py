@@ -197,14 +197,14 @@ def scene_record(block: str, task: str, change: str, severity: float) -> series.
     """
     settings, module = json.loads(block), params.experiment_module("strain")
     scene = importlib.import_module("pipeline.scenes.strain_stress")
-    changed, lines = scene.changed(settings, change, severity), {}
+    changed, lines, formats = scene.changed(settings, change, severity), {}, module.formats(settings)
     with tempfile.TemporaryDirectory() as folder:
         for name, (text, _) in scene.logs_of(changed, task, settings["simulate"]["seed"]).items():
             path = Path(folder) / name
             path.write_text("\n".join(text) + "\n", encoding="ascii")
-            if name in module.FORMATS:
-                lines[name], _ = logs.read_log(path, module.FORMATS[name])
-    (daq_s, volts), (robot_s, place) = (matrix(lines[name]) for name in module.FORMATS)
+            if name in formats:
+                lines[name], _ = logs.read_log(path, formats[name])
+    (daq_s, volts), (robot_s, place) = (matrix(lines[name]) for name in formats)
     truth, known = alignment.interpolated(daq_s, robot_s, place)
     frames = module.resampled(task, change, daq_s[known], volts[known], truth[known], changed["ingest"])
     asked, n = module.task(task), frames.num_rows

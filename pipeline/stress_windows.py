@@ -130,7 +130,7 @@ def perturber(experiment: str, settings: Mapping, data: tables.Dataset, train: n
     """`change(x, perturbation, severity, rng)` for windows x (n, frames, elements); train: (n of `data`,) bool."""
     readings = data.x[train]
     if experiment == "touch":
-        low, high = 0.0, float(params.experiment_module(experiment).HIGHEST_COUNT)
+        low, high = 0.0, float(settings["ingest"]["highest_count"])
     else:
         low, high = float(readings.min()), float(readings.max())
     force_n = np.nansum(tables.matrix(data.rows["force_n"]), axis=1)[train]

@@ -18,6 +18,7 @@ SETTINGS = {
         "max_clock_offset_s": 5.0,
         "min_correlation": 0.5,
         "max_touches": 3,
+        "highest_count": 1023,
     },
 }
 

@@ -50,7 +50,7 @@ def test_uniform_rate_segments_and_every_line_accounted_for(settings, lines, tmp
     assert set(segment) == {0, 1}  # one gap of 10 s
     assert np.diff(time)[np.diff(segment) == 0] == pytest.approx(0.2)
     assert frames["gap_before"].to_numpy(zero_copy_only=False).sum() == 2
-    for name in strain.FORMATS:
+    for name in strain.formats(settings):
         log = report[name]
         assert log["accepted"] + sum(log["rejects"].values()) == log["lines"] == len(lines[name])
     assert rejects.num_rows == sum(sum(log["rejects"].values()) for log in report.values())

@@ -8,17 +8,13 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import theilslopes
 
-from pipeline import alignment, logs, paths, series, tables
+from pipeline import alignment, logs, params, paths, series, tables
 from pipeline.errors import InputError
 from pipeline.logs import Column, Format
 
-CHANNELS = 6
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)
-DAQ = Format((CLOCK, *(Column(f"u{k}", "V", -10, 10) for k in range(CHANNELS))), time="t_s")
 ROBOT = Format((CLOCK, *(Column(name, "mm", -5e3, 5e3) for name in ("x_mm", "y_mm", "z_mm"))), time="t_s")
-FORMATS = {"daq.log": DAQ, "robot.log": ROBOT}
-SCHEMA = series.frames(CHANNELS)
 
 TASKS = {"task_0": (0, 1, 2), "task_1": (2,), "task_2": (0, 1)}  # columns of x, y, z that are asked for
 MODEL_ZERO_TASK = "task_0"
@@ -34,33 +30,42 @@ STEP_V = 3.2e-4  # a step of a 16-bit converter for +-10 V (0.305 mV), rounded: 
 LEAST_TRUTH = 0.5  # share of the DAQ's samples that must have ground truth
 
 
+def formats(settings: Mapping) -> dict[str, Format]:
+    """File -> what its lines look like; settings: the block `strain` of params.yaml."""
+    volts = (Column(f"u{k}", "V", -10, 10) for k in range(settings["sensor"]["channels"]))
+    return {"daq.log": Format((CLOCK, *volts), time="t_s"), "robot.log": ROBOT}
+
+
 def frames_schema(settings: Mapping) -> pa.Schema:
-    """The frames table: the sensors are given, whatever `settings` say."""
-    return SCHEMA
+    """The frames table; `settings` is the block `strain` of params.yaml."""
+    return series.frames(settings["sensor"]["channels"])
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The folders `<task>/<recording>` in `folder`, sorted. InputError where there is none, or of an unknown task."""
+    """The folders `<task>/<recording>` in `folder`, sorted: one of each task. InputError where it is otherwise."""
     found = sorted(path for path in folder.glob("*/*") if path.is_dir())
     if not found:
         raise InputError(f"{folder}: no recordings found; expected <task>/<recording>/daq.log in it")
     for path in found:
         if path.parent.name not in TASKS:
             raise InputError(f"{path}: '{path.parent.name}' is no task; the tasks are {', '.join(TASKS)}")
+    for task in TASKS:
+        if (count := sum(path.parent.name == task for path in found)) != 1:
+            raise InputError(f"{folder / task}: {count} recordings; each of {', '.join(TASKS)} needs exactly one")
     return found
 
 
 def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
     """The two logs of one folder as samples on the DAQ's clock, at `ingest.rate_hz`: `(frames, rejects, report)`.
 
-    `settings`: the block `strain` of params.yaml. frames: a table of SCHEMA; jitter and single missing lines are
+    `settings`: the block `strain` of params.yaml. frames: as `frames_schema`; jitter and single missing lines are
     interpolated, a gap of more than `ingest.max_gap_s` starts a new segment. Lines of a file = accepted + rejected
     (+ header). Raises InputError for a missing log, too many rejects, a clock that was set back, clocks that cannot
     be aligned, ground truth for less than half of the samples, and channels that are all dead.
     """
     ingest, who = settings["ingest"], f"{folder.parent.name}/{folder.name}"
     rows, rejects = {}, {}
-    for name, fmt in FORMATS.items():
+    for name, fmt in formats(settings).items():
         rows[name], rejects[name] = logs.read_log(folder / name, fmt)
         reasons = Counter(rejects[name]["reason"].to_pylist())
         lines = rows[name].num_rows + rejects[name].num_rows
@@ -73,7 +78,8 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         if lasts < least:
             raise InputError(f"{folder / name}: lasts {lasts:.1f} s; at least {least:g} s are needed, record longer")
     daq, robot = rows["daq.log"], rows["robot.log"]
-    at, volts = daq["t_s"].to_numpy(), np.column_stack([daq[f"u{k}"].to_numpy() for k in range(CHANNELS)])
+    voltages = formats(settings)["daq.log"].names[1:]
+    at, volts = daq["t_s"].to_numpy(), np.column_stack([daq[name].to_numpy() for name in voltages])
     place = np.column_stack([robot[name].to_numpy() for name in ("x_mm", "y_mm", "z_mm")])
     channels = stuck(folder / "daq.log", at, volts)
     clock = robot_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
@@ -106,7 +112,7 @@ def resampled(
 ) -> pa.Table:
     """Linear interpolation at a uniform rate, from segment to segment; at (n,) s, volts (n, channels), truth (n, 3)."""
     edges = np.flatnonzero(np.diff(at) > ingest["max_gap_s"]) + 1
-    parts = []
+    schema, parts = series.frames(volts.shape[1]), []
     for number, (first, last) in enumerate(zip([0, *edges], [*edges, len(at)], strict=True)):
         own = slice(first, last)
         grid = np.arange(at[first], at[last - 1] + 1e-9, 1 / ingest["rate_hz"])
@@ -124,7 +130,7 @@ def resampled(
             "v": tables.lists(v, pa.float32()),
             "y_mm": tables.lists(y, pa.float32()),
         }
-        parts.append(pa.table(columns).select(SCHEMA.names).cast(SCHEMA))
+        parts.append(pa.table(columns).select(schema.names).cast(schema))
     return pa.concat_tables(parts)
 
 
@@ -227,10 +233,14 @@ def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray) -> dict[str, dict]:
 
 
 def task(protocol: str) -> series.Task:
-    """What a protocol, named like its task, asks for. Raises InputError for an unknown one."""
+    """What a protocol, named like its task, asks for. Raises InputError for an unknown one.
+
+    All channels that params.yaml names (strain.sensor.channels): as many as the dataset has, which DVC watches.
+    """
     if protocol not in TASKS:
         raise InputError(f"strain: no task '{protocol}'; the tasks are {', '.join(TASKS)}")
-    return series.Task(TASKS[protocol], {protocol: list(range(CHANNELS))}, False, MODEL_ZERO_TASK)
+    channels = list(range(params.load()["strain"]["sensor"]["channels"]))
+    return series.Task(TASKS[protocol], {protocol: channels}, False, MODEL_ZERO_TASK)
 
 
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:

@@ -13,27 +13,28 @@ from pipeline.errors import InputError
 from pipeline.logs import Column, Format
 from pipeline.seeding import generator
 
-# Ranges are what no such device can exceed: 11.5 days, a 1 kN load cell, a 2 m CNC.
-CLOCK = Column("t_us", "us", 0, 1e12, integer=True)
+# Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
+CLOCK = Column("t_us", "us", 0, 4e15, integer=True)
 LOAD_CELL = Format((CLOCK, Column("fz_n", "N", -1e3, 1e3)), time="t_us")
 CNC = Format((CLOCK, *(Column(name, "mm", -2e3, 2e3) for name in ("x_mm", "y_mm", "z_mm"))), time="t_us")
-HIGHEST_COUNT = 1023  # 10-bit ADC
 
 NO_GROUND_TRUTH = "no ground truth at this time"
 TOO_SHORT = "segment too short to align"
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
 
 
-def array_format(elements: int) -> Format:
-    """Lines of the array's microcontroller: time and counts, row-major from the bottom row."""
-    counts = (Column(f"v{k}", "counts", 0, HIGHEST_COUNT, integer=True) for k in range(elements))
+def array_format(settings: Mapping) -> Format:
+    """Lines of the array's microcontroller: time and counts, row-major from the bottom row; settings: block `touch`."""
+    sensor, highest = settings["sensor"], settings["ingest"]["highest_count"]
+    counts = (Column(f"v{k}", "counts", 0, highest, integer=True) for k in range(sensor["rows"] * sensor["cols"]))
     return Format((CLOCK, *counts), time="t_us")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
     """The frames table for this sensor; `settings` is the block `touch` of params.yaml."""
     sensor = settings["sensor"]
-    return tables.frames(sensor["rows"] * sensor["cols"], settings["ingest"]["max_touches"], pa.int16())
+    kind = pa.int16() if settings["ingest"]["highest_count"] < 2**15 else pa.int32()
+    return tables.frames(sensor["rows"] * sensor["cols"], settings["ingest"]["max_touches"], kind)
 
 
 def recordings(folder: Path) -> list[Path]:
@@ -56,7 +57,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     """
     ingest, elements = settings["ingest"], settings["sensor"]["rows"] * settings["sensor"]["cols"]
     touches = _touches(folder, ingest["max_touches"])
-    formats = {"array.log": array_format(elements)}
+    formats = {"array.log": array_format(settings)}
     for suffix in touches:
         formats |= {f"load_cell{suffix}.log": LOAD_CELL, f"cnc{suffix}.log": CNC}
     rows, rejects = {}, {}

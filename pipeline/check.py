@@ -1,0 +1,396 @@
+"""Read a folder of your own logs as ingest would, say what was understood, and what to mend first.
+
+Usage: python -m pipeline.check touch|strain|glove FOLDER
+
+The formats, the alignment and the splits are the experiment's own, with the values of params.yaml; nothing is changed
+but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the first
+thing to mend and status 1.
+"""
+
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import figures_check, labels, logs, params, paths, tables
+from pipeline.errors import InputError, run_stage
+from pipeline.window import windows_of
+
+EXPERIMENTS = ("touch", "strain", "glove")
+DRAWN = 3  # recordings in the picture
+LINES = 200  # of a log's start, from which the number of its columns is taken
+STEP = 1  # counts; an element that never changes by more is dead
+OUTSIDE = 0.02  # share of contacts that may lie beside the array
+SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # no scan and no serial line is outside of this
+BETTER = 0.2  # more of the contacts explained by another order of the elements: that is the order
+
+
+class Log(NamedTuple):
+    """One file as it was read."""
+
+    rows: pa.Table
+    rejects: pa.Table
+    report: dict  # tables.log_report
+
+
+class Checked(NamedTuple):
+    """One recording: its files as far as they can be read, and what ingest makes of it, if anything."""
+
+    folder: Path
+    logs: dict[str, Log]
+    frames: pa.Table | None
+    report: dict  # of ingest, file -> what was understood; {} where it refused
+    problems: list[str]
+
+    @property
+    def name(self) -> str:
+        return f"{self.folder.parent.name}/{self.folder.name}"
+
+
+def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, logs.Format]:
+    """What the lines of each log in a recording's folder should look like."""
+    module = params.experiment_module(experiment)
+    if experiment == "strain":
+        return module.formats(settings)
+    if experiment == "glove":
+        return {module.LOG: module.FORMAT}
+    found = {"array.log": module.array_format(settings)}
+    for device, fmt in (("load_cell", module.LOAD_CELL), ("cnc", module.CNC)):
+        found |= {path.name: fmt for path in sorted(folder.glob(f"{device}*.log"))}
+    return found
+
+
+def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
+    """Read one recording; what cannot be used becomes a problem, not an exception."""
+    read, problems = {}, []
+    for name, fmt in formats(experiment, folder, settings).items():
+        if (wrong := wrong_columns(experiment, folder / name, fmt, settings)) is not None:
+            problems.append(wrong)
+            continue
+        try:
+            rows, rejects = logs.read_log(folder / name, fmt)
+        except InputError as error:
+            problems.append(str(error))
+            continue
+        time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
+        report = tables.log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
+        read[name] = Log(rows.append_column("time_s", pa.array(time)), rejects, report)
+    frames, report = None, {}
+    if not problems:
+        problems += conventions(folder, read)
+        try:
+            frames, _, report = params.experiment_module(experiment).read_recording(folder, settings)
+        except InputError as error:
+            problems.append(str(error))
+    return Checked(folder, read, frames, report, problems)
+
+
+def wrong_columns(experiment: str, path: Path, fmt: logs.Format, settings: Mapping) -> str | None:
+    """The key to change where most lines of a log have another number of columns than params.yaml says."""
+    if not path.is_file():
+        return None  # read_log says so
+    with path.open("rb") as file:
+        counts = Counter(line.count(b",") for line, _ in zip(file, range(LINES), strict=False) if b"," in line)
+    values = max(counts, key=counts.get) if counts else 0
+    expected = len(fmt.columns) - 1
+    if values == expected or not values:
+        return None
+    if path.name == "array.log":
+        sensor = settings["sensor"]
+        shapes = " or ".join(f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0)
+        return (
+            f"{path}: {values} values a line, but touch.sensor in params.yaml is {sensor['rows']} rows x "
+            f"{sensor['cols']} cols = {expected}; set touch.sensor.rows and touch.sensor.cols ({shapes})"
+        )
+    if path.name == "daq.log":
+        return (
+            f"{path}: {values} voltages a line, but strain.sensor.channels in params.yaml is {expected}; "
+            f"set strain.sensor.channels: {values}"
+        )
+    header = fmt.header if expected < 5 else f"{fmt.columns[0].name},{fmt.columns[1].name},...,{fmt.columns[-1].name}"
+    return f"{path}: {values + 1} columns a line; expected {expected + 1}: {header}"
+
+
+def conventions(folder: Path, read: Mapping[str, Log]) -> Iterator[str]:
+    """What logs get wrong and still parse: the unit of time, and (touch) the signs of force and depth."""
+    for name, log in read.items():
+        rate = log.report["rate_hz"]
+        if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
+            unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
+            yield f"{folder / name}: {rate:g} lines a second; is the first column the time in {unit}?"
+        if "fz_n" in log.rows.column_names:
+            force = log.rows["fz_n"].to_numpy()
+            rest, low, high = np.median(force), *np.percentile(force, [0.5, 99.5])
+            if rest - low > high - rest:
+                yield f"{folder / name}: pressing makes fz_n negative; write it positive"
+        if re.fullmatch(r"cnc\.log", name) and not (log.rows["z_mm"].to_numpy() < 0).any():
+            yield f"{folder / name}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
+
+
+def understood(experiment: str, one: Checked) -> Iterator[str]:
+    """Lines about one recording."""
+    yield f"\n{one.name}"
+    for name, log in one.logs.items():
+        report = one.report.get(name, log.report)
+        rejects = ", ".join(f"{reason} {count}" for reason, count in report["rejects"].items())
+        first = rejects and f" (first: line {log.rejects['line'][0].as_py()})" if log.rejects.num_rows else ""
+        yield (
+            f"  {name:<16} {report['lines']} lines, {report['accepted']} accepted, "
+            f"{sum(report['rejects'].values())} rejected{': ' if rejects else ''}{rejects}{first}"
+        )
+        rate = f"{report['rate_hz']:.2f} Hz" if report["rate_hz"] else "rate unknown"
+        yield f"{'':19}{rate}, {report['gaps']} gaps, {report['segments']} segments; {ranges(log.rows)}"
+        for clock in filter(None, report.get("clocks", [report.get("clock")])):
+            yield (
+                f"{'':19}clock: offset {clock['offset_ms']:+.0f} ms, drift {clock['drift_ppm']:+.0f} ppm, "
+                f"correlation {clock['correlation']:.2f}"
+            )
+        for channel, fault in report.get("channels", {}).items():
+            yield f"{'':19}{channel}: {fault['fault']} in {100 * fault['share']:.0f} % of the time"
+    yield from (f"  problem: {problem}" for problem in one.problems)
+
+
+def ranges(rows: pa.Table) -> str:
+    """Smallest and largest value of each kind of column: v0 .. v24 are one kind, x_mm and y_mm are two."""
+    kinds: dict[str, list[str]] = {}
+    for name in rows.column_names:
+        if name not in ("t_us", "t_s", "time_s", "line", "segment"):
+            kinds.setdefault(re.sub(r"\d+$", "", name), []).append(name)
+    parts = []
+    for names in kinds.values():
+        values = [rows[name].to_numpy() for name in names]
+        low, high = min(v.min() for v in values) + 0.0, max(v.max() for v in values) + 0.0  # no -0
+        shown = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
+        parts.append(f"{shown} {low:g} to {high:g}")
+    return ", ".join(parts)
+
+
+def whole(experiment: str, read: list[Checked], settings: Mapping) -> tuple[pa.Table, list[str], list[str]]:
+    """All usable recordings as the stage dataset sees them: (rows to split, what was found, problems)."""
+    module = params.experiment_module(experiment)
+    schema = module.frames_schema(settings)
+    frames = pa.concat_tables([one.frames.select(schema.names).cast(schema) for one in read])
+    frames = frames.unify_dictionaries().combine_chunks()
+    if experiment == "strain":
+        return frames, [], strain_problems(frames, settings)
+    if experiment == "glove":
+        images = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
+        return images, [f"{images.num_rows} images of {len(set(tables.names(images['condition'])))} objects"], []
+    try:
+        windows = windows_of(frames, settings["window"])
+    except InputError as error:
+        return frames, [], [f"touch.window: {error}"]
+    said, problems = touch_found(frames, windows, settings)
+    return windows, said, problems
+
+
+def touch_found(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tuple[list[str], list[str]]:
+    """Presses, forces and places, and whether the elements answer where they are pressed."""
+    names = tables.names(windows["condition"])
+    said, problems = [], []
+    for condition in np.unique(names):
+        own = names == condition
+        presses = len(np.unique(windows["press"].to_numpy()[own]))
+        said.append(f"{condition}: {presses} presses, {own.sum()} windows")
+    if "single" not in names:
+        problems.append("no folder 'single': models learn from single touches, all other conditions are test data")
+    force, x, y = (tables.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
+    contact = np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"]
+    if not contact.any():
+        threshold = settings["window"]["contact_threshold_n"]
+        return said, [*problems, f"no force above {threshold:g} N; lower touch.window.contact_threshold_n"]
+    sensor = settings["sensor"]
+    size = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
+    highest = float(np.nanmax(force))
+    said.append(
+        f"force up to {highest:.1f} N ({labels.pressure_kpa(highest, settings['label']['tip_radius_mm']):.0f} kPa), "
+        f"x {np.nanmin(x[contact]):.1f} to {np.nanmax(x[contact]):.1f} mm, "
+        f"y {np.nanmin(y[contact]):.1f} to {np.nanmax(y[contact]):.1f} mm; the array is {size[0]:g} x {size[1]:g} mm"
+    )
+    touching = force > settings["window"]["contact_threshold_n"]
+    outside = touching & ((x < 0) | (x > size[0]) | (y < 0) | (y > size[1]))
+    if outside.sum() > OUTSIDE * touching.sum():
+        problems.append(
+            f"{100 * outside.sum() / touching.sum():.0f} % of the contacts are beside the array; x_mm and y_mm are 0 "
+            "at its bottom left corner and rise to the right and to the top: shift them, or mend touch.sensor.pitch_mm"
+        )
+    else:
+        found, wrong = order_of_elements(frames, force, x, y, settings)
+        said, problems = said + found, problems + wrong
+    return said, problems
+
+
+def order_of_elements(
+    frames: pa.Table, force: np.ndarray, x: np.ndarray, y: np.ndarray, settings: Mapping
+) -> tuple[list[str], list[str]]:
+    """Is the pressed element the strongest? Of single touches with more than half the highest force, (n, touches)."""
+    sensor = settings["sensor"]
+    rows, cols = sensor["rows"], sensor["cols"]
+    firm = (np.isfinite(force).sum(axis=1) == 1) & (force[:, 0] > np.nanmax(force[:, 0]) / 2)
+    if not firm.any():
+        return [], []
+    counts = tables.matrix(frames["v"]).astype(float)
+    strongest = (counts[firm] - np.median(counts, axis=0)).argmax(axis=1)
+    row, col = strongest // cols, strongest % cols
+    orders = {
+        "row by row from the bottom row, each from left to right": (row, col),
+        "row by row from the top row, each from left to right": (rows - 1 - row, col),
+        "row by row from the bottom row, each from right to left": (row, cols - 1 - col),
+        "row by row from the top row, each from right to left": (rows - 1 - row, cols - 1 - col),
+        "column by column from the left, each from the bottom": (strongest % rows, strongest // rows),
+    }
+    at_row = np.clip(y[firm, 0] // sensor["pitch_mm"], 0, rows - 1)
+    at_col = np.clip(x[firm, 0] // sensor["pitch_mm"], 0, cols - 1)
+    right = {name: float(np.mean((one == at_row) & (other == at_col))) for name, (one, other) in orders.items()}
+    wanted, best = next(iter(right)), max(right, key=right.get)
+    said = [f"the pressed element is the strongest in {100 * right[wanted]:.0f} % of firm contacts"]
+    if right[best] < right[wanted] + BETTER:
+        return said, []
+    return said, [
+        f"v0, v1, ... seem to be printed {best} (the pressed element would be the strongest in "
+        f"{100 * right[best]:.0f} %, not {100 * right[wanted]:.0f} % of firm contacts); print them {wanted}, "
+        "or put the CNC's zero at the bottom left corner"
+    ]
+
+
+def strain_problems(frames: pa.Table, settings: Mapping) -> list[str]:
+    """Values of params.yaml that do not go with the length of the recordings."""
+    return (
+        [] if frames.num_rows >= 10 * settings["window"]["frames"] else ["the recordings are too short to learn from"]
+    )
+
+
+def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], list[str]]:
+    """How many rows train, validate and test in the first run of every protocol, and which of them are none."""
+    module, said, problems = params.experiment_module(experiment), [], []
+    for protocol, block in values[experiment]["protocols"].items():
+        try:
+            part = module.split(rows, values[experiment], protocol, block["seeds"][0])
+        except InputError as error:
+            problems.append(str(error))
+            continue
+        counts = {name: int((part == name).sum()) for name in tables.PARTS[:3]}
+        said.append(f"{protocol}: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
+        if empty := [name for name, count in counts.items() if not count]:
+            problems.append(f"{protocol}: nothing to {' and '.join(VERBS[name] for name in empty)}; record more")
+    return said, problems
+
+
+VERBS = {"train": "train on", "validation": "validate on", "test": "test on"}
+
+
+def unfit(experiment: str, frames: pa.Table, values: Mapping) -> list[str]:
+    """Values of params.yaml that do not go with this sensor, each with the key to change."""
+    settings, problems = values[experiment], []
+    asked = values["stress"][experiment]["perturbations"]
+    if experiment == "touch":
+        sensor, label = settings["sensor"], settings["label"]
+        for side in ("rows", "cols"):
+            cells, elements = label[f"map_{side}"], sensor[side]
+            if "lomp" in settings["models"] and cells % elements:
+                problems.append(
+                    f"params.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ({elements}), "
+                    f"which lomp needs; set {max(1, round(cells / elements)) * elements}"
+                )
+        most = {"dead": sensor["rows"] * sensor["cols"], "dead_line": sensor["rows"] + sensor["cols"]}
+        most["stuck"] = most["dead"]
+    elif experiment == "strain":
+        most = dict.fromkeys(("dead", "half", "stuck"), settings["sensor"]["channels"])
+        problems += too_old(frames, asked.get("time", []), values)
+    else:
+        return problems
+    for name, highest in most.items():
+        if (too_many := [severity for severity in asked.get(name, []) if severity > highest]) != []:
+            problems.append(
+                f"params.yaml, stress.{experiment}.perturbations.{name}: {too_many} is more than the sensor has "
+                f"({highest}); remove it"
+            )
+    return problems
+
+
+def too_old(frames: pa.Table, ages: list[float], values: Mapping) -> list[str]:
+    """Ages in minutes that the test part of a task does not reach."""
+    module, problems = params.experiment_module("strain"), []
+    for task in values["stress"]["strain"]["protocols"]:
+        part = module.split(frames, values["strain"], task, 0)
+        time = frames["t_s"].to_numpy()[part == "test"]
+        lasts = np.ptp(time) / 60 if len(time) else 0.0
+        if len(time) and (old := [age for age in ages if age > lasts]):
+            problems.append(
+                f"params.yaml, stress.strain.perturbations.time: {old} minutes is more than the test part of {task} "
+                f"lasts ({lasts:.1f}); give shorter times"
+            )
+    return problems
+
+
+def still(experiment: str, read: list[Checked]) -> list[str]:
+    """Elements and cells that do not change in any recording."""
+    lowest, highest = {}, {}
+    for one in read:
+        for name, log in one.logs.items():
+            for column in log.rows.column_names:
+                if re.fullmatch(r"[vps]\d+", column):
+                    values = log.rows[column].to_numpy()
+                    key = column if name == "array.log" or experiment == "glove" else f"{name} {column}"
+                    lowest[key] = min(lowest.get(key, np.inf), values.min())
+                    highest[key] = max(highest.get(key, -np.inf), values.max())
+    dead = [key for key in lowest if highest[key] - lowest[key] <= STEP]
+    shown = ", ".join(dead[:10]) + (", ..." if len(dead) > 10 else "")
+    return [f"{len(dead)} of {len(lowest)} elements never change (dead, or never touched): {shown}"] if dead else []
+
+
+def check(experiment: str, folder: Path, values: Mapping) -> str | None:
+    """Print all that was understood, draw it, and return the first thing to mend, or None if ingest can have it."""
+    settings = values[experiment]
+    recordings = params.experiment_module(experiment).recordings(folder)
+    read = []
+    for path in recordings:
+        read.append(checked(experiment, path, settings))
+        print("\n".join(understood(experiment, read[-1])))
+    problems = [problem for one in read for problem in one.problems]
+    usable = [one for one in read if one.frames is not None]
+    print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
+    said = still(experiment, read)
+    if usable:
+        rows, found, wrong = whole(experiment, usable, settings)
+        said, problems = said + found, problems + wrong + unfit(experiment, rows, values)
+        if not wrong:
+            found, wrong = parts(experiment, rows, values)
+            said, problems = said + found, problems + wrong
+    print("\n".join(f"  {line}" for line in said))
+    target = paths.check(experiment)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    drawn = [one for one in read if one.logs][:DRAWN]
+    if drawn:
+        figures_check.draw(target, experiment, drawn, settings)
+        print(f"picture: {target}")
+    if len(problems) > 1:
+        print("\nto mend:", *dict.fromkeys(problems), sep="\n  ")
+    return problems[0] if problems else None
+
+
+def main() -> None:
+    """Check the folder named on the command line."""
+    if len(sys.argv) != 3 or sys.argv[1] not in EXPERIMENTS:
+        raise InputError(f"usage: python -m pipeline.check {'|'.join(EXPERIMENTS)} FOLDER")
+    experiment, folder = sys.argv[1], Path(sys.argv[2])
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder")
+    first = check(experiment, folder, params.load())
+    if first is not None:
+        sys.exit(f"mend first: {first}")
+    own = paths.ROOT / "data" / "own"
+    if folder.resolve().is_relative_to(own):
+        name = folder.resolve().relative_to(paths.ROOT)
+        print(f"ready: set {experiment}.source: {name} in params.yaml, then `dvc repro`")
+    else:
+        print(f"ready: copy it to data/own/{folder.resolve().name} and set {experiment}.source to that in params.yaml")
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,161 @@
+"""Record what a device prints on a serial port, as it comes: `python -m pipeline.record PORT FILE [--baud N]`.
+
+Bytes are written unchanged, whole lines at a time, so that the file can be read while it grows and a power cut costs
+one line. The device may vanish and come back: recording goes on when the port does, and what it had printed of a line
+when it vanished becomes a line of its own, which ingest rejects. Ctrl-C ends the recording after the line that is
+arriving; if it does not end within LAST_LINE_S, it is kept as it came.
+"""
+
+import argparse
+import signal
+import sys
+import time
+from pathlib import Path
+
+from pipeline.errors import InputError, run_stage
+
+BAUD = 115200
+WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen
+RETRY_S = 0.3  # between two attempts to open a port that vanished
+LAST_LINE_S = 0.5  # after Ctrl-C, for what is under way and for the rest of a line, each
+SILENT_S = 5.0  # nothing for so long is worth a word
+
+
+class Stop:
+    """True once Ctrl-C or a request to end has come; a signal never interrupts a read, whose bytes would be lost."""
+
+    def __init__(self):
+        self.wanted = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._stop)
+
+    def _stop(self, number, frame) -> None:
+        self.wanted = True
+
+    def __bool__(self) -> bool:
+        return self.wanted
+
+
+class Log:
+    """The growing file: takes bytes as they come, writes whole lines. Raises InputError when it cannot."""
+
+    def __init__(self, path: Path):
+        self.path, self.lines, self.rest = path, 0, b""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.file = path.open("xb")
+        except FileExistsError as error:
+            raise InputError(f"{path}: exists already and is never overwritten; give another name") from error
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror}); give another place") from error
+
+    def add(self, data: bytes) -> None:
+        """Write all lines that are whole with these bytes; keep the rest for the next time."""
+        whole, end, self.rest = (self.rest + data).rpartition(b"\n")
+        self._write(whole + end)
+
+    def tear(self) -> None:
+        """End a line that will never be whole, so that it does not become one with the next."""
+        if self.rest:
+            self._write(self.rest + b"\n")
+            self.rest = b""
+
+    def close(self) -> None:
+        """Write the last, partial line as it came."""
+        self._write(self.rest)
+        self.file.close()
+
+    def _write(self, data: bytes) -> None:
+        try:
+            self.file.write(data)
+            self.file.flush()
+        except OSError as error:
+            raise InputError(
+                f"{self.path}: cannot be written ({error.strerror}); its first {self.lines} lines are safe"
+            ) from error
+        self.lines += data.count(b"\n")
+
+
+def record(port: str, target: Path, baud: int, stop: Stop) -> int:
+    """Record until `stop`; returns the number of whole lines. Raises InputError as `Log`, and if there is no port."""
+    try:
+        import serial
+    except ModuleNotFoundError as error:
+        raise InputError("pyserial is not installed; run `pip install -c constraints.txt -e '.[record]'`") from error
+
+    def opened():
+        return serial.Serial(port, baud, timeout=WAIT_S)
+
+    try:
+        device = opened()
+    except (OSError, ValueError, OverflowError) as error:  # SerialException is an OSError
+        raise InputError(f"{port}: cannot be opened ({error}); check the name, the cable and your rights") from error
+    log = Log(target)
+    _say(f"recording {port} at {baud} baud to {target}; Ctrl-C ends it")
+    heard = time.monotonic()
+    while not stop:
+        try:
+            data = device.read(device.in_waiting or 1)
+        except OSError as error:
+            device.close()
+            log.tear()
+            _say(f"{port}: gone ({error}); waiting for it, {log.lines} lines so far")
+            device = _reopened(opened, stop)
+            if device is not None:
+                _say(f"{port}: back")
+            heard = time.monotonic()
+            continue
+        log.add(data)
+        if data:
+            heard = time.monotonic()
+        elif time.monotonic() - heard > SILENT_S:
+            _say(f"{port}: nothing arrives; right port, right baud rate, device started?")
+            heard = float("inf")  # said once
+    if device is not None:
+        _finish(device, log)
+    log.close()
+    return log.lines
+
+
+def _reopened(opened, stop: Stop):
+    """The port once it is back, or None if `stop` comes first."""
+    while not stop:
+        try:
+            return opened()
+        except OSError:  # still away; the sentence was said when it went
+            time.sleep(RETRY_S)
+    return None
+
+
+def _finish(device, log: Log) -> None:
+    """Take what is under way (until the device pauses), and the rest of the line that is arriving."""
+    try:
+        end = time.monotonic() + LAST_LINE_S
+        while (data := device.read(device.in_waiting or 1)) and time.monotonic() < end:
+            log.add(data)
+        log.add(data)
+        if log.rest:
+            device.timeout = LAST_LINE_S
+            log.add(device.read_until(b"\n"))
+        device.close()
+    except OSError as error:
+        _say(f"gone at the last moment ({error}); all that arrived is in the log")
+
+
+def _say(sentence: str) -> None:
+    print(sentence, file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    """Command line: the port, the new file and the baud rate."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.record", description="Record a serial port to a log.")
+    parser.add_argument("port", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
+    parser.add_argument("file", type=Path, help="a new file, such as data/own/finger/single/run000/array.log")
+    parser.add_argument("--baud", type=int, default=BAUD, help=f"symbols a second (default {BAUD})")
+    arguments = parser.parse_args()
+    lines = record(arguments.port, arguments.file, arguments.baud, Stop())
+    print(f"{arguments.file}: {lines} lines")
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,155 @@
+"""The recorder, against a pseudo-terminal in place of a device."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import tty
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+WAIT_S = 20
+
+
+class Device:
+    """A pseudo-terminal whose end for programs is at a path that stays, like a serial port's."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.plug()
+
+    def plug(self):
+        self.end, program_end = os.openpty()
+        tty.setraw(program_end)
+        self.path.symlink_to(os.ttyname(program_end))
+        self.other = program_end  # open, so that the device is there before and after the program
+
+    def print(self, data: bytes):
+        while data:  # the terminal takes 4 kB at a time
+            data = data[os.write(self.end, data[:1024]) :]
+
+    def unplug(self):
+        self.path.unlink()
+        os.close(self.end)
+        os.close(self.other)
+
+
+@pytest.fixture
+def device(tmp_path):
+    device = Device(tmp_path / "port")
+    yield device
+    if device.path.is_symlink():
+        device.unplug()
+
+
+@pytest.fixture
+def start(device, tmp_path):
+    """`start()`: the recorder on `device`, once it listens; ended with the test."""
+    running = []
+
+    def one(*arguments):
+        command = [sys.executable, "-m", "pipeline.record", *(arguments or (device.path, tmp_path / "new" / "log"))]
+        process = subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
+        )
+        running.append(process)
+        assert "recording" in process.stderr.readline()
+        return process
+
+    yield one
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+def until(condition):
+    """Wait for it, or fail."""
+    deadline = time.monotonic() + WAIT_S
+    while not condition():
+        assert time.monotonic() < deadline, "never happened"
+        time.sleep(0.01)
+
+
+def ended(process):
+    """What it says after Ctrl-C."""
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 0, err
+    return out
+
+
+def numbered(first, last, end=b"\n"):
+    return b"".join(b"%d,%s" % (k, b"1023," * 20) + end for k in range(first, last))
+
+
+def test_every_byte_arrives_as_it_was_printed(device, start, tmp_path):
+    process, log = start(), tmp_path / "new" / "log"
+    sent = b"array ready\r\n\x00\xff noise\n" + numbered(0, 1000, b"\r\n")
+    device.print(sent)
+    until(lambda: log.stat().st_size == len(sent))  # flushed while it runs
+    assert "1002 lines" in ended(process)
+    assert log.read_bytes() == sent
+
+
+def test_ctrl_c_loses_nothing_and_waits_for_the_line_that_is_arriving(device, start, tmp_path):
+    process, log = start(), tmp_path / "new" / "log"
+    sent = numbered(0, 300)
+    device.print(sent)
+    device.print(b"300,10")
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.2)
+    device.print(b"23\n301,")
+    out, err = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 0 and "301 lines" in out, err
+    assert log.read_bytes() == sent + b"300,1023\n"
+
+
+def test_a_partial_last_line_is_kept_as_it_came(device, start, tmp_path):
+    process = start()
+    device.print(b"1,2,3\n4,5")
+    until(lambda: (tmp_path / "new" / "log").read_bytes() == b"1,2,3\n")  # only whole lines meanwhile
+    assert "1 lines" in ended(process)
+    assert (tmp_path / "new" / "log").read_bytes() == b"1,2,3\n4,5"
+
+
+def test_device_vanishes_and_comes_back(device, start, tmp_path):
+    process, log = start(), tmp_path / "new" / "log"
+    first, second = numbered(0, 100), numbered(100, 200)
+    device.print(first + b"77,torn")
+    until(lambda: log.read_bytes() == first)
+    time.sleep(0.3)  # the torn line is read, too
+    device.unplug()
+    assert "gone" in process.stderr.readline()
+    device.plug()
+    assert "back" in process.stderr.readline()
+    device.print(second)
+    until(lambda: log.read_bytes().endswith(second))
+    assert "201 lines" in ended(process)
+    assert log.read_bytes() == first + b"77,torn\n" + second
+
+
+def test_ctrl_c_while_the_device_is_away(device, start, tmp_path):
+    process = start()
+    device.print(b"1,2\n")
+    until(lambda: (tmp_path / "new" / "log").read_bytes() == b"1,2\n")
+    device.unplug()
+    assert "gone" in process.stderr.readline()
+    assert "1 lines" in ended(process)
+    assert (tmp_path / "new" / "log").read_bytes() == b"1,2\n"
+
+
+def test_existing_file_and_missing_port_are_one_sentence(device, tmp_path):
+    old = tmp_path / "old.log"
+    old.write_bytes(b"kept")
+    for port, target, words in (
+        (device.path, old, "exists already and is never overwritten; give another name"),
+        (tmp_path / "none", tmp_path / "new.log", "cannot be opened"),
+    ):
+        command = [sys.executable, "-m", "pipeline.record", str(port), str(target)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S)
+        assert done.returncode == 1 and words in done.stderr and "Traceback" not in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+    assert old.read_bytes() == b"kept" and not (tmp_path / "new.log").exists()
