@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import shutil
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -48,10 +49,12 @@ def train_all(
             for key, result in workers.run(train_run, tasks, bar, steps=epochs):
                 seconds[key] = result
     times.parent.mkdir(parents=True, exist_ok=True)
-    with open(times, "w", newline="", encoding="ascii") as file:
+    unfinished = times.with_name(times.name + ".unfinished")
+    with open(unfinished, "w", newline="", encoding="ascii") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["protocol", "seed", "train_s"])
         writer.writerows([protocol, seed, seconds[protocol, seed]] for protocol, seed in runs)
+    os.replace(unfinished, times)
     target.parent.mkdir(parents=True, exist_ok=True)
     draft.rename(target)
 

@@ -16,7 +16,8 @@ STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize
 COMMANDS = {"fetch", "scale", "fit_material"}
 # Modules that find, check and start things but cannot change a number: DVC need not watch them.
 PLUMBING = {
-    f"pipeline/{name}.py" for name in ("availability", "errors", "params", "paths", "runs", "schema", "workers")
+    f"pipeline/{name}.py"
+    for name in ("availability", "errors", "params", "parent", "paths", "runs", "schema", "workers")
 }
 
 
