@@ -13,7 +13,10 @@ STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, e
 
 
 class InputError(Exception):
-    """Bad input: the message names the file and the line or key, what is wrong, and what to do."""
+    """Bad input: the message, one line, names the file and the line or key, what is wrong, and what to do."""
+
+    def __init__(self, message: str):
+        super().__init__(re.sub(r"\s*[\r\n]\s*", " ", message))  # it may quote a library's, which has more
 
 
 def run_stage(main: Callable[[], None]) -> None:
