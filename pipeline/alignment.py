@@ -132,7 +132,7 @@ def place_pair(
         against = joined(pieces[1 - k][: len(clocks[1 - k])], clocks[1 - k]) if any(clocks[1 - k]) else None
         clock, windows[k] = _place(piece, against, windows[k], limits)
         clocks[k].append(clock)
-    return clocks[0], clocks[1]
+    return clocks[0], _any_placed(clocks[1], who)
 
 
 def place_all(
@@ -155,6 +155,13 @@ def place_all(
     for piece in pieces:
         clock, window = _place(piece, against, window, limits)
         clocks.append(clock)
+    return _any_placed(clocks, who)
+
+
+def _any_placed(clocks: list[Clock | None], who: str) -> list[Clock | None]:
+    """The clocks; an InputError where no segment has one."""
+    if not any(clocks):
+        raise InputError(f"{who}: no uninterrupted stretch of {SHORTEST_S:g} s to align; record longer")
     return clocks
 
 
