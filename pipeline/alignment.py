@@ -90,13 +90,16 @@ def interpolated(
     """`values` (n,) or (n, columns), known at `time_s` (n,), at the times `at_s` (m,); and where they are
     known.
 
-    Unknown, (m,) bool False: outside the span of `time_s`, and in holes of more than `HOLE` median intervals.
+    Unknown, (m,) bool False: outside the span of `time_s` (always, if that is one), and in holes of more than `HOLE`
+    median intervals.
     held: values that stay until the next one (targets shown to an operator), so known from the first on.
     """
     after = np.searchsorted(time_s, at_s, side="right")
     inside = np.clip(after, 1, len(time_s) - 1)
     if held:
         return values[np.maximum(after - 1, 0)], after > 0
+    if len(time_s) < 2:
+        return np.full((len(at_s), *values.shape[1:]), np.nan), np.zeros(len(at_s), dtype=bool)
     width = time_s[inside] - time_s[inside - 1]
     known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (width <= HOLE * np.median(np.diff(time_s)))
     part = (at_s - time_s[inside - 1]) / width
