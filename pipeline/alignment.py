@@ -90,13 +90,16 @@ def interpolated(
     """`values` (n,) or (n, columns), known at `time_s` (n,), at the times `at_s` (m,); and where they are
     known.
 
-    Unknown, (m,) bool False: outside the span of `time_s`, and in holes of more than `HOLE` median intervals.
+    Unknown, (m,) bool False: outside the span of `time_s` (always, if that is one), and in holes of more than `HOLE`
+    median intervals.
     held: values that stay until the next one (targets shown to an operator), so known from the first on.
     """
     after = np.searchsorted(time_s, at_s, side="right")
     inside = np.clip(after, 1, len(time_s) - 1)
     if held:
         return values[np.maximum(after - 1, 0)], after > 0
+    if len(time_s) < 2:
+        return np.full((len(at_s), *values.shape[1:]), np.nan), np.zeros(len(at_s), dtype=bool)
     width = time_s[inside] - time_s[inside - 1]
     known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (width <= HOLE * np.median(np.diff(time_s)))
     part = (at_s - time_s[inside - 1]) / width
@@ -132,7 +135,7 @@ def place_pair(
         against = joined(pieces[1 - k][: len(clocks[1 - k])], clocks[1 - k]) if any(clocks[1 - k]) else None
         clock, windows[k] = _place(piece, against, windows[k], limits)
         clocks[k].append(clock)
-    return clocks[0], clocks[1]
+    return clocks[0], _any_placed(clocks[1], who)
 
 
 def place_all(
@@ -155,6 +158,13 @@ def place_all(
     for piece in pieces:
         clock, window = _place(piece, against, window, limits)
         clocks.append(clock)
+    return _any_placed(clocks, who)
+
+
+def _any_placed(clocks: list[Clock | None], who: str) -> list[Clock | None]:
+    """The clocks; an InputError where no segment has one."""
+    if not any(clocks):
+        raise InputError(f"{who}: no uninterrupted stretch of {SHORTEST_S:g} s to align; record longer")
     return clocks
 
 

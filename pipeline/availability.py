@@ -14,6 +14,8 @@ def why_not_run(experiment: str) -> str | None:
     path = paths.require(paths.ingest_report(experiment), f"python -m pipeline.ingest {experiment}")
     try:
         report = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid JSON ({error}); run `python -m pipeline.ingest {experiment}`") from error
-    return None if report["run"] else report["reason"]
+        return None if report["run"] else report["reason"]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(
+            f"{path}: no report of ingest ({error}); run `python -m pipeline.ingest {experiment}`"
+        ) from error

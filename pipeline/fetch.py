@@ -14,6 +14,7 @@ from pipeline import sources
 from pipeline.errors import InputError, run_stage
 
 TIMEOUT_S = 60
+LARGEST_FILE = 256 << 20  # bytes; the largest recording has 4 MB
 
 
 def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
@@ -29,6 +30,8 @@ def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
     written = kept = 0
     for path, digest in sources.files(name).items():
         goal = target / path
+        if not goal.resolve().is_relative_to(target.resolve()):
+            raise InputError(f"{path}: leaves the folder {target}; mend pipeline/{name}.sha256")
         if goal.is_file() and sources.sha256(goal) == digest:
             kept += 1
             continue
@@ -51,9 +54,12 @@ def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
 def _download(address: str) -> bytes:
     try:
         with urlopen(address, timeout=TIMEOUT_S) as response:
-            return response.read()
+            content = response.read(LARGEST_FILE + 1)
     except (OSError, http.client.HTTPException) as error:
         raise InputError(f"{address}: download failed ({error}); retry, or use --from FOLDER") from error
+    if len(content) > LARGEST_FILE:
+        raise InputError(f"{address}: more than {LARGEST_FILE} bytes; this is not the recording, use --from FOLDER")
+    return content
 
 
 def _read(path: Path, folder: Path, name: str) -> bytes:

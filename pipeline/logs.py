@@ -41,6 +41,8 @@ TEXT_LENGTH = 200  # characters of a rejected line that are kept
 PIECE = 1 << 22  # bytes parsed at once; 4 MiB was the fastest of 1 to 8 MiB
 LONGEST_LINE = 64 << 20  # bytes; a file without line ends must not fill the memory
 HOPELESS = 100_000  # lines rejected before the first good one: no log, stop reading
+MOST_RESETS = 1000  # a device that starts more often does not run
+LONGEST_S = 1e5  # 28 hours; one wrong time at the end must not make a log last years
 STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
 
 
@@ -88,7 +90,8 @@ def read_log(path: Path, fmt: Format, name: str | None = None) -> tuple[pa.Table
     reset of the device); its time rises strictly within a segment. `rejects` has the columns of `REJECTS` in
     the order of the lines, with `name` (default: the file's name) as its file.
 
-    Raises InputError when the file is missing, empty, or has no line of this format.
+    Raises InputError when the file is missing, empty, has no line of this format, lasts more than `LONGEST_S`, or is
+    of a device that was reset more than `MOST_RESETS` times.
     """
     if not path.is_file():
         raise InputError(f"{path}: log not found; check the folder named in params.yaml")
@@ -101,6 +104,7 @@ def read_log(path: Path, fmt: Format, name: str | None = None) -> tuple[pa.Table
     line = np.concatenate([piece["line"].to_numpy() for piece in pieces])
     text_lines = np.array([number for number, reason, _ in rejects if reason == TEXT], dtype=np.int64)
     keep, segment = order(time, line, text_lines)
+    _check_clock(path, fmt, time[keep], line[keep], segment[keep])
     if not keep.all():
         rejects += _order_rejects(path, pa.concat_tables(pieces), fmt, time, line, keep, segment)
         rejects.sort()
@@ -138,14 +142,14 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
     """Which rows are in the order of time, and where the device was reset.
 
     `time`, `line`: (n,), any unit of time and the line numbers; `text_lines`: the line numbers of banners.
-    Returns `keep` (n,) bool and `segment` (n,) int16. Where the clock steps back, the shorter side is out of
+    Returns `keep` (n,) bool and `segment` (n,) int32. Where the clock steps back, the shorter side is out of
     order: the lines after the step up to the first later than all before, or those before it that are not
     earlier (a corrupt time far in the future). More than `STRAY` lines on both sides, or a banner in between
     and at least three lines after, are a reset.
     """
     repeated = np.concatenate([[False], time[1:] == time[:-1]])
     if repeated.any():  # at once, because a clock that stands still repeats itself a million times
-        keep, segment = ~repeated, np.zeros(len(time), dtype=np.int16)
+        keep, segment = ~repeated, np.zeros(len(time), dtype=np.int32)
         keep[~repeated], segment[~repeated] = order(time[~repeated], line[~repeated], text_lines)
         return keep, np.maximum.accumulate(segment)
     n = len(time)
@@ -176,10 +180,25 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
             if len(before) == len(kept) and window.start == starts[-1]:
                 starts[-1] = at  # nothing is left before: the segment starts here
             last, at = at, at + 1
-    segment = np.zeros(n, dtype=np.int16)
-    for start in starts[1:]:
-        segment[start:] += 1
-    return keep, segment
+    segment = np.zeros(n, dtype=np.int32)
+    segment[starts[1:]] = 1
+    return keep, np.cumsum(segment, dtype=np.int32)
+
+
+def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, segment: np.ndarray) -> None:
+    """InputError for a log whose kept rows, (n,) each, last too long or have too many resets to be real."""
+    if segment[-1] > MOST_RESETS:
+        raise InputError(
+            f"{path}: the device was reset {segment[-1]} times, more than {MOST_RESETS}; check its supply, record again"
+        )
+    unit = next(column.unit for column in fmt.columns if column.name == fmt.time)
+    interval = np.where(segment[1:] == segment[:-1], np.diff(time), 0) * (1e-6 if unit == "us" else 1)
+    if interval.sum() > LONGEST_S:
+        at = int(np.argmax(interval))
+        raise InputError(
+            f"{path}: lasts {interval.sum():.0f} s, more than the {LONGEST_S:.0f} s of a log; the clock jumps by "
+            f"{interval[at]:.0f} s in line {line[at + 1]}: remove that line if it is wrong, or divide the log"
+        )
 
 
 def _parse_file(path: Path, fmt: Format) -> tuple[list[pa.Table], list[tuple[int, str, str]], int]:
@@ -334,7 +353,8 @@ def _number_bytes(fmt: Format) -> np.ndarray:
 
 
 _INTEGER = re.compile(rb"[ \t]*-?[0-9]+[ \t]*")
-_FLOAT = re.compile(rb"[ \t]*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?[ \t]*")
+# Written so that each byte can match in one way only: a megabyte of digits must not take hours.
+_FLOAT = re.compile(rb"[ \t]*[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?[ \t]*")
 _NOT_FINITE = re.compile(rb"[ \t]*[-+]?(nan|inf)[a-z()]*[ \t]*", re.IGNORECASE)
 _CONTROL = re.compile(rb"[^\t\x20-\x7e]")
 

@@ -3,6 +3,7 @@
 import difflib
 import importlib
 import inspect
+import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -22,12 +23,19 @@ def load(path: Path = paths.PARAMS) -> dict:
         raise InputError(f"{path.name}: not found; run the command from a checkout of the repository")
     try:
         values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, or a date like 2020-13-01
         where = getattr(error, "problem_mark", None)
         line = f", line {where.line + 1}" if where else ""
         raise InputError(f"{path.name}{line}: not valid YAML ({getattr(error, 'problem', error)}); mend it") from error
     check_block(values, SCHEMA, "")
     return values
+
+
+def _shown(value) -> str:
+    """A value of params.yaml, shortened."""
+    short = reprlib.Repr()
+    short.maxstring = short.maxother = short.maxlong = 60
+    return short.repr(value)
 
 
 def check_block(given, schema: Mapping, where: str) -> None:
@@ -38,7 +46,7 @@ def check_block(given, schema: Mapping, where: str) -> None:
         if isinstance(wanted, Mapping):
             check_block(given[key], wanted, name)
         elif wrong := wanted(given[key]):
-            raise InputError(f"params.yaml, {name}: expected {wrong}, got {given[key]!r}")
+            raise InputError(f"params.yaml, {name}: expected {wrong}, got {_shown(given[key])}")
 
 
 def check_keys(given: Mapping, expected: Iterable[str], where: str) -> None:
@@ -46,7 +54,7 @@ def check_keys(given: Mapping, expected: Iterable[str], where: str) -> None:
     expected = list(expected)
     if not isinstance(given, Mapping):
         keys = ", ".join(expected) or "{}"
-        raise InputError(f"params.yaml, {where}: expected a block of settings ({keys}), got {given!r}")
+        raise InputError(f"params.yaml, {where}: expected a block of settings ({keys}), got {_shown(given)}")
     check_known(given, expected, where)
     for key in expected:
         if key not in given:
@@ -81,7 +89,7 @@ def check_call(function: Callable, settings: Mapping, where: str) -> None:
             continue
         if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
             hint = " (YAML reads 1e-3 as text: write 1.0e-3)" if isinstance(value, str) and kind is float else ""
-            raise InputError(f"params.yaml, {where}.{name}: expected {kind.__name__}, got {value!r}{hint}")
+            raise InputError(f"params.yaml, {where}.{name}: expected {kind.__name__}, got {_shown(value)}{hint}")
 
 
 def build_model(key: str, spec, settings: Mapping, where: str):

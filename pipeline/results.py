@@ -154,7 +154,7 @@ def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
     try:
         fit = json.loads(path.read_text(encoding="utf-8"))
         values = [fit[name] for name in ("stop_reason", "best_epoch", "epochs", "parameters")]
-    except (json.JSONDecodeError, UnicodeDecodeError, KeyError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{shown(path)}: no fit summary ({error}); run `{made_by}` again") from error
     history = read_csv(folder / "history.csv", ["epoch", "train_loss", "validation_loss"], made_by)
     return Fit(*values, history)

@@ -4,6 +4,7 @@ A model's block is checked against the signature of its `build` (pipeline/params
 needs no edit here.
 """
 
+import sys
 from collections.abc import Callable, Mapping
 
 Check = Callable[[object], str | None]
@@ -17,6 +18,8 @@ def number(low: float = float("-inf"), high: float = float("inf")) -> Check:
             return "a number (YAML reads 1e-3 as text: write 1.0e-3)"
         if isinstance(value, bool) or not isinstance(value, int | float):
             return "a number"
+        if not abs(value) <= sys.float_info.max:
+            return "a finite number"
         return None if low <= value <= high else f"a number from {low:g} to {high:g}"
 
     return check

@@ -57,6 +57,8 @@ def read(path: Path, balanced: bool = True) -> Stag:
         kept &= number["isBalanced"] != 0
     if not kept.any():
         raise InputError(f"{path}: none of its {len(pressure)} frames has a valid label; check the file")
+    if not np.isfinite(pressure[kept]).all():
+        raise InputError(f"{path}: 'pressure' holds values that are no numbers; get the file again")
     for name, target in NAMES.items():
         low, high = number[name][kept].min(), number[name][kept].max()
         if low < 0 or high >= len(names[target]):

@@ -377,15 +377,18 @@ def _shown(path: Path) -> Path:
 
 def _read_json(path: Path, made_by: str) -> dict:
     try:
-        return json.loads(paths.require(path, made_by).read_text())
-    except json.JSONDecodeError as error:
-        raise InputError(f"{_shown(path)}, line {error.lineno}: not JSON; run `{made_by}` again") from error
+        content = json.loads(paths.require(path, made_by).read_text())
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{_shown(path)}: not JSON ({error}); run `{made_by}` again") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{_shown(path)}: not a JSON object; run `{made_by}` again")
+    return content
 
 
 def _read_csv(path: Path, columns: list[str], made_by: str) -> pd.DataFrame:
     try:
         table = pd.read_csv(paths.require(path, made_by))
-    except (pd.errors.EmptyDataError, pd.errors.ParserError) as error:
+    except ValueError as error:  # no table, or no text
         raise InputError(f"{_shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
     for column in columns:
         if column not in table.columns:

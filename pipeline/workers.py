@@ -1,11 +1,8 @@
 """Independent tasks in parallel processes that die with the stage that started them."""
 
-import ctypes
 import multiprocessing
 import os
 import queue
-import signal
-import sys
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 
@@ -13,13 +10,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from pipeline.errors import InputError
-
-
-def die_with_parent() -> None:
-    """Have Linux end this process when its parent ends: a killed `dvc repro` leaves nobody writing."""
-    if sys.platform == "linux":
-        pr_set_pdeathsig = 1
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+from pipeline.parent import die_with_parent
 
 
 def count() -> int:

@@ -82,6 +82,7 @@ def test_a_missing_variable_is_named(name, tmp_path):
 BAD = {
     "one image": ({"pressure": np.ones((32, 32))}, r"'pressure' is \(32, 32\), not frames of 32 x 32"),
     "turned": ({"pressure": np.ones((32, 32, 12))}, r"'pressure' is \(32, 32, 12\), not frames"),
+    "no numbers": ({"pressure": np.full((12, 32, 32), np.nan)}, "'pressure' holds values that are no numbers"),
     "text": ({"pressure": cells(["none"])}, "'pressure' is"),
     "too few": ({"objectId": np.zeros((7, 1))}, "'objectId' must be 12 whole numbers, one a frame"),
     "fractions": ({"recordingId": np.full((12, 1), 0.5)}, "'recordingId' must be 12 whole numbers"),

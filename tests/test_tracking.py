@@ -306,6 +306,25 @@ def test_file_that_is_no_database_is_one_sentence(repository):
     assert "\n" not in str(caught.value)
 
 
+def test_a_store_that_locks_half_way_is_one_sentence_and_loses_nothing(repository, monkeypatch):
+    calls = []
+
+    def log_artifacts(self, *arguments, original=tracking.MlflowClient.log_artifacts):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise tracking.MlflowException("(sqlite3.OperationalError) database is locked\n[SQL: INSERT]")
+        return original(self, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tracking.MlflowClient, "log_artifacts", log_artifacts)
+        with pytest.raises(InputError, match="database is locked.*run `python -m pipeline.track` again") as caught:
+            track.track(PARAMS)
+    assert "\n" not in str(caught.value)
+    assert not tracking.receipt().exists()
+    track.track(PARAMS)
+    assert {key: len(found) for key, found in active_runs().items()} == dict.fromkeys(RUNS, 1)
+
+
 def test_git_state_reports_commit_and_changes(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     for name in [name for name in os.environ if name.startswith("GIT_")]:

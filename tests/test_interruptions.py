@@ -1,0 +1,267 @@
+"""Full and read-only disks, killed processes, two pipelines at once: nothing unfinished is taken for done."""
+
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+import yaml
+
+from pipeline import errors, fetch, paths, sources, tables
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Runs stages one after the other, each in a fork in which no file can grow beyond its limit, as on a full disk.
+LIMITED = """
+import importlib, json, os, resource, sys
+from pipeline.errors import run_stage
+import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
+for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
+    child = os.fork()
+    if not child:
+        os.dup2(os.open(f"stderr{number}", os.O_WRONLY | os.O_CREAT), 2)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+        sys.argv = [stage, *arguments]
+        run_stage(importlib.import_module(f"pipeline.{stage}").main)
+        os._exit(0)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+STAGES = {
+    "simulate_glove": ["simulate", "glove"],
+    "ingest_glove": ["ingest", "glove"],
+    "dataset_glove": ["dataset", "glove"],
+    "train_glove@sp_resnet": ["train_images", "glove", "sp_resnet"],
+    "window@touch": ["window", "touch"],
+    "dataset@touch": ["dataset", "touch"],
+    "train_touch@tree": ["train", "touch", "tree"],
+    "evaluate@touch": ["evaluate", "touch"],
+    "count": ["count"],
+    "collect": ["collect"],
+}
+
+
+def outputs(project, stage: str) -> dict[str, bytes]:
+    """Path -> content of every file that DVC takes for an output of the stage."""
+    entry = yaml.safe_load((project.folder / "dvc.lock").read_text())["stages"][stage]
+    found = {}
+    for out in entry["outs"]:
+        path = project.folder / out["path"]
+        files = [path] if path.is_file() else sorted(one for one in path.rglob("*") if one.is_file())
+        found |= {file.relative_to(project.folder).as_posix(): file.read_bytes() for file in files}
+    return found
+
+
+def test_a_full_disk_is_one_sentence_and_leaves_the_old_files_or_none(miniature, tmp_path):
+    project = type(miniature).__new__(type(miniature))
+    project.folder = tmp_path / "project"
+    shutil.copytree(miniature.folder, project.folder, ignore=shutil.ignore_patterns("cache"))
+    project.environment = miniature.environment | {"PYTHONPATH": str(project.folder)}
+    before = {stage: outputs(project, stage) for stage in STAGES}
+    # The first write fails, or the largest file at its last tenth.
+    limits = {stage: (1, max(map(len, files.values())) * 9 // 10) for stage, files in before.items()}
+    jobs = [(limit, *command) for stage, command in STAGES.items() for limit in limits[stage]]
+    done = project.run("-c", LIMITED, json.dumps(jobs))
+    codes = done.stdout.split()[-len(jobs) :]
+    for number, (job, code) in enumerate(zip(jobs, codes, strict=True)):
+        message = (project.folder / f"stderr{number}").read_text()
+        assert code == "1" and "Traceback" not in message, (job, message)
+        assert message.splitlines()[-1].startswith("error: ") and "File too large" in message, (job, message)
+    for stage, files in before.items():
+        for path, content in outputs(project, stage).items():
+            assert files[path] == content, f"{stage} left {path} changed"
+
+
+def disk(folder: Path, options: str) -> Path:
+    """A small file system in memory, or a skipped test where that is not allowed."""
+    folder.mkdir()
+    done = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)], capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip(f"cannot mount a small disk here: {done.stderr.strip()}")
+    return folder
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    folder = disk(tmp_path / "disk", "size=256k")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+SCHEMA = pa.schema({"x": pa.binary()})
+
+
+def table(size: int) -> pa.Table:
+    return pa.table({"x": [os.urandom(size)]}, SCHEMA)
+
+
+def write_as_a_stage(path: Path, size: int) -> str:
+    """What a stage that writes a table prints before it ends."""
+    with pytest.raises(SystemExit) as end:
+        errors.run_stage(lambda: tables.write(path, SCHEMA, [table(size)]))
+    assert isinstance(end.value.code, str) and "\n" not in end.value.code  # status 1
+    return end.value.code
+
+
+def test_a_disk_that_fills_up_keeps_the_old_table(small_disk):
+    path = small_disk / "frames.parquet"
+    tables.write(path, SCHEMA, [table(1000)])
+    before = path.read_bytes()
+    message = write_as_a_stage(path, 1 << 20)
+    assert message.startswith("error: ") and "No space left on device; free or unlock the disk" in message
+    assert path.read_bytes() == before
+
+
+def test_a_read_only_disk_is_named(small_disk):
+    path = small_disk / "frames.parquet"
+    tables.write(path, SCHEMA, [table(1000)])
+    before = path.read_bytes()
+    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    assert "Read-only file system" in write_as_a_stage(path, 1000)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_locked_folder_is_named(tmp_path):
+    tmp_path.chmod(0o555)
+    try:
+        assert "Permission denied" in write_as_a_stage(tmp_path / "frames.parquet", 1000)
+    finally:
+        tmp_path.chmod(0o755)
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (OSError(errno.ENOSPC, "x", "data/a.csv"), "data/a.csv: No space left on device; free or unlock the disk"),
+        (PermissionError(errno.EACCES, "x", "data"), "data: Permission denied; free or unlock the disk"),
+        (RuntimeError("I/O error: No space left on device (os error 28)"), "No space left on device; free or unlock"),
+        (FileNotFoundError(errno.ENOENT, "x", "data"), None),
+        (ValueError("28"), None),
+    ],
+)
+def test_only_a_disks_errors_become_its_sentence(error, sentence):
+    found = errors.storage_error(error)
+    assert found is None if sentence is None else found.startswith(sentence)
+
+
+def test_an_error_of_the_code_keeps_its_traceback():
+    def stage():
+        raise FileNotFoundError(errno.ENOENT, "x", "data")
+
+    with pytest.raises(FileNotFoundError):
+        errors.run_stage(stage)
+
+
+# Killed processes.
+
+ORPHAN = """
+import os, subprocess, sys, time
+stage = "import time; from pipeline.errors import run_stage; run_stage(lambda: print(1, flush=True) or time.sleep(60))"
+child = subprocess.Popen([sys.executable, "-c", stage])
+print(child.pid, flush=True)
+child.wait()
+"""
+
+
+def test_a_stage_ends_with_the_dvc_that_started_it():
+    """DVC killed alone, as the system does when memory is short: its stage must not write on beside the next one."""
+    environment = os.environ | {"DVC_STAGE": "train", "PYTHONPATH": str(ROOT)}
+    starter = subprocess.Popen([sys.executable, "-c", ORPHAN], env=environment, stdout=subprocess.PIPE, text=True)
+    stage = int(starter.stdout.readline())
+    assert starter.stdout.readline() == "1\n"
+    starter.kill()
+    starter.wait()
+    deadline = time.monotonic() + 20
+    while alive(stage):
+        assert time.monotonic() < deadline, "the stage still runs"
+        time.sleep(0.05)
+
+
+def alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
+
+
+# Two at once.
+
+
+@pytest.fixture
+def one_stage(tmp_path):
+    """A project of one stage that goes on once there is a file `go`, and the environment of a DVC of its own."""
+    stage = """
+        import os, time
+        open("started", "w").close()
+        while not os.path.exists("go"):
+            time.sleep(0.05)
+        open("out", "w").write("done")
+    """
+    (tmp_path / "slow.py").write_text(textwrap.dedent(stage))
+    (tmp_path / "dvc.yaml").write_text("stages: {slow: {cmd: python slow.py, deps: [slow.py], outs: [out]}}\n")
+    environment = os.environ | {
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "DVC_NO_ANALYTICS": "1",
+        **{f"DVC_{name}_DIR": str(tmp_path / name) for name in ("GLOBAL_CONFIG", "SYSTEM_CONFIG", "SITE_CACHE")},
+    }
+    dvc = {"cwd": tmp_path, "env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    subprocess.run([sys.executable, "-m", "dvc", "init", "--no-scm", "--quiet"], check=True, **dvc)
+    return tmp_path, dvc
+
+
+def test_a_second_repro_says_why_it_does_not_start_and_harms_nothing(one_stage):
+    folder, dvc = one_stage
+    first = subprocess.Popen([sys.executable, "-m", "dvc", "repro"], **dvc)
+    deadline = time.monotonic() + 60
+    while not (folder / "started").exists():
+        assert time.monotonic() < deadline and first.poll() is None
+        time.sleep(0.05)
+    second = subprocess.run([sys.executable, "-m", "dvc", "repro"], timeout=100, **dvc)
+    (folder / "go").touch()
+    printed = first.communicate()[0]
+    assert first.returncode == 0, printed
+    assert (folder / "out").read_text() == "done"
+    assert second.returncode != 0
+    assert "is busy" in second.stdout or "Unable to acquire lock" in second.stdout, second.stdout
+    third = subprocess.run([sys.executable, "-m", "dvc", "repro"], **dvc)
+    assert third.returncode == 0 and "didn't change" in third.stdout
+
+
+# File names from outside.
+
+
+@pytest.mark.parametrize("name", ["../outside.txt", "/tmp/outside.txt", "a/../../outside.txt"])
+def test_a_source_cannot_leave_its_folder(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "SOURCES", tmp_path / "sources")
+    monkeypatch.setattr(sources, "files", lambda source: {name: "0" * 64})
+    monkeypatch.setattr(fetch, "_download", lambda address: pytest.fail("asked for a file outside"))
+    with pytest.raises(InputError, match="leaves the folder"):
+        fetch.fetch("velostat_recorded")
+
+
+def test_a_download_without_end_is_refused(tmp_path, monkeypatch):
+    class Endless:
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *error):
+            pass
+
+        def read(self, size):
+            return bytes(size)
+
+    monkeypatch.setattr(paths, "SOURCES", tmp_path / "sources")
+    monkeypatch.setattr(fetch, "urlopen", lambda address, timeout: Endless())
+    monkeypatch.setattr(fetch, "LARGEST_FILE", 1000)
+    with pytest.raises(InputError, match="more than 1000 bytes; this is not the recording"):
+        fetch.fetch("velostat_recorded")
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
