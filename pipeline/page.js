@@ -7,10 +7,10 @@ function value(cell) {
   return found ? Number(found[0]) : text.toLowerCase();
 }
 
-// Numbers in order, then words in order; what is empty, a dash or NaN stays last in both directions.
+// Numbers in order, then words in order; what is empty, a dash or NaN stays last in both directions, and totals below.
 function sort(table, column, ascending) {
   const body = table.tBodies[0];
-  const rows = [...body.rows].map((row) => [value(row.cells[column]), row]);
+  const rows = [...body.rows].filter((row) => !row.classList.contains("total")).map((row) => [value(row.cells[column]), row]);
   const missing = (one) => one === "" || one === "-" || one === "nan";
   const numbers = rows.filter(([one]) => typeof one === "number").length;
   const mostly = numbers * 2 >= rows.filter(([one]) => !missing(one)).length && numbers > 0;
@@ -20,7 +20,7 @@ function sort(table, column, ascending) {
     const order = typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en");
     return ascending ? order : -order;
   });
-  body.append(...rows.map(([, row]) => row));
+  body.prepend(...rows.map(([, row]) => row));
 }
 
 for (const table of document.querySelectorAll("table.sortable")) {

@@ -8,6 +8,7 @@ Usage: python -m pipeline.page
 import os
 from collections.abc import Mapping
 from html import escape
+from pathlib import Path
 
 import pandas as pd
 import yaml
@@ -59,7 +60,7 @@ def read_claims() -> pd.DataFrame:
     """claims.csv. Raises InputError for a paper or a verdict that nobody knows."""
     path, made_by = paths.REPORTS / "claims.csv", "python -m pipeline.judge"
     claims = read_csv(path, CLAIMS, made_by)
-    claims["reason"] = claims["reason"].fillna("")
+    claims["reason"] = claims["reason"].astype(object).where(claims["reason"].notna(), "")
     for column, known in (("paper", PAPERS), ("verdict", VERDICTS)):
         unknown = sorted(set(claims[column].astype(str)) - set(known))
         if unknown:
@@ -75,7 +76,8 @@ def count_table(claims: pd.DataFrame) -> str:
     for names, own in [*groups, (("All", ""), claims)]:
         counts = [int((own["verdict"] == verdict).sum()) for verdict in VERDICTS]
         counts += [sum(map(undecided, own["verdict"], own["reason"])), len(own)]
-        rows.append(({}, [*map(cell, names), *(cell(str(count)) for count in counts)]))
+        attributes = {"class": "total"} if names[0] == "All" else {}
+        rows.append((attributes, [*map(cell, names), *(cell(str(count)) for count in counts)]))
     return table("Verdicts by paper and data", header, rows)
 
 
@@ -340,7 +342,7 @@ def provenance(values: Mapping) -> str:
     return (
         '<section id="provenance"><h2>Scale and provenance</h2>'
         f"<p>Scale: <strong>{escape(scale_of(values))}</strong>; all settings and seeds are in "
-        '<a href="../params.yaml">params.yaml</a>. The page carries no date and no commit, so that equal numbers give '
+        '<a href="../params.yaml">params.yaml</a>. This page has no date and no commit, so that equal numbers give '
         "an equal page: <code>git log -1 -- reports</code> names the commit, <code>dvc.lock</code> the hash of every "
         f"input and output, MLflow the runs.</p>{data}{pinned}"
         f"{folded('Operations and parameters beside the printed ones', table('Counts', header, lines))}"
@@ -386,8 +388,7 @@ def build() -> str:
     body.append(provenance(values))
     names["provenance"] = "Scale and provenance"
     links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name in names.items())
-    code = paths.ROOT / "pipeline"
-    css, js = ((code / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    css, js = (Path(__file__).with_suffix(suffix).read_text(encoding="utf-8") for suffix in (".css", ".js"))
     heading = "Soft tactile sensing, reproduced"
     html = (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'

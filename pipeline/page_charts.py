@@ -57,7 +57,7 @@ def chart(own: pd.DataFrame, time: str, name: str) -> str:
     if len(good):
         heights = good["error"].clip(lower=least)
         low, high = (good[end].fillna(heights) for end in ("low", "high"))
-        y_ends = max(low.min(), heights.min() / 2) / 1.2, min(high.max(), 2 * heights.max()) * 1.25
+        y_ends = max(low.min(), heights.min() / 2) / 1.2, max(heights.max(), min(high.max(), 2 * heights.max())) * 1.25
 
     def x(value: float) -> float:
         share = log10(value / x_ends[0]) / log10(x_ends[1] / x_ends[0])
