@@ -126,19 +126,28 @@ def reports(tmp_path, monkeypatch) -> Path:
 
 
 class Reader(HTMLParser):
-    """Collects tags, what they refer to, ids, and all text."""
+    """Collects references, ids, images and all text, and sees that every tag is closed."""
 
     def __init__(self, html: str):
         super().__init__()
-        self.tags, self.references, self.ids, self.text, self.images = [], [], [], "", []
+        self.open, self.references, self.ids, self.text, self.images = [], [], [], "", []
         self.feed(html)
 
     def handle_starttag(self, tag, attributes):
         values = dict(attributes)
-        self.tags.append(tag)
+        if tag not in ("meta", "link", "img", "input", "br"):
+            self.open.append(tag)
         self.references += [values[key] for key in ("href", "src") if key in values]
         self.ids += [values["id"]] if "id" in values else []
         self.images += [values] if tag == "img" else []
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag, f"</{tag}> closes what it did not open"
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag == "path":
+            self.open.pop()
 
     def handle_data(self, data):
         self.text += data
@@ -147,7 +156,7 @@ class Reader(HTMLParser):
 def test_every_file_link_and_claim_is_there(reports):
     html = page.build()
     found = Reader(html)
-    assert len(found.ids) == len(set(found.ids))
+    assert len(found.ids) == len(set(found.ids)) and not found.open
     for target in found.references:
         if target.startswith("#"):
             assert target[1:] in found.ids, target
@@ -218,6 +227,12 @@ def test_scale_and_versions_are_named(reports):
     (paths.ROOT / "constraints.txt").write_text("torch==1\n")
     with pytest.raises(InputError, match="numpy"):
         page.versions()
+
+
+def test_dvc_watches_every_block_that_a_scale_sets():
+    watched = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["page"]["params"]
+    for scale in (ROOT / "scales").glob("*.yaml"):
+        assert {key.split(".")[0] for key in yaml.safe_load(scale.read_text())} <= set(watched)
 
 
 def test_markdown_links_hold_from_the_page(reports):
