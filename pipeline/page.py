@@ -53,7 +53,7 @@ def badge(verdict: str, reason: str = "") -> str:
     kind, sign = VERDICTS[verdict]
     more = " unclear" if undecided(verdict, reason) else ""
     word = verdict + (": undecided" if more else "")
-    return f'<span class="badge {kind}{more}"><span aria-hidden="true">{sign} </span>{escape(word)}</span>'
+    return f'<span class="badge {kind}{more}"><span aria-hidden="true">{sign}\u00a0</span>{escape(word)}</span>'
 
 
 def read_claims() -> pd.DataFrame:
@@ -224,7 +224,7 @@ def speed(pages: Pages, experiment: str, name: str) -> str:
     parts = [page_charts.charts(rows, name)]
     for file in files(folder, ".md"):
         text = read(f"{folder}/{file}")
-        parts.append(folded(title(text) or file, document(pages, f"{folder}/{file}", 2, fold=False)))
+        parts.append(folded(f"In numbers: {title(text) or file}", document(pages, f"{folder}/{file}", 2, fold=False)))
     others = set(files(folder, ".png")) - DRAWN
     return f"<h3>Speed against accuracy</h3>{''.join(parts)}{pages.rest(folder, '', others)}"
 

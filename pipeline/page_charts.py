@@ -26,9 +26,11 @@ def charts(table: pd.DataFrame, name: str) -> str:
         for time in FRONTS
         for panel, own in table.groupby("panel", sort=False)
     ]
+    columns = 3 if table["panel"].nunique() == 3 else 2
     return (
         f'<div class="charts"><p class="readout" aria-live="polite">Point at a model, or move to it with the Tab key: '
-        f'its row shows here.</p><div class="panels">{"".join(figures)}</div>{legend(table)}</div>'
+        f'its row shows here.</p><div class="panels" style="--columns: {columns}">{"".join(figures)}</div>'
+        f"{legend(table)}</div>"
     )
 
 
