@@ -286,6 +286,8 @@ def general_stability(pages: Pages, experiments: list[str]) -> str:
             if owner(heading, experiments) or not body:
                 continue
             html = pages.render(body, "stability", 3, heading or title(text))
+            if place == 0:
+                html = f'<div id="{anchor(f"stability/{name}")}">{html}</div>'
             if place == 0 and name == "README.md":
                 parts.append(html)
             else:
@@ -366,6 +368,7 @@ def embedded(values: Mapping) -> list[str]:
     ran = [experiment for experiment in values["experiments"] if not why_not_run(experiment)]
     folders = [f"{experiment}/{part}" for experiment in ran for part in ("accuracy", "speed")]
     names = [f"{folder}/{file}" for folder in folders for file in files(folder, ".md")]
+    names += [f"stability/{name}.md" for name in ("README", "failures", "training")]
     return [*names, *(f"{chapter}/README.md" for chapter in CHAPTERS)]
 
 
