@@ -229,7 +229,7 @@ def speed(pages: Pages, experiment: str, name: str) -> str:
     return f"<h3>Speed against accuracy</h3>{''.join(parts)}{pages.rest(folder, '', others)}"
 
 
-def experiment_section(pages: Pages, experiment: str, values: Mapping, claims: pd.DataFrame) -> str:
+def experiment_section(pages: Pages, experiment: str, values: Mapping) -> str:
     """One experiment: findings, tables, charts, stability; or why it was not run."""
     text = read(f"{experiment}/accuracy/README.md")
     name = title(text).removesuffix(": results")
@@ -379,7 +379,7 @@ def build() -> str:
     body = [verdicts(pages, claims)]
     names = {"verdicts": "Verdicts"}
     for experiment in values["experiments"]:
-        body.append(experiment_section(pages, experiment, values, claims))
+        body.append(experiment_section(pages, experiment, values))
         names[experiment] = title(read(f"{experiment}/accuracy/README.md")).removesuffix(": results")
     body.append(general_stability(pages, values["experiments"]))
     names["stability"] = "Stability"
