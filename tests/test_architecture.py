@@ -12,7 +12,7 @@ from pipeline.scale import set_values
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
 STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "judge"}
-STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize", "render_rightsize"}
+STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize", "render_rightsize", "page"}
 COMMANDS = {"fetch", "scale", "fit_material", "check", "record"}
 WINDOWING = {f"pipeline/{name}.py" for name in ("check", "physics", "stress_windows")}
 # Modules that find, check, start and write things but cannot change a number: DVC need not watch them.
@@ -75,7 +75,7 @@ def test_imports_point_one_way():
             assert kind(other) in allowed[kind(file)], f"{file} imports {other}"
 
 
-@pytest.mark.parametrize("stage", ["render", "judge", "render_stability", "render_physics", "render_rightsize"])
+@pytest.mark.parametrize("stage", ["render", "judge", "page", "render_stability", "render_physics", "render_rightsize"])
 def test_reports_do_not_import_torch(stage):
     for file in closure(f"pipeline/{stage}.py"):
         source = (ROOT / file).read_text()

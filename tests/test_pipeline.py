@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from html import unescape
 
 import pandas as pd
 import pytest
@@ -22,7 +23,7 @@ def lock(project) -> dict:
     """Hash of every output of dvc.lock but the measured times, what is judged by them, and the MLflow store."""
     stages = yaml.safe_load((project.folder / "dvc.lock").read_text())["stages"]
     outs = {out["path"]: out["md5"] for stage in stages.values() for out in stage["outs"]}
-    measured = ("latency", "speed", "mlruns", "claims")
+    measured = ("latency", "speed", "mlruns", "claims", "index.html")
     return {path: value for path, value in outs.items() if not any(word in path for word in measured)}
 
 
@@ -131,6 +132,18 @@ def test_stress_starts_at_the_scores_and_holds_every_model_and_severity(miniatur
     levels = yaml.safe_load((miniature.folder / "params.yaml").read_text())["stress"]["touch"]["perturbations"]
     for perturbation, severities in levels.items():
         assert set(severities) <= set(touch[touch.perturbation == perturbation].severity), perturbation
+
+
+def test_the_page_holds_every_experiment_and_claim(miniature):
+    reports = miniature.folder / "reports"
+    page = unescape((reports / "index.html").read_text())
+    values = yaml.safe_load((miniature.folder / "params.yaml").read_text())
+    for experiment in values["experiments"]:
+        section = page.split(f'<section id="{experiment}">')[1].split("</section>")[0]
+        assert ("Not run:" in section) == experiment.endswith("_recorded")
+        assert ('class="chart"' in section) != experiment.endswith("_recorded")
+    for claim in pd.read_csv(reports / "claims.csv")["claim"]:
+        assert claim in page
 
 
 def test_latency_holds_every_model_and_batch(miniature):

@@ -1,0 +1,364 @@
+"""The reviewer's page: what is on it, without a browser and in a real one."""
+
+import json
+import re
+import shutil
+import struct
+import zlib
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import browser
+import pandas as pd
+import pytest
+import yaml
+
+from pipeline import hypertext, page, page_charts, paths
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parent.parent
+ABSENT = "glove_recorded"
+EVIL = '<script>alert("x")</script> & <b>'
+CLAIMS = [
+    # claim, paper, data, published, ours, low, high, verdict, reason, printed, unit
+    ("LoMP is below the others.", "lomp", "simulated", 4.5, 2.2, 2.1, 2.3, "reproduced", "", 0, "kPa"),
+    ("Linear has 8.68 kPa.", "lomp", "simulated", 8.68, 12.5, 12.0, 13.0, "not reproduced", "contradicted", 1, "kPa"),
+    ("It has 50 weights.", "latent", "recorded", 50, 11450, None, None, "reproduced", "", 1, "count"),
+    (EVIL, "latent", "simulated", None, None, None, None, "not testable", f"because {EVIL}", 0, "mm"),
+    ("Attention helps.", "sp_resnet", "simulated", 0.5, -3.0, -9, 3, "not reproduced", "undecided: 0 is in it", 0, "%"),
+]
+
+
+def png(path: Path, width: int = 40, height: int = 30) -> None:
+    """A grey picture."""
+
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    body = zlib.compress((b"\0" + b"\x80" * width) * height)
+    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    start = b"\x89PNG\r\n\x1a\n"
+    path.write_bytes(start + chunk(b"IHDR", head) + chunk(b"IDAT", body) + chunk(b"IEND", b""))
+
+
+def speed_rows() -> pd.DataFrame:
+    """table2.csv of two panels and three models, of which one failed once in the second panel."""
+    rows = []
+    for panel in ("single", "double"):
+        for place, model in enumerate(("constant", "linear", "lomp")):
+            failed = int(panel == "double" and model == "lomp")
+            row = {"panel": panel, "model": model, "measure": "RMSE (kPa)", "error": 12.0 - 3 * place, "runs": 3}
+            row |= {"low": 11.5 - 3 * place, "high": 12.5 - 3 * place, "failed": failed, "batch": 1, "large_batch": 256}
+            row |= {"p50_ms": 0.01 * 8**place, "p95_ms": 0.02 * 8**place, "predictions_per_s": 1e6 / 8**place}
+            row |= {"train_s": 0.1 * 30**place, "params": 10**place, "macs": 10.0**place, "size_bytes": 600}
+            rows.append(row | {"speed_front": int(model != "linear"), "training_front": int(model != "linear")})
+    return pd.DataFrame(rows)
+
+
+def write_experiment(reports: Path, name: str) -> None:
+    accuracy, speed = reports / name / "accuracy", reports / name / "speed"
+    accuracy.mkdir(parents=True)
+    speed.mkdir()
+    if name == ABSENT:
+        for folder in (accuracy, speed):
+            (folder / "README.md").write_text(f"# {name}: not run\n\nThe recordings are not there.\n")
+        return
+    text = f"# {name.capitalize()}: results\n\nSee [table](table1.md), [speed](../speed/table2.md).\n\n## Findings\n\n"
+    text += f"- A finding of `{name}` with {EVIL}.\n\n## Figures\n\n- [map.png](map.png): maps of *{name}*\n"
+    (accuracy / "README.md").write_text(text)
+    table = "| Model | published (mm) | ours (mm) |\n| --- | --: | --: |\n| LoMP | 1.5 | 1.25 [1.00, 1.50] |\n"
+    table += "| CNN | - | 10.5 [9.00, 12.00] |\n| RNN | - | failed (1 of 3 runs) |\n| Tree | 2.5 | 2.5 |\n"
+    (accuracy / "table1.md").write_text(f"# Table of {name}\n\n{table}")
+    for file in ("map.png", "confusion.png"):
+        png(accuracy / file)
+    (speed / "table2.md").write_text("# Speed\n\nCharts: [time](tradeoff.png).\n\n" + table)
+    for file in ("tradeoff.png", "training.png"):
+        png(speed / file)
+    speed_rows().to_csv(speed / "table2.csv", index=False)
+
+
+def write_claims(reports: Path, rows: list) -> None:
+    columns = ["claim", "paper", "data", "published", "ours", "low", "high", "verdict", "reason", "printed", "unit"]
+    pd.DataFrame(rows, columns=columns).assign(section="IV", measured=0).to_csv(reports / "claims.csv", index=False)
+
+
+@pytest.fixture
+def reports(tmp_path, monkeypatch) -> Path:
+    """A small reports/ of all experiments, one of them not run, in a project that `pipeline.page` takes for its own."""
+    for part in ("params.yaml", "constraints.txt"):
+        shutil.copy(ROOT / part, tmp_path / part)
+    shutil.copytree(ROOT / "scales", tmp_path / "scales")
+    folder = tmp_path / "reports"
+    experiments = yaml.safe_load((ROOT / "params.yaml").read_text())["experiments"]
+    stability = folder / "stability"
+    stability.mkdir(parents=True)
+    told, failures = ["# Stability\n\nOf all. [Failures](failures.md).\n"], ["# Where they fail\n\nRule.\n"]
+    for name in experiments:
+        run = name != ABSENT
+        data = tmp_path / "data" / name
+        data.mkdir(parents=True)
+        (data / "ingest.json").write_text(json.dumps({"run": run, "reason": f"no recordings of {name}"}))
+        write_experiment(folder, name)
+        told.append(f"## {name}: " + ("all\n\n- `noise` is held.\n" if run else "not run\n"))
+        if run:
+            failures.append(f"## {name}: all\n\n| perturbation | LoMP |\n| --- | --: |\n| noise | 0.1 |\n")
+            png(stability / f"{name}_all.png")
+    (stability / "README.md").write_text("\n".join([*told, "## Training\n\n- 0 diverged.\n"]))
+    (stability / "failures.md").write_text("\n".join([*failures, "## Severities\n\n- `noise`: share of the span\n"]))
+    (stability / "training.md").write_text("# Trainings\n\n| model | runs |\n| --- | --: |\n| CNN | 3 |\n")
+    for name in page.CHAPTERS:
+        (folder / name).mkdir()
+        png(folder / name / "touch.png")
+        text = f"# {name}\n\n## Findings\n\nEnough. [Numbers](../{name}.csv)\n\n## Touch\n\n![Curves](touch.png)\n"
+        (folder / name / "README.md").write_text(text)
+    for name in ("latency", "stress", "rightsize", "physics"):
+        (folder / f"{name}.csv").write_text("experiment\n")
+    (folder / "scores.csv").write_text("experiment,protocol,condition,n\ntouch,press,single,1234\n")
+    (folder / "counts.csv").write_text("experiment,model,macs,params,verdict\nglove,cnn,1000,20,reproduced\n")
+    (folder / "claims.md").write_text("# Claims\n\nThe rules.\n\n## A\n\n### A: what was tried\n\n- It was tried.\n")
+    write_claims(folder, CLAIMS)
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "REPORTS", folder)
+    monkeypatch.setattr(paths, "PARAMS", tmp_path / "params.yaml")
+    monkeypatch.setattr(page.params.load, "__defaults__", (tmp_path / "params.yaml",))
+    return folder
+
+
+class Reader(HTMLParser):
+    """Collects references, ids, images and all text, and sees that every tag is closed."""
+
+    def __init__(self, html: str):
+        super().__init__()
+        self.open, self.references, self.ids, self.text, self.images = [], [], [], "", []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        if tag not in ("meta", "link", "img", "input", "br"):
+            self.open.append(tag)
+        self.references += [values[key] for key in ("href", "src") if key in values]
+        self.ids += [values["id"]] if "id" in values else []
+        self.images += [values] if tag == "img" else []
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag, f"</{tag}> closes what it did not open"
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag == "path":
+            self.open.pop()
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def test_every_file_link_and_claim_is_there(reports):
+    html = page.build()
+    found = Reader(html)
+    assert len(found.ids) == len(set(found.ids)) and not found.open
+    for target in found.references:
+        if target.startswith("#"):
+            assert target[1:] in found.ids, target
+        elif not target.startswith("data:"):
+            assert (reports / target).exists(), target
+    for claim, *_, verdict, reason, _, _ in CLAIMS:
+        assert claim in found.text and reason in found.text
+        assert verdict in found.text
+    pictures = {values["src"] for values in found.images}
+    shown = {path.relative_to(reports).as_posix() for path in reports.rglob("*.png")}
+    assert pictures == {name for name in shown if "/speed/" not in name}, "every figure once; speed is drawn as charts"
+    assert all(values["alt"] and int(values["width"]) == 40 for values in found.images)
+    assert not re.search(r"\d{4}-\d\d-\d\d|\d\d:\d\d", html), "no date and no time"
+
+
+def test_text_of_reports_is_escaped(reports):
+    html = page.build()
+    assert EVIL not in html and html.count("<script>") == 1
+    assert EVIL in Reader(html).text
+
+
+def test_an_experiment_that_was_not_run_says_so(reports):
+    section = page.build().split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
+    assert f"no recordings of {ABSENT}" in section and "<svg" not in section
+    shutil.rmtree(reports / "touch" / "speed")
+    with pytest.raises(InputError, match="reports/touch/speed"):
+        page.build()
+
+
+def test_a_missing_part_of_the_stability_report_is_an_error(reports):
+    text = (reports / "stability" / "README.md").read_text()
+    (reports / "stability" / "README.md").write_text(text.replace("## glove: all", "## glove_recorded: all"))
+    with pytest.raises(InputError, match="nothing about glove;"):
+        page.build()
+
+
+def test_a_link_to_nothing_is_an_error(reports):
+    with open(reports / "touch" / "accuracy" / "README.md", "a") as file:
+        file.write("\n[More](more.md)\n")
+    with pytest.raises(InputError, match="touch/accuracy/more.md"):
+        page.build()
+
+
+def test_the_page_follows_the_claims(reports):
+    before = page.build()
+    assert page.build() == before
+    write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:7], "not testable", "runs failed", 0, "kPa")])
+    after = page.build()
+    assert "<strong>2</strong> " + page.badge("reproduced") in before
+    assert "<strong>1</strong> " + page.badge("reproduced") in after and "runs failed" in after
+    write_claims(reports, [(*CLAIMS[0][:7], "proved", "", 0, "kPa")])
+    with pytest.raises(InputError, match="verdict 'proved' is unknown"):
+        page.build()
+
+
+def test_undecided_is_told_from_contradicted():
+    assert "undecided" in page.badge("not reproduced", "undecided: the interval includes 0")
+    assert "undecided" not in page.badge("not reproduced", "contradicted: A; undecided: B")
+    assert "undecided" not in page.badge("reproduced")
+
+
+def test_scale_and_versions_are_named(reports):
+    values = page.params.load()
+    assert page.scale_of(values) == "laptop"
+    values["touch"]["window"]["stride"] = 3
+    assert page.scale_of(values).startswith("none")
+    assert page.versions()["torch"] in (ROOT / "constraints.txt").read_text()
+    (paths.ROOT / "constraints.txt").write_text("torch==1\n")
+    with pytest.raises(InputError, match="numpy"):
+        page.versions()
+
+
+def test_dvc_watches_every_block_that_a_scale_sets():
+    watched = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["page"]["params"]
+    for scale in (ROOT / "scales").glob("*.yaml"):
+        assert {key.split(".")[0] for key in yaml.safe_load(scale.read_text())} <= set(watched)
+
+
+def test_markdown_links_hold_from_the_page(reports):
+    pages = hypertext.Pages(["touch/accuracy/table1.md"])
+    assert pages.link("touch/speed", "../accuracy/table1.md") == "#touch-accuracy-table1-md"
+    assert pages.link("touch/speed", "table2.csv") == "touch/speed/table2.csv"
+    assert pages.link("touch", "https://example.org/a") == "https://example.org/a"
+    html = pages.render("# A\n\n- [map.png](map.png): **all** maps\n\nEnd `a|b`", "touch/accuracy", 2, "x")
+    assert "<h3>A</h3>" in html and html.count("<figure>") == 1 and 'alt="all maps"' in html
+    assert html.index("</figure>") < html.index("<code>a|b</code>")
+    assert pages.rest("touch/accuracy", "", ["map.png", "confusion.png"]).count("<img") == 1
+
+
+def test_charts_place_every_model():
+    rows = speed_rows()
+    html = page_charts.charts(rows, "Touch")
+    assert html.count('<g class="point"') == 4 * 3 and html.count('class="failed"') == 2
+    own = rows[rows["panel"] == "single"]
+    drawn = page_charts.chart(own, "p50_ms", "Touch")
+    places = [(float(x), float(y)) for x, y in re.findall(r'class="interval" d="M([\d.]+) ([\d.]+)V', drawn)]
+    assert places == sorted(places), "slower to the right; smaller error further down"
+    assert all(0 < x < page_charts.WIDTH and 0 < y < page_charts.HEIGHT for x, y in places)
+    words = unescape(re.findall(r'aria-label="(LoMP[^"]*)"', drawn)[0])
+    assert "RMSE (kPa) 6.00 [5.50, 6.50]" in words and "on the front" in words
+    nothing = own.assign(failed=3, runs=0, error=float("nan"), low=float("nan"), high=float("nan"))
+    assert page_charts.chart(nothing, "train_s", "Touch").count('class="failed"') == 3
+    perfect = own.assign(error=0.0, low=0.0, high=0.0)
+    assert "nan" not in page_charts.chart(perfect, "p50_ms", "Touch").lower()
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "first", "last"),
+    [(0.004, 9000, 0.01, 1000), (3, 70, 5, 50), (62, 97, 70, 90), (93, 95, 93.1, 94.9)],
+)
+def test_ticks_are_round_and_inside(low, high, first, last):
+    found = page_charts.ticks(low, high)
+    assert (found[0], found[-1]) == (first, last) and len(found) >= 2
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory):
+    if browser.executable() is None:
+        pytest.skip("no Chromium here (Debian: apt-get install chromium; or CHROMIUM=/path/to/it)")
+    found = browser.Browser(tmp_path_factory.mktemp("profile"))
+    yield found
+    found.close()
+
+
+@pytest.fixture(params=["built", "committed"])
+def address(request, reports):
+    """A page of the small reports, and the one that lies in the checkout."""
+    if request.param == "built":
+        page.main()
+        return (reports / "index.html").as_uri()
+    committed = ROOT / "reports" / "index.html"
+    if not committed.exists():
+        pytest.skip("reports/index.html is not there yet: dvc repro")
+    return committed.as_uri()
+
+
+def test_browser_loads_everything_without_complaint(tab, address):
+    tab.width(1280)
+    tab.open(address)
+    tab.run("Promise.all([...document.images].map((one) => one.decode().catch(() => 0)))")
+    images = tab.run("[...document.images].map((one) => [one.src, one.complete && one.naturalWidth])")
+    assert images and all(width > 0 for _, width in images), [src for src, width in images if not width]
+    assert tab.problems == []
+    assert all(one.startswith(("file:", "data:")) for one in tab.requests), "nothing comes from a network"
+
+
+def test_browser_fits_a_telephone_and_paper(tab, address):
+    for width, media in ((360, "screen"), (1280, "screen"), (703, "print")):  # A4 less margins at 96 pixels an inch
+        tab.width(width, media)
+        tab.open(address)
+        tab.run("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+        assert tab.run("document.scrollingElement.scrollWidth") <= width, (width, media)
+    wide = "[...document.querySelectorAll('table')].filter((one) => one.getBoundingClientRect().right > innerWidth + 1)"
+    assert tab.run(f"{wide}.map((one) => one.textContent.slice(0, 80))") == []
+    assert tab.run("getComputedStyle(document.querySelector('.filters')).display") == "none"
+    tab.width(1280)
+
+
+def test_browser_sorts_and_filters_the_claims(tab, address):
+    tab.open(address)
+    table = "document.querySelector('#verdicts form + .scroll table')"
+    column = f"[...{table}.tBodies[0].rows].map((row) => row.cells[6].dataset.value)"
+    before = tab.run(column)
+    for direction in (1, -1):
+        tab.run(f"{table}.tHead.rows[0].cells[6].querySelector('button').click()")
+        values = [float(one) * direction for one in tab.run(column)]
+        known = [one for one in values if one == one]
+        assert known == sorted(known) and len(values) == len(before)
+        assert all(one != one for one in values[len(known) :]), "what has no number is last"
+    shown = f"[...{table}.tBodies[0].rows].filter((row) => row.getClientRects().length)"
+    select = "document.querySelector('select[name=verdict]')"
+    for verdict in page.VERDICTS:
+        change = f"{select}.value = '{verdict}'; {select}.dispatchEvent(new Event('input', {{bubbles: true}}))"
+        tab.run(change)
+        kept = tab.run(f"{shown}.map((row) => row.dataset.verdict)")
+        every = tab.run(f"[...{table}.tBodies[0].rows].map((row) => row.dataset.verdict)")
+        assert kept == [verdict] * every.count(verdict) and kept
+        assert tab.run("document.querySelector('output').textContent").startswith(f"{len(kept)} of {len(every)}")
+
+
+def test_browser_sorts_tables_of_reports_by_their_numbers(tab, reports):
+    page.main()
+    tab.open((reports / "index.html").as_uri())
+    table = "document.querySelector('#touch-accuracy-table1-md table')"
+    tab.run(f"{table}.tHead.rows[0].cells[2].querySelector('button').click()")
+    names = tab.run(f"[...{table}.tBodies[0].rows].map((row) => row.cells[0].textContent)")
+    assert names == ["LoMP", "Tree", "CNN", "RNN"], "as numbers, failures last"
+
+
+def test_browser_shows_a_models_row_by_focus(tab, address):
+    tab.open(address)
+    tab.run("document.querySelectorAll('.point')[1].focus()")
+    told = tab.run("document.querySelector('.readout').textContent")
+    assert told == tab.run("document.querySelectorAll('.point')[1].getAttribute('aria-label')") and "ms median" in told
+    assert tab.run("document.querySelectorAll('.chart.chosen').length") > 1
+
+
+def test_browser_opens_everything_on_paper(tab, address):
+    tab.open(address)
+    closed = "document.querySelectorAll('details:not([open])').length"
+    assert tab.run(closed) > 0
+    tab.run("dispatchEvent(new Event('beforeprint'))")
+    assert tab.run(closed) == 0
+    tab.run("dispatchEvent(new Event('afterprint'))")
+    assert tab.run(closed) > 0
