@@ -7,9 +7,25 @@ elements and some more, so that errors at two severities compare. Readings are n
 is the caller's, who knows it.
 """
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
+from pipeline import params
 from pipeline.errors import InputError
+
+
+def planned(
+    experiment: str, settings: Mapping, given: Mapping[str, list], readings: Sequence[str], scenes: Sequence[str]
+) -> dict[str, list]:
+    """Perturbation -> severities of params.yaml, rising; those of the scene only where the scene is simulated.
+
+    settings: the experiment's block. Recordings have no scene. Raises InputError for an unknown name.
+    """
+    known = (*readings, *(scenes if "simulate" in settings else ()))
+    params.check_known(given, known, f"stress.{experiment}.perturbations")
+    simulated = settings.get("source") == "simulated"
+    return {name: sorted(own) for name, own in given.items() if simulated or name not in scenes}
 
 
 def noise(readings: np.ndarray, severity: float, rng: np.random.Generator, *, span: float) -> np.ndarray:

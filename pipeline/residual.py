@@ -103,20 +103,23 @@ class Convolution3x3(nn.Conv2d):
         return nn.functional.linear(x.flatten(1), self.weight[:, :, 1, 1])[:, :, None, None]
 
 
-def separable_network(channels: int, classes: int, reduction: int | None = None) -> nn.Sequential:
-    """SP-ResNet (paper, figure 11a) from (n, channels, rows, cols) to (n, classes); without `reduction` no GCAM."""
+def separable_network(channels: int, classes: int, reduction: int | None = None, stem: int = 64) -> nn.Sequential:
+    """SP-ResNet (paper, figure 11a) from (n, channels, rows, cols) to (n, classes); without `reduction` no GCAM.
+
+    `stem`: channels of the first half, of which the second half has twice as many; 64 in the paper.
+    """
     return nn.Sequential(
-        nn.Conv2d(channels, 64, 3, padding=1, bias=False),
-        nn.BatchNorm2d(64),
+        nn.Conv2d(channels, stem, 3, padding=1, bias=False),
+        nn.BatchNorm2d(stem),
         nn.Hardswish(),
         nn.MaxPool2d(3, stride=2, padding=1),  # 32x32 to 16x16
-        SeparableBlock(64, 64, reduction=reduction),
-        SeparableBlock(64, 64, reduction=reduction),
-        SeparableBlock(64, 128, stride=2, reduction=reduction),  # to 8x8
-        SeparableBlock(128, 128, reduction=reduction),
+        SeparableBlock(stem, stem, reduction=reduction),
+        SeparableBlock(stem, stem, reduction=reduction),
+        SeparableBlock(stem, 2 * stem, stride=2, reduction=reduction),  # to 8x8
+        SeparableBlock(2 * stem, 2 * stem, reduction=reduction),
         nn.AdaptiveAvgPool2d(1),
         nn.Flatten(),
-        nn.Linear(128, classes),
+        nn.Linear(2 * stem, classes),
     )
 
 

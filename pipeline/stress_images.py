@@ -15,7 +15,7 @@ with its own range, cells and lines; by name:
 
 What an unseen session costs is not here: it is the difference between the experiment's splits.
 
-Cells that read the same in all training frames are not wired, or nothing reaches them; nothing of the above does.
+Cells that read 0 in all training frames are not wired; nothing of the above reaches them.
 Readings are rounded and clipped to what the device can print. A draw depends on the seed and the perturbation's name
 alone, so that all models see the same.
 """
@@ -56,7 +56,7 @@ class Area(NamedTuple):
     """What is known of one area of the sensor."""
 
     readings: np.ndarray  # (frames, cells) of the whole frames table
-    wired: np.ndarray  # (cells,) bool: varied in training
+    wired: np.ndarray  # (cells,) bool: reads something in training
     span: float
     rest: np.ndarray  # (cells,)
     lowest: float  # the device's range
@@ -83,7 +83,7 @@ def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
     torch.set_num_threads(1)
     values = params.load()
     settings, block = values[experiment], values["stress"][experiment]
-    plan = planned(experiment, settings, block["perturbations"])
+    plan = perturbations.planned(experiment, settings, block["perturbations"], READINGS, SCENES)
     written = results.Scores(experiment, settings)
     found = {}
     for split in dict.fromkeys(map(images.split_name, block["protocols"])):
@@ -109,17 +109,6 @@ def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
         for seed in block["seeds"]
         for row in found[protocol, seed]
     ]
-
-
-def planned(experiment: str, settings: Mapping, given: Mapping[str, list]) -> dict[str, list]:
-    """Perturbation -> severities, rising, without those that there are not: recordings have no other scene.
-
-    Raises InputError for an unknown name.
-    """
-    scenes = SCENES if "simulate" in settings else ()
-    params.check_known(given, (*READINGS, *scenes), f"stress.{experiment}.perturbations")
-    simulated = settings.get("source") == "simulated"
-    return {name: sorted(own) for name, own in given.items() if simulated or name not in SCENES}
 
 
 class Run:
@@ -163,7 +152,7 @@ def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
         own = readings[train]
         lowest, highest, lines = device(module, name)
         rest = np.percentile(own, LOW_PERCENTILE, axis=0)
-        areas[name] = Area(readings, np.ptp(own, axis=0) > 0, float(np.ptp(own)), rest, lowest, highest, lines)
+        areas[name] = Area(readings, own.any(axis=0), float(np.ptp(own)), rest, lowest, highest, lines)
     return Frames(table, chosen[part == "test"], areas)
 
 

@@ -45,7 +45,7 @@ from pipeline.seeding import generator
 
 AS_THEY_ARE = ("stuck", "lost_frames", "jitter")
 SCENES = ("rate", "speed", "specimen")
-KNOWN = ("noise", "gain_drift", "offset_drift", "dead", "half", *AS_THEY_ARE, "time", *SCENES)
+READINGS = ("noise", "gain_drift", "offset_drift", "dead", "half", *AS_THEY_ARE, "time")
 METRICS = ("error", "r2", "press_error")
 ROUNDING = 1e-4  # mm, and relative: other processors sum in another order
 LOOSE_V = 3.15  # what the board of the recorded sensors reads of a strand that has come loose
@@ -87,7 +87,7 @@ def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
     torch.set_num_threads(1)
     values = params.load()
     settings, block = values[experiment], values["stress"][experiment]
-    plan = planned(experiment, settings, block["perturbations"])
+    plan = perturbations.planned(experiment, settings, block["perturbations"], READINGS, SCENES)
     written, found = results.Scores(experiment, settings), []
     for protocol in block["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
@@ -104,16 +104,6 @@ def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
                     found += [(protocol, piece.condition, seed, name, severity, *row) for row in scores]
             report()
     return found
-
-
-def planned(experiment: str, settings: Mapping, given: Mapping[str, list]) -> dict[str, list]:
-    """Perturbation -> severities, rising, without those that there are not: own recordings have no other scene.
-
-    Raises InputError for an unknown name.
-    """
-    params.check_known(given, KNOWN, f"stress.{experiment}.perturbations")
-    simulated = settings.get("source") == "simulated"
-    return {name: sorted(own) for name, own in given.items() if simulated or name not in SCENES}
 
 
 def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> Run:

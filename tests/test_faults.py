@@ -212,11 +212,16 @@ def damaged(lines: list[bytes], damages, separator: bytes = b",", clock: int = 0
 
 # Logs, line by line.
 
+def array_of(rows: int, cols: int) -> dict:
+    """What the format of a touch array depends on, as params.yaml has it."""
+    return {"sensor": {"rows": rows, "cols": cols}, "ingest": {"highest_count": 1023}}
+
+
 FORMATS = {
-    "touch array": touch.array_format(25),
+    "touch array": touch.array_format(array_of(5, 5)),
     "touch load cell": touch.LOAD_CELL,
     "touch cnc": touch.CNC,
-    "strain daq": strain.DAQ,
+    "strain daq": strain.formats({"sensor": {"channels": 6}})["daq.log"],
     "strain robot": strain.ROBOT,
     "glove scanner": glove.FORMAT,
     "velostat taxel": velostat_recorded.VELOSTAT,
@@ -367,7 +372,7 @@ def spread(damages):
 def test_a_damaged_touch_recording_is_accounted_for(name, damages, two, tmp_path_factory):
     files = TOUCH_TWO if two else TOUCH
     name = name if two else name.replace("_2", "")
-    fmt = {"array": touch.array_format(6), "load_cell": touch.LOAD_CELL, "cnc": touch.CNC}[
+    fmt = {"array": touch.array_format(array_of(2, 3)), "load_cell": touch.LOAD_CELL, "cnc": touch.CNC}[
         name.split(".")[0].removesuffix("_2")
     ]
     content = damaged(files[name], spread(damages))
@@ -405,7 +410,7 @@ def test_a_damaged_strain_recording_is_accounted_for(name, damages, strain_recor
     content = damaged(files[name], spread(damages))
     folder = tmp_path_factory.mktemp("strain") / "task_1" / "run"
     folder.mkdir(parents=True)
-    for other in strain.FORMATS:
+    for other in strain.formats(settings):
         (folder / other).write_bytes(content if other == name else b"".join(files[other]))
     try:
         with in_time():
@@ -413,7 +418,7 @@ def test_a_damaged_strain_recording_is_accounted_for(name, damages, strain_recor
     except InputError as error:
         one_sentence(error)
     else:
-        accounted_for(found, name, content, strain.FORMATS[name].header.encode())
+        accounted_for(found, name, content, strain.formats(settings)[name].header.encode())
         finite(found[0].select(["t_s", "v", "y_mm"]))
 
 

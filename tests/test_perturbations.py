@@ -108,3 +108,16 @@ def test_jitter_stays_between_neighbours_in_time():
 def test_elements_that_cannot_fail_are_refused(name, severity):
     with pytest.raises(InputError, match="give a whole number"):
         perturbed(name, severity)
+
+
+def test_unknown_names_are_refused_and_recordings_have_no_scene():
+    def planned(settings, given):
+        return perturbations.planned("glove", settings, given, ("noise", "dead"), ("grip",))
+
+    with pytest.raises(InputError, match="stress.glove.perturbations: unknown key 'deads'; did you mean 'dead'"):
+        planned({"simulate": {}}, {"deads": [1]})
+    with pytest.raises(InputError, match="unknown key 'grip'"):
+        planned({}, {"grip": [1]})
+    given = {"grip": [1], "noise": [2, 1]}
+    assert planned({"simulate": {}, "source": "simulated"}, given) == {"grip": [1], "noise": [1, 2]}
+    assert planned({"simulate": {}, "source": "data/own"}, given) == {"noise": [1, 2]}

@@ -187,12 +187,3 @@ def test_a_changed_scene_changes_what_it_says(project):
     assert not np.array_equal(turned, pressure) and np.array_equal(same, strain)
     with pytest.raises(InputError, match="no change 'colour'"):
         counts("colour", 1)
-
-
-def test_unknown_perturbations_are_refused_and_recordings_have_no_scene():
-    with pytest.raises(InputError, match="unknown key 'deads'; did you mean 'dead'"):
-        stress_images.planned("glove", {"simulate": {}}, {"deads": [1]})
-    with pytest.raises(InputError, match="unknown key 'grip'"):
-        stress_images.planned("glove_recorded", {}, {"grip": [1]})
-    own = {"source": "data/own", "simulate": {}}
-    assert stress_images.planned("glove", own, {"grip": [1], "noise": [2, 1]}) == {"noise": [1, 2]}

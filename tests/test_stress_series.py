@@ -106,14 +106,6 @@ def test_a_failed_run_has_no_numbers_and_seeds_draw_anew():
     assert one == errors(first_channel, seed=0, stuck=[1])["stuck", 1] and one != other
 
 
-def test_unknown_perturbations_are_refused_and_own_recordings_have_no_scene():
-    with pytest.raises(InputError, match="unknown key 'noize'; did you mean 'noise'"):
-        stress_series.planned("strain", {}, {"noize": [1]})
-    given = {"noise": [2, 1], "speed": [1]}
-    assert stress_series.planned("strain", {"source": "simulated"}, given) == {"noise": [1, 2], "speed": [1]}
-    assert stress_series.planned("strain", {"source": "data/own"}, given) == {"noise": [1, 2]}
-
-
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
     """Logs, frames and dataset of strain at miniature scale, ridge and constant trained and scored; its settings."""

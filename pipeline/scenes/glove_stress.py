@@ -30,7 +30,7 @@ def session(settings: Mapping, name: str, recording: str, change: str, severity:
     frames = -(-scene["frames_per_object"] // scene["sessions"])
     hold, film = glove.held(frames, scene, generator(*names, "hold")), scene
     if change == "specimen":
-        effects = scene["effects"] | {"element_spread": True}
+        effects = scene["effects"] | ({"element_spread": True} if severity else {})
         film = scene | {"seed": scene["seed"] + round(severity), "effects": effects}
     elif change == "shift":
         hold = hold._replace(along=hold.along + severity)
