@@ -17,6 +17,7 @@ from pipeline import (
     figures,
     figures_glove,
     images,
+    pages_glove,
     paths,
     render,
     report_glove,
@@ -210,7 +211,7 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
     assert table.loc[("A", "pressure", "macro_precision"), "gain_low"] == pytest.approx(0.105 - half)
     readme = (target / "accuracy" / "README.md").read_text()
     assert "Of 45 runs trained in epochs, 0 stopped by patience, 45 reached" in readme
-    assert "frames at random as the paper seems to have split: ours " in readme and "published 89.22 %" in readme
+    assert "set on the validation part, frames at random: ours " in readme and "published 89.22 %" in readme
     assert "no file of it is named" in readme and "pipeline/models/lomp.py" not in readme
 
 
@@ -277,7 +278,7 @@ def test_a_missing_file_is_named(root, settings, monkeypatch, missing):
 
 def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settings, undrawn, monkeypatch):
     titles = []
-    monkeypatch.setattr(render, "GRASPED", "telephone")
+    monkeypatch.setattr(pages_glove, "GRASPED", "telephone")
     monkeypatch.setattr(figures_glove, "tactile_images", lambda *given: titles.append(given[-1]))
     write_glove(settings)
     run_render("glove", settings, monkeypatch)

@@ -110,7 +110,7 @@ def test_every_effect_changes_the_log_and_can_be_left_out(settings, effect):
     recordings, _ = glove.plan(settings)
     toys = [r for r in recordings if r.condition == "toy"]
     block = scene(settings)
-    block["faults"] = dict.fromkeys(block["faults"], 0.02)
+    block |= {"faults": dict.fromkeys(block["faults"], 0.02), "effects": dict.fromkeys(block["effects"], True)}
     off = block | {"effects": block["effects"] | {effect: False}}
     assert any(glove.logs_of(r, block) != glove.logs_of(r, off) for r in toys)
 
