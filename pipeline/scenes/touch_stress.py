@@ -63,7 +63,7 @@ def plan(
         recordings = pressed(condition, *pairs(changed, severity), scene, radius)
     read_out = scene
     if perturbation == "specimen":
-        effects = scene["effects"] | {"element_spread": True}
+        effects = scene["effects"] | ({"element_spread": True} if severity else {})
         read_out = scene | {"seed": scene["seed"] + int(severity), "effects": effects}
     return recordings, lambda recording: touch.logs_of(recording, read_out, sensor, radius, reset=False)
 
