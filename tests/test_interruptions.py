@@ -25,13 +25,18 @@ import importlib, json, os, resource, sys
 from pipeline.errors import run_stage
 import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
 for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
+    heard, said = os.pipe()  # a file's size is limited, a pipe's is not
     child = os.fork()
     if not child:
-        os.dup2(os.open(f"stderr{number}", os.O_WRONLY | os.O_CREAT), 2)
+        os.close(heard)
+        os.dup2(said, 2)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
         sys.argv = [stage, *arguments]
         run_stage(importlib.import_module(f"pipeline.{stage}").main)
         os._exit(0)
+    os.close(said)
+    with open(heard) as pipe, open(f"stderr{number}", "w") as file:
+        file.write(pipe.read())
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 STAGES = {

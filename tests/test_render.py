@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from pipeline import labels, paths, render, report_touch, results, tables
+from pipeline import labels, pages, paths, render, report_touch, results, tables
 from pipeline.differences import read_differences
 from pipeline.errors import InputError
 from pipeline.markdown import interval, number, table
@@ -418,10 +418,10 @@ def test_differences_are_collected(tmp_path):
 
 def test_render_needs_neither_torch_nor_scikit_learn():
     code = (
-        "import sys, pipeline.render\n"
+        "import sys, pipeline.render, pipeline.pages_glove, pipeline.pages_strain, pipeline.pages_touch\n"
         "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.fitting', 'pipeline.models'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
-    root = render.CODE.parent
+    root = pages.CODE.parent
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

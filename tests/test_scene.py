@@ -98,6 +98,7 @@ def test_every_switch_changes_the_log(settings, effect):
     recording = recordings(settings)[0]
     radius = settings["label"]["tip_radius_mm"]
     settings["simulate"]["faults"] |= {"torn": 0.02, "missing": 0.02}
+    settings["simulate"]["effects"] = dict.fromkeys(settings["simulate"]["effects"], True)
     on = touch.logs_of(recording, settings["simulate"], settings["sensor"], radius, reset=False)["array.log"][0]
     settings["simulate"]["effects"][effect] = False
     off = touch.logs_of(recording, settings["simulate"], settings["sensor"], radius, reset=False)["array.log"][0]

@@ -69,6 +69,7 @@ def test_logs_have_the_samples_asked_for_and_repeat(scene):
 @pytest.mark.parametrize("effect", ["relaxation", "asymmetry", "drift", "noise", "stick_slip", "jitter", "line_faults"])
 def test_every_effect_can_be_switched_off_and_changes_the_log(scene, effect):
     recording = strain.recordings(scene)[2]
+    scene["effects"] = dict.fromkeys(scene["effects"], True)
     off = copy.deepcopy(scene)
     off["effects"][effect] = False
     assert strain.logs_of(recording, off)["daq.log"] != strain.logs_of(recording, scene)["daq.log"]

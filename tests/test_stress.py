@@ -164,7 +164,7 @@ def test_perturbed_counts_stay_what_the_adc_can_print(trained, project):
     untouched = np.nansum(tables.matrix(data.rows["force_n"]), axis=1) < 0.5
     rest = np.median(data.x[train_part & untouched], axis=(0, 1))
     still = np.broadcast_to(rest, (3, 8, 25)).astype(np.float32)
-    assert np.array_equal(change(still, "gain_drift", 1.0, generator(0, "g")), still)  # no response, no change
+    assert np.array_equal(change(still, "gain_drift", 1.0, generator(0, "g")), np.rint(still))  # no response, no change
 
 
 @pytest.fixture
