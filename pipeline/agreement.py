@@ -1,0 +1,128 @@
+"""Stage: do this machine's scores agree with the committed ones? reports/agreement.md.
+
+The committed fingerprint has every score of the run that the reports were made by, and the digest of the settings it
+was made with. Networks are trained to other last digits by other processors, and from there apart; how far apart a
+number may be is measured by how far apart the seeds are.
+Usage: python -m pipeline.agreement           compare
+       python -m pipeline.agreement accept    take this machine's scores as the fingerprint
+"""
+
+import hashlib
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline import files, params, paths, results
+from pipeline.errors import InputError, run_stage
+from pipeline.markdown import table
+
+FINGERPRINT = Path(__file__).with_name("fingerprint.csv")
+GROUP = ["experiment", "protocol", "condition", "model", "metric"]
+KEY = [*GROUP, "seed"]
+COLUMNS = [*KEY, "value", "tolerance", "settings"]
+LEAST = 0.02  # of the value: three seeds can be closer together by chance than other digits may take them apart
+ROUNDING = 1e-6
+VERDICTS = ("to the bit", "to six digits", "within tolerance", "beyond", "only here", "only committed")
+LISTED = 20  # of the numbers beyond tolerance
+
+
+def fingerprint(scores: pd.DataFrame, settings: dict[str, str]) -> pd.DataFrame:
+    """COLUMNS for every score; settings: experiment -> digest.
+
+    The tolerance is the standard deviation over the seeds, at least LEAST of the value, in the score's own unit.
+    """
+    found = scores[[*KEY, "value"]].copy()
+    spread = scores.groupby(GROUP)["value"].transform("std").fillna(0.0)
+    found["tolerance"] = np.maximum(spread, LEAST * found["value"].abs())
+    found["settings"] = found["experiment"].map(settings)
+    return found
+
+
+def compare(committed: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
+    """KEY, `value`, `here`, `tolerance` and one of VERDICTS for every number of either table.
+
+    Two failed runs (NaN) agree; a failed one and a number do not.
+    """
+    merged = committed.merge(scores[[*KEY, "value"]].rename(columns={"value": "here"}), "outer", KEY, indicator=True)
+    both, off = merged["_merge"] == "both", (merged["here"] - merged["value"]).abs()
+    same = (merged["here"] == merged["value"]) | (merged["here"].isna() & merged["value"].isna())
+    rules = [
+        (merged["_merge"] == "right_only", "only here"),
+        (merged["_merge"] == "left_only", "only committed"),
+        (both & same, "to the bit"),
+        (both & (off <= ROUNDING * merged["value"].abs()), "to six digits"),
+        (both & (off <= merged["tolerance"]), "within tolerance"),
+    ]
+    merged["verdict"] = np.select([rule for rule, _ in rules], [name for _, name in rules], "beyond")
+    return merged
+
+
+def digests(values: dict) -> dict[str, str]:
+    """Experiment -> digest of its block of params.yaml, without what only times depend on."""
+    blocks = {
+        name: {key: own for key, own in values[name].items() if key != "latency"} for name in values["experiments"]
+    }
+    return {
+        name: hashlib.sha256(json.dumps(block, sort_keys=True).encode()).hexdigest()[:16]
+        for name, block in blocks.items()
+    }
+
+
+def report(committed: pd.DataFrame, scores: pd.DataFrame, settings: dict[str, str]) -> tuple[str, str]:
+    """agreement.md and its first sentence."""
+    rows, beyond, compared, elsewhere = [], [], [], []
+    for experiment, digest in settings.items():
+        own = committed[committed["experiment"] == experiment]
+        here = scores[scores["experiment"] == experiment]
+        if here.empty or own.empty:
+            elsewhere.append(f"{experiment}: no scores {'here' if here.empty else 'in the fingerprint'}.")
+            continue
+        if set(own["settings"]) != {digest}:
+            elsewhere.append(f"{experiment}: its settings in params.yaml are not those of the fingerprint.")
+            continue
+        found = compare(own, here)
+        counts = found["verdict"].value_counts()
+        rows.append([experiment, *(str(counts.get(name, 0)) for name in VERDICTS)])
+        beyond.append(found[~found["verdict"].isin(VERDICTS[:3])])
+        compared.append(found["verdict"])
+    verdicts = pd.concat(compared) if compared else pd.Series(dtype=str)
+    agree = int(verdicts.isin(VERDICTS[:3]).sum())
+    sentence = f"{agree} of {len(verdicts)} numbers agree, {(verdicts == VERDICTS[0]).sum()} of them to the bit."
+    lines = [
+        "# Agreement with the committed results\n",
+        f"{sentence} Tolerance: the standard deviation over the seeds, at least {100 * LEAST:.0f} % of the value.\n",
+        table(["experiment", *VERDICTS], rows),
+    ]
+    lines += [f"Not compared: {text}\n" for text in elsewhere]
+    wrong = pd.concat(beyond) if beyond else pd.DataFrame()
+    if len(wrong):
+        shown = wrong.head(LISTED)
+        lines.append(f"## Numbers that do not agree ({len(shown)} of {len(wrong)} shown)\n")
+        cells = [
+            [" ".join(str(row[name]) for name in KEY), *(f"{row[name]:.6g}" for name in ("value", "here", "tolerance"))]
+            for _, row in shown.iterrows()
+        ]
+        lines.append(table(["number", "committed", "here", "tolerance"], cells))
+    return "\n".join(lines), sentence
+
+
+def main() -> None:
+    """Compare, or accept."""
+    if sys.argv[1:] not in ([], ["accept"]):
+        raise InputError("usage: python -m pipeline.agreement [accept]")
+    scores = results.read_csv(paths.REPORTS / "scores.csv", [*KEY, "value"], "python -m pipeline.collect")
+    settings = digests(params.load())
+    if sys.argv[1:]:
+        files.write_table(FINGERPRINT, fingerprint(scores, settings), missing="nan")
+        return
+    committed = results.read_csv(FINGERPRINT, COLUMNS, "python -m pipeline.agreement accept")
+    text, sentence = report(committed, scores, settings)
+    files.write_text(paths.REPORTS / "agreement.md", text)
+    print(sentence)
+
+
+if __name__ == "__main__":
+    run_stage(main)
