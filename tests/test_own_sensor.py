@@ -240,6 +240,14 @@ def test_check_names_the_mistake(root, small, undrawn, mistake, tmp_path):
     assert "\n" not in first
 
 
+def test_ingest_says_that_check_knows_more(root, small):
+    folder, values = small
+    logs = changed(folder, root / "data" / "own" / "sensor", lambda lines: [line.replace(",", ";") for line in lines])
+    settings = values["touch"] | {"source": "data/own/sensor"}
+    with pytest.raises(InputError, match=rf"{logs}.* \(`python -m pipeline.check touch data/own/sensor` says more\)$"):
+        ingest.ingest("touch", settings)
+
+
 @pytest.mark.parametrize("name", ["load_cell.csv", "Load_Cell.txt", None])
 def test_check_says_what_lies_there_in_place_of_a_log(root, small, undrawn, name, tmp_path):
     folder, values = small
