@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import figures_check, labels, logs, params, paths, tables
+from pipeline import figures_check, labels, logs, mistakes, params, paths, tables
 from pipeline.errors import InputError, run_stage
 from pipeline.window import windows_of
 
@@ -27,6 +27,14 @@ LINES = 200  # of a log's start, from which the number of its columns is taken
 STEP = 1  # counts; an element that never changes by more is dead
 OUTSIDE = 0.02  # share of contacts that may lie beside the array
 SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # no scan and no serial line is outside of this
+TIMES = {  # unit wanted, whether too fast -> what is probably there
+    ("microseconds", True): " Multiply milliseconds by 1000",
+    ("microseconds", False): " Divide nanoseconds by 1000",
+    ("seconds", False): " Divide milliseconds by 1000",
+}
+LEAST_MM = 0.2  # an arm that moves less is given in metres
+MOST_KPA = 5000  # ten times what soft sensors are pressed with
+SMALL = 0.12  # share of the array's sides; contacts that stay within are given in centimetres, or in one place
 BETTER = 0.2  # more of the contacts explained by another order of the elements: that is the order
 
 
@@ -61,39 +69,48 @@ def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, logs.
         return {module.LOG: module.FORMAT}
     found = {"array.log": module.array_format(settings)}
     for device, fmt in (("load_cell", module.LOAD_CELL), ("cnc", module.CNC)):
-        found |= {path.name: fmt for path in sorted(folder.glob(f"{device}*.log"))}
+        found |= dict.fromkeys([f"{device}.log", *sorted(path.name for path in folder.glob(f"{device}_*.log"))], fmt)
     return found
 
 
 def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     """Read one recording; what cannot be used becomes a problem, not an exception."""
     read, problems = {}, []
-    for name, fmt in formats(experiment, folder, settings).items():
-        if (wrong := wrong_columns(experiment, folder / name, fmt, settings)) is not None:
-            problems.append(wrong)
+    expected = formats(experiment, folder, settings)
+    for name, fmt in expected.items():
+        path = folder / name
+        if not path.is_file():
+            problems.append(mistakes.missing(path, fmt, expected))
             continue
         try:
-            rows, rejects = logs.read_log(folder / name, fmt)
+            rows, rejects = logs.read_log(path, fmt)
         except InputError as error:
-            problems.append(str(error))
+            wrong = mistakes.unreadable(path, fmt) or wrong_columns(experiment, path, fmt, settings)
+            problems.append(wrong or str(error))
             continue
+        if rejects.num_rows > settings["ingest"]["max_reject_fraction"] * (rows.num_rows + rejects.num_rows):
+            if wrong := (
+                wrong_columns(experiment, path, fmt, settings)
+                or mistakes.out_of_range(path, rejects.to_pylist(), fmt)
+                or mistakes.unreadable(path, fmt)
+            ):
+                problems.append(wrong)
+                continue
         time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
         report = tables.log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
         read[name] = Log(rows.append_column("time_s", pa.array(time)), rejects, report)
     frames, report = None, {}
     if not problems:
-        problems += conventions(folder, read)
+        problems += conventions(folder, read, settings)
         try:
             frames, _, report = params.experiment_module(experiment).read_recording(folder, settings)
         except InputError as error:
-            problems.append(str(error))
+            problems += [*falls(folder, read, settings), f"{error}{lengths(read, settings)}"]
     return Checked(folder, read, frames, report, problems)
 
 
 def wrong_columns(experiment: str, path: Path, fmt: logs.Format, settings: Mapping) -> str | None:
     """The key to change where most lines of a log have another number of columns than params.yaml says."""
-    if not path.is_file():
-        return None  # read_log says so
     with path.open("rb") as file:
         counts = Counter(line.count(b",") for line, _ in zip(file, range(LINES), strict=False) if b"," in line)
     values = max(counts, key=counts.get) if counts else 0
@@ -116,20 +133,64 @@ def wrong_columns(experiment: str, path: Path, fmt: logs.Format, settings: Mappi
     return f"{path}: {values + 1} columns a line; expected {expected + 1}: {header}"
 
 
-def conventions(folder: Path, read: Mapping[str, Log]) -> Iterator[str]:
-    """What logs get wrong and still parse: the unit of time, and (touch) the signs of force and depth."""
+def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
+    """What logs get wrong and still parse: units of time, force and place, and which way is up."""
     for name, log in read.items():
-        rate = log.report["rate_hz"]
+        path, rate = folder / name, log.report["rate_hz"]
         if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
             unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
-            yield f"{folder / name}: {rate:g} lines a second; is the first column the time in {unit}?"
+            advice = TIMES.get((unit, rate > FASTEST_HZ), "")
+            yield f"{path}: {rate:g} lines a second; is the first column the time in {unit}?{advice}"
         if "fz_n" in log.rows.column_names:
             force = log.rows["fz_n"].to_numpy()
-            rest, low, high = np.median(force), *np.percentile(force, [0.5, 99.5])
-            if rest - low > high - rest:
-                yield f"{folder / name}: pressing makes fz_n negative; write it positive"
-        if re.fullmatch(r"cnc\.log", name) and not (log.rows["z_mm"].to_numpy() < 0).any():
-            yield f"{folder / name}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
+            low, rest, high = np.percentile(force, [0.5, 10, 99.5])
+            threshold = settings["window"]["contact_threshold_n"]
+            if -low > high:
+                yield f"{path}: pressing makes fz_n negative; write it positive"
+            elif rest > threshold:
+                yield (
+                    f"{path}: fz_n rests at {rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
+                    "that presses never end; subtract what the load cell shows at rest"
+                )
+        if name == "cnc.log" and not (log.rows["z_mm"].to_numpy() < 0).any():
+            yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
+        if name == "robot.log":
+            moves = max(np.ptp(log.rows[axis].to_numpy()) for axis in ("x_mm", "y_mm", "z_mm"))
+            if moves < LEAST_MM:
+                yield f"{path}: the arm moves by no more than {moves:g} mm; write x_mm, y_mm and z_mm in millimetres"
+
+
+def falls(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
+    """Do the counts of a touch array fall when pressed? They vary least at rest, which should be their lowest level.
+
+    Asked only where the logs cannot be aligned: those of an array that saturates vary least when pressed.
+    """
+    if not {"array.log", "load_cell.log"} <= set(read):
+        return
+    array = read["array.log"].rows
+    total = np.sum([array[v].to_numpy().astype(float) for v in array.column_names if re.fullmatch(r"v\d+", v)], axis=0)
+    force = read["load_cell.log"].rows["fz_n"].to_numpy()
+    rest = min(float(np.mean(force <= settings["window"]["contact_threshold_n"])), 0.5)  # share of the time
+    lowest = np.ptp(np.percentile(total, [10 * rest, 90 * rest]))
+    highest = np.ptp(np.percentile(total, [100 - 90 * rest, 100 - 10 * rest]))
+    if 2 * highest < lowest:
+        yield (
+            f"{folder / 'array.log'}: the counts seem to fall when pressed; write "
+            f"{settings['ingest']['highest_count']} minus the count, which rises"
+        )
+
+
+def lengths(read: Mapping[str, Log], settings: Mapping) -> str:
+    """How long each log lasts, where they differ by more than the devices may start apart; else nothing."""
+    lasts = {}
+    for name, log in read.items():
+        interval = np.diff(log.rows["time_s"].to_numpy())
+        lasts[name] = interval[interval > 0].sum()
+    apart = settings["ingest"].get("max_clock_offset_s", np.inf)
+    if not lasts or max(lasts.values()) - min(lasts.values()) <= apart:
+        return ""
+    said = ", ".join(f"{name} lasts {seconds:.0f} s" for name, seconds in lasts.items())
+    return f" ({said}; the logs of a recording start within {apart:g} s of each other)"
 
 
 def understood(experiment: str, one: Checked) -> Iterator[str]:
@@ -203,16 +264,33 @@ def touch_found(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tuple
     contact = np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"]
     if not contact.any():
         threshold = settings["window"]["contact_threshold_n"]
-        return said, [*problems, f"no force above {threshold:g} N; lower touch.window.contact_threshold_n"]
+        return said, [
+            *problems,
+            f"no force above {threshold:g} N (the highest is {np.nanmax(force):.2g} N): write fz_n in newtons, "
+            "or lower touch.window.contact_threshold_n",
+        ]
     sensor = settings["sensor"]
     size = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
     highest = float(np.nanmax(force))
+    kpa = float(labels.pressure_kpa(highest, settings["label"]["tip_radius_mm"]))
+    if kpa > MOST_KPA:
+        problems.append(
+            f"force up to {highest:.0f} N, {kpa:.0f} kPa under the tip (touch.label.tip_radius_mm "
+            f"{settings['label']['tip_radius_mm']:g}): write fz_n in newtons (grams times 0.00981), or mend the radius"
+        )
     said.append(
-        f"force up to {highest:.1f} N ({labels.pressure_kpa(highest, settings['label']['tip_radius_mm']):.0f} kPa), "
+        f"force up to {highest:.1f} N ({kpa:.0f} kPa), "
         f"x {np.nanmin(x[contact]):.1f} to {np.nanmax(x[contact]):.1f} mm, "
         f"y {np.nanmin(y[contact]):.1f} to {np.nanmax(y[contact]):.1f} mm; the array is {size[0]:g} x {size[1]:g} mm"
     )
     touching = force > settings["window"]["contact_threshold_n"]
+    within = np.ptp(x[touching]), np.ptp(y[touching])
+    if within[0] < SMALL * size[0] and within[1] < SMALL * size[1]:
+        return said, [
+            *problems,
+            f"all contacts are within {within[0]:.2g} x {within[1]:.2g} mm of an array of {size[0]:g} x {size[1]:g}: "
+            "write x_mm and y_mm in millimetres, or press in other places too",
+        ]
     outside = touching & ((x < 0) | (x > size[0]) | (y < 0) | (y > size[1]))
     if outside.sum() > OUTSIDE * touching.sum():
         problems.append(

@@ -1,20 +1,51 @@
-"""Download a named source, or copy it from a local folder: `python -m pipeline.fetch velostat_recorded`.
+"""Public recordings: `python -m pipeline.fetch` lists the sources, `python -m pipeline.fetch NAME` gets one.
 
-Every file is checked against its SHA-256 before it gets its name, and files that are already right are
-left alone, so an interrupted call is simply repeated.
+Every file is checked against its SHA-256 before it gets its name. An interrupted call is simply repeated: files that
+are right are left alone, and the one that was under way goes on where it stopped.
 """
 
 import argparse
 import http.client
-import sys
+import shutil
 from pathlib import Path
-from urllib.request import urlopen
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+from tqdm import tqdm
 
 from pipeline import sources
-from pipeline.errors import InputError, run_stage
+from pipeline.errors import InputError, run_stage, storage_error
 
 TIMEOUT_S = 60
+BLOCK = 1 << 16  # bytes between two moves of the bar
 LARGEST_FILE = 256 << 20  # bytes; the largest recording has 4 MB
+SIZES = {"velostat_recorded": 16_927_854, "strain_recorded": 5_867_681, "glove_recorded": 5_093_550}  # bytes
+
+
+def state(name: str) -> str:
+    """How much of a source is there: absent, partly (how many files are right), or complete."""
+    listed, target = sources.files(name), sources.folder(name)
+    there = [path for path in listed if (target / path).is_file()]
+    right = sum(sources.sha256(target / path) == listed[path] for path in there)
+    if right == len(listed):
+        return "complete"
+    wrong = f", {len(there) - right} wrong" if right < len(there) else ""
+    return f"partly: {right} of {len(listed)} files{wrong}" if there else "absent"
+
+
+def listing() -> str:
+    """All sources with files, size, state, licence and address, as lines of text."""
+    rows = [("source", "files", "size", "state", "licence")]
+    for name, source in sources.SOURCES.items():
+        size = f"{SIZES[name] / 1e6:.1f} MB"
+        rows.append((name, str(len(sources.files(name))), size, state(name), source.licence))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines += ["", "from, at pinned commits:"]
+    for name, source in sources.SOURCES.items():
+        lines.append(f"  {name}: https://github.com/{source.repository}/tree/{source.commit}/{source.folder}")
+    lines += ["", "get one: python -m pipeline.fetch NAME; from a local copy of it: --from FOLDER behind the name"]
+    return "\n".join(lines)
 
 
 def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
@@ -24,61 +55,92 @@ def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
     Returns how many files were written and how many were already right. Raises InputError if a file is
     missing, cannot be downloaded or is not the expected one; what was written before stays.
     """
-    target = sources.folder(name)
+    target, listed = sources.folder(name), sources.files(name)
     if from_folder is not None and not from_folder.is_dir():
         raise InputError(f"{from_folder}: no such folder; give the folder that holds the files of {name}")
     written = kept = 0
-    for path, digest in sources.files(name).items():
-        goal = target / path
-        if not goal.resolve().is_relative_to(target.resolve()):
-            raise InputError(f"{path}: leaves the folder {target}; mend pipeline/{name}.sha256")
-        if goal.is_file() and sources.sha256(goal) == digest:
-            kept += 1
-            continue
-        goal.parent.mkdir(parents=True, exist_ok=True)
-        part = goal.with_name(goal.name + ".part")
-        origin = sources.address(name, path) if from_folder is None else str(from_folder / path)
-        part.write_bytes(_download(origin) if from_folder is None else _read(from_folder / path, from_folder, name))
-        found = sources.sha256(part)
-        if found != digest:
-            part.unlink()
-            raise InputError(
-                f"{origin}: SHA-256 is {found}, expected {digest}; get the file of the pinned commit"
-            )
-        part.replace(goal)
-        written += 1
-        print(f"{name}: {path}", file=sys.stderr)
+    with tqdm(total=SIZES[name], desc=name, unit="B", unit_scale=True) as bar:
+        for path, digest in listed.items():
+            goal = target / path
+            if not goal.resolve().is_relative_to(target.resolve()):
+                raise InputError(f"{path}: leaves the folder {target}; mend pipeline/{name}.sha256")
+            bar.set_postfix_str(f"file {written + kept + 1} of {len(listed)}", refresh=False)
+            if goal.is_file() and sources.sha256(goal) == digest:
+                kept += 1
+                bar.update(goal.stat().st_size)
+                continue
+            goal.parent.mkdir(parents=True, exist_ok=True)
+            part = goal.with_name(goal.name + ".part")
+            if from_folder is None:
+                origin, resumed = sources.address(name, path), part.is_file()
+                _download(origin, part, bar)
+                if resumed and sources.sha256(part) != digest:  # what was there was not the start of this file
+                    part.unlink()
+                    _download(origin, part, bar)
+            else:
+                origin = _found(from_folder / path, from_folder, name)
+                shutil.copyfile(origin, part)
+                bar.update(part.stat().st_size)
+            found = sources.sha256(part)
+            if found != digest:
+                part.unlink()
+                raise InputError(f"{origin}: SHA-256 is {found}, expected {digest}; get the file of the pinned commit")
+            part.replace(goal)
+            written += 1
     return written, kept
 
 
-def _download(address: str) -> bytes:
+def _download(address: str, part: Path, bar: tqdm) -> None:
+    """The file at `address` into `part`, from where `part` ends. Raises InputError, and what came stays in `part`."""
+    have = part.stat().st_size if part.is_file() else 0
+    request = Request(address, headers={"Range": f"bytes={have}-"} if have else {})
+    advice = "repeat the command, which goes on from there, or use --from FOLDER"
     try:
-        with urlopen(address, timeout=TIMEOUT_S) as response:
-            content = response.read(LARGEST_FILE + 1)
+        with urlopen(request, timeout=TIMEOUT_S) as response:
+            goes_on = response.status == http.HTTPStatus.PARTIAL_CONTENT
+            have = have if goes_on else 0  # a server may send all of it again
+            wanted = have + (response.length or 0)
+            bar.update(have)
+            with part.open("ab" if goes_on else "wb") as file:
+                while block := response.read(BLOCK):
+                    have += file.write(block)
+                    bar.update(len(block))
+                    if have > LARGEST_FILE:
+                        break
+    except HTTPError as error:
+        if error.code == http.HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+            return  # nothing comes after what is there: its SHA-256 says whether it is the file
+        raise InputError(f"{address}: download failed ({error}); {advice}") from error
     except (OSError, http.client.HTTPException) as error:
-        raise InputError(f"{address}: download failed ({error}); retry, or use --from FOLDER") from error
-    if len(content) > LARGEST_FILE:
+        if storage_error(error) is not None:
+            raise
+        raise InputError(f"{address}: download failed ({error}); {advice}") from error
+    if have > LARGEST_FILE:
+        part.unlink()
         raise InputError(f"{address}: more than {LARGEST_FILE} bytes; this is not the recording, use --from FOLDER")
-    return content
+    if have < wanted:
+        raise InputError(f"{address}: the connection ended after {have} of {wanted} bytes; {advice}")
 
 
-def _read(path: Path, folder: Path, name: str) -> bytes:
-    for candidate in (path, folder / path.name):  # laid out like the source, or all in one folder
+def _found(path: Path, folder: Path, name: str) -> Path:
+    """`path`, or the file of its name in `folder`: laid out like the source, or all in one folder."""
+    for candidate in (path, folder / path.name):
         if candidate.is_file():
-            return candidate.read_bytes()
+            return candidate
     raise InputError(f"{path}: not found; --from needs a folder with every file of {name}")
 
 
 def main() -> None:
-    """Command line: a source's name and, instead of the download, a local folder."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline.fetch", description="Get a named public source."
-    )
-    parser.add_argument("name", help=f"one of: {', '.join(sorted(sources.SOURCES))}")
-    parser.add_argument(
-        "--from", dest="from_folder", type=Path, metavar="FOLDER", help="copy, do not download"
-    )
+    """Command line: nothing, for the list; or a source's name and, instead of the download, a local folder."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.fetch", description="List or get public recordings.")
+    parser.add_argument("name", nargs="?", help=f"one of: {', '.join(sorted(sources.SOURCES))}; without it, the list")
+    parser.add_argument("--from", dest="from_folder", type=Path, metavar="FOLDER", help="copy, do not download")
     arguments = parser.parse_args()
+    if arguments.name is None:
+        if arguments.from_folder is not None:
+            raise InputError(f"--from: name the source too, one of {', '.join(sources.SOURCES)}")
+        print(listing())
+        return
     written, kept = fetch(arguments.name, arguments.from_folder)
     print(f"{arguments.name}: {written} files written, {kept} already there, all SHA-256 right")
     print(f"licence: {sources.source(arguments.name).licence}")

@@ -39,7 +39,13 @@ def ingest(experiment: str, settings: dict) -> None:
             raise InputError(
                 f"params.yaml, {experiment}.source: there is no folder {settings['source']}; name one or `simulated`"
             )
-    _ingest(experiment, module.recordings(folder), schema, module.read_recording, settings)
+    try:
+        _ingest(experiment, module.recordings(folder), schema, module.read_recording, settings)
+    except InputError as error:
+        if settings.get("source", "simulated") == "simulated":
+            raise
+        more = f"`python -m pipeline.check {experiment} {settings['source']}` says more"
+        raise InputError(f"{error} ({more})") from error
 
 
 def _ingest(

@@ -5,6 +5,9 @@
 20 kills take about as long as four runs of the miniature. A kill is SIGKILL, to DVC with all that it started (as when
 the power fails) or to DVC alone (as when memory is short). After each one, everything that dvc.lock records must have
 the hash that it has in a quiet run; at the end, everything must, and MLflow must hold every run once.
+
+DVC does not write dvc.lock at once: a kill in that moment leaves a part of it, which the next `dvc repro` refuses. What
+README.md says for this case is done then (delete dvc.lock: what was made comes from DVC's cache), and said.
 """
 
 import os
@@ -17,6 +20,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import yaml
 from conftest import Project, run_miniature
 from test_pipeline import lock, mlflow_runs
 
@@ -53,10 +57,22 @@ def kill(process: subprocess.Popen, alone: bool) -> None:
         time.sleep(0.1)
 
 
+def cut_short(project: Project) -> bool:
+    """Is dvc.lock only a part of itself, as a kill leaves it that comes while DVC writes it?"""
+    path = project.folder / "dvc.lock"
+    if not path.exists():
+        return False
+    try:
+        stages = yaml.safe_load(path.read_text())["stages"]
+        return not all(len(out["md5"]) >= 32 for stage in stages.values() for out in stage["outs"])
+    except (yaml.YAMLError, KeyError, TypeError, AttributeError):
+        return True
+
+
 def compare(project: Project, wanted: dict) -> int:
     """The number of outputs in dvc.lock; an AssertionError if one is not as in the quiet run."""
     found = lock(project) if (project.folder / "dvc.lock").exists() else {}
-    wrong = sorted(path for path, value in found.items() if wanted[path] != value)
+    wrong = sorted(path for path, value in found.items() if wanted.get(path) != value)
     assert not wrong, f"not as in a quiet run: {', '.join(wrong)}"
     return len(found)
 
@@ -75,10 +91,14 @@ def disturb(project: Project, kills: int, seconds: float, rng: random.Random, wa
             kill(process, alone)
         done += 1
         stages = re.findall(r"Running stage '(\S+)'", log.read_text())
+        cut = cut_short(project)
+        if cut:
+            (project.folder / "dvc.lock").unlink()
         recorded = compare(project, wanted)
+        found = "dvc.lock was cut short" if cut else f"{recorded} of {len(wanted)} outputs recorded, all the same"
         print(
             f"kill {first + done}: {'dvc alone' if alone else 'whole group'}, {wait:.1f} s after the start, "
-            f"in {stages[-1] if stages else 'no stage'}; {recorded} of {len(wanted)} outputs recorded, all the same",
+            f"in {stages[-1] if stages else 'no stage'}; {found}",
             flush=True,
         )
     project.dvc("repro")

@@ -1,9 +1,14 @@
 """Named sources: the pinned list, the copy from a folder, and the refusal of wrong files."""
 
+import errno
 import hashlib
-import io
+import os
 import re
-from urllib.error import URLError
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import quote, unquote
 
 import pytest
 
@@ -48,9 +53,7 @@ def test_copy_from_folder_then_nothing_left_to_do(small):
     assert not sources.is_complete("velostat_recorded")
     assert fetch.fetch("velostat_recorded", small) == (2, 0)
     assert sources.is_complete("velostat_recorded")
-    target = sources.folder("velostat_recorded")
-    got = {str(p.relative_to(target)): p.read_bytes() for p in target.rglob("*") if p.is_file()}
-    assert got == CONTENT  # nothing else, so no temporary file either
+    assert got() == CONTENT  # nothing else, so no temporary file either
     assert fetch.fetch("velostat_recorded", small) == (0, 2)
 
 
@@ -80,23 +83,157 @@ def test_missing_file_folder_and_name_are_one_sentence(small, tmp_path):
         fetch.fetch("velostat")
 
 
-def test_download_takes_the_public_address(small, monkeypatch):
-    asked = []
+class Server(ThreadingHTTPServer):
+    """CONTENT on loopback, like a public address; `asked`: path and Range of every request."""
 
-    def answer(address, timeout):
-        asked.append(address)
-        return io.BytesIO(CONTENT["a/one.txt" if address.endswith("a/one.txt") else "b/two words.txt"])
+    def __init__(self):
+        super().__init__(("127.0.0.1", 0), Handler)
+        self.asked, self.content = [], dict(CONTENT)
+        self.cut = None  # bytes after which a connection breaks
+        self.ranges = True  # whether a part of a file is sent when asked for
 
-    monkeypatch.setattr(fetch, "urlopen", answer)
+    def address(self, name: str, path: str) -> str:
+        return f"http://127.0.0.1:{self.server_port}/{quote(path)}"
+
+
+class Handler(BaseHTTPRequestHandler):
+    def do_GET(self):
+        path, span, server = unquote(self.path[1:]), self.headers["Range"], self.server
+        server.asked.append((path, span))
+        if path not in server.content:
+            self.send_error(404)
+            return
+        body, status = server.content[path], 200
+        if span and server.ranges:
+            first = int(span.removeprefix("bytes=").removesuffix("-"))
+            if first >= len(body):
+                self.send_error(416)
+                return
+            body, status = body[first:], 206
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body[: server.cut])
+
+    def log_message(self, *arguments):
+        """Says nothing."""
+
+
+@pytest.fixture
+def server(small, monkeypatch):
+    with Server() as server:
+        monkeypatch.setattr(sources, "address", server.address)
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def got() -> dict[str, bytes]:
+    """Every file that is in the source's folder."""
+    folder = sources.folder("velostat_recorded")
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_download(server):
     assert fetch.fetch("velostat_recorded") == (2, 0)
-    assert asked == [sources.address("velostat_recorded", path) for path in CONTENT]
-    assert " " not in asked[1]
+    assert server.asked == [("a/one.txt", None), ("b/two words.txt", None)]
+    assert got() == CONTENT and sources.is_complete("velostat_recorded")
+    assert fetch.fetch("velostat_recorded") == (0, 2) and len(server.asked) == 2
 
 
-def test_failed_download_is_one_sentence(small, monkeypatch):
-    def refuse(address, timeout):
-        raise URLError("no route")
-
-    monkeypatch.setattr(fetch, "urlopen", refuse)
-    with pytest.raises(InputError, match=r"one\.txt: download failed .* use --from FOLDER"):
+def test_a_broken_download_goes_on_in_the_middle_of_the_file(server):
+    server.cut = 3
+    with pytest.raises(InputError, match=r"one\.txt: the connection ended after 3 of 8 bytes; repeat the command"):
         fetch.fetch("velostat_recorded")
+    assert got() == {"a/one.txt.part": b"1.0"} and fetch.state("velostat_recorded") == "absent"
+    server.cut = None
+    assert fetch.fetch("velostat_recorded") == (2, 0)
+    assert server.asked[1] == ("a/one.txt", "bytes=3-") and got() == CONTENT
+
+
+@pytest.mark.parametrize("left", [b"1.0", b"other", b"1.0 2.0\n", b"1.0 2.0\nand more"])
+@pytest.mark.parametrize("ranges", [True, False])
+def test_whatever_an_interruption_left_ends_as_the_file(server, left, ranges):
+    part = sources.folder("velostat_recorded") / "a" / "one.txt.part"
+    part.parent.mkdir(parents=True)
+    part.write_bytes(left)
+    server.ranges = ranges
+    assert fetch.fetch("velostat_recorded") == (2, 0) and got() == CONTENT
+
+
+def test_a_wrong_file_from_the_public_address_is_refused(server):
+    server.content["b/two words.txt"] = b"3.0 5.0\n"
+    with pytest.raises(InputError, match=r"two%20words\.txt: SHA-256 is .* expected"):
+        fetch.fetch("velostat_recorded")
+    assert got() == {"a/one.txt": CONTENT["a/one.txt"]}
+    assert fetch.state("velostat_recorded") == "partly: 1 of 2 files"
+
+
+def test_a_file_without_end_is_refused(server, monkeypatch):
+    monkeypatch.setattr(fetch, "LARGEST_FILE", 5)
+    with pytest.raises(InputError, match="more than 5 bytes; this is not the recording"):
+        fetch.fetch("velostat_recorded")
+    assert got() == {}
+
+
+def test_failed_download_is_one_sentence(server, monkeypatch):
+    del server.content["a/one.txt"]
+    with pytest.raises(InputError, match=r"one\.txt: download failed \(HTTP Error 404.* use --from FOLDER"):
+        fetch.fetch("velostat_recorded")
+    monkeypatch.setattr(sources, "address", lambda name, path: "http://127.0.0.1:1/nobody")
+    with pytest.raises(InputError, match=r"nobody: download failed .*refused.* use --from FOLDER"):
+        fetch.fetch("velostat_recorded")
+
+
+def test_a_full_disk_is_no_failed_download(server, monkeypatch):
+    def full(path, *arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(type(sources.folder("velostat_recorded")), "open", full)
+    with pytest.raises(OSError, match="No space left"):
+        fetch.fetch("velostat_recorded")
+
+
+def test_the_list_has_size_licence_and_state(server, monkeypatch):
+    def line(name: str) -> str:
+        return next(line for line in fetch.listing().splitlines() if line.startswith(name))
+
+    assert set(fetch.SIZES) == set(sources.SOURCES)
+    assert re.search(r"2 +16\.9 MB +absent +none given", line("velostat_recorded"))
+    assert re.search(r"5\.1 MB +absent +GPL-3", line("glove_recorded"))
+    fetch.fetch("velostat_recorded")
+    assert re.search(r"16\.9 MB +complete +none given", line("velostat_recorded"))
+    (sources.folder("velostat_recorded") / "a" / "one.txt").write_bytes(b"damaged")
+    assert " partly: 1 of 2 files, 1 wrong " in line("velostat_recorded")
+    for source in sources.SOURCES.values():
+        assert f"github.com/{source.repository}/tree/{source.commit}" in fetch.listing()
+
+
+def test_progress_is_one_line_where_there_is_no_terminal(small, capsys):
+    fetch.fetch("velostat_recorded", small)
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1 and "velostat_recorded:" in said.err
+
+
+def test_command_line(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["fetch"])
+    fetch.main()
+    said = capsys.readouterr().out
+    assert said.startswith("source ") and all(name in said for name in sources.SOURCES) and "--from FOLDER" in said
+    monkeypatch.setattr(sys, "argv", ["fetch", "--from", "there"])
+    with pytest.raises(InputError, match="--from: name the source too"):
+        fetch.main()
+
+
+@pytest.mark.parametrize("name", sources.SOURCES)
+def test_size_is_that_of_the_recordings(name):
+    elsewhere = os.environ.get("TACTILE_RECORDINGS")
+    for folder in [sources.folder(name), *([Path(elsewhere) / name] if elsewhere else [])]:
+        if folder.is_dir() and any(path.name != "README.md" for path in folder.iterdir()):
+            found = [folder / path for path in sources.files(name)]
+            flat = [path if path.is_file() else folder / path.name for path in found]  # all in one folder
+            assert sum(path.stat().st_size for path in flat) == fetch.SIZES[name]
+            return
+    pytest.skip(f"recordings not here: run `python -m pipeline.fetch {name}` or set TACTILE_RECORDINGS")
