@@ -11,6 +11,7 @@ import os
 import platform
 import queue
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
@@ -25,6 +26,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import urlsplit
 
 from tqdm import tqdm
 
@@ -122,12 +124,15 @@ def _connected(address: str) -> Iterator:
         raise InputError(
             f"WORKERS={address}: a Dask cluster needs `pip install -c constraints.txt -e '.[cluster]'` first"
         ) from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it would print becomes one sentence below
+    place = urlsplit(address)
     try:
+        with socket.create_connection((place.hostname, place.port), CONNECT_S):  # Dask would try on and on
+            pass
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it prints is one sentence here and below
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, ValueError) as error:  # ValueError: no such port
         raise InputError(
-            f"WORKERS={address}: no Dask scheduler answers there ({error}); start it with `dask scheduler`"
+            f"WORKERS={address}: no Dask scheduler answers there ({error}); start one with `dask scheduler`"
         ) from error
     with client:
         yield client

@@ -19,7 +19,7 @@ from pipeline.parent import die_with_parent
 def count() -> int | str:
     """Number of local processes, or the address of a Dask scheduler: the variable WORKERS, else the cores."""
     given = os.environ.get("WORKERS", "")
-    if re.fullmatch(r"\w+://\S+:\d+", given):
+    if re.fullmatch(r"(tcp|tls)://\S+:\d+", given):
         return given
     if given and (not given.isdecimal() or int(given) < 1):
         raise InputError(
