@@ -94,9 +94,9 @@ def run(
             waiting[future] = number, key
         done_steps, last_seen = [0] * len(tasks), time.monotonic()
         while waiting:
-            time.sleep(0.1)
+            time.sleep(0.2)
             _advance(heard, job, done_steps, bar)
-            if client.scheduler_info()["workers"]:
+            if client.scheduler_info().get("workers"):
                 last_seen = time.monotonic()
             elif time.monotonic() - last_seen > NO_WORKER_S:
                 raise InputError(
@@ -128,7 +128,8 @@ def _connected(address: str) -> Iterator:
     try:
         with socket.create_connection((place.hostname, place.port), CONNECT_S):  # Dask would try on and on
             pass
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it prints is one sentence here and below
+        for name in ("distributed", "distributed.client"):  # what they print is one sentence here and below
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # ValueError: no such port
         raise InputError(
