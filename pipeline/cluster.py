@@ -144,8 +144,12 @@ def _mark() -> Iterator[Path]:
     """A new file in the project's folder, by which a worker can tell that it sees this very folder."""
     folder = paths.ROOT / "data"
     folder.mkdir(exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=folder, prefix="cluster-", suffix=".unfinished") as file:
-        yield Path(file.name)
+    handle, name = tempfile.mkstemp(dir=folder, prefix="cluster-", suffix=".unfinished")
+    os.close(handle)
+    try:
+        yield Path(name)
+    finally:
+        Path(name).unlink(missing_ok=True)
 
 
 def _advance(heard: queue.SimpleQueue, job: Job, done_steps: list[int | None], bar: tqdm) -> None:
@@ -197,7 +201,7 @@ def call(job: Job, number: int, task: Task):
             shutil.rmtree(task.folder, ignore_errors=True)  # of a worker that was lost while it wrote
         process = _process(job)
         try:
-            return _outcome(process, task, wanted, report)
+            return _outcome(process, job, task, wanted, report)
         except (EOFError, ConnectionError):
             code = process.popen.wait()
     raise InputError(
@@ -243,13 +247,14 @@ def _process(job: Job) -> Process:
     return last
 
 
-def _outcome(process: Process, task: Task, wanted: Callable[[], bool], report: Callable[[int, str], None]):
+def _outcome(process: Process, job: Job, task: Task, wanted: Callable[[], bool], report: Callable[[int, str], None]):
     """Have the process do the task; raises what the task raises, EOFError or ConnectionError if the process ends."""
     process.pipe.send((task.module, task.function, task.arguments))
     done = 0
     while True:
         while not process.pipe.poll(0.5):
             if not wanted():
+                Path(job.mark).unlink(missing_ok=True)  # of a stage that was killed
                 process.popen.kill()
                 raise RuntimeError("nobody waits for this task any more")
         kind, value = process.pipe.recv()
