@@ -252,11 +252,12 @@ def _outcome(process: Process, job: Job, task: Task, wanted: Callable[[], bool],
     process.pipe.send((task.module, task.function, task.arguments))
     done = 0
     while True:
-        while not process.pipe.poll(0.5):
-            if not wanted():
-                Path(job.mark).unlink(missing_ok=True)  # of a stage that was killed
-                process.popen.kill()
-                raise RuntimeError("nobody waits for this task any more")
+        if not wanted():
+            Path(job.mark).unlink(missing_ok=True)  # of a stage that was killed
+            process.popen.kill()
+            raise RuntimeError("nobody waits for this task any more")
+        if not process.pipe.poll(0.5):
+            continue
         kind, value = process.pipe.recv()
         if kind == "result":
             return value
@@ -281,6 +282,7 @@ def serve(handle: int) -> None:
                 called = getattr(importlib.import_module(module), function)
                 answer = "result", called(*arguments, lambda *numbers: pipe.send(("step", note(numbers))))
             except Exception as error:
-                error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
+                if not isinstance(error, InputError):
+                    error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
                 answer = "error", error
             pipe.send(answer)
