@@ -255,6 +255,7 @@ def _outcome(process: Process, job: Job, task: Task, wanted: Callable[[], bool],
         if not wanted():
             Path(job.mark).unlink(missing_ok=True)  # of a stage that was killed
             process.popen.kill()
+            process.popen.wait()
             raise RuntimeError("nobody waits for this task any more")
         if not process.pipe.poll(0.5):
             continue
