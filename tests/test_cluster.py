@@ -38,6 +38,7 @@ for stage, *model in ((simulate,), (ingest,), (dataset,), (train_series, "model_
 TASKS = """
 import os
 import signal
+import time
 from pipeline.errors import InputError, run_stage
 
 def square(number, report):
