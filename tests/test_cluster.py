@@ -19,8 +19,8 @@ from tqdm import tqdm
 from pipeline import cluster, paths, workers
 from pipeline.errors import InputError
 
-EPOCHS = 100  # a second or two
-RECIPE = {"learning_rate": 5e-3, "max_epochs": EPOCHS, "drop_epoch": 60, "drop": 0.2, "clip": 1.0, "streams": 1}
+EPOCHS = 200  # half a second
+RECIPE = {"learning_rate": 5e-3, "max_epochs": EPOCHS, "drop_epoch": 100, "drop": 0.2, "clip": 1.0, "streams": 1}
 SEEDS = [0, 1, 2]
 SETTINGS = {
     "strain.protocols.task_0.seeds": SEEDS,
