@@ -36,6 +36,7 @@ from pipeline.parent import die_with_parent
 
 CONNECT_S = 10
 NO_WORKER_S = 60  # without a single worker a stage waits this long: one that was lost may come back
+REPORT_S = 0.2  # between two reports of a task, which pass through the scheduler
 IDLE_S = 60  # a process that got no task for so long ends
 ATTEMPTS = 3  # at a task whose process is killed while its worker lives on
 TOPIC = "tactile-reproduction progress"
@@ -250,7 +251,7 @@ def _process(job: Job) -> Process:
 def _outcome(process: Process, job: Job, task: Task, wanted: Callable[[], bool], report: Callable[[int, str], None]):
     """Have the process do the task; raises what the task raises, EOFError or ConnectionError if the process ends."""
     process.pipe.send((task.module, task.function, task.arguments))
-    done = 0
+    done, reported = 0, 0.0
     while True:
         if not wanted():
             Path(job.mark).unlink(missing_ok=True)  # of a stage that was killed
@@ -265,7 +266,9 @@ def _outcome(process: Process, job: Job, task: Task, wanted: Callable[[], bool],
         if kind == "error":
             raise value
         done += 1
-        report(done, value)
+        if time.monotonic() - reported > REPORT_S:
+            report(done, value)
+            reported = time.monotonic()
 
 
 def serve(handle: int) -> None:

@@ -138,10 +138,9 @@ def start(project: Project, client, *command: str) -> subprocess.Popen:
 
 def two_under_way(heard) -> None:
     """Wait until both workers are in the middle of a task."""
-    reports = set()
-    while len(reports) < 2:
-        number, done = heard.get(timeout=300)
-        reports |= {number} if done > 1 else set()
+    numbers = set()
+    while len(numbers) < 2:
+        numbers.add(heard.get(timeout=300)[0])
 
 
 def worker_at(client, number: int) -> int:
@@ -169,10 +168,8 @@ def test_a_lost_worker_changes_no_byte(project, client, heard):
     local = files(models(project))
     shutil.rmtree(models(project))
     stage = start(project, client, "pipeline.train_series", "strain", "model_zero")
-    reports = [(None, 0)]
-    while reports[-1][1] < 2:
-        reports.append(heard.get(timeout=300))
-    number, _ = reports[-1]
+    reports = [heard.get(timeout=300)]
+    number, _ = reports[0]
     lost = worker_at(client, number)
     processes = children(lost)
     os.kill(lost, signal.SIGKILL)
