@@ -44,7 +44,8 @@ def train_all(
                 (protocol, seed): (experiment, model, protocol, seed, draft / f"{protocol}-{seed}")
                 for protocol, seed in runs
             }
-            for key, result in workers.run(train_run, tasks, bar, steps=epochs):
+            folders = {key: arguments[-1] for key, arguments in tasks.items()}
+            for key, result in workers.run(train_run, tasks, bar, steps=epochs, folders=folders):
                 seconds[key] = result
     files.write_csv(times, ["protocol", "seed", "train_s"], [(*run, seconds[run]) for run in runs])
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -1,10 +1,13 @@
-"""Independent tasks in parallel processes that die with the stage that started them."""
+"""Independent tasks in parallel processes: local ones that die with the stage that started them, or a cluster's."""
 
 import multiprocessing
 import os
 import queue
+import re
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from pathlib import Path
+from types import MappingProxyType
 
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
@@ -13,30 +16,45 @@ from pipeline.errors import InputError
 from pipeline.parent import die_with_parent
 
 
-def count() -> int:
-    """Number of worker processes: the variable WORKERS, or the cores this process may use."""
+def count() -> int | str:
+    """Number of local processes, or the address of a Dask scheduler: the variable WORKERS, else the cores."""
     given = os.environ.get("WORKERS", "")
-    if given and (not given.isdigit() or int(given) < 1):
-        raise InputError(f"WORKERS={given}: expected a whole number of 1 or more")
+    if re.fullmatch(r"(tcp|tls)://\S+:\d+", given):
+        return given
+    if given and (not given.isdecimal() or int(given) < 1):
+        raise InputError(
+            f"WORKERS={given}: expected a whole number of 1 or more, or a Dask scheduler's address (tcp://HOST:8786)"
+        )
     return int(given) if given else len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 
 
 def run(
-    function: Callable, tasks: Mapping[Hashable, tuple], bar: tqdm, steps: int = 1
+    function: Callable,
+    tasks: Mapping[Hashable, tuple],
+    bar: tqdm,
+    steps: int = 1,
+    folders: Mapping[Hashable, Path] = MappingProxyType({}),
 ) -> Iterator[tuple[Hashable, object]]:
     """Call `function(*arguments, report)` for every task in processes of one thread; yield (key, result).
 
     Results come as they finish. `bar` moves by one for every call of `report` in a task and, at a task's end,
     by what is left of its `steps` (early stopping). An InputError of a task is raised here. Where one process is
-    enough, it is this one: to start another takes 3 s.
+    enough, it is this one: to start another takes 3 s. `folders`: the new folder that a task makes, if it makes one;
+    a cluster removes what a lost worker left of it.
     """
-    if min(count(), len(tasks)) == 1:
+    processes = count()
+    if isinstance(processes, str):
+        from pipeline import cluster
+
+        yield from cluster.run(processes, function, tasks, bar, steps, folders)
+        return
+    if min(processes, len(tasks)) == 1:
         yield from _in_turn(function, tasks, bar, steps)
         return
     context = multiprocessing.get_context("spawn")
     with context.Manager() as manager:
         progress = manager.Queue()
-        with ProcessPoolExecutor(min(count(), len(tasks)), context, initializer=_start) as pool:
+        with ProcessPoolExecutor(min(processes, len(tasks)), context, initializer=_start) as pool:
             futures = {
                 pool.submit(_call, function, arguments, progress, number): (number, key)
                 for number, (key, arguments) in enumerate(tasks.items())
@@ -67,7 +85,7 @@ def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: int) -> Itera
             def report(*numbers) -> None:
                 nonlocal done
                 done += 1
-                bar.set_postfix_str(_note(numbers), refresh=False)
+                bar.set_postfix_str(note(numbers), refresh=False)
                 bar.update(1)
 
             result = function(*arguments, report)
@@ -75,7 +93,7 @@ def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: int) -> Itera
             yield key, result
 
 
-def _note(numbers: tuple) -> str:
+def note(numbers: tuple) -> str:
     """What the bar shows of `report(epoch, epochs, loss, ...)`."""
     return " ".join(f"{value:.4g}" for value in numbers[2:])
 
@@ -100,6 +118,6 @@ def _start() -> None:
 
 def _call(function: Callable, arguments: tuple, progress, number: int):
     def report(*numbers) -> None:
-        progress.put((number, _note(numbers)))
+        progress.put((number, note(numbers)))
 
     return function(*arguments, report)

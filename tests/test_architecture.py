@@ -16,7 +16,7 @@ STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize
 COMMANDS = {"fetch", "scale", "fit_material", "check", "record"}
 WINDOWING = {f"pipeline/{name}.py" for name in ("check", "physics", "stress_windows")}
 # Modules that find, check, start and write things but cannot change a number: DVC need not watch them.
-PLUMBING = {"availability", "errors", "files", "params", "parent", "paths", "runs", "schema", "workers"}
+PLUMBING = {"availability", "cluster", "errors", "files", "params", "parent", "paths", "runs", "schema", "workers"}
 PLUMBING = {f"pipeline/{name}.py" for name in PLUMBING}
 
 

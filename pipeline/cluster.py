@@ -1,0 +1,292 @@
+"""Independent tasks on a Dask cluster whose machines share the project's folder: the numbers are those of local cores.
+
+A Dask worker computes nothing itself: each of its threads hands its task to a process of one thread, as on local
+cores. The process is new in every stage, so that it runs today's code, ends with its worker, and is killed when nobody
+waits for its task any more.
+"""
+
+import importlib
+import logging
+import os
+import platform
+import queue
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import traceback
+import uuid
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import version
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+from tqdm import tqdm
+
+from pipeline import paths
+from pipeline.errors import InputError
+from pipeline.parent import die_with_parent
+
+CONNECT_S = 10
+NO_WORKER_S = 60  # without a single worker a stage waits this long: one that was lost may come back
+REPORT_S = 0.2  # between two reports of a task, which pass through the scheduler
+IDLE_S = 60  # a process that got no task for so long ends
+ATTEMPTS = 3  # at a task whose process is killed while its worker lives on
+TOPIC = "tactile-reproduction progress"
+NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # whose version may change a result
+SERVE = "import sys; from pipeline import cluster; cluster.serve(int(sys.argv[1]))"
+
+
+class Job(NamedTuple):
+    """What every task of one stage's run shares: `mark` is a file that exists in the project while the stage runs."""
+
+    name: str
+    root: str
+    mark: str
+    versions: dict[str, str]
+
+
+class Task(NamedTuple):
+    """`function` of `module`, called with `arguments`; `folder`: what it makes anew, None where it replaces files."""
+
+    module: str
+    function: str
+    arguments: tuple
+    folder: Path | None
+
+
+class Process(NamedTuple):
+    """A process of the worker, and the end of the pipe to it."""
+
+    job: str
+    popen: subprocess.Popen
+    pipe: Connection
+
+
+def run(
+    address: str,
+    function: Callable,
+    tasks: Mapping[Hashable, tuple],
+    bar: tqdm,
+    steps: int,
+    folders: Mapping[Hashable, Path],
+) -> Iterator[tuple[Hashable, object]]:
+    """As `workers.run`, on the cluster of the Dask scheduler at `address`; a task whose worker is lost starts again.
+
+    Raises InputError without the scheduler or any worker, for a worker that does not see the project's folder or has
+    other versions of what computes, and for a task whose workers are lost time and again.
+    """
+    module = sys.modules["__main__"].__spec__.name if function.__module__ == "__main__" else function.__module__
+    heard: queue.SimpleQueue = queue.SimpleQueue()
+    with _connected(address) as client, _mark() as mark:
+        job = Job(uuid.uuid4().hex, str(paths.ROOT), str(mark), versions())
+        client.subscribe_topic(TOPIC, lambda event: heard.put(event[1]))
+        waiting = {}
+        for number, (key, arguments) in enumerate(tasks.items()):
+            task = Task(module, function.__qualname__, arguments, folders.get(key))
+            future = client.submit(call, job, number, task, key=f"{job.name}-{number}", pure=False)
+            waiting[future] = number, key
+        done_steps, last_seen = [0] * len(tasks), time.monotonic()
+        while waiting:
+            time.sleep(0.2)
+            _advance(heard, job, done_steps, bar)
+            if client.scheduler_info().get("workers"):
+                last_seen = time.monotonic()
+            elif time.monotonic() - last_seen > NO_WORKER_S:
+                raise InputError(
+                    f"{address}: no worker for {NO_WORKER_S} s; start one with `dask worker {address}` "
+                    "and run the command again"
+                )
+            for future in [future for future in waiting if future.done()]:
+                number, key = waiting.pop(future)
+                result = _result(future, address, key)
+                bar.update(steps - done_steps[number])
+                done_steps[number] = None
+                yield key, result
+
+
+def versions() -> dict[str, str]:
+    """Python's version and those of the packages that compute."""
+    return {"python": platform.python_version()} | {name: version(name) for name in NUMBERS}
+
+
+@contextmanager
+def _connected(address: str) -> Iterator:
+    try:
+        from distributed import Client
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"WORKERS={address}: a Dask cluster needs `pip install -c constraints.txt -e '.[cluster]'` first"
+        ) from error
+    place = urlsplit(address)
+    try:
+        with socket.create_connection((place.hostname, place.port), CONNECT_S):  # Dask would try on and on
+            pass
+        for name in ("distributed", "distributed.client"):  # what they print is one sentence here and below
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        client = Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:  # ValueError: no such port
+        raise InputError(
+            f"WORKERS={address}: no Dask scheduler answers there ({error}); start one with `dask scheduler`"
+        ) from error
+    with client:
+        yield client
+
+
+@contextmanager
+def _mark() -> Iterator[Path]:
+    """A new file in the project's folder, by which a worker can tell that it sees this very folder."""
+    folder = paths.ROOT / "data"
+    folder.mkdir(exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=folder, prefix="cluster-", suffix=".unfinished")
+    os.close(handle)
+    try:
+        yield Path(name)
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def _advance(heard: queue.SimpleQueue, job: Job, done_steps: list[int | None], bar: tqdm) -> None:
+    """Move the bar to the steps that tasks have reported; back, where a task had to start again."""
+    while not heard.empty():
+        name, number, done, note = heard.get()
+        if name == job.name and done_steps[number] is not None:
+            bar.set_postfix_str(note, refresh=False)
+            bar.update(done - done_steps[number])
+            done_steps[number] = done
+
+
+def _result(future, address: str, key: Hashable):
+    from distributed import CancelledError, KilledWorker
+
+    try:
+        return future.result()
+    except KilledWorker as error:
+        raise InputError(
+            f"{key}: {error.allowed_failures + 1} workers in turn were lost over this task; look at the log of the "
+            "last one (too little memory?) and run the command again"
+        ) from error
+    except CancelledError as error:
+        raise InputError(f"{address}: the Dask scheduler is gone; start it and run the command again") from error
+
+
+# What follows runs on the cluster.
+
+_own = threading.local()  # .process: that of this thread of the worker
+
+
+def call(job: Job, number: int, task: Task):
+    """Run one task in this thread's process, in the worker's name; returns what the task returns."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    key = worker.get_current_task()
+    _check(job, worker.address)
+
+    def wanted() -> bool:
+        state = worker.state.tasks.get(key)
+        return state is not None and state.state == "executing"
+
+    def report(done: int, note: str) -> None:
+        worker.log_event(TOPIC, (job.name, number, done, note))
+
+    for _ in range(ATTEMPTS):
+        if task.folder is not None:
+            shutil.rmtree(task.folder, ignore_errors=True)  # of a worker that was lost while it wrote
+        process = _process(job)
+        try:
+            return _outcome(process, job, task, wanted, report)
+        except (EOFError, ConnectionError):
+            code = process.popen.wait()
+    raise InputError(
+        f"{worker.address}: the process of a task ended {ATTEMPTS} times without a result, at last with status {code} "
+        "(-9: killed, as when memory is short); look at the worker's log"
+    )
+
+
+def _check(job: Job, address: str) -> None:
+    if not Path(job.mark).is_file():
+        raise InputError(
+            f"worker {address} ({platform.node()}) does not see this project's folder {job.root}: every worker needs "
+            "it under that path (a shared file system)"
+        )
+    for name, found in versions().items():
+        if found != job.versions[name]:
+            raise InputError(
+                f"worker {address} ({platform.node()}) has {name} {found}, this machine {job.versions[name]}: results "
+                "would differ; install the same there (constraints.txt)"
+            )
+
+
+def _process(job: Job) -> Process:
+    """This thread's process, new where the last one was of another job or has ended."""
+    last = getattr(_own, "process", None)
+    if last is not None and (last.job != job.name or last.popen.poll() is not None):
+        last.pipe.close()
+        last.popen.kill()
+        last.popen.wait()
+        last = None
+    if last is None:
+        ours, theirs = Pipe()
+        single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        with theirs:
+            popen = subprocess.Popen(
+                [sys.executable, "-c", SERVE, str(theirs.fileno())],
+                cwd=job.root,
+                env=os.environ | single,
+                stdin=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+            )
+        last = _own.process = Process(job.name, popen, ours)
+    return last
+
+
+def _outcome(process: Process, job: Job, task: Task, wanted: Callable[[], bool], report: Callable[[int, str], None]):
+    """Have the process do the task; raises what the task raises, EOFError or ConnectionError if the process ends."""
+    process.pipe.send((task.module, task.function, task.arguments))
+    done, reported = 0, 0.0
+    while True:
+        if not wanted():
+            Path(job.mark).unlink(missing_ok=True)  # of a stage that was killed
+            process.popen.kill()
+            process.popen.wait()
+            raise RuntimeError("nobody waits for this task any more")
+        if not process.pipe.poll(0.5):
+            continue
+        kind, value = process.pipe.recv()
+        if kind == "result":
+            return value
+        if kind == "error":
+            raise value
+        done += 1
+        if time.monotonic() - reported > REPORT_S:
+            report(done, value)
+            reported = time.monotonic()
+
+
+def serve(handle: int) -> None:
+    """Do the tasks that come through the pipe with this handle, one after the other, until it closes."""
+    die_with_parent()
+    from pipeline.workers import note
+
+    with Connection(handle) as pipe:
+        while pipe.poll(IDLE_S):
+            try:
+                module, function, arguments = pipe.recv()
+            except EOFError:
+                return
+            try:
+                called = getattr(importlib.import_module(module), function)
+                answer = "result", called(*arguments, lambda *numbers: pipe.send(("step", note(numbers))))
+            except Exception as error:
+                if not isinstance(error, InputError):
+                    error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
+                answer = "error", error
+            pipe.send(answer)
