@@ -10,53 +10,49 @@ from pipeline.models.lomp import Lomp
 
 
 class SmallLomp:
-    """LoMP for one window at a time, its weights in `kind` (bfloat16: half the bytes that a frame streams).
+    """LoMP for one window at a time in numpy, float32: a product of a vector and a matrix an element and layer.
 
-    The gates and the candidate are one product an element; biases and states stay float32.
+    With one row, numpy's `matmul` calls BLAS's gemv for each element, which streams the weights 1.6 times as fast as
+    torch's `bmm`; bfloat16 weights gain nothing in torch (they are widened first). Gates and candidate are one product.
     """
 
-    def __init__(self, network: Lomp, kind: torch.dtype = torch.bfloat16):
-        self.network, self.kind, hidden = network, kind, network.hidden
-        with torch.no_grad():
-            state = torch.cat([network.gate_state, network.candidate_state], 2)
-            self.state, self.update, self.message = (
-                weight.to(kind).contiguous() for weight in (state, network.update, network.message)
-            )
-            self.readout = [weight.to(kind).contiguous() for weight in network.readout]
-            self.inputs = torch.cat([network.gate_input, network.candidate_input], 2)[:, 0]  # (elements, 3 hidden)
-            bias = torch.cat([network.gate_input_bias + network.gate_state_bias, network.candidate_input_bias], 2)
-            self.bias, self.v_bias = bias[:, 0], network.candidate_state_bias[:, 0]
-            self.update_bias = network.update_bias[:, 0]
-            self.readout_bias = [bias[:, 0] for bias in network.readout_bias]
-            self.sums = network.neighbours * network.alpha
-        self.drive = torch.empty(network.spec.frames, network.spec.elements, 3 * hidden)
+    def __init__(self, network: Lomp):
+        def array(tensor: torch.Tensor) -> np.ndarray:
+            return tensor.detach().numpy().copy()
 
-    def __call__(self, x: torch.Tensor) -> torch.Tensor:
-        """One window (1, frames, elements) to its map (1, outputs), both normalised."""
-        network, hidden, kind = self.network, self.network.hidden, self.kind
-        with torch.no_grad():
-            torch.addcmul(self.bias, x[0][:, :, None], self.inputs, out=self.drive)
-            h = None
-            for drive in self.drive.unbind(0):
-                if h is None:
-                    product, v = drive, self.v_bias
-                    rz = torch.sigmoid(drive[:, : 2 * hidden])
-                else:
-                    product = torch.bmm(h.to(kind)[:, None], self.state)[:, 0]
-                    rz = torch.sigmoid(drive[:, : 2 * hidden] + product[:, : 2 * hidden])
-                    v = self.v_bias + product[:, 2 * hidden :]
-                c = torch.addcmul(drive[:, 2 * hidden :], rz[:, :hidden], v).tanh_()
-                h1 = c - rz[:, hidden:] * c if h is None else torch.lerp(c, h, rz[:, hidden:])
-                sent = torch.relu(torch.mm(h1.to(kind), self.message) + network.message_bias)
-                q = torch.addmm(h1, self.sums, sent)
-                h = torch.relu(torch.bmm(q.to(kind)[:, None], self.update)[:, 0] + self.update_bias)
-            p = torch.cat([h, h1], 1)
-            for layer, (weight, bias) in enumerate(zip(self.readout, self.readout_bias, strict=True)):
-                p = torch.bmm(p.to(kind)[:, None], weight)[:, 0] + bias
-                if layer < len(self.readout) - 1:
-                    p = p.relu_()
-            blocks = p.view(network.spec.rows, network.spec.cols, *network.block)
-            return blocks.permute(0, 2, 1, 3).reshape(1, network.spec.outputs)
+        self.network = network
+        self.state = array(torch.cat([network.gate_state, network.candidate_state], 2))
+        self.update, self.message, self.message_bias = map(
+            array, (network.update, network.message, network.message_bias)
+        )
+        self.readout = [array(weight) for weight in network.readout]
+        self.readout_bias = [array(bias)[:, 0] for bias in network.readout_bias]
+        self.inputs = array(torch.cat([network.gate_input, network.candidate_input], 2))[:, 0]  # (elements, 3 hidden)
+        gate_bias = network.gate_input_bias + network.gate_state_bias
+        self.bias = array(torch.cat([gate_bias, network.candidate_input_bias], 2))[:, 0]
+        self.v_bias, self.update_bias = array(network.candidate_state_bias)[:, 0], array(network.update_bias)[:, 0]
+        self.sums = array(network.neighbours) * np.float32(network.alpha)
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """One window (frames, elements) to its map (outputs,), both normalised, float32."""
+        network, hidden = self.network, self.network.hidden
+        h = np.zeros_like(self.v_bias)
+        for frame in x:
+            drive = frame[:, None] * self.inputs + self.bias
+            product = np.matmul(h[:, None], self.state)[:, 0]
+            rz = 1 / (1 + np.exp(-(drive[:, : 2 * hidden] + product[:, : 2 * hidden])))
+            c = np.tanh(drive[:, 2 * hidden :] + rz[:, :hidden] * (product[:, 2 * hidden :] + self.v_bias))
+            h1 = c + rz[:, hidden:] * (h - c)
+            sent = np.maximum(h1 @ self.message + self.message_bias, 0)
+            q = h1 + self.sums @ sent
+            h = np.maximum(np.matmul(q[:, None], self.update)[:, 0] + self.update_bias, 0)
+        p = np.concatenate([h, h1], 1)
+        for layer, (weight, bias) in enumerate(zip(self.readout, self.readout_bias, strict=True)):
+            p = np.matmul(p[:, None], weight)[:, 0] + bias
+            if layer < len(self.readout) - 1:
+                p = np.maximum(p, 0)
+        blocks = p.reshape(network.spec.rows, network.spec.cols, *network.block)
+        return blocks.transpose(0, 2, 1, 3).reshape(network.spec.outputs)
 
 
 def chunked_step(network: torch.nn.Module, x: torch.Tensor, y: torch.Tensor, chunk: int):
