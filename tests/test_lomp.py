@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from torch import nn
+from benchmarks.peers import LoopedLomp
 
 from pipeline.errors import InputError
 from pipeline.fitting import Spec
@@ -15,75 +15,6 @@ TRAINING = dict(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, pla
 def network(spec, hidden=128, readout=(128, 64), neighbours=4, alpha=0.1):
     torch.manual_seed(0)
     return lomp.Lomp(spec, hidden, list(readout), neighbours, alpha)
-
-
-class Naive(nn.Module):
-    """Equations 2 to 6 with a GRUCell and a few Linear layers for every element, looped over."""
-
-    def __init__(self, stacked: lomp.Lomp):
-        super().__init__()
-        spec, hidden = stacked.spec, stacked.hidden
-        self.spec, self.hidden, self.alpha = spec, hidden, stacked.alpha
-        self.corners = stacked.neighbours[0].sum() > 2  # a corner has 2 neighbours, or 3 with its diagonal one
-        cells = range(spec.elements)
-        self.gru = nn.ModuleList(nn.GRUCell(1, hidden) for _ in cells)
-        self.u = nn.Linear(hidden, hidden)
-        self.p = nn.ModuleList(nn.Linear(hidden, hidden) for _ in cells)
-        widths = [2 * hidden, *[weight.shape[2] for weight in stacked.readout]]
-        self.f = nn.ModuleList(
-            nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True)) for _ in cells
-        )
-        # each tensor here, and where it comes from in the stacked network (weights transposed)
-        self.twins = [(self.u.weight, lambda s: s.message.T), (self.u.bias, lambda s: s.message_bias)]
-        for i in cells:
-            gru = self.gru[i]
-            self.twins += [
-                (gru.weight_ih, lambda s, i=i: torch.cat([s.gate_input[i], s.candidate_input[i]], 1).T),
-                (gru.weight_hh, lambda s, i=i: torch.cat([s.gate_state[i], s.candidate_state[i]], 1).T),
-                (
-                    gru.bias_ih,
-                    lambda s, i=i: torch.cat([s.gate_input_bias[i], s.candidate_input_bias[i]], 1)[0],
-                ),
-                (
-                    gru.bias_hh,
-                    lambda s, i=i: torch.cat([s.gate_state_bias[i], s.candidate_state_bias[i]], 1)[0],
-                ),
-                (self.p[i].weight, lambda s, i=i: s.update[i].T),
-                (self.p[i].bias, lambda s, i=i: s.update_bias[i, 0]),
-            ]
-            for k, layer in enumerate(self.f[i]):
-                self.twins.append((layer.weight, lambda s, i=i, k=k: s.readout[k][i].T))
-                self.twins.append((layer.bias, lambda s, i=i, k=k: s.readout_bias[k][i, 0]))
-        with torch.no_grad():
-            for mine, theirs in self.twins:
-                mine.copy_(theirs(stacked))
-
-    def neighbours(self, i):
-        row, col = divmod(i, self.spec.cols)
-        steps = [(1, 0), (-1, 0), (0, 1), (0, -1)]
-        steps += [(1, 1), (1, -1), (-1, 1), (-1, -1)] if self.corners else []
-        for r, c in ((row + a, col + b) for a, b in steps):
-            if 0 <= r < self.spec.rows and 0 <= c < self.spec.cols:
-                yield r * self.spec.cols + c
-
-    def forward(self, x):
-        cells = range(self.spec.elements)
-        h = [x.new_zeros(len(x), self.hidden) for _ in cells]
-        for t in range(self.spec.frames):
-            h1 = [self.gru[i](x[:, t, i : i + 1], h[i]) for i in cells]
-            sent = [torch.relu(self.u(state)) for state in h1]
-            message = [sum((sent[j] for j in self.neighbours(i)), torch.zeros_like(h1[i])) for i in cells]
-            h = [torch.relu(self.p[i](h1[i] + self.alpha * message[i])) for i in cells]
-        tall, wide = self.spec.map_rows // self.spec.rows, self.spec.map_cols // self.spec.cols
-        image = x.new_zeros(len(x), self.spec.map_rows, self.spec.map_cols)
-        for i in cells:
-            p = torch.cat([h[i], h1[i]], 1)
-            for layer in self.f[i][:-1]:
-                p = torch.relu(layer(p))
-            row, col = divmod(i, self.spec.cols)
-            block = self.f[i][-1](p).view(len(x), tall, wide)
-            image[:, row * tall : (row + 1) * tall, col * wide : (col + 1) * wide] = block
-        return image.flatten(1)
 
 
 @pytest.mark.parametrize("neighbours", [4, 8])
@@ -98,7 +29,7 @@ class Naive(nn.Module):
 )
 def test_outputs_and_all_gradients_equal_a_loop_over_modules(spec, hidden, readout, neighbours):
     stacked = network(spec, hidden, readout, neighbours, alpha=0.3)
-    naive = Naive(stacked)
+    naive = LoopedLomp(stacked)
     x = torch.randn(6, spec.frames, spec.elements)
     target = torch.randn(6, spec.outputs)
     ours, theirs = stacked(x), naive(x)

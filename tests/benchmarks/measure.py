@@ -1,0 +1,178 @@
+"""Time and memory of one task in a process of its own.
+
+Usage: python -m benchmarks.measure TASK FOLDER SIZE   (prints a JSON object; `measured` runs it)
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from pipeline import paths
+
+HERE = Path(__file__).resolve().parent
+
+
+def measured(task: str, folder: Path, size: float = 0) -> dict:
+    """{'seconds', 'mb'} of a task: its time, and its largest memory less that of the imports."""
+    path = os.pathsep.join([str(HERE.parent.parent), str(HERE.parent)])
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks.measure", task, str(folder), str(size)],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{task}: {done.stderr[-2000:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def read_log(folder: Path, _):
+    """The array's log, all lines checked."""
+    from benchmarks.made import touch_settings
+
+    from pipeline import logs
+    from pipeline.experiments import touch
+
+    fmt = touch.array_format(touch_settings())
+    return lambda: logs.read_log(folder / "array.log", fmt)
+
+
+def read_log_pandas(folder: Path, _):
+    """The same with pandas, unchecked."""
+    from benchmarks import peers
+
+    return lambda: peers.read_log(folder / "array.log", ["t_us", *(f"v{k}" for k in range(25))])
+
+
+def ingest(folder: Path, _):
+    """All logs in `folder`/logs to frames: the stage."""
+    from benchmarks.made import touch_settings
+
+    from pipeline import ingest
+
+    paths.ROOT = folder
+    settings = touch_settings() | {"source": "logs"}
+    return lambda: ingest.ingest("touch", settings)
+
+
+def dataset(folder: Path, _):
+    """Frames to windows to a dataset: both stages."""
+    from pipeline import dataset, window
+
+    paths.ROOT = folder
+
+    def run():
+        sys.argv = ["window", "touch"]
+        window.main()
+        sys.argv = ["dataset", "touch"]
+        dataset.main()
+
+    return run
+
+
+def dataset_pandas(folder: Path, _):
+    """The same with pandas and numpy."""
+    from benchmarks import peers
+    from benchmarks.made import touch_settings
+
+    from pipeline import params
+
+    settings, runs = touch_settings(), params.runs(params.load(), "touch")
+    paths.ROOT = folder
+    return lambda: peers.dataset(paths.frames("touch"), folder / "peer.parquet", settings, runs)
+
+
+def lomp_epoch(_, windows: float, side: int = 5):
+    """An epoch of LoMP's training in batches as in params.yaml."""
+    import numpy as np
+
+    model = lomp(side, max_epochs=1)
+    n, rng = int(windows), np.random.default_rng(0)
+    x = rng.uniform(0, 500, (n, 8, side * side)).astype(np.float32)
+    y = rng.uniform(0, 100, (n, 16 * side * side)).astype(np.float32)
+    return lambda: model.fit((x, y), (x[:1], y[:1]), seed=0, device="cpu")
+
+
+def lomp_epoch_elements(_, side: float):
+    """An epoch of 512 windows of an array of side x side elements."""
+    return lomp_epoch(_, 512, int(side))
+
+
+def lomp_latency(_, side: float):
+    """100 predictions, one window each."""
+    import numpy as np
+
+    model = lomp(int(side), max_epochs=1)
+    x = np.random.default_rng(0).uniform(0, 500, (1, 8, int(side) ** 2)).astype(np.float32)
+    for _ in range(5):
+        model.predict(x)
+    return lambda: [model.predict(x) for _ in range(100)]
+
+
+def lstm_epoch(_, samples: float):
+    """Three exact epochs of the strain LSTM."""
+    from benchmarks.made import series
+
+    record, model = series(int(samples)), lstm(max_epochs=3)
+    return lambda: model.fit([record], seed=0, device="cpu", base=None)
+
+
+def lomp(side: int, max_epochs: int):
+    """The touch experiment's LoMP on an array of side x side elements."""
+    from benchmarks.made import touch_settings
+
+    from pipeline.fitting import Spec
+    from pipeline.models import lomp
+
+    block = touch_settings()["models"]["lomp"]
+    block = block | {"training": block["training"] | {"max_epochs": max_epochs}}
+    return lomp.build(Spec(8, side, side, 4 * side, 4 * side), **block)
+
+
+def lstm(max_epochs: int):
+    """The strain experiment's LSTM, directly trained."""
+    from pipeline import params
+    from pipeline.fitting import Spec
+    from pipeline.models import lstm_direct
+
+    block = params.load()["strain"]["models"]["lstm_direct"]
+    training = block["training"] | {"max_epochs": max_epochs}
+    return lstm_direct.build(Spec(10, 1, 6, 1, 2), units=block["units"], training=training)
+
+
+TASKS = {
+    **{"read_log": read_log, "read_log_pandas": read_log_pandas, "ingest": ingest},
+    **{"dataset": dataset, "dataset_pandas": dataset_pandas},
+    **{"lomp_epoch": lomp_epoch, "lomp_epoch_elements": lomp_epoch_elements, "lomp_latency": lomp_latency},
+    "lstm_epoch": lstm_epoch,
+}
+
+
+def _memory_mb(key: str) -> float:
+    """VmRSS or VmHWM (the largest VmRSS so far) of this process. Not `getrusage`: its peak includes the parent's."""
+    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith(key))
+    return int(line.split()[1]) * 1024 / 1e6
+
+
+def main() -> None:
+    """Run one task."""
+    task, folder, size = sys.argv[1:]
+    import numpy  # noqa: F401
+    import pandas  # noqa: F401
+    import pyarrow.parquet  # noqa: F401
+
+    if task.startswith(("lomp", "lstm")):
+        import torch  # noqa: F401
+    before = _memory_mb("VmRSS")
+    prepared = TASKS[task](Path(folder), float(size))
+    began = time.perf_counter()
+    prepared()
+    seconds = time.perf_counter() - began
+    print(json.dumps({"seconds": seconds, "mb": _memory_mb("VmHWM") - before}))
+
+
+if __name__ == "__main__":
+    main()

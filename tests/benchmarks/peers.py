@@ -1,0 +1,251 @@
+"""What our code is measured against: the same results, written as one would without a thought for speed."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import nn
+
+from pipeline.models.lomp import Lomp
+
+
+class LoopedLomp(nn.Module):
+    """LoMP, equations 2 to 6, with a GRUCell and a few Linear layers for every element, looped over.
+
+    Starts from the weights of a stacked network; `twins` pairs each tensor with the function that cuts it out there.
+    """
+
+    def __init__(self, stacked: Lomp):
+        super().__init__()
+        spec, hidden = stacked.spec, stacked.hidden
+        self.spec, self.hidden, self.alpha = spec, hidden, stacked.alpha
+        self.corners = stacked.neighbours[0].sum() > 2  # a corner has 2 neighbours, or 3 with its diagonal one
+        cells = range(spec.elements)
+        self.gru = nn.ModuleList(nn.GRUCell(1, hidden) for _ in cells)
+        self.u = nn.Linear(hidden, hidden)
+        self.p = nn.ModuleList(nn.Linear(hidden, hidden) for _ in cells)
+        widths = [2 * hidden, *[weight.shape[2] for weight in stacked.readout]]
+        self.f = nn.ModuleList(
+            nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True)) for _ in cells
+        )
+        self.twins = [(self.u.weight, lambda s: s.message.T), (self.u.bias, lambda s: s.message_bias)]
+        for i in cells:
+            gru = self.gru[i]
+            self.twins += [
+                (gru.weight_ih, lambda s, i=i: torch.cat([s.gate_input[i], s.candidate_input[i]], 1).T),
+                (gru.weight_hh, lambda s, i=i: torch.cat([s.gate_state[i], s.candidate_state[i]], 1).T),
+                (gru.bias_ih, lambda s, i=i: torch.cat([s.gate_input_bias[i], s.candidate_input_bias[i]], 1)[0]),
+                (gru.bias_hh, lambda s, i=i: torch.cat([s.gate_state_bias[i], s.candidate_state_bias[i]], 1)[0]),
+                (self.p[i].weight, lambda s, i=i: s.update[i].T),
+                (self.p[i].bias, lambda s, i=i: s.update_bias[i, 0]),
+            ]
+            for k, layer in enumerate(self.f[i]):
+                self.twins.append((layer.weight, lambda s, i=i, k=k: s.readout[k][i].T))
+                self.twins.append((layer.bias, lambda s, i=i, k=k: s.readout_bias[k][i, 0]))
+        with torch.no_grad():
+            for mine, theirs in self.twins:
+                mine.copy_(theirs(stacked))
+
+    def neighbours(self, i):
+        """Numbers of the elements beside element i."""
+        row, col = divmod(i, self.spec.cols)
+        steps = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+        steps += [(1, 1), (1, -1), (-1, 1), (-1, -1)] if self.corners else []
+        for r, c in ((row + a, col + b) for a, b in steps):
+            if 0 <= r < self.spec.rows and 0 <= c < self.spec.cols:
+                yield r * self.spec.cols + c
+
+    def forward(self, x):
+        """Windows (n, frames, elements) to maps (n, outputs), both normalised."""
+        cells = range(self.spec.elements)
+        h = [x.new_zeros(len(x), self.hidden) for _ in cells]
+        for t in range(self.spec.frames):
+            h1 = [self.gru[i](x[:, t, i : i + 1], h[i]) for i in cells]
+            sent = [torch.relu(self.u(state)) for state in h1]
+            message = [sum((sent[j] for j in self.neighbours(i)), torch.zeros_like(h1[i])) for i in cells]
+            h = [torch.relu(self.p[i](h1[i] + self.alpha * message[i])) for i in cells]
+        tall, wide = self.spec.map_rows // self.spec.rows, self.spec.map_cols // self.spec.cols
+        image = x.new_zeros(len(x), self.spec.map_rows, self.spec.map_cols)
+        for i in cells:
+            p = torch.cat([h[i], h1[i]], 1)
+            for layer in self.f[i][:-1]:
+                p = torch.relu(layer(p))
+            row, col = divmod(i, self.spec.cols)
+            block = self.f[i][-1](p).view(len(x), tall, wide)
+            image[:, row * tall : (row + 1) * tall, col * wide : (col + 1) * wide] = block
+        return image.flatten(1)
+
+
+class StackedLomp(nn.Module):
+    """LoMP with the weights of all elements stacked, one batched product a layer, gradients by autograd."""
+
+    def __init__(self, stacked: Lomp):
+        super().__init__()
+        self.w = stacked
+
+    def forward(self, x):
+        """Windows (n, frames, elements) to maps (n, outputs), both normalised."""
+        w, hidden = self.w, self.w.hidden
+        h = x.new_zeros(w.spec.elements, len(x), hidden)
+        for frame in x.permute(1, 2, 0).unsqueeze(3):  # (elements, n, 1)
+            gates = frame * w.gate_input + w.gate_input_bias + torch.baddbmm(w.gate_state_bias, h, w.gate_state)
+            r, z = torch.sigmoid(gates).split(hidden, 2)
+            v = torch.baddbmm(w.candidate_state_bias, h, w.candidate_state)
+            c = torch.tanh(frame * w.candidate_input + w.candidate_input_bias + r * v)
+            h1 = (1 - z) * c + z * h
+            sent = torch.relu(h1 @ w.message + w.message_bias)
+            message = torch.einsum("ij,jnh->inh", w.neighbours, sent)
+            h = torch.relu(torch.baddbmm(w.update_bias, h1 + w.alpha * message, w.update))
+        p = torch.cat([h, h1], 2)
+        for k, (weight, bias) in enumerate(zip(w.readout, w.readout_bias, strict=True)):
+            p = torch.baddbmm(bias, p, weight)
+            if k < len(w.readout) - 1:
+                p = torch.relu(p)
+        blocks = p.view(w.spec.rows, w.spec.cols, len(x), *w.block)
+        return blocks.permute(2, 0, 3, 1, 4).reshape(len(x), w.spec.outputs)
+
+
+def train_step(network: nn.Module, x: torch.Tensor, y: torch.Tensor, fused: bool | None = None):
+    """A function that makes one update of `network` with Adam on the squared error of one batch."""
+    optimiser = torch.optim.Adam(network.parameters(), fused=fused)
+
+    def step() -> None:
+        loss = nn.functional.mse_loss(network(x), y)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+
+    return step
+
+
+class PlainLstm(nn.Module):
+    """tanh, nn.LSTM, linear read-out: (1, T, channels) to (1, T, outputs)."""
+
+    def __init__(self, channels: int, units: int, outputs: int):
+        super().__init__()
+        self.lstm = nn.LSTM(channels, units, batch_first=True)
+        self.readout = nn.Linear(units, outputs, bias=False)
+
+    def forward(self, x):
+        return self.readout(self.lstm(torch.tanh(x))[0])
+
+
+def lstm_epochs(network: PlainLstm, x: torch.Tensor, y: torch.Tensor, epochs: int, rate: float, clip: float) -> None:
+    """The authors' recipe: the whole series as one sequence, one clipped update of what can be trained an epoch."""
+    weights = [weight for weight in network.parameters() if weight.requires_grad]
+    optimiser = torch.optim.Adam(weights, lr=rate)
+    for _ in range(epochs):
+        loss = nn.functional.mse_loss(network(x), y)
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(weights, clip)
+        optimiser.step()
+
+
+def readout_epochs(readout: nn.Linear, latent: torch.Tensor, y: torch.Tensor, epochs: int, drop_epoch: int) -> None:
+    """Adam on the read-out alone, on states (T, units) that are computed already; rate 0.05, then 0.01."""
+    optimiser = torch.optim.Adam(readout.parameters(), lr=0.05)
+    for epoch in range(epochs):
+        if epoch == drop_epoch:
+            optimiser.param_groups[0]["lr"] = 0.01
+        loss = nn.functional.mse_loss(readout(latent), y)
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(readout.parameters(), 1.0)
+        optimiser.step()
+
+
+def reservoir_states(system: dict[str, np.ndarray], leak: float, x: np.ndarray) -> np.ndarray:
+    """States (T, units) of an echo state network for normalised inputs (T, channels), sample by sample."""
+    w, v, b = system["reservoir"], system["input"], system["bias"]
+    s = np.zeros(len(w), np.float32)
+    states = np.empty((len(x), len(w)), np.float32)
+    for t in range(len(x)):
+        s = (1 - leak) * s + leak * np.tanh(w @ s + np.tanh(x[t]) @ v + b)
+        states[t] = s
+    return states
+
+
+def read_log(path: Path, names: list[str]) -> pd.DataFrame:
+    """A log as pandas reads it: the banner in line 1 and lines with too many columns left out, nothing checked."""
+    return pd.read_csv(path, names=names, skiprows=1, on_bad_lines="skip")
+
+
+def image_epoch(network: nn.Module, x: torch.Tensor, y: torch.Tensor, batch: int, augment) -> None:
+    """One epoch of a classifier of images (n, 1, side, side): shuffle, alter, update with Adam on the cross-entropy."""
+    optimiser = torch.optim.Adam(network.parameters())
+    network.train()
+    for rows in torch.randperm(len(x)).split(batch):
+        loss = nn.functional.cross_entropy(network(augment(x[rows])), y[rows])
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+
+
+def dataset(frames_file: Path, target: Path, settings: dict, runs: list[tuple[str, int]]) -> pd.DataFrame:
+    """Windows, labels and splits of the touch experiment with pandas and numpy, written as Parquet.
+
+    settings: block `touch` of params.yaml. The parts are drawn with numpy's default generator, so they are as large
+    as ours but hold other presses; all other columns are ours.
+    """
+    window, label, sensor = settings["window"], settings["label"], settings["sensor"]
+    frames = pd.read_parquet(frames_file)
+    rows, press_count = [], 0
+    for (condition, recording), group in frames.groupby(["condition", "recording"], sort=False, observed=True):
+        force = np.array([np.nansum(values) for values in group["force_n"]])
+        contact = force > window["contact_threshold_n"]
+        t = group["t_s"].to_numpy()
+        starts = t[np.flatnonzero(contact & ~np.concatenate([[False], contact[:-1]]))]
+        stops = t[np.flatnonzero(contact & ~np.concatenate([contact[1:], [False]]))]
+        apart = starts[1:] - stops[:-1] > 0.1
+        press = np.searchsorted((stops[:-1][apart] + starts[1:][apart]) / 2, t, side="right")
+        piece = press * len(group) + np.cumsum(group["gap_before"])
+        v = np.stack(group["v"].to_list())
+        for _, own in pd.Series(range(len(group))).groupby(piece.to_numpy()):
+            own = own.to_numpy()
+            for first in range(0, len(own) - window["frames"] + 1, window["stride"]):
+                chosen = own[first : first + window["frames"]]
+                last = group.iloc[chosen[-1]]
+                rows.append(
+                    {
+                        "condition": condition,
+                        "recording": recording,
+                        "press": press_count + press[chosen[-1]],
+                        "segment": last["segment"],
+                        "t_s": last["t_s"],
+                        "force_n": last["force_n"],
+                        "x_mm": last["x_mm"],
+                        "y_mm": last["y_mm"],
+                        "x": v[chosen].ravel(),
+                    }
+                )
+        press_count += press[-1] + 1
+    windows = pd.DataFrame(rows)
+    radius = label["tip_radius_mm"]
+    area = np.pi * (radius / 1e3) ** 2
+    grid_x = (np.arange(label["map_cols"]) + 0.5) * sensor["cols"] * sensor["pitch_mm"] / label["map_cols"]
+    grid_y = (np.arange(label["map_rows"]) + 0.5) * sensor["rows"] * sensor["pitch_mm"] / label["map_rows"]
+    maps = []
+    for row in windows.itertuples():
+        image = np.zeros((label["map_rows"], label["map_cols"]))
+        for force, x, y in zip(row.force_n, row.x_mm, row.y_mm, strict=True):
+            if not np.isnan(force):
+                squares = (grid_x[None] - x) ** 2 + (grid_y[:, None] - y) ** 2
+                image += max(force, 0) / area / 1e3 * np.exp(-squares / (2 * (radius / 2) ** 2))
+        maps.append(image.ravel().astype(np.float32))
+    windows["y"] = maps
+    shares = settings["split"]
+    for protocol, seed in runs:
+        rng = np.random.default_rng(seed)
+        unit = windows["press"] if protocol == "press" else windows.index.to_series()
+        single = windows["condition"] == "single"
+        units = rng.permutation(unit[single].unique())
+        train = round(shares["train"] * len(units))
+        validation = round((shares["train"] + shares["validation"]) * len(units))
+        part = pd.Series("test", index=windows.index)
+        part[single & unit.isin(units[:train])] = "train"
+        part[single & unit.isin(units[train:validation])] = "validation"
+        windows[f"split_{protocol}_{seed}"] = part
+    windows.to_parquet(target)
+    return windows

@@ -1,0 +1,130 @@
+"""Reading a large log, and making a dataset of frames, against pandas."""
+
+import os
+import time
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from benchmarks import made, peers
+from benchmarks.measure import measured
+
+from pipeline import logs, params, paths, tables
+from pipeline.experiments import touch
+
+
+@pytest.fixture(scope="module")
+def recording(sizes, tmp_path_factory):
+    """A folder with logs/single/run0/*.log, the array's log of the size asked for."""
+    folder = tmp_path_factory.mktemp("recording")
+    made.recording(folder / "logs" / "single" / "run0", sizes.log_mb)
+    return folder
+
+
+def test_ingest(race, record, sizes, recording):
+    folder = recording / "logs" / "single" / "run0"
+    path, fmt = folder / "array.log", touch.array_format(made.touch_settings())
+    rows, rejects = logs.read_log(path, fmt)
+    assert rows.num_rows + rejects.num_rows == sum(1 for _ in path.open("rb")) and rejects.num_rows > 3
+    del rows, rejects
+    seconds, peer = race(lambda: logs.read_log(path, fmt), lambda: peers.read_log(path, fmt.names), rounds=3)
+    mb, threads = path.stat().st_size / 1e6, os.cpu_count()
+    what = f"a touch log of {mb:.0f} MB to typed rows and rejects, all checks: {mb / seconds:.0f} MB/s"
+    shared = {"unit": "s", "rounds": 3, "threads": threads}
+    record(
+        "ingest_read", what=what, peer_is="pandas.read_csv, no checks", ours=seconds, peer=peer, least_ratio=2, **shared
+    )
+    disk = seconds_to_read(path)
+    record(
+        "ingest_disk",
+        what=f"the same; the ratio is the share of the disk's {mb / disk:.0f} MB/s",
+        peer_is="reading the file from the disk, nothing else",
+        ours=seconds,
+        peer=disk,
+        **shared,
+    )
+
+
+def test_ingest_stage(record, sizes, recording):
+    """The whole stage: three logs read, aligned, written as Parquet."""
+    folder = recording / "logs" / "single" / "run0"
+    runs = [(measured("ingest", recording), measured("read_log_pandas", folder)) for _ in range(3)]
+    ours, peer = (float(np.median([run[k]["seconds"] for run in runs])) for k in (0, 1))
+    mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
+    shared = {"peer_is": "pandas.read_csv of the array's log alone, no checks", "rounds": 3, "threads": os.cpu_count()}
+    record(
+        "ingest_stage",
+        what=f"the stage: {mb:.0f} MB of logs of three devices to aligned frames in Parquet, {mb / ours:.0f} MB/s",
+        unit="s",
+        ours=ours,
+        peer=peer,
+        **shared,
+    )
+    ours, peer = (max(run[k]["mb"] for run in runs) / 1e3 for k in (0, 1))
+    record("ingest_memory", what="largest memory of the stage", unit="GB", ours=ours, peer=peer, most=2, **shared)
+
+
+def test_dataset(record, sizes, tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    made.frames_file(paths.frames("touch"), sizes.frames, made.touch_settings())
+    runs = [(measured("dataset", tmp_path), measured("dataset_pandas", tmp_path)) for _ in range(3)]
+    check_equal(tmp_path)
+    seconds, peer = (float(np.median([run[k]["seconds"] for run in runs])) for k in (0, 1))
+    rows = pyarrow.parquet.ParquetFile(paths.dataset("touch")).metadata.num_rows
+    record(
+        "dataset",
+        what=f"window + dataset, both stages with their files: {sizes.frames} frames to {rows} windows",
+        peer_is="pandas and numpy, a loop over presses and windows",
+        unit="s",
+        ours=seconds,
+        peer=peer,
+        least_ratio=5,
+        rounds=3,
+    )
+    memory, peer = (max(run[k]["mb"] for run in runs) for k in (0, 1))
+    limit = 3 * uncompressed_mb(paths.dataset("touch"))
+    record(
+        "dataset_memory",
+        what=f"largest memory of the two stages; the target is 3 times the uncompressed dataset; pandas: {peer:.0f} MB",
+        peer_is="3 times the Parquet file's uncompressed size",
+        unit="MB",
+        ours=memory,
+        peer=limit,
+        most=limit,
+        rounds=3,
+    )
+
+
+def seconds_to_read(path) -> float:
+    """Seconds to read a file that is not in the page cache, in order, in blocks of 4 MiB."""
+    with path.open("rb", buffering=0) as file:
+        os.fsync(file.fileno())
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+        began = time.perf_counter()
+        while file.read(1 << 22):
+            pass
+        return time.perf_counter() - began
+
+
+def uncompressed_mb(path) -> float:
+    """Size of a Parquet file's columns before compression."""
+    metadata = pyarrow.parquet.ParquetFile(path).metadata
+    return sum(metadata.row_group(k).total_byte_size for k in range(metadata.num_row_groups)) / 1e6
+
+
+def check_equal(folder) -> None:
+    """The peer's windows, labels and sizes of the parts are ours."""
+    ours, theirs = (
+        pyarrow.parquet.read_table(paths.dataset("touch")),
+        pyarrow.parquet.read_table(folder / "peer.parquet"),
+    )
+    assert ours.num_rows == theirs.num_rows
+    for name, tolerance in (("x", 0), ("y", 1e-3), ("force_n", 0)):
+        mine = tables.matrix(ours[name])
+        peer = theirs[name].combine_chunks().flatten().to_numpy(zero_copy_only=False).reshape(mine.shape)
+        np.testing.assert_allclose(mine, peer, rtol=1e-5, atol=tolerance)
+    assert np.array_equal(ours["press"].to_numpy(), theirs["press"].to_numpy())
+    for protocol, seed in params.runs(params.load(), "touch"):
+        name = tables.split_column(protocol, seed)
+        parts = [np.unique(tables.names(table[name]), return_counts=True)[0].tolist() for table in (ours, theirs)]
+        assert parts[0] == parts[1], name

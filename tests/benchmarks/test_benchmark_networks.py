@@ -1,0 +1,254 @@
+"""LoMP, the strain networks and SP-ResNet against what one would write first."""
+
+import numpy as np
+import pytest
+import torch
+from benchmarks import made, measure, peers
+from torch import nn
+from tqdm import tqdm
+
+from pipeline import params, paths, series, workers
+from pipeline.fitting import Spec
+from pipeline.image_fitting import augmented, image_training, spec_of
+from pipeline.models import esn, lstm_transfer_ridge, sp_resnet
+from pipeline.series_fitting import LstmRegressor, recipe
+from pipeline.series_fitting import spec_of as spec_of_series
+
+WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
+
+
+def test_lomp_latency(race, record, sizes):
+    ours, loop = (measure.lomp(5, max_epochs=1) for _ in range(2))
+    loop.network = peers.LoopedLomp(ours.network)
+    x = np.random.default_rng(0).uniform(0, 500, (1, 8, 25)).astype(np.float32)
+    np.testing.assert_allclose(ours.predict(x), loop.predict(x), rtol=1e-3, atol=1e-4)
+    seconds, peer = race(lambda: ours.predict(x), lambda: loop.predict(x), rounds=sizes.rounds, calls=20)
+    record(
+        "lomp_latency",
+        what=f"{WINDOW}, batch 1",
+        peer_is="a loop over 25 modules",
+        unit="ms",
+        ours=seconds * 1e3,
+        peer=peer * 1e3,
+        least_ratio=12,
+        rounds=sizes.rounds,
+    )
+
+
+@pytest.mark.parametrize("batch", ["large", "small"])
+def test_lomp_training(race, record, sizes, batch):
+    """`large` is the batch that the target is set for, `small` the one of params.yaml."""
+    models = [measure.lomp(5, max_epochs=1) for _ in range(3)]
+    windows = sizes.windows if batch == "large" else models[0].training.batch_size
+    networks = [model.network for model in models]
+    for network in networks:
+        network.load_state_dict(networks[0].state_dict())
+    torch.manual_seed(0)
+    x, y = torch.randn(windows, 8, 25), torch.randn(windows, 400)
+    loop, stacked = peers.LoopedLomp(networks[1]), peers.StackedLomp(networks[2])
+    seconds, *theirs = race(
+        peers.train_step(networks[0], x, y, fused=True),  # as pipeline/fitting.py
+        *(peers.train_step(network, x, y) for network in (loop, stacked)),
+        rounds=7,
+    )
+    names = ("a loop over 25 modules", "stacked weights under autograd")
+    for name, peer, peer_is in zip(("loop", "stacked"), theirs, names, strict=True):
+        faster = peer == min(theirs)
+        record(
+            f"lomp_training_{batch}_{name}",
+            what=f"LoMP, one update, {windows} windows",
+            peer_is=peer_is + (", the faster one" if faster else ""),
+            unit="ms",
+            ours=seconds * 1e3,
+            peer=peer * 1e3,
+            least_ratio=1.5 if faster and batch == "large" else None,
+            rounds=7,
+        )
+
+
+def test_strain_epoch(race, record, sizes):
+    epochs, one = 3, made.series(sizes.samples)
+    model = measure.lstm(max_epochs=epochs)
+    torch.manual_seed(0)
+    plain = peers.PlainLstm(6, 50, 2)
+    x, y = torch.from_numpy(one.x)[None], torch.from_numpy(one.y)[None]
+    rate, clip = model.training.learning_rate, model.training.clip
+    seconds, peer = race(
+        lambda: model.fit([one], seed=0, device="cpu", base=None),
+        lambda: peers.lstm_epochs(plain, x, y, epochs, rate, clip),
+        rounds=7,
+    )
+    record(
+        "strain_epoch",
+        what=f"direct training, an epoch of {sizes.samples} samples as one sequence, losses and scaling included",
+        peer_is="nn.LSTM in float32, the same update",
+        unit="s",
+        ours=seconds / epochs,
+        peer=peer / epochs,
+        least_ratio=1,
+        rounds=7,
+    )
+
+
+def fit_one_seed(samples: int, epochs: int, seed: int, report) -> float:
+    """Train the strain LSTM in whatever process this is; returns the last training loss."""
+    torch.set_num_threads(1)
+    model = measure.lstm(max_epochs=epochs)
+    return model.fit([made.series(samples)], seed=seed, device="cpu", progress=report, base=None)[-1]["train_loss"]
+
+
+def test_strain_two_seeds(race, record, sizes, monkeypatch):
+    def train(seeds: int) -> None:
+        monkeypatch.setenv("WORKERS", str(seeds))
+        tasks = {seed: (sizes.samples, sizes.epochs, seed) for seed in range(seeds)}
+        with tqdm(disable=True) as bar:
+            assert len(dict(workers.run(fit_one_seed, tasks, bar))) == seeds
+
+    both, one = race(lambda: train(2), lambda: train(1), rounds=2)
+    record(
+        "strain_two_seeds",
+        what=f"direct training, {sizes.epochs} epochs, two seeds in two processes, their start included",
+        peer_is="one seed",
+        unit="s",
+        ours=both,
+        peer=one,
+        least_ratio=1 / 1.15,
+        rounds=2,
+        threads=2,
+    )
+
+
+@pytest.fixture(scope="module")
+def transfer():
+    """Series, scaling, base and settings of transfer to task 1, seed 0; needs what `dvc repro` has made."""
+    settings = params.load()["strain"]
+    module = params.experiment_module("strain")
+    task = module.task("task_1")
+    pieces = series.read(paths.require(paths.dataset("strain"), "dvc repro"), task, "task_1", 0)
+    base = paths.require(paths.run_folder("strain", paths.MODEL_ZERO, task.base, 0), "dvc repro")
+    return settings, spec_of_series(task, settings["window"]["frames"]), pieces, base
+
+
+def error_mm(model, pieces) -> float:
+    """Mean absolute error of task 1 in the test part."""
+    (piece,) = pieces
+    test = piece.part == "test"
+    return float(np.abs(model.predict(piece.record.x)[test] - piece.record.y[test]).mean())
+
+
+def test_strain_transfer(race, record, sizes, transfer):
+    settings, spec, pieces, base = transfer
+    records = series.seen_in_training(pieces)
+    ours = lstm_transfer_ridge.build(spec, **settings["models"]["lstm_transfer_ridge"])
+    block = settings["models"]["lstm_transfer"]["training"] | {"max_epochs": sizes.epochs}
+    seconds_of_fit = lambda: ours.fit(records, seed=0, device="cpu", base=base)  # noqa: E731
+    cached = LstmRegressor(spec, 50, recipe(block), transfer=True)
+    cached.fit(records, seed=0, device="cpu", base=base)
+    seconds_of_fit()
+
+    # The authors' loop: the whole network on the whole series in every epoch, only the read-out trained.
+    network = peers.PlainLstm(6, 50, spec.outputs)
+    network.lstm.load_state_dict(cached.network.lstm.state_dict())
+    network.lstm.requires_grad_(False)
+    (one,) = records
+    x, y = cached.scaling.inputs(one.x)[None], cached.scaling.targets(one.y)[None]
+    few = min(10, sizes.epochs)  # of equal epochs: 200 would take a minute a round
+    training = cached.training
+
+    def authors_loop() -> None:
+        peers.lstm_epochs(network, x, y, few, training.learning_rate, training.clip)
+
+    latent, target = torch.from_numpy(ours.latents(one.x)), y[0]
+
+    def solve() -> None:
+        ours._solve([[latent[None], target[None], *(torch.ones(1, len(latent), dtype=torch.bool),) * 2]])
+
+    def adam() -> None:
+        readout = nn.Linear(latent.shape[1], spec.outputs, bias=False)
+        peers.readout_epochs(readout, latent, target, sizes.epochs, training.drop_epoch)
+
+    seconds, whole, on_states, solved = race(seconds_of_fit, authors_loop, adam, solve, rounds=3)
+    errors = [error_mm(model, pieces) for model in (ours, cached)]
+    described = f"test error {errors[0]:.4f} mm against {errors[1]:.4f} mm by Adam"
+    record(
+        "strain_transfer",
+        what=f"transfer to task 1, states and closed-form read-out; {described}",
+        peer_is=f"Adam on the read-out behind the frozen LSTM, {sizes.epochs} epochs (timed: {few})",
+        unit="s",
+        ours=seconds,
+        peer=whole / few * sizes.epochs,
+        least_ratio=100,
+        rounds=3,
+    )
+    record(
+        "strain_transfer_readout",
+        what="the closed-form read-out alone, on states computed before",
+        peer_is=f"Adam on the same states, {sizes.epochs} epochs",
+        unit="s",
+        ours=solved,
+        peer=on_states,
+        least_ratio=100,
+        rounds=3,
+    )
+    record(
+        "strain_transfer_error",
+        what="test error of transfer to task 1, closed form; no worse than by Adam",
+        peer_is=f"Adam, {sizes.epochs} epochs",
+        unit="mm",
+        ours=errors[0],
+        peer=errors[1],
+        least_ratio=1,
+        rounds=1,
+    )
+
+
+def test_esn_states(race, record, sizes):
+    block = params.load()["strain"]["models"]["esn"]
+    model = esn.build(Spec(10, 1, 6, 1, 2), **block)
+    system, x = model.make(6, 0), made.series(sizes.samples).x
+    states = peers.reservoir_states(system, block["leak"], x[:500])
+    np.testing.assert_allclose(model.advance(system, x[None, :500], None)[0], states, rtol=1e-3, atol=1e-4)
+    seconds, peer = race(
+        lambda: model.advance(system, x[None], None),
+        lambda: peers.reservoir_states(system, block["leak"], x),
+        rounds=5,
+    )
+    record(
+        "esn_states",
+        what=f"echo state network, {block['units']} units, states of {sizes.samples} samples",
+        peer_is="a loop in numpy",
+        unit="s",
+        ours=seconds,
+        peer=peer,
+        least_ratio=3,
+        rounds=5,
+    )
+
+
+def test_sp_resnet_training(race, record, sizes):
+    block = params.load()["glove"]["models"]["sp_resnet"]
+    block = block | {"training": block["training"] | {"max_epochs": 1}}
+    model = sp_resnet.build(spec_of(16), **block)
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 255, (sizes.images, 1, 32 * 32)).astype(np.float32)
+    y = np.eye(16, dtype=np.float32)[rng.integers(0, 16, sizes.images)]
+    network = sp_resnet.network(1, 16, block["reduction"])  # default memory layout
+    images, labels = torch.from_numpy(x / 255).view(-1, 1, 32, 32), torch.from_numpy(y)
+    training, order = image_training(block["training"]), torch.Generator().manual_seed(0)
+    seconds, peer = race(
+        lambda: model.fit((x, y), (x[:1], y[:1]), seed=0, device="cpu"),
+        lambda: peers.image_epoch(
+            network, images, labels, training.batch_size, lambda batch: augmented(batch, training, order)
+        ),
+        rounds=5,
+    )
+    record(
+        "sp_resnet_training",
+        what=f"SP-ResNet, an epoch of {sizes.images} images, batches of {training.batch_size}",
+        peer_is="a plain loop, default memory layout, the same augmentation",
+        unit="s",
+        ours=seconds,
+        peer=peer,
+        least_ratio=1.5,
+        rounds=5,
+    )

@@ -1,0 +1,105 @@
+"""`dvc repro`: with nothing to do, after one setting, and in full."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+
+from pipeline import paths
+
+# A change of one model of `touch` must not run what makes its data, nor another model, nor another experiment.
+FORBIDDEN = r"simulate|ingest|window|dataset|model_zero|study|augment|probe|count|stag|rightsize|physics"
+FORBIDDEN += r"|train_(?!touch@tree$)|@(?!touch$|tree$)|_(strain|glove|velostat)"
+
+
+@pytest.fixture(scope="module")
+def miniature(request, tmp_path_factory):
+    """The pipeline at miniature scale, run once, and how long that took; not in the background as in the tests."""
+    conftest = request.config.pluginmanager.get_plugin(str(paths.ROOT / "tests" / "conftest.py"))
+    project = conftest.Project(tmp_path_factory.mktemp("miniature"))
+    began = time.perf_counter()
+    project.dvc("repro")
+    return project, time.perf_counter() - began
+
+
+def test_repro_nothing_changed(benchmark, record):
+    """In this checkout, where everything is up to date."""
+    dvc = [sys.executable, "-m", "dvc"]
+    status = subprocess.run([*dvc, "status", "--quiet"], cwd=paths.ROOT)
+    assert status.returncode == 0, "the checkout is not up to date; run `dvc repro` first"
+    run = [*dvc, "repro", "--quiet"]
+    benchmark.pedantic(lambda: subprocess.run(run, cwd=paths.ROOT, check=True), rounds=3, warmup_rounds=1)
+    seconds = benchmark.stats.stats.median
+    record(
+        "repro_nothing_changed",
+        what="`dvc repro` with nothing to do, all experiments",
+        unit="s",
+        ours=seconds,
+        most=15,
+        rounds=3,
+    )
+
+
+def test_repro_one_setting(record, miniature):
+    project, whole = miniature
+    project.set({"touch.models.tree": {"min_samples_leaf": 7, "max_features": 1.0}})
+    began = time.perf_counter()
+    ran = re.findall(r"Running stage '(\S+?)'", project.dvc("repro").stdout)
+    seconds = time.perf_counter() - began
+    assert {"train_touch@tree", "evaluate@touch", "render@touch"} <= set(ran), ran
+    extra = [stage for stage in ran if re.search(FORBIDDEN, stage)]
+    record(
+        "repro_one_setting",
+        what="`dvc repro` at miniature scale after one setting of one model of touch",
+        peer_is="the whole pipeline at miniature scale",
+        unit="s",
+        ours=seconds,
+        peer=whole,
+        rounds=1,
+    )
+    record(
+        "repro_one_setting_stages",
+        what=f"stages run that do not depend on that model ({len(ran)} ran): {', '.join(extra) or 'none'}",
+        unit="stages",
+        ours=len(extra),
+        most=0,
+        rounds=1,
+    )
+
+
+@pytest.fixture
+def clone(request, tmp_path):
+    """A fresh clone of the last commit, with the recorded data of this checkout."""
+    if not request.config.getoption("full_repro"):
+        pytest.skip("takes hours; ask for it with --full-repro")
+    subprocess.run(["git", "clone", "--quiet", str(paths.ROOT), str(tmp_path / "clone")], check=True)
+    for source in paths.SOURCES.glob("*/*"):
+        target = tmp_path / "clone" / source.relative_to(paths.ROOT)
+        if not target.exists():
+            target.symlink_to(source)
+    return tmp_path / "clone"
+
+
+def test_repro_full(clone, record):
+    began = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "dvc", "repro"], cwd=clone, env=clean_environment(clone), check=True)
+    minutes = (time.perf_counter() - began) / 60
+    cores = len(os.sched_getaffinity(0))
+    record(
+        "repro_full",
+        what="`dvc repro` in a fresh clone, all experiments",
+        unit="min",
+        ours=minutes,
+        most=75,
+        rounds=1,
+        threads=cores,
+    )
+
+
+def clean_environment(clone) -> dict[str, str]:
+    """The environment of a shell: these benchmarks have limited theirs to one thread."""
+    limits = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "WORKERS")
+    return {key: value for key, value in os.environ.items() if key not in limits} | {"PYTHONPATH": str(clone)}

@@ -1,0 +1,154 @@
+"""The benchmarks themselves: peers compute what we do, rows say what was met, exponents are right."""
+
+import csv
+import itertools
+import re
+
+import numpy as np
+import pytest
+import torch
+from benchmarks import candidates, growth, made, peers, rows
+from benchmarks.test_benchmark_repro import FORBIDDEN
+
+from pipeline import logs
+from pipeline.experiments import touch
+from pipeline.fitting import Spec
+from pipeline.models import esn, lomp
+from pipeline.series_fitting import Lstm
+
+
+def test_stacked_peer_equals_lomp():
+    torch.manual_seed(0)
+    ours = lomp.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 8, 0.3)
+    x = torch.randn(6, 3, 8)
+    theirs = peers.StackedLomp(ours)
+    torch.testing.assert_close(ours(x), theirs(x), rtol=1e-5, atol=1e-5)
+    gradients = []
+    for network in (ours, theirs):
+        ours.zero_grad()
+        network(x).square().sum().backward()
+        gradients.append([weight.grad.clone() for weight in ours.parameters()])
+    for mine, peer in zip(*gradients, strict=True):
+        torch.testing.assert_close(mine, peer, rtol=1e-4, atol=1e-5)
+
+
+def test_plain_lstm_equals_ours():
+    ours, plain = Lstm(6, 5, 2), peers.PlainLstm(6, 5, 2)
+    plain.load_state_dict(ours.state_dict())
+    x = torch.randn(1, 20, 6)
+    torch.testing.assert_close(ours(x), plain(x))
+
+
+def test_reservoir_peer_equals_ours():
+    model = esn.build(Spec(10, 1, 6, 1, 2), units=20, spectral_radius=0.9, leak=0.3, input_scale=0.5, ridge=1e-6)
+    system, x = model.make(6, 0), np.random.default_rng(0).normal(size=(50, 6)).astype(np.float32)
+    theirs = peers.reservoir_states(system, 0.3, x)
+    np.testing.assert_allclose(model.advance(system, x[None], None)[0], theirs, rtol=1e-4, atol=1e-5)
+
+
+def test_candidates_compute_the_same():
+    torch.manual_seed(0)
+    network = lomp.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 4, 0.3)
+    x = torch.randn(6, 3, 8)
+    with torch.no_grad():
+        exact = network(x[:1])
+    small = candidates.SmallLomp(network)(x[0].numpy())
+    torch.testing.assert_close(torch.from_numpy(small), exact[0], rtol=1e-5, atol=1e-6)
+
+    twin = lomp.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 4, 0.3)
+    twin.load_state_dict(network.state_dict())
+    target = torch.randn(6, 24)
+    peers.train_step(network, x, target)()
+    candidates.chunked_step(twin, x, target, chunk=4)()
+    for one, other in zip(network.parameters(), twin.parameters(), strict=True):
+        torch.testing.assert_close(one.grad, other.grad, rtol=1e-4, atol=1e-6)
+
+
+def test_reservoir_in_pieces_forgets_where_they_start():
+    model = esn.build(Spec(10, 1, 6, 1, 2), units=20, spectral_radius=0.5, leak=0.9, input_scale=0.5, ridge=1e-6)
+    system, x = model.make(6, 0), np.random.default_rng(0).normal(size=(103, 6)).astype(np.float32)
+    exact = peers.reservoir_states(system, 0.9, x)
+    np.testing.assert_allclose(candidates.reservoir_states(system, 0.9, x, pieces=4, warm=40), exact, rtol=0, atol=1e-5)
+    short = candidates.reservoir_states(system, 0.9, x, pieces=4, warm=1)
+    assert np.abs(short[:26] - exact[:26]).max() < 1e-5 < np.abs(short - exact).max()
+
+
+def test_readout_peer_finds_the_least_squares():
+    torch.manual_seed(0)
+    latent, readout = torch.randn(300, 3), torch.nn.Linear(3, 1, bias=False)
+    true = torch.tensor([[1.0, -0.5, 0.25]])
+    peers.readout_epochs(readout, latent, latent @ true.T, epochs=200, drop_epoch=125)
+    torch.testing.assert_close(readout.weight.data, true, rtol=0, atol=0.01)
+
+
+def test_a_made_log_has_its_faults_and_can_be_aligned(tmp_path):
+    settings = made.touch_settings()
+    folder = made.recording(tmp_path / "logs" / "single" / "run0", 0.8)
+    assert 0.6e6 < (folder / "array.log").stat().st_size < 1e6
+    frames, rejects, report = touch.read_recording(folder, settings)
+    reasons = report["array.log"]["rejects"]
+    assert reasons[logs.TEXT] == 1 and reasons[logs.COLUMNS] and reasons[logs.OUT_OF_RANGE] and reasons[logs.DUPLICATE]
+    # Boot times, in us, are all that the clocks differ by.
+    assert report["array.log"]["clocks"][0]["offset_ms"] == pytest.approx(3000, abs=15)
+    assert report["cnc.log"]["clocks"][0]["offset_ms"] == pytest.approx(6000, abs=15)
+    assert frames.num_rows > 0.95 * report["array.log"]["lines"]
+    theirs = peers.read_log(folder / "array.log", touch.array_format(settings).names)
+    assert len(theirs) == report["array.log"]["lines"] - 1  # but the banner
+
+
+def test_rows_say_what_was_met_and_replace_each_other(tmp_path):
+    path = tmp_path / "benchmarks.csv"
+    shared = {"what": "a thing", "unit": "s", "rounds": 3, "size": "full"}
+    fast = rows.row("fast", ours=1.0, peer=12.0, peer_is="a loop", least_ratio=12, **shared)
+    slow = rows.row("slow", ours=1.0, peer=11.9, peer_is="a loop", least_ratio=12, **shared)
+    large = rows.row("large", ours=2.1, most=2, **shared)
+    none = rows.row("none", ours=0, most=0, **shared)
+    assert [one.met for one in (fast, slow, large, none)] == ["yes", "no", "no", "yes"]
+    assert fast.ratio == 12 and large.ratio == "" and "torch" in fast.versions
+    rows.merge(path, [fast, slow])
+    rows.merge(path, [rows.failed("fast", "full"), large])
+    with open(path, newline="") as file:
+        found = list(csv.DictReader(file))
+    assert [(one["name"], one["met"]) for one in found] == [("fast", "failed"), ("slow", "no"), ("large", "no")]
+    assert float(found[1]["ratio"]) == 11.9 and found[0]["ours"] == ""
+
+
+def test_exponents_and_earlier_points(tmp_path):
+    assert growth.exponent([1, 4, 16], [3, 6, 12]) == pytest.approx(0.5)
+    assert np.isnan(growth.exponent([1], [3]))
+    line = [growth.Point("ingest", growth.DATA, size, "MB of log", 0.1 * size, 50.0) for size in (1, 4, 16)]
+    other = [growth.Point("lomp_latency", growth.ELEMENTS, 25, "elements", 1.0, 10.0)]
+    growth.write(tmp_path, line)
+    growth.write(tmp_path, other)
+    with open(tmp_path / "growth.csv", newline="") as file:
+        found = list(csv.DictReader(file))
+    assert [one["task"] for one in found] == ["ingest"] * 3 + ["lomp_latency"]
+    assert float(found[0]["time_exponent"]) == pytest.approx(1) and float(found[0]["memory_exponent"]) == pytest.approx(
+        0
+    )
+    assert {path.name for path in (tmp_path / "growth").iterdir()} == {"data.png", "elements.png"}
+
+
+def test_what_one_setting_must_not_run():
+    allowed = (
+        "train_touch@tree evaluate@touch latency@touch stress@touch render@touch collect render_stability judge page"
+    )
+    forbidden = (
+        "simulate_touch ingest_touch window@touch dataset@touch train_touch@cnn train_glove@tree evaluate@strain"
+    )
+    forbidden += " rightsize_touch render_strain physics_touch train_velostat_recorded@tree model_zero@strain"
+    for stages, expected in ((allowed, False), (forbidden, True)):
+        for stage in stages.split():
+            assert bool(re.search(FORBIDDEN, stage)) == expected, stage
+
+
+def test_presses_of_made_frames_can_be_told_apart(tmp_path):
+    import pyarrow.parquet
+
+    from pipeline import window
+
+    settings = made.touch_settings()
+    frames = pyarrow.parquet.read_table(made.frames_file(tmp_path / "frames.parquet", 1000, settings))
+    windows = window.windows_of(frames, settings["window"])
+    presses = windows["press"].to_numpy()
+    assert 15 < len(np.unique(presses)) < 35 and all(a <= b for a, b in itertools.pairwise(presses))
