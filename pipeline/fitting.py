@@ -6,18 +6,19 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import skops.io
 import torch
 from safetensors.torch import load_file, save_file
-from sklearn.base import BaseEstimator
 from threadpoolctl import threadpool_limits
 from torch import nn
 
 from pipeline import counting
 from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from sklearn.base import BaseEstimator
 
 NETWORK_FILE = "network.safetensors"
 ESTIMATOR_FILE = "estimator.skops"
@@ -220,10 +221,10 @@ class SklearnRegressor:
 
     def __init__(
         self,
-        make_estimator: Callable[[int], BaseEstimator],
+        make_estimator: Callable[[int], "BaseEstimator"],
         spec: Spec,
         *,
-        count: Callable[[BaseEstimator], int],
+        count: Callable[["BaseEstimator"], int],
         macs: int | None,
         last_frame: bool = False,
         trusted: tuple[str, ...] = (),
@@ -235,7 +236,7 @@ class SklearnRegressor:
         self.last_frame = last_frame
         self.trusted = trusted
         self.summary: FitSummary | None = None
-        self.estimator: BaseEstimator | None = None
+        self.estimator: "BaseEstimator | None" = None
 
     def fit(
         self,
@@ -277,6 +278,8 @@ class SklearnRegressor:
 
     def load(self, folder: Path) -> None:
         """Take the fitted estimator from `folder`; only types that skops knows or `trusted` names."""
+        import skops.io  # 3 s, for which no network has to wait
+
         self.estimator = skops.io.load(_existing(Path(folder) / ESTIMATOR_FILE), trusted=list(self.trusted))
 
     def parameters(self) -> int:
@@ -290,7 +293,7 @@ class SklearnRegressor:
     def _features(self, x: np.ndarray) -> np.ndarray:
         return x[:, -1] if self.last_frame else x.reshape(len(x), -1)
 
-    def _fitted(self) -> BaseEstimator:
+    def _fitted(self) -> "BaseEstimator":
         if self.estimator is None:
             raise RuntimeError("fit or load the model first")
         return self.estimator
@@ -407,12 +410,14 @@ def _existing(path: Path) -> Path:
     return path
 
 
-def _stable_skops(estimator: BaseEstimator) -> bytes:
+def _stable_skops(estimator: "BaseEstimator") -> bytes:
     """skops bytes that depend on the estimator only.
 
     skops numbers objects by memory address, names array files after it, and stamps the archive with the
     clock; here objects are numbered in the order in which they occur, and the date is the archive's zero.
     """
+    import skops.io
+
     archive = zipfile.ZipFile(io.BytesIO(skops.io.dumps(estimator)))
     schema = json.loads(archive.read("schema.json"))
     numbers: dict[int, int] = {}

@@ -17,6 +17,8 @@ from pipeline import files, images, params, paths, series, tables, trained
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 
+FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
+
 COLUMNS = (
     "experiment",
     "model",
@@ -32,18 +34,21 @@ COLUMNS = (
 
 
 def prediction_times(predict, x: np.ndarray, batch: int, settings: dict) -> np.ndarray:
-    """Milliseconds of each of `settings.calls` predictions of `batch` windows after `settings.warm_up` of them.
+    """Milliseconds of each of `settings.calls` predictions of one window after `settings.warm_up` of them.
 
-    x: (n, frames, elements); every call gets the next windows, as a stream would.
+    Of larger batches FEWER times less of both. x: (n, frames, elements); every call gets the next windows, as a
+    stream would.
     """
-    starts = [(k * batch) % max(1, len(x) - batch + 1) for k in range(settings["warm_up"] + settings["calls"])]
+    fewer = FEWER if batch > 1 else 1
+    warm_up, calls = -(-settings["warm_up"] // fewer), -(-settings["calls"] // fewer)
+    starts = [(k * batch) % max(1, len(x) - batch + 1) for k in range(warm_up + calls)]
     taken = []
     for start in starts:
         windows = x[start : start + batch]
         began = time.perf_counter()
         predict(windows)
         taken.append((time.perf_counter() - began) * 1e3)
-    return np.array(taken[settings["warm_up"] :])
+    return np.array(taken[warm_up:])
 
 
 def training_seconds(experiment: str, model: str, protocol: str) -> float:

@@ -83,7 +83,7 @@ def test_reports_do_not_import_torch(stage):
 
 
 def stage_entries():
-    """(name, command words, deps, params) of every entry of dvc.yaml, one matrix value each."""
+    """(name, command words, deps) of every entry of dvc.yaml, one matrix value each."""
     content = yaml.safe_load((ROOT / "dvc.yaml").read_text())
     values = params.load()
     for name, entry in content["stages"].items():
@@ -96,12 +96,12 @@ def stage_entries():
             fill = "${item." + axis + "}"
             text = yaml.safe_dump(entry).replace(fill, str(choice))
             filled = yaml.safe_load(text)
-            yield f"{name}@{choice}", filled["cmd"].split(), set(filled["deps"]), set(filled["params"])
+            yield f"{name}@{choice}", filled["cmd"].split(), set(filled["deps"])
 
 
 @pytest.mark.parametrize("entry", list(stage_entries()), ids=lambda entry: entry[0])
 def test_dvc_watches_what_a_stage_imports(entry):
-    name, command, deps, _ = entry
+    name, command, deps = entry
     needed = closure(command[2].replace(".", "/") + ".py")
     if command[2] in ("pipeline.train", "pipeline.train_images"):
         needed |= closure(f"pipeline/models/{command[4]}.py")
