@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NETWORK_FILE = "network.safetensors"
 ESTIMATOR_FILE = "estimator.skops"
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
-SMALLEST_GAIN = 0.005  # of the validation loss: less in an epoch is noise, not progress
+SMALLEST_GAIN = 0.01  # of the validation loss: half a percent of the error; less in an epoch is noise, not progress
 LARGEST_BATCH = 128  # windows a prediction step: keeps the temporaries of every network in cache
 
 
