@@ -263,10 +263,10 @@ def test_second_repro_has_nothing_to_do(miniature):
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         return used.ru_utime + used.ru_stime
 
-    before = processor_s()  # the time on the clock depends on what else runs; on an idle machine it is the same
+    before = processor_s()  # the clock's time would depend on what else runs
     output = miniature.dvc("repro").stdout
     assert "Running" not in output and "up to date" in output
-    assert processor_s() - before < 15
+    assert processor_s() - before < 40  # 5 to 15 s; the stages take minutes
 
 
 def test_mlflow_store_is_complete_and_comes_back(miniature):
