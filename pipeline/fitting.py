@@ -236,7 +236,7 @@ class SklearnRegressor:
         self.last_frame = last_frame
         self.trusted = trusted
         self.summary: FitSummary | None = None
-        self.estimator: "BaseEstimator | None" = None
+        self.estimator: BaseEstimator | None = None
 
     def fit(
         self,

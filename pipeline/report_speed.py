@@ -95,9 +95,10 @@ def speed_text(found: pd.DataFrame, calls: int, note: str = "") -> str:
         "# Speed against accuracy\n",
         f"Error on test data: mean [95 % t interval] over seeds. Times: median and 95th percentile of {calls} "
         f"predictions (of batches a tenth as many) on {threads} CPU {'thread' if threads == 1 else 'threads'}; "
-        "training: median over the seeds of a split. Times differ from run to run and from machine to machine: differences of a few percent mean "
-        "nothing. MACs (multiply-accumulates) are of one prediction. On a Pareto front are the models that no other "
-        "one equals in time and mean error and beats in one of them; a model with a failed run never is.\n",
+        "training: median over the seeds of a split. Times differ from run to run and from machine to machine: "
+        "differences of a few percent mean nothing. MACs (multiply-accumulates) are of one prediction. On a Pareto "
+        "front are the models that no other one equals in time and mean error and beats in one of them; a model with "
+        "a failed run never is.\n",
         "Charts: [time of a prediction](tradeoff.png), [training time](training.png). In them, an arrowhead is an "
         "interval that leaves the axis, a cross at the top edge a model with a failed run.\n",
         *([f"{note}\n"] if note else []),

@@ -12,7 +12,8 @@ from pipeline.scale import set_values
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
 STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "judge"}
-STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize", "render_rightsize", "page", "agreement"}
+STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize", "render_rightsize", "page"}
+STAGES |= {"agreement"}
 COMMANDS = {"fetch", "scale", "fit_material", "check", "record"}
 WINDOWING = {f"pipeline/{name}.py" for name in ("check", "physics", "stress_windows")}
 # Modules that find, check, start and write things but cannot change a number: DVC need not watch them.

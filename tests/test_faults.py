@@ -492,7 +492,7 @@ def overwritten(content: bytes, changes, cut: int) -> bytes:
     content = bytearray(content)
     for at, new, inserted in changes:
         # Half of the changes go to the first 2 kB, where a file says what it holds.
-        at = at // 2 % (len(content) if at % 2 else min(len(content), 2000) or 1)
+        at = at // 2 % ((len(content) if at % 2 else min(len(content), 2000)) or 1)
         content[at : at if inserted else at + len(new)] = new
     return bytes(content[: len(content) * cut // 1000])
 
