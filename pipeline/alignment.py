@@ -287,8 +287,18 @@ def _overlap(
 
 def _contact(level: np.ndarray) -> np.ndarray:
     """How much in contact, 0 to 1, (n,), for a strength (n,)."""
-    half = CONTACT * max(np.percentile(level, 99), np.finfo(float).tiny)
+    half = CONTACT * max(high_percentile(level), np.finfo(float).tiny)
     return level / (level + half)
+
+
+def high_percentile(level: np.ndarray) -> float:
+    """np.percentile(level, 99) to the bit, in half the time: it looks for NaN at both ends too; here is none."""
+    at = 0.99 * (len(level) - 1)
+    low = int(at)
+    high = min(low + 1, len(level) - 1)
+    ordered, part = np.partition(level, (low, high)), at - low
+    step = ordered[high] - ordered[low]
+    return ordered[low] + step * part if part < 0.5 else ordered[high] - step * (1 - part)
 
 
 def _correlation(first: np.ndarray, second: np.ndarray) -> float:

@@ -7,6 +7,7 @@ because serial lines carry no checksum: a torn line that still has the right num
 
 import os
 import re
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -121,9 +122,18 @@ def read_log(path: Path, fmt: Format, name: str | None = None) -> tuple[pa.Table
 
 def texts(path: Path, numbers: list[int]) -> list[str]:
     """The lines with these numbers (from 1, rising) as rejects show them."""
-    wanted = set(numbers)
-    with path.open("rb") as file:
-        return [_shown(raw) for number, raw in enumerate(file, start=1) if number in wanted]
+    found, first = [], 1  # the number of the first line of a piece
+    for piece in _pieces(path):
+        count = piece.count(b"\n") + (not piece.endswith(b"\n"))
+        wanted = numbers[len(found) : bisect_left(numbers, first + count)]
+        if wanted:
+            ends = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == ord("\n")) + 1
+            edges = [0, *ends.tolist(), len(piece)]
+            found += [_shown(piece[edges[number - first] : edges[number - first + 1]]) for number in wanted]
+        first += count
+        if len(found) == len(numbers):
+            break
+    return found
 
 
 def check_rejects(path: Path, lines: int, reasons: Mapping[str, int], limit: float, key: str) -> None:

@@ -245,3 +245,12 @@ def test_a_line_is_judged_by_itself(lines, tmp_path):
     found = {line: reason for line, reason in judged if reason not in sequence}
     alone = {k: logs._reason(line, COUNTS) for k, line in enumerate([b"0,1,2", *lines], start=1)}
     assert found == {k: reason for k, reason in alone.items() if reason}
+
+
+@pytest.mark.parametrize("end", [b"", b"\n"])
+def test_texts_are_those_of_the_lines(end, tmp_path, monkeypatch):
+    monkeypatch.setattr(logs, "PIECE", 50)  # a few lines a piece
+    lines = [b"%d,%s" % (k, b"x" * (k % 70)) for k in range(1, 200)]
+    path = write(tmp_path, b"\n".join(lines) + end)
+    for numbers in ([1], [199], [1, 2, 3, 70, 198, 199], list(range(1, 200)), []):
+        assert logs.texts(path, numbers) == [lines[k - 1].decode() for k in numbers]
