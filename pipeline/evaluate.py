@@ -56,7 +56,8 @@ def on_windows(experiment: str, settings: Mapping, runs: list[tuple[str, int]], 
     for protocol, seed in runs:
         run = load(protocol, seed, spec)
         rows = np.flatnonzero(data.part(protocol, seed) == "test")
-        predicted, conditions, found = run.predict(data.x[rows]), np.unique(condition[rows]), []
+        predicted = run.predict_windows(data.x[rows], data, rows)
+        conditions, found = np.unique(condition[rows]), []
         for name in [*conditions, *(pooled if len(conditions) > 1 else ())]:
             own = np.full(len(rows), name in pooled) | (condition[rows] == name)
             windows = data.rows.take(pa.array(rows[own]))

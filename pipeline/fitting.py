@@ -104,6 +104,8 @@ class FitSummary(NamedTuple):
 class TorchRegressor:
     """A network that maps normalised windows (n, frames, elements) to normalised maps (n, outputs)."""
 
+    streams = False  # True: carries its state from window to window, see `models/lomp_stream.py`
+
     def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: Training):
         self.make_network = make_network
         self.spec = spec
@@ -139,18 +141,37 @@ class TorchRegressor:
             torch.from_numpy(mean), torch.from_numpy(spread), torch.tensor(output_scale, dtype=torch.float32)
         )
         self.network = self._new_network(seed).to(device)
-        x, y = self._normalised(train, device)
         history, self.summary = _train(
-            self.network,
-            (x, y),
+            self,
+            self._normalised(train, device),
             self._normalised(validation, device),
-            self.training,
             loss_scale=output_scale**2,
             seed=seed,
             progress=progress,
         )
         self.network.eval().to("cpu")
         return history
+
+    def train_epoch(
+        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[torch.Tensor], None]
+    ) -> float:
+        """Mean loss of one epoch over the normalised training part; `update(loss)` is one step of the optimiser."""
+        x, y = train
+        total = torch.zeros((), device=x.device)
+        for batch in torch.randperm(len(x), generator=order).to(x.device).split(self.training.batch_size):
+            loss = nn.functional.mse_loss(self.network(x[batch]), y[batch])
+            update(loss)
+            total += loss.detach() * len(batch)
+        return float(total) / len(x)
+
+    def loss(self, part: tuple[torch.Tensor, ...]) -> float:
+        """Mean loss over a normalised part, with the network as it is for predictions."""
+        x, y = part
+        squares = [
+            nn.functional.mse_loss(self.network(some), target, reduction="sum")
+            for some, target in zip(x.split(LARGEST_BATCH), y.split(LARGEST_BATCH), strict=True)
+        ]
+        return float(sum(squares)) / y.numel()
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Pressure maps (n, outputs) in kPa, float32, for windows x (n, frames, elements) in ADC counts."""
@@ -205,10 +226,10 @@ class TorchRegressor:
     ) -> None:
         self.input_mean, self.input_spread, self.output_scale = mean, spread, output_scale
 
-    def _normalised(self, windows: Windows, device: torch.device) -> tuple[torch.Tensor, torch.Tensor]:
-        x, y = (torch.from_numpy(np.array(part, dtype=np.float32)) for part in windows)
+    def _normalised(self, windows: Windows, device: torch.device) -> tuple[torch.Tensor, ...]:
+        x, y = (torch.from_numpy(np.array(part, dtype=np.float32)) for part in windows[:2])
         x.sub_(self.input_mean).div_(self.input_spread)
-        return x.to(device), y.div_(self.output_scale).to(device)
+        return x.to(device), y.div_(self.output_scale).to(device), *windows[2:]
 
 
 class SklearnRegressor:
@@ -218,6 +239,8 @@ class SklearnRegressor:
     `macs` the multiply-accumulates for one window, or None where there are none to count.
     With `last_frame` the estimator sees only the last frame of a window.
     """
+
+    streams = False
 
     def __init__(
         self,
@@ -311,38 +334,38 @@ def input_scale(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _train(
-    network: nn.Module,
-    train: tuple[torch.Tensor, torch.Tensor],
-    validation: tuple[torch.Tensor, torch.Tensor],
-    training: Training,
+    regressor: TorchRegressor,
+    train: tuple[torch.Tensor, ...],
+    validation: tuple[torch.Tensor, ...],
     *,
     loss_scale: float,
     seed: int,
     progress: Callable[[int, int, float, float], None] | None,
 ) -> tuple[list[dict], FitSummary]:
-    """The training loop; leaves the best epoch's weights in `network`.
+    """The training loop; leaves the best epoch's weights in the regressor's network.
 
     Differs from paper: the loss is the mean over the map instead of the sum of eq. 7; the constant factor 400
     drops out of Adam's update, and losses of different map sizes compare.
     """
-    x, y = train
+    network, training = regressor.network, regressor.training
     order = torch.Generator().manual_seed(seed)
     optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
     learning_rate = training.learning_rate
     history, best_loss, best_epoch, best_weights = [], float("inf"), 0, None
     progress_loss, progress_epoch = float("inf"), 0
     stop_reason = "max_epochs"
+
+    def update(loss: torch.Tensor) -> None:
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+
     for epoch in range(1, training.max_epochs + 1):
         network.train()
-        total = torch.zeros((), device=x.device)
-        for batch in torch.randperm(len(x), generator=order).to(x.device).split(training.batch_size):
-            loss = nn.functional.mse_loss(network(x[batch]), y[batch])
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            total += loss.detach() * len(batch)
-        train_loss = float(total) / len(x) * loss_scale
-        validation_loss = _loss(network, validation) * loss_scale
+        train_loss = regressor.train_epoch(train, order, update) * loss_scale
+        network.eval()
+        with torch.no_grad():
+            validation_loss = regressor.loss(validation) * loss_scale
         history.append(_row(epoch, train_loss, validation_loss, learning_rate))
         if progress:
             progress(epoch, training.max_epochs, train_loss, validation_loss)
@@ -367,17 +390,6 @@ def _train(
     return history, FitSummary(stop_reason, best_epoch)
 
 
-def _loss(network: nn.Module, windows: tuple[torch.Tensor, torch.Tensor]) -> float:
-    network.eval()
-    x, y = windows
-    with torch.no_grad():
-        squares = [
-            nn.functional.mse_loss(network(part), target, reduction="sum")
-            for part, target in zip(x.split(LARGEST_BATCH), y.split(LARGEST_BATCH), strict=True)
-        ]
-    return float(sum(squares)) / y.numel()
-
-
 def _row(epoch: int, train_loss: float, validation_loss: float, learning_rate: float) -> dict:
     return {
         "epoch": epoch,
@@ -394,7 +406,7 @@ def _device(name: str) -> torch.device:
 
 
 def _check(spec: Spec, windows: Windows, part: str) -> None:
-    x, y = windows
+    x, y = windows[:2]
     if not len(x):
         raise InputError(f"the {part} part has no windows; record more or change the split")
     if x.shape != (len(x), spec.frames, spec.elements) or y.shape != (len(x), spec.outputs):

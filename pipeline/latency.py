@@ -1,6 +1,7 @@
 """Stage: how long a prediction takes, and what the model weighs. Runs alone, on one thread.
 
-A prediction is the answer to one window or image, or, on series, to the next sample with the state carried along.
+A prediction is the answer to one window or image, or, on series and streams, to the next sample or frame with the state
+carried along.
 Usage: python -m pipeline.latency EXPERIMENT
 """
 
@@ -108,13 +109,15 @@ def main() -> None:
         for model in tqdm(values[experiment]["models"], desc=f"latency {experiment}", unit="model"):
             folder = paths.run_folder(experiment, model, protocol, seed)
             regressor = trained.load(values, experiment, model, protocol, seed, spec).model
-            predict = regressor.step if on_series else regressor.predict
+            steps = on_series or regressor.streams
+            predict = regressor.step if steps else regressor.predict
+            newest = x[:, -1] if steps and not on_series else x  # a stream sees one frame at a time
             size = sum(
                 file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json")
             )
             with threadpool_limits(settings["threads"]):
                 for batch in settings["batches"]:
-                    times = prediction_times(predict, x, batch, settings)
+                    times = prediction_times(predict, newest, batch, settings)
                     p50, p95 = np.percentile(times, [50, 95])
                     costs = (regressor.parameters(), regressor.macs(), training_seconds(experiment, model, protocol))
                     rows.append((experiment, model, batch, settings["threads"], p50, p95, *costs, size))

@@ -18,7 +18,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, files, images, metrics, params, paths, schema, series, tables, workers
+from pipeline import classification, files, images, metrics, params, paths, schema, series, tables, trained, workers
 from pipeline.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, DEFAULT, NONE, variants
 from pipeline.window import windows_of
@@ -123,13 +123,13 @@ def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
     condition = tables.names(data.rows["condition"])
     (protocol,) = chosen["protocols"]
     part = data.part(protocol, seed)
-    train, validation = ((data.x[part == name], data.y[part == name]) for name in ("train", "validation"))
     for model, block in chosen["models"].items():
         regressor = params.build_model(model, spec, block, f"physics.touch.models.{model}")
+        train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
         regressor.fit(train, validation, seed=seed, device=device)
         for name in CONDITIONS["touch"]:
             rows = np.flatnonzero((part == "test") & (condition == name))
-            predicted = regressor.predict(data.x[rows])
+            predicted = trained.predict_windows(regressor, data.x[rows], data, rows)
             found = metrics.touch(data.rows.take(pa.array(rows)), data.y[rows], predicted, settings)
             yield name, model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
 

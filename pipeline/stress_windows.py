@@ -114,8 +114,8 @@ def rows(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]
     for protocol in stress["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
             run = trained.load(values, experiment, model, protocol, seed, spec)
-            own = _readings_rows(experiment, values, data, protocol, seed, run.model.predict)
-            own += _scene_rows(experiment, settings, scenes, run.model.predict)
+            own = _readings_rows(experiment, values, data, protocol, seed, run.model)
+            own += _scene_rows(experiment, settings, scenes, run.model)
             if run.failed:
                 own = [(*row[:5], float("nan"), row[6]) for row in own]
             for condition in CONDITIONS[experiment]:
@@ -167,7 +167,7 @@ def with_clean(found: list[tuple]) -> list[tuple]:
 
 
 def _readings_rows(
-    experiment: str, values: Mapping, data: tables.Dataset, protocol: str, seed: int, predict: Callable
+    experiment: str, values: Mapping, data: tables.Dataset, protocol: str, seed: int, model
 ) -> list[tuple]:
     """(condition, perturbation, severity, metric, unit, value, n) of the test windows, unchanged and perturbed."""
     settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
@@ -178,7 +178,8 @@ def _readings_rows(
     wanted = [(UNCHANGED, 0), *((name, severity) for name in asked if name in READINGS for severity in asked[name])]
     found = []
     for name, severity in wanted:
-        predicted = predict(x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name)))
+        changed = x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name))
+        predicted = trained.predict_windows(model, changed, data, test)
         for one in CONDITIONS[experiment]:
             chosen = np.full(len(test), True) if one == "all" else condition == one
             if chosen.any():
@@ -188,13 +189,14 @@ def _readings_rows(
     return found
 
 
-def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, tables.Dataset], predict: Callable) -> list:
+def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, tables.Dataset], model) -> list:
     """As `_readings_rows`, of the perturbed scenes."""
     found = []
     for case, data in scenes.items():
         scene = importlib.import_module(f"pipeline.scenes.{experiment}_stress")
         varied = scene.varied(settings, case.perturbation, case.severity)
-        scores = getattr(metrics, experiment)(data.rows, data.y, predict(data.x), varied)
+        predicted = trained.predict_windows(model, data.x, data, np.arange(len(data.x)))
+        scores = getattr(metrics, experiment)(data.rows, data.y, predicted, varied)
         found += [(*case, *row) for row in scores if row[0] in REPORTED]
     return found
 

@@ -145,14 +145,16 @@ def lists(values: np.ndarray, kind: pa.DataType) -> pa.Array:
     return _lists(values, pa.list_(kind, values.shape[1]))
 
 
-def windows_rows(frames: pa.Table, rows: np.ndarray, press: np.ndarray) -> pa.Table:
-    """The windows table: the columns of the last frame, its press, and x (frames * elements, frame-major).
+def windows_rows(frames: pa.Table, rows: np.ndarray, press: np.ndarray, previous: np.ndarray) -> pa.Table:
+    """The windows table: the columns of the last frame, its press, `previous`, and x (frames * elements, frame-major).
 
-    frames: a table of the schema `frames`; rows: (windows, frames) frame numbers; press: (n,) of each frame.
+    frames: a table of the schema `frames`; rows: (windows, frames) frame numbers; press: (n,) of each frame; previous:
+    (windows,) the window that each one goes on from without a frame between them, -1 where there is none.
     """
     last = rows[:, -1]
     table = frames.drop_columns(["v", "gap_before"]).take(pa.array(last))
     table = table.add_column(2, "press", pa.array(press[last].astype(np.int32)))
+    table = table.add_column(3, "previous", pa.array(previous.astype(np.int32)))
     kind = frames.schema.field("v").type
     x = matrix(frames["v"])[rows].reshape(len(rows), rows.shape[1] * kind.list_size)
     return table.append_column("x", lists(x, kind.value_type)).combine_chunks()
@@ -168,6 +170,17 @@ class Dataset(NamedTuple):
     def part(self, protocol: str, seed: int) -> np.ndarray:
         """(n,) name of the part each window belongs to."""
         return names(self.rows[split_column(protocol, seed)])
+
+    def windows(self, chosen: np.ndarray, streams: bool) -> tuple[np.ndarray, ...]:
+        """x and y of the windows that `chosen` (n,) marks, and for a model of streams their `previous`."""
+        found = self.x[chosen], self.y[chosen]
+        return (*found, self.previous(np.flatnonzero(chosen))) if streams else found
+
+    def previous(self, rows: np.ndarray) -> np.ndarray:
+        """(len(rows),) place in `rows`, rising row numbers, of the window that each one goes on from; -1: not there."""
+        place = np.full(len(self.x) + 1, -1)  # the last one is for windows that go on from none
+        place[rows] = np.arange(len(rows))
+        return place[self.rows["previous"].to_numpy()[rows]]
 
 
 def read_dataset(path: Path, frames: int) -> Dataset:

@@ -30,9 +30,9 @@ def train_run(
     regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
     data = tables.read_dataset(paths.dataset(experiment), spec.frames)
     part = data.part(protocol, seed)
-    train, validation = ((data.x[part == name], data.y[part == name]) for name in ("train", "validation"))
-    for name, (x, _) in (("train", train), ("validation", validation)):
-        if not len(x):
+    train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
+    for name, windows in (("train", train), ("validation", validation)):
+        if not len(windows[0]):
             raise InputError(
                 f"{experiment}, {protocol} split, seed {seed}: no window in the {name} part; record more presses"
             )

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline import params, paths
 from pipeline.errors import InputError
+from pipeline.tables import Dataset
 
 
 class Trained(NamedTuple):
@@ -18,8 +19,22 @@ class Trained(NamedTuple):
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """As the model's; NaN of a failed run."""
-        predicted = self.model.predict(x)
+        return self._unless_failed(self.model.predict(x))
+
+    def predict_windows(self, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray:
+        """As the function `predict_windows`; NaN of a failed run."""
+        return self._unless_failed(predict_windows(self.model, x, data, rows))
+
+    def _unless_failed(self, predicted: np.ndarray) -> np.ndarray:
         return np.full_like(predicted, np.nan) if self.failed else predicted
+
+
+def predict_windows(model, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray:
+    """A model's answers to the windows x (n, frames, elements): these rows of a dataset, or what became of them.
+
+    A model of streams carries its state from those that the others go on from.
+    """
+    return model.predict(x, data.previous(rows)) if model.streams else model.predict(x)
 
 
 def load(values: Mapping, experiment: str, model: str, protocol: str, seed: int, spec) -> Trained:

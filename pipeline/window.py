@@ -44,6 +44,17 @@ def window_rows(run: np.ndarray, frames: int, frame_step: int, stride: int) -> n
     return np.concatenate(starts)[:, None] + np.arange(frames) * frame_step
 
 
+def previous_windows(rows: np.ndarray, run: np.ndarray, frame_step: int) -> np.ndarray:
+    """(windows,) number of the window whose last frame comes `frame_step` before the first of each one, else -1.
+
+    rows: (windows, frames) frame numbers, rising; run: as of `window_rows`.
+    """
+    wanted = rows[:, 0] - frame_step
+    before = np.minimum(np.searchsorted(rows[:, -1], wanted), len(rows) - 1)
+    found = (rows[before, -1] == wanted) & (run[rows[before, -1]] == run[rows[:, 0]])
+    return np.where(found, before, -1)
+
+
 def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
     """The windows table (pipeline/tables.py) of a frames table; settings: `<experiment>.window`.
 
@@ -51,7 +62,7 @@ def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
     is part of a window.
     """
     if frames.num_rows == 0:
-        return tables.windows_rows(frames, np.zeros((0, settings["frames"]), int), np.zeros(0, int))
+        return tables.windows_rows(frames, np.zeros((0, settings["frames"]), int), *np.zeros((2, 0), int))
     names = (frames["condition"].combine_chunks(), frames["recording"].combine_chunks())
     codes = [name.indices.to_numpy() for name in names]
     recording = np.cumsum(np.concatenate([[0], np.any([np.diff(code) != 0 for code in codes], axis=0)]))
@@ -69,7 +80,7 @@ def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
         raise InputError(
             f"no window of {settings['frames']} frames fits into any press; record more slowly or lower window.frames"
         )
-    return tables.windows_rows(frames, rows, press)
+    return tables.windows_rows(frames, rows, press, previous_windows(rows, run, settings["frame_step"]))
 
 
 def main() -> None:

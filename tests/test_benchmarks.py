@@ -10,16 +10,16 @@ import torch
 from benchmarks import candidates, growth, made, peers, rows
 from benchmarks.test_benchmark_repro import FORBIDDEN
 
-from pipeline import logs
+from pipeline import logs, message_passing
 from pipeline.experiments import touch
 from pipeline.fitting import Spec
-from pipeline.models import esn, lomp
+from pipeline.models import esn
 from pipeline.series_fitting import Lstm
 
 
 def test_stacked_peer_equals_lomp():
     torch.manual_seed(0)
-    ours = lomp.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 8, 0.3)
+    ours = message_passing.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 8, 0.3)
     x = torch.randn(6, 3, 8)
     theirs = peers.StackedLomp(ours)
     torch.testing.assert_close(ours(x), theirs(x), rtol=1e-5, atol=1e-5)
@@ -48,14 +48,14 @@ def test_reservoir_peer_equals_ours():
 
 def test_candidates_compute_the_same():
     torch.manual_seed(0)
-    network = lomp.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 4, 0.3)
+    network = message_passing.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 4, 0.3)
     x = torch.randn(6, 3, 8)
     with torch.no_grad():
         exact = network(x[:1])
     small = candidates.SmallLomp(network)(x[0].numpy())
     torch.testing.assert_close(torch.from_numpy(small), exact[0], rtol=1e-5, atol=1e-6)
 
-    twin = lomp.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 4, 0.3)
+    twin = message_passing.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 4, 0.3)
     twin.load_state_dict(network.state_dict())
     target = torch.randn(6, 24)
     peers.train_step(network, x, target)()

@@ -5,6 +5,7 @@ import pytest
 import torch
 from benchmarks.peers import LoopedLomp
 
+from pipeline import message_passing
 from pipeline.errors import InputError
 from pipeline.fitting import Spec
 from pipeline.models import lomp
@@ -14,7 +15,7 @@ TRAINING = dict(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, pla
 
 def network(spec, hidden=128, readout=(128, 64), neighbours=4, alpha=0.1):
     torch.manual_seed(0)
-    return lomp.Lomp(spec, hidden, list(readout), neighbours, alpha)
+    return message_passing.Lomp(spec, hidden, list(readout), neighbours, alpha)
 
 
 @pytest.mark.parametrize("neighbours", [4, 8])
@@ -91,13 +92,13 @@ def test_backward_after_another_forward_is_refused():
 
 
 def test_neighbours_of_corner_edge_and_centre():
-    four, eight = lomp.neighbour_matrix(5, 5, 4), lomp.neighbour_matrix(5, 5, 8)
+    four, eight = message_passing.neighbour_matrix(5, 5, 4), message_passing.neighbour_matrix(5, 5, 8)
     assert four[0].nonzero().flatten().tolist() == [1, 5]
     assert eight[0].nonzero().flatten().tolist() == [1, 5, 6]
     assert four[12].nonzero().flatten().tolist() == [7, 11, 13, 17]
     assert eight[12].sum() == 8 and eight[10].sum() == 5
     assert torch.equal(four, four.T) and torch.equal(eight, eight.T)
-    assert lomp.neighbour_matrix(1, 1, 4).tolist() == [[0.0]]
+    assert message_passing.neighbour_matrix(1, 1, 4).tolist() == [[0.0]]
 
 
 def test_without_messages_an_element_sees_only_itself():

@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 import yaml
 
-MODELS = ["constant", "linear", "tree", "cnn", "rnn", "lomp"]
+MODELS = ["constant", "linear", "tree", "cnn", "rnn", "lomp", "lomp_stream"]
 
 
 def lock(project) -> dict:

@@ -6,7 +6,7 @@ They run on the weights of the models that the pipeline trains and change no fil
 import numpy as np
 import torch
 
-from pipeline.models.lomp import Lomp
+from pipeline.message_passing import Lomp
 
 
 class SmallLomp:

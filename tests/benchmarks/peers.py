@@ -7,7 +7,7 @@ import pandas as pd
 import torch
 from torch import nn
 
-from pipeline.models.lomp import Lomp
+from pipeline.message_passing import Lomp
 
 
 class LoopedLomp(nn.Module):

@@ -1,0 +1,96 @@
+"""LoMP as a stream: one frame in, one pressure map out, the state carried along (network: `message_passing`).
+
+The state is zero where a press begins and goes through its windows in turn. Training goes the same way: a batch is
+`batch_size` presses side by side, with an update after each window and no gradient through the state before it.
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import torch
+from torch import nn
+
+from pipeline import counting
+from pipeline.fitting import LARGEST_BATCH, Spec, TorchRegressor, training_settings
+from pipeline.message_passing import maker
+
+
+def build(
+    spec: Spec, *, hidden: int, readout: list[int], neighbours: int, alpha: float, training: dict
+) -> "StreamingLomp":
+    """Settings as of `lomp`; a frame costs its share of a window and one read-out. InputError as `maker`."""
+    return StreamingLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training_settings(training))
+
+
+class StreamingLomp(TorchRegressor):
+    """Windows are (x, y, previous): previous (n,) is the window that each one goes on from, -1 where none does."""
+
+    streams = True
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.state: torch.Tensor | None = None
+
+    def train_epoch(
+        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[torch.Tensor], None]
+    ) -> float:
+        """As of TorchRegressor, an update for each window of the presses of a batch."""
+        x, y, previous = train
+        chains = streams(previous)
+        total = torch.zeros((), device=x.device)
+        for batch in torch.randperm(len(chains), generator=order).split(self.training.batch_size):
+            for windows, maps in self._maps(x, [chains[k] for k in batch.tolist()]):
+                loss = nn.functional.mse_loss(maps, y[windows])
+                update(loss)
+                total += loss.detach() * len(windows)
+        return float(total) / len(x)
+
+    def loss(self, part: tuple[torch.Tensor, ...]) -> float:
+        """As of TorchRegressor."""
+        x, y, previous = part
+        return float(nn.functional.mse_loss(self._all_maps(x, previous), y))
+
+    def predict(self, x: np.ndarray, previous: np.ndarray | None = None) -> np.ndarray:
+        """Maps (n, outputs) in kPa at the end of windows (n, frames, elements); without `previous` each is a press."""
+        x = (torch.from_numpy(np.array(x, dtype=np.float32)) - self.input_mean) / self.input_spread
+        alone = np.full(len(x), -1)
+        with torch.no_grad():
+            return (self._all_maps(x, alone if previous is None else previous) * self.output_scale).numpy()
+
+    def step(self, frame: np.ndarray) -> np.ndarray:
+        """Maps (n, outputs) in kPa for the next frame (n, elements) in ADC counts of n streams."""
+        x = (torch.from_numpy(np.array(frame, dtype=np.float32)) - self.input_mean) / self.input_spread
+        if self.state is not None and self.state.shape[1] != len(x):
+            self.state = None
+        with torch.no_grad():
+            maps, self.state = self.network.go_on(x[:, None], self.state)
+            return (maps * self.output_scale).numpy()
+
+    def macs(self) -> int:
+        """Multiply-accumulates for one frame."""
+        return counting.multiply_accumulates(self.network, torch.zeros(1, 1, self.spec.elements))
+
+    def _all_maps(self, x: torch.Tensor, previous: np.ndarray) -> torch.Tensor:
+        found, chains = x.new_empty(len(x), self.spec.outputs), streams(previous)
+        for start in range(0, len(chains), LARGEST_BATCH):
+            for windows, maps in self._maps(x, chains[start : start + LARGEST_BATCH]):
+                found[windows] = maps
+        return found
+
+    def _maps(self, x: torch.Tensor, chains: list[list[int]]) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
+        """(windows, their maps), first the first window of each stream, then the second of those that have one."""
+        longest_first, state = sorted(chains, key=len, reverse=True), None
+        for turn in range(len(longest_first[0])):
+            windows = torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn], device=x.device)
+            maps, state = self.network.go_on(x[windows], None if state is None else state[:, : len(windows)])
+            yield windows, maps
+
+
+def streams(previous: np.ndarray) -> list[list[int]]:
+    """Windows that go on from each other, in turn; previous (n,) comes before each window or is -1."""
+    chains: dict[int, list[int]] = {}  # by the last window so far
+    for window, before in enumerate(previous.tolist()):
+        chain = chains.pop(before, [])
+        chain.append(window)
+        chains[window] = chain
+    return list(chains.values())

@@ -1,0 +1,113 @@
+"""LoMP as a stream: which window goes on from which, and that a state carried is a longer window."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import torch
+
+from pipeline import tables, window
+from pipeline.fitting import Spec
+from pipeline.models import lomp, lomp_stream
+
+SPEC = Spec(4, 2, 2, 4, 4)
+TRAINING = dict(learning_rate=3e-3, batch_size=8, max_epochs=15, patience=15, plateau=15, drop=0.5)
+BLOCK = dict(hidden=8, readout=[6], neighbours=4, alpha=0.3, training=TRAINING)
+
+
+def presses(count=40, seed=0):
+    """Windows (x, y, previous) of presses of three windows; the map tells how far the press has come."""
+    rng = np.random.default_rng(seed)
+    levels = rng.uniform(0.5, 1, (count, 1, 4)) * np.linspace(0, 1, 12)[:, None]  # (presses, 12 frames, elements)
+    x = (1000 * levels).reshape(count * 3, 4, 4).astype(np.float32)
+    y = np.repeat(x[:, -1], 4, axis=1) * np.tile([1, 2, 3], count)[:, None] / 3
+    previous = np.arange(3 * count) - 1
+    previous[::3] = -1
+    return x, y.astype(np.float32), previous
+
+
+def test_a_window_goes_on_from_the_one_that_ends_before_it():
+    run = np.repeat([0, 1, 2], [12, 9, 5])  # 26 frames
+    rows = window.window_rows(run, frames=4, frame_step=1, stride=4)
+    assert rows[:, 0].tolist() == [0, 4, 8, 12, 16, 21]
+    assert window.previous_windows(rows, run, 1).tolist() == [-1, 0, 1, -1, 3, -1]
+    rows = window.window_rows(run, frames=4, frame_step=1, stride=2)  # two streams, one two frames behind
+    assert rows[:, 0].tolist() == [0, 2, 4, 6, 8, 12, 14, 16, 21]
+    assert window.previous_windows(rows, run, 1).tolist() == [-1, -1, 0, 1, 2, -1, -1, 5, -1]
+    rows = window.window_rows(run, frames=2, frame_step=3, stride=6)
+    assert rows.tolist() == [[0, 3], [6, 9], [12, 15], [21, 24]]
+    assert window.previous_windows(rows, run, 3).tolist() == [-1, 0, -1, -1]
+
+
+def test_of_some_windows_only_those_before_that_are_there_count():
+    table = pa.table({"previous": pa.array([-1, 0, 1, -1, 3, 4], pa.int32())})
+    data = tables.Dataset(np.zeros((6, 1, 1)), np.zeros((6, 1)), table)
+    assert data.previous(np.array([0, 1, 2, 4, 5])).tolist() == [-1, 0, 1, -1, 3]
+    assert data.previous(np.arange(6)).tolist() == [-1, 0, 1, -1, 3, 4]
+
+
+def test_streams_are_chains_of_windows():
+    found = lomp_stream.streams(np.array([-1, -1, 0, 1, 2, -1]))
+    assert sorted(found) == [[0, 2, 4], [1, 3], [5]]
+
+
+def test_a_state_that_is_carried_is_a_longer_window():
+    x, y, previous = presses(3)
+    model = lomp_stream.build(SPEC, **BLOCK)
+    model.fit((x, y, previous), (x, y, previous), seed=0)
+    whole = lomp.build(SPEC._replace(frames=12), **BLOCK)
+    whole.network.load_state_dict(model.network.state_dict())
+    whole._set_normalisation(model.input_mean, model.input_spread, model.output_scale)
+    ends = whole.predict(x.reshape(3, 12, 4))
+    np.testing.assert_allclose(model.predict(x, previous)[2::3], ends, rtol=1e-4, atol=1e-3)
+    model.state = None
+    for frame in x.reshape(3, 12, 4).transpose(1, 0, 2):
+        answer = model.step(frame)
+    np.testing.assert_allclose(answer, ends, rtol=1e-4, atol=1e-3)
+    assert model.step(x[:1, 0]).shape == (1, 16)  # another number of streams starts anew
+
+
+def test_gradients_after_a_carried_state_are_those_of_plain_autograd():
+    torch.manual_seed(0)
+    network = lomp.maker(Spec(3, 2, 2, 2, 2), 3, [4], 4, 0.3)().double()
+    x, state = torch.randn(5, 3, 4, dtype=torch.float64), torch.randn(4, 5, 3, dtype=torch.float64)
+    network.go_on(x, state)[0].square().sum().backward()
+    step = 1e-6
+    for name, weight in network.named_parameters():
+        direction, losses = torch.randn_like(weight), []
+        for sign in (1, -1):
+            with torch.no_grad():
+                weight += sign * step * direction
+                losses.append(float(network.go_on(x, state)[0].square().sum()))
+                weight -= sign * step * direction
+        slope = (losses[0] - losses[1]) / (2 * step)
+        assert slope == pytest.approx(float((weight.grad * direction).sum()), rel=1e-5, abs=1e-7), name
+
+
+def test_the_state_tells_what_a_window_alone_cannot():
+    train, validation = presses(60), presses(20, seed=1)
+    model = lomp_stream.build(SPEC, **(BLOCK | {"training": TRAINING | {"max_epochs": 60, "patience": 60}}))
+    history = model.fit(train, validation, seed=0)
+    assert history[-1]["validation_loss"] < history[0]["validation_loss"] / 4
+    x, y, previous = validation
+    carried, alone = (np.mean((model.predict(x, which) - y) ** 2) for which in (previous, None))
+    assert carried == pytest.approx(min(row["validation_loss"] for row in history), rel=1e-4)
+    assert carried < alone / 2
+
+
+def test_a_frame_costs_its_share_of_a_window():
+    model, window_model = lomp_stream.build(SPEC, **BLOCK), lomp.build(SPEC, **BLOCK)
+    readout = sum(weight.numel() for weight in model.network.readout)
+    assert model.macs() - readout == (window_model.macs() - readout) / SPEC.frames
+
+
+def test_same_seed_same_model(tmp_path):
+    answers = []
+    for _ in range(2):
+        model = lomp_stream.build(SPEC, **BLOCK)
+        model.fit(presses(10), presses(5, seed=1), seed=3)
+        answers.append(model.predict(*presses(4, seed=2)[::2]))
+    np.testing.assert_array_equal(*answers)
+    model.save(tmp_path)
+    again = lomp_stream.build(SPEC, **BLOCK)
+    again.load(tmp_path)
+    np.testing.assert_array_equal(again.predict(*presses(4, seed=2)[::2]), answers[0])
