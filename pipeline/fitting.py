@@ -3,7 +3,7 @@
 import io
 import json
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -105,6 +105,7 @@ class TorchRegressor:
     """A network that maps normalised windows (n, frames, elements) to normalised maps (n, outputs)."""
 
     streams = False  # True: carries its state from window to window, see `models/lomp_stream.py`
+    chunk = 1 << 30  # windows of a batch that go through the network at once; the gradients of a batch add up
 
     def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: Training):
         self.make_network = make_network
@@ -153,15 +154,20 @@ class TorchRegressor:
         return history
 
     def train_epoch(
-        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[torch.Tensor], None]
+        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[Iterable], torch.Tensor]
     ) -> float:
-        """Mean loss of one epoch over the normalised training part; `update(loss)` is one step of the optimiser."""
+        """Mean loss of one epoch over the normalised training part.
+
+        `update(losses)` is one step of the optimiser on the sum of the losses, which it returns.
+        """
         x, y = train
         total = torch.zeros((), device=x.device)
         for batch in torch.randperm(len(x), generator=order).to(x.device).split(self.training.batch_size):
-            loss = nn.functional.mse_loss(self.network(x[batch]), y[batch])
-            update(loss)
-            total += loss.detach() * len(batch)
+            losses = (
+                nn.functional.mse_loss(self.network(x[some]), y[some]) * (len(some) / len(batch))
+                for some in batch.split(self.chunk)
+            )
+            total += update(losses) * len(batch)
         return float(total) / len(x)
 
     def loss(self, part: tuple[torch.Tensor, ...]) -> float:
@@ -355,10 +361,14 @@ def _train(
     progress_loss, progress_epoch = float("inf"), 0
     stop_reason = "max_epochs"
 
-    def update(loss: torch.Tensor) -> None:
+    def update(losses: Iterable[torch.Tensor]) -> torch.Tensor:
         optimiser.zero_grad()
-        loss.backward()
+        total = 0.0
+        for loss in losses:
+            loss.backward()
+            total = total + loss.detach()
         optimiser.step()
+        return total
 
     for epoch in range(1, training.max_epochs + 1):
         network.train()

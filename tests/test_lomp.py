@@ -138,3 +138,36 @@ def test_macs_per_window():
     readout = 256 * 128 + 128 * 64 + 64 * 16
     assert model.macs() == 25 * (8 * recurrent + readout) == 17_510_400
     assert model.predict(np.zeros((1, 8, 25), np.float32)).shape == (1, 400)
+
+
+@pytest.mark.parametrize("spec, hidden", [(Spec(8, 5, 5, 20, 20), 128), (Spec(3, 2, 4, 6, 4), 8)])
+def test_one_window_in_numpy_is_the_window_of_a_batch(spec, hidden, tmp_path):
+    model = lomp.build(spec, hidden=hidden, readout=[16, 8], neighbours=8, alpha=0.3, training=TRAINING)
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 1000, (40, spec.frames, spec.elements)).astype(np.float32)
+    y = rng.uniform(0, 300, (40, spec.outputs)).astype(np.float32)
+    for _ in range(2):  # again after other weights have come
+        model.fit((x, y), (x, y), seed=_)
+        together = model.predict(x)
+        alone = np.concatenate([model.predict(x[k : k + 1]) for k in range(40)])
+        np.testing.assert_allclose(alone, together, rtol=1e-4, atol=1e-4 * np.abs(together).max())
+    model.save(tmp_path)
+    model.fit((x, y), (x, y), seed=5)
+    model.load(tmp_path)
+    np.testing.assert_array_equal(model.predict(x[:1]), alone[:1])
+
+
+def test_a_batch_in_chunks_has_the_gradients_of_the_batch():
+    spec, rng = Spec(3, 2, 2, 4, 4), np.random.default_rng(0)
+    x = rng.uniform(0, 1000, (100, 3, 4)).astype(np.float32)
+    y = rng.uniform(0, 300, (100, 16)).astype(np.float32)
+    answers = []
+    for chunk in (32, 1000):
+        model = lomp.build(
+            spec, hidden=8, readout=[6], neighbours=4, alpha=0.3, training=TRAINING | {"batch_size": 100}
+        )
+        model.chunk = chunk
+        history = model.fit((x, y), (x, y), seed=0)
+        answers.append((history[0]["train_loss"], model.predict(x)))
+    assert answers[0][0] == pytest.approx(answers[1][0], rel=1e-5)
+    np.testing.assert_allclose(answers[0][1], answers[1][1], rtol=1e-3, atol=1e-2)

@@ -185,3 +185,18 @@ def test_ridge_weights_are_the_minimum():
         return np.square(states @ w - y).sum() / 50 + 0.1 * np.square(w).sum()
 
     assert all(cost(weights) < cost(weights + 0.01 * rng.normal(size=weights.shape)) for _ in range(5))
+
+
+def test_reservoir_in_pieces_forgets_where_they_start():
+    block = {"units": 200, "spectral_radius": 0.95, "leak": 0.3, "input_scale": 0.5, "ridge": 1e-6}  # of params.yaml
+    model = params.build_model("esn", spec(2), block, "test")
+    system = model.make(6, 0)
+    x = np.random.default_rng(0).normal(size=(1, 9001, 6)).astype(np.float32)
+    whole = model.advance(system, x, None)[0]
+    exact, state = [], None
+    for start in range(0, len(x[0]), 3000):  # too short to be cut into pieces, each from the state before
+        part = model.advance(system, x[:, start : start + 3000], state)
+        exact.append(part[0])
+        state = part[:, -1]
+    np.testing.assert_allclose(whole, np.concatenate(exact), rtol=0, atol=1e-5)
+    np.testing.assert_array_equal(whole[:500], exact[0][:500])

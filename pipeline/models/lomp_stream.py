@@ -4,15 +4,15 @@ The state is zero where a press begins and goes through its windows in turn. Tra
 `batch_size` presses side by side, with an update after each window and no gradient through the state before it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import torch
 from torch import nn
 
 from pipeline import counting
-from pipeline.fitting import LARGEST_BATCH, Spec, TorchRegressor, training_settings
-from pipeline.message_passing import maker
+from pipeline.fitting import LARGEST_BATCH, Spec, training_settings
+from pipeline.message_passing import LompRegressor, maker
 
 
 def build(
@@ -22,17 +22,17 @@ def build(
     return StreamingLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training_settings(training))
 
 
-class StreamingLomp(TorchRegressor):
+class StreamingLomp(LompRegressor):
     """Windows are (x, y, previous): previous (n,) is the window that each one goes on from, -1 where none does."""
 
     streams = True
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
-        self.state: torch.Tensor | None = None
+        self.state = None  # (elements, streams, hidden), of `step`
 
     def train_epoch(
-        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[torch.Tensor], None]
+        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[Iterable], torch.Tensor]
     ) -> float:
         """As of TorchRegressor, an update for each window of the presses of a batch."""
         x, y, previous = train
@@ -40,9 +40,7 @@ class StreamingLomp(TorchRegressor):
         total = torch.zeros((), device=x.device)
         for batch in torch.randperm(len(chains), generator=order).split(self.training.batch_size):
             for windows, maps in self._maps(x, [chains[k] for k in batch.tolist()]):
-                loss = nn.functional.mse_loss(maps, y[windows])
-                update(loss)
-                total += loss.detach() * len(windows)
+                total += update([nn.functional.mse_loss(maps, y[windows])]) * len(windows)
         return float(total) / len(x)
 
     def loss(self, part: tuple[torch.Tensor, ...]) -> float:
@@ -59,9 +57,12 @@ class StreamingLomp(TorchRegressor):
 
     def step(self, frame: np.ndarray) -> np.ndarray:
         """Maps (n, outputs) in kPa for the next frame (n, elements) in ADC counts of n streams."""
-        x = (torch.from_numpy(np.array(frame, dtype=np.float32)) - self.input_mean) / self.input_spread
-        if self.state is not None and self.state.shape[1] != len(x):
+        if self.state is not None and self.state.shape[1] != len(frame):
             self.state = None
+        if len(frame) == 1:
+            maps, self.state = self.one_row(np.asarray(frame, np.float32), self.state)
+            return maps
+        x = (torch.from_numpy(np.array(frame, dtype=np.float32)) - self.input_mean) / self.input_spread
         with torch.no_grad():
             maps, self.state = self.network.go_on(x[:, None], self.state)
             return (maps * self.output_scale).numpy()
