@@ -30,7 +30,7 @@ from urllib.parse import urlsplit
 
 from tqdm import tqdm
 
-from pipeline import paths
+from pipeline import paths, workers
 from pipeline.errors import InputError
 from pipeline.parent import die_with_parent
 
@@ -235,12 +235,11 @@ def _process(job: Job) -> Process:
         last = None
     if last is None:
         ours, theirs = Pipe()
-        single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         with theirs:
             popen = subprocess.Popen(
                 [sys.executable, "-c", SERVE, str(theirs.fileno())],
                 cwd=job.root,
-                env=os.environ | single,
+                env={"GLIBC_TUNABLES": workers.KEEP_MEMORY} | os.environ | workers.ONE_THREAD,
                 stdin=subprocess.DEVNULL,
                 pass_fds=[theirs.fileno()],
             )
@@ -274,8 +273,6 @@ def _outcome(process: Process, job: Job, task: Task, wanted: Callable[[], bool],
 def serve(handle: int) -> None:
     """Do the tasks that come through the pipe with this handle, one after the other, until it closes."""
     die_with_parent()
-    from pipeline.workers import note
-
     with Connection(handle) as pipe:
         while pipe.poll(IDLE_S):
             try:
@@ -284,7 +281,7 @@ def serve(handle: int) -> None:
                 return
             try:
                 called = getattr(importlib.import_module(module), function)
-                answer = "result", called(*arguments, lambda *numbers: pipe.send(("step", note(numbers))))
+                answer = "result", called(*arguments, lambda *numbers: pipe.send(("step", workers.note(numbers))))
             except Exception as error:
                 if not isinstance(error, InputError):
                     error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")

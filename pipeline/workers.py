@@ -20,6 +20,9 @@ from pipeline.parent import die_with_parent
 KEEP_MEMORY = "glibc.malloc.hugetlb=1:glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=4000000000"
 KEEP_MEMORY += ":glibc.malloc.top_pad=67108864"
 
+# For a process's environment before its first import of numpy and torch: their thread pools are sized when they load.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
 _progress = None  # in a worker process: where its reports go
 
 
@@ -120,9 +123,7 @@ def _start(reports) -> None:
     global _progress
     _progress = reports
     die_with_parent()
-    # Before the first import of numpy and torch: their thread pools are sized when they load.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ[name] = "1"
+    os.environ |= ONE_THREAD
 
 
 def _call(function: Callable, arguments: tuple, number: int):

@@ -33,7 +33,7 @@ from pipeline.errors import InputError
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
 from pipeline.scenes import strain as strain_scene
 
-LONGEST_S = 3.0  # of processor time that one input may take; 0.3 s, and three times as much where processors are shared
+LONGEST_S = 1.0  # of processor time that one input may take
 FUZZ = os.environ.get("FUZZ")
 
 
