@@ -313,7 +313,7 @@ class _Arrays:
         h = np.zeros_like(self.v_bias) if h is None else h
         for frame in x:
             drive = frame[:, None] * self.inputs + self.bias
-            product = np.matmul(h[:, None], self.state)[:, 0]
+            product = np.matmul(h[:, None], self.state)[:, 0] if h.any() else np.zeros_like(drive)
             with np.errstate(over="ignore"):  # 1 / infinity is the 0 that a closed gate is
                 rz = 1 / (1 + np.exp(-(drive[:, :gates] + product[:, :gates])))
             c = np.tanh(drive[:, gates:] + rz[:, : self.hidden] * (product[:, gates:] + self.v_bias))

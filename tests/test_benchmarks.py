@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 import torch
-from benchmarks import candidates, growth, made, peers, rows
+from benchmarks import growth, made, peers, rows
 from benchmarks.test_benchmark_repro import FORBIDDEN
 
 from pipeline import logs, message_passing
@@ -44,33 +44,6 @@ def test_reservoir_peer_equals_ours():
     system, x = model.make(6, 0), np.random.default_rng(0).normal(size=(50, 6)).astype(np.float32)
     theirs = peers.reservoir_states(system, 0.3, x)
     np.testing.assert_allclose(model.advance(system, x[None], None)[0], theirs, rtol=1e-4, atol=1e-5)
-
-
-def test_candidates_compute_the_same():
-    torch.manual_seed(0)
-    network = message_passing.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 4, 0.3)
-    x = torch.randn(6, 3, 8)
-    with torch.no_grad():
-        exact = network(x[:1])
-    small = candidates.SmallLomp(network)(x[0].numpy())
-    torch.testing.assert_close(torch.from_numpy(small), exact[0], rtol=1e-5, atol=1e-6)
-
-    twin = message_passing.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 4, 0.3)
-    twin.load_state_dict(network.state_dict())
-    target = torch.randn(6, 24)
-    peers.train_step(network, x, target)()
-    candidates.chunked_step(twin, x, target, chunk=4)()
-    for one, other in zip(network.parameters(), twin.parameters(), strict=True):
-        torch.testing.assert_close(one.grad, other.grad, rtol=1e-4, atol=1e-6)
-
-
-def test_reservoir_in_pieces_forgets_where_they_start():
-    model = esn.build(Spec(10, 1, 6, 1, 2), units=20, spectral_radius=0.5, leak=0.9, input_scale=0.5, ridge=1e-6)
-    system, x = model.make(6, 0), np.random.default_rng(0).normal(size=(103, 6)).astype(np.float32)
-    exact = peers.reservoir_states(system, 0.9, x)
-    np.testing.assert_allclose(candidates.reservoir_states(system, 0.9, x, pieces=4, warm=40), exact, rtol=0, atol=1e-5)
-    short = candidates.reservoir_states(system, 0.9, x, pieces=4, warm=1)
-    assert np.abs(short[:26] - exact[:26]).max() < 1e-5 < np.abs(short - exact).max()
 
 
 def test_readout_peer_finds_the_least_squares():

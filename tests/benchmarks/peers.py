@@ -106,9 +106,9 @@ class StackedLomp(nn.Module):
         return blocks.permute(2, 0, 3, 1, 4).reshape(len(x), w.spec.outputs)
 
 
-def train_step(network: nn.Module, x: torch.Tensor, y: torch.Tensor, fused: bool | None = None):
+def train_step(network: nn.Module, x: torch.Tensor, y: torch.Tensor):
     """A function that makes one update of `network` with Adam on the squared error of one batch."""
-    optimiser = torch.optim.Adam(network.parameters(), fused=fused)
+    optimiser = torch.optim.Adam(network.parameters())
 
     def step() -> None:
         loss = nn.functional.mse_loss(network(x), y)

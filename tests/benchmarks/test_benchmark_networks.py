@@ -1,5 +1,7 @@
 """LoMP, the strain networks and SP-ResNet against what one would write first."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,8 +9,8 @@ from benchmarks import made, measure, peers
 from torch import nn
 from tqdm import tqdm
 
-from pipeline import params, paths, series, workers
-from pipeline.fitting import Spec
+from pipeline import params, paths, series, tables, trained, workers
+from pipeline.fitting import Spec, TorchRegressor
 from pipeline.image_fitting import augmented, image_training, spec_of
 from pipeline.models import esn, lstm_transfer_ridge, sp_resnet
 from pipeline.series_fitting import LstmRegressor, recipe
@@ -17,12 +19,36 @@ from pipeline.series_fitting import spec_of as spec_of_series
 WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
 
 
+@pytest.fixture(scope="module")
+def touch():
+    """The touch experiment's dataset, and what loads a model of its first run; needs what `dvc repro` has made."""
+    values = params.load()
+    data = tables.read_dataset(paths.require(paths.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
+    spec = Spec(*params.shapes(values["touch"]))
+
+    def load(model: str):
+        return trained.load(values, "touch", model, "press", 0, spec).model
+
+    return data, load
+
+
+def single_rmse(data: tables.Dataset, predict) -> float:
+    """RMSE in kPa of the single touches of the test part; `predict(x, rows)` gives the maps of these rows."""
+    single = tables.names(data.rows["condition"]) == "single"
+    rows = np.flatnonzero(single & (data.part("press", 0) == "test"))
+    return float(np.sqrt(np.mean((predict(data.x[rows], rows) - data.y[rows]) ** 2)))
+
+
 def test_lomp_latency(race, record, sizes):
-    ours, loop = (measure.lomp(5, max_epochs=1) for _ in range(2))
-    loop.network = peers.LoopedLomp(ours.network)
+    ours, twin = (measure.lomp(5, max_epochs=1) for _ in range(2))
+    twin.network = peers.LoopedLomp(ours.network)
     x = np.random.default_rng(0).uniform(0, 500, (1, 8, 25)).astype(np.float32)
-    np.testing.assert_allclose(ours.predict(x), loop.predict(x), rtol=1e-3, atol=1e-4)
-    seconds, peer = race(lambda: ours.predict(x), lambda: loop.predict(x), rounds=sizes.rounds, calls=20)
+
+    def loop() -> np.ndarray:
+        return TorchRegressor.predict(twin, x)
+
+    np.testing.assert_allclose(ours.predict(x), loop(), rtol=1e-3, atol=1e-4)
+    seconds, peer = race(lambda: ours.predict(x), loop, rounds=sizes.rounds, calls=20)
     record(
         "lomp_latency",
         what=f"{WINDOW}, batch 1",
@@ -31,6 +57,48 @@ def test_lomp_latency(race, record, sizes):
         ours=seconds * 1e3,
         peer=peer * 1e3,
         least_ratio=12,
+        rounds=sizes.rounds,
+    )
+
+
+def test_lomp_latency_error(record, sizes, touch):
+    """What computing a window in numpy changes, against the same weights in torch."""
+    data, load = touch
+    model, most = load("lomp"), 0.0
+
+    def fast(x: np.ndarray, _) -> np.ndarray:
+        nonlocal most
+        maps = np.concatenate([model.predict(one[None]) for one in x])
+        exact = TorchRegressor.predict(model, x)
+        most = float(np.abs(maps - exact).max() / exact.max())
+        return maps
+
+    errors = single_rmse(data, fast), single_rmse(data, lambda x, _: TorchRegressor.predict(model, x))
+    shown = f"test RMSE {errors[0]:.6f} kPa, in torch {errors[1]:.6f}"
+    what = f"LoMP, batch 1: largest difference of a map from torch's, share of full scale; {shown}"
+    record("lomp_latency_error", what=what, unit="%", ours=100 * most, most=0.5, rounds=1)
+
+
+def test_lomp_stream(race, record, sizes, touch):
+    """A frame of the streaming model against a window of LoMP, both as the pipeline trained them."""
+    data, load = touch
+    stream, window = load("lomp_stream"), load("lomp")
+    x = data.x[:1]
+    seconds, peer = race(
+        lambda: stream.step(x[:, -1]), lambda: window.predict(x), rounds=sizes.rounds, calls=sizes.rounds
+    )
+
+    def rmse(model) -> float:
+        return single_rmse(data, lambda x, rows: trained.predict_windows(model, x, data, rows))
+
+    record(
+        "lomp_stream",
+        what=f"LoMP, one frame in, one map out; test RMSE {rmse(stream):.2f} kPa, by windows {rmse(window):.2f}",
+        peer_is="LoMP, one window, batch 1",
+        unit="ms",
+        ours=seconds * 1e3,
+        peer=peer * 1e3,
+        least_ratio=5,
         rounds=sizes.rounds,
     )
 
@@ -46,8 +114,19 @@ def test_lomp_training(race, record, sizes, batch):
     torch.manual_seed(0)
     x, y = torch.randn(windows, 8, 25), torch.randn(windows, 400)
     loop, stacked = peers.LoopedLomp(networks[1]), peers.StackedLomp(networks[2])
+    order = torch.Generator()
+
+    def update(losses) -> torch.Tensor:  # as pipeline/fitting.py
+        optimiser.zero_grad()
+        for loss in losses:
+            loss.backward()
+        optimiser.step()
+        return torch.zeros(())
+
+    optimiser = torch.optim.Adam(networks[0].parameters(), fused=True)
+    models[0].training = replace(models[0].training, batch_size=windows)
     seconds, *theirs = race(
-        peers.train_step(networks[0], x, y, fused=True),  # as pipeline/fitting.py
+        lambda: models[0].train_epoch((x, y), order, update),
         *(peers.train_step(network, x, y) for network in (loop, stacked)),
         rounds=7,
     )
