@@ -5,14 +5,12 @@ a value a frame of `pressure` (n, 32, 32), `objectId`, `recordingId`, `splitId`,
 the names `objects`, `recordings` and `splits`, which the numbers, from 0, point into.
 """
 
-import zlib
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import scipy.io
-from scipy.io.matlab import MatReadError
 
+from pipeline import matlab
 from pipeline.errors import InputError
 from pipeline.images import HIGHEST, SIDE
 
@@ -23,8 +21,6 @@ VARIABLES = ("pressure", *NAMES, *NAMES.values(), *FLAGS)
 PARTS = ("train", "test")
 
 LARGEST_FILE = 1 << 30  # bytes
-# What scipy raises for a file that is cut, damaged or something else.
-UNREADABLE = (ValueError, TypeError, KeyError, IndexError, OSError, zlib.error, MatReadError, MemoryError)
 
 
 class Stag(NamedTuple):
@@ -44,7 +40,9 @@ def read(path: Path, balanced: bool = True) -> Stag:
     that is missing, cut, of version 7.3, lacks a variable, whose variables do not belong together, or of which no
     frame is left.
     """
-    found = _read(path)
+    if not path.is_file():
+        raise InputError(f"{path}: not found; download the classification data of STAG and name its metadata.mat")
+    found = matlab.read(path, VARIABLES, LARGEST_FILE)
     pressure = found["pressure"]
     if pressure.ndim != 3 or pressure.shape[1:] != (SIDE, SIDE) or pressure.dtype.kind not in "fiu":
         raise InputError(f"{path}: 'pressure' is {pressure.shape}, not frames of {SIDE} x {SIDE} numbers")
@@ -73,26 +71,6 @@ def read(path: Path, balanced: bool = True) -> Stag:
         recording=np.array(names["recordings"])[number["recordingId"][kept]],
         part=np.array(names["splits"])[number["splitId"][kept]],
     )
-
-
-def _read(path: Path) -> dict[str, np.ndarray]:
-    """The variables of the file. MATLAB objects are data to scipy, nothing in the file is executed."""
-    if not path.is_file():
-        raise InputError(f"{path}: not found; download the classification data of STAG and name its metadata.mat")
-    if path.stat().st_size > LARGEST_FILE:
-        raise InputError(f"{path}: {path.stat().st_size} bytes are more than the data can have; check the file")
-    with path.open("rb") as file:
-        start = file.read(16)
-    if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
-    try:
-        found = scipy.io.loadmat(path, variable_names=list(VARIABLES))
-    except (*UNREADABLE, NotImplementedError) as error:
-        raise InputError(f"{path}: not a whole MATLAB file ({error or 'it ends too early'}); get it again") from error
-    for name in VARIABLES:
-        if not isinstance(found.get(name), np.ndarray):
-            raise InputError(f"{path}: has no variable '{name}'; it must hold {', '.join(VARIABLES)}")
-    return found
 
 
 def _names(path: Path, name: str, value: np.ndarray) -> list[str]:

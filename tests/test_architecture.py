@@ -19,6 +19,8 @@ WINDOWING = {f"pipeline/{name}.py" for name in ("check", "physics", "stress_wind
 # Modules that find, check, start and write things but cannot change a number: DVC need not watch them.
 PLUMBING = {"availability", "cluster", "errors", "files", "params", "parent", "paths", "runs", "schema", "workers"}
 PLUMBING = {f"pipeline/{name}.py" for name in PLUMBING}
+# Reading recordings is ingest's part of an experiment's file: of no concern to the stages after it.
+READERS = {"pipeline/logs.py", "pipeline/alignment.py", "pipeline/matlab.py"}
 
 
 def imports(path: Path) -> set[str]:
@@ -108,17 +110,17 @@ def test_dvc_watches_what_a_stage_imports(entry):
         needed |= closure(f"pipeline/models/{command[4]}.py")
     if command[2] == "pipeline.train_series":
         needed |= closure(f"pipeline/models/{command[4].replace('model_zero', 'lstm_direct')}.py")
-        needed |= closure(f"pipeline/experiments/{command[3]}.py") - {"pipeline/logs.py", "pipeline/alignment.py"}
+        needed |= closure(f"pipeline/experiments/{command[3]}.py") - READERS
     if command[2] == "pipeline.stress":
         needed |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline/scenes").glob("*.py")}
-        needed |= closure(f"pipeline/experiments/{command[3]}.py")
+        needed |= closure(f"pipeline/experiments/{command[3]}.py") - {"pipeline/matlab.py"}
     if command[2] == "pipeline.simulate":
         needed |= closure(f"pipeline/scenes/{command[3]}.py")
     if command[2] == "pipeline.ingest":
         needed |= closure(f"pipeline/experiments/{command[3]}.py")
     if command[2] == "pipeline.dataset":
         needed |= closure(f"pipeline/experiments/{command[3]}.py")
-        needed -= {"pipeline/logs.py", "pipeline/alignment.py"}  # reading logs is ingest's part of these files
+        needed -= READERS
     if command[2] == "pipeline.physics":
         models = params.load()["physics"][command[3]]["models"]
         for file in (f"scenes/{command[3]}", f"experiments/{command[3]}", *(f"models/{model}" for model in models)):

@@ -5,17 +5,14 @@ the last place), moves to a new random place (10-19) and presses there (20-39). 
 same seed on both days, so the places of the second day are the first places of the first day, in the same order.
 """
 
-import zlib
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import scipy.io
-from scipy.io.matlab import MatReadError
 
-from pipeline import logs, series, tables
+from pipeline import logs, matlab, series, tables
 from pipeline.errors import InputError
 
 FILES = {"day_1": "new_test/para5_long.mat", "day_2": "para5_long_n.mat"}  # 30 and 31 July 2019
@@ -30,9 +27,6 @@ LARGEST_FILE = 64 << 20  # bytes; the recordings have 2 and 4 MB
 LOWEST_V, HIGHEST_V = 0.0, 5.0  # what the board's supply can give
 RAIL_V = 3.0  # the board reads up to 3.3 V; strands read 1.4 to 2.3 V, one that has come loose 3.15 V
 STEP_V = 3.3 / 1023  # of its 10-bit converter: a channel that moves less all day is dead
-
-# What scipy raises for a file that is cut, damaged or something else.
-UNREADABLE = (ValueError, TypeError, KeyError, IndexError, OSError, NotImplementedError, zlib.error)
 
 NO_TIME = "no time"
 INCOMPLETE = "incomplete cycle"
@@ -190,20 +184,11 @@ def _condition(path: Path) -> str:
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """voltage (n, channels) in V, time (n,) in s (NaN where there is none), place (2, presses) and deformation in mm.
 
-    Only these variables are decoded; MATLAB objects are data to scipy, nothing in the file is executed.
     """
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
-        raise InputError(f"{path}: {size} bytes are more than a recording can have ({LARGEST_FILE}); check the file")
-    try:
-        found = scipy.io.loadmat(path, variable_names=list(VARIABLES))
-    except (*UNREADABLE, MatReadError) as error:
-        raise InputError(f"{path}: not a whole MATLAB file ({error or 'it ends too early'}); fetch it again") from error
+    found = matlab.read(path, VARIABLES, LARGEST_FILE)
     for name in VARIABLES:
-        if name not in found:
-            raise InputError(f"{path}: has no variable '{name}'; it must hold {', '.join(VARIABLES)}")
         value = found[name]
-        if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu" or value.ndim != 2:
+        if value.dtype.kind not in "fiu" or value.ndim != 2:
             raise InputError(f"{path}: '{name}' is not a matrix of real numbers; it is not a recording of this kind")
         found[name] = value.astype(np.float64)
     voltage, time, place = found["voltage"], found["tim"].ravel(), found["pos"]

@@ -146,7 +146,7 @@ def test_lomp_training(race, record, sizes, batch):
 
 
 def test_strain_epoch(race, record, sizes):
-    epochs, one = 3, made.series(sizes.samples)
+    epochs, one = min(20, sizes.epochs), made.series(sizes.samples)  # of 200 alike
     model = measure.lstm(max_epochs=epochs)
     torch.manual_seed(0)
     plain = peers.PlainLstm(6, 50, 2)
@@ -155,7 +155,7 @@ def test_strain_epoch(race, record, sizes):
     seconds, peer = race(
         lambda: model.fit([one], seed=0, device="cpu", base=None),
         lambda: peers.lstm_epochs(plain, x, y, epochs, rate, clip),
-        rounds=7,
+        rounds=3,
     )
     record(
         "strain_epoch",
@@ -165,7 +165,7 @@ def test_strain_epoch(race, record, sizes):
         ours=seconds / epochs,
         peer=peer / epochs,
         least_ratio=1,
-        rounds=7,
+        rounds=3,
     )
 
 
