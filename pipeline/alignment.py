@@ -19,15 +19,16 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import correlate
 
 from pipeline.errors import InputError
 
+ROUGH_S = 0.05  # grid of the rough search, a quarter of what the fine one reaches
 STEP_S = 0.01  # grid on which signals are compared: the interval of the fastest device
 EDGE_S = 0.04  # a change is taken over this time: presses rise in 0.1 to 0.5 s
 NEAR_S = 0.2  # the fine search reaches this far: shorter than a press, longer than drift and creep
 STRETCH_S = 30.0  # about 30 presses; their offset is good to 1 or 2 ms
 STRETCHES = 4
+LONG_S = 600.0  # the middle of a longer segment says where its stretches are to be searched
 SHORTEST_S = 3.0  # a segment with fewer than about three presses cannot be placed
 CONTACT = 0.05  # share of the 99th percentile at which contact is half of full; noise is 0.01 of it and less
 HOLE = 5.0  # intervals; ground truth is not interpolated over longer holes
@@ -61,14 +62,9 @@ class Clock:
         return time_s + self.offset_s + self.drift * (time_s - self.middle_s)
 
 
-def array_strength(counts: np.ndarray) -> np.ndarray:
-    """Total response (n,) of frames (n, elements): counts above their rest level (10th percentile)."""
-    return np.maximum(counts - np.percentile(counts, 10, axis=0), 0).sum(axis=1)
-
-
-def force_strength(force_n: np.ndarray) -> np.ndarray:
-    """Force (n,) above its rest level (10th percentile), in N."""
-    return np.maximum(force_n - np.percentile(force_n, 10), 0)
+def strength_above_rest(values: np.ndarray) -> np.ndarray:
+    """Counts of an element, or a force in N, (n,) above the rest level (10th percentile)."""
+    return np.maximum(values - np.percentile(values, 10), 0)
 
 
 def depth_strength(z_mm: np.ndarray) -> np.ndarray:
@@ -189,20 +185,22 @@ def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict
     """Offset and drift of `piece` against `against`, the offset searched within `lags`."""
     who, beside = limits["who"], limits.get("beside")
     rough, rival = _rough_lag(piece, against, *lags)
-    lag, _ = _fine_lag(piece, against, rough, beside)
+    middle = (piece.time_s[0] + piece.time_s[-1]) / 2
+    lag, score = _fine_lag(_between(piece, middle - LONG_S / 2, middle + LONG_S / 2), against, rough, beside)
+    if piece.duration_s > LONG_S and not score >= limits["min_correlation"]:
+        lag, _ = _fine_lag(piece, against, rough, beside)
     stretches = int(piece.duration_s // STRETCH_S)
     edges = np.linspace(piece.time_s[0], piece.time_s[-1], stretches + 1 if stretches >= STRETCHES else 0)
     found = []
     for left, right in itertools.pairwise(edges):
-        inside = (piece.time_s >= left) & (piece.time_s <= right)
-        if inside.sum() >= 2:
-            stretch = Signal(piece.time_s[inside], piece.value[inside])
+        stretch = _between(piece, left, right)
+        if len(stretch.time_s) >= 2:
             found.append((stretch.time_s.mean(), *_fine_lag(stretch, against, lag, beside)))
     found = [(at, its) for at, its, score in found if score >= limits["min_correlation"]]
-    middle, drift = float((piece.time_s[0] + piece.time_s[-1]) / 2), 0.0
+    drift = 0.0
     if len(found) >= STRETCHES:
         drift, lag = np.polyfit(np.array([at for at, _ in found]) - middle, [its for _, its in found], 1)
-    clock = Clock(float(lag), float(drift), middle)
+    clock = Clock(float(lag), float(drift), float(middle))
     # Short recordings follow others in level by chance, but not in their edges.
     correlation = min(
         score(piece, against, clock, beside) for score in (_level_correlation, _edge_correlation)
@@ -221,15 +219,23 @@ def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict
     return Clock(clock.offset_s, clock.drift, clock.middle_s, correlation)
 
 
+def _between(piece: Signal, first_s: float, last_s: float) -> Signal:
+    """The samples of a segment from one time to another, both included."""
+    inside = slice(np.searchsorted(piece.time_s, first_s), np.searchsorted(piece.time_s, last_s, side="right"))
+    return Signal(piece.time_s[inside], piece.value[inside])
+
+
 def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple[float, float | None]:
     """The lag in s, to the grid, with the highest cross-correlation of levels, and another that is as good.
 
     Both signals have zero mean and are zero outside their span, so a small overlap cannot win.
     """
-    grids = [np.arange(s.time_s[0], s.time_s[-1] + STEP_S, STEP_S) for s in (against, piece)]
+    from scipy.signal import correlate  # 0.3 s, for which only ingest has to wait
+
+    grids = [np.arange(s.time_s[0], s.time_s[-1] + ROUGH_S, ROUGH_S) for s in (against, piece)]
     levels = [np.interp(grid, s.time_s, s.value) for grid, s in zip(grids, (against, piece), strict=True)]
     products = correlate(levels[0] - levels[0].mean(), levels[1] - levels[1].mean(), method="fft")
-    lags = (np.arange(len(products)) - (len(levels[1]) - 1)) * STEP_S + against.time_s[0] - piece.time_s[0]
+    lags = (np.arange(len(products)) - (len(levels[1]) - 1)) * ROUGH_S + against.time_s[0] - piece.time_s[0]
     possible = (lags >= low) & (lags <= high)
     if not possible.any():
         return (low + high) / 2, None
@@ -245,9 +251,11 @@ def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple
 def _fine_lag(piece: Signal, against: Signal, centre: float, beside: Signal | None) -> tuple[float, float]:
     """The lag near `centre` with the highest correlation of edges, and that correlation."""
     lag = centre
+    levels = _overlap(piece, against, Clock(centre), beside)
+    halves = [_half(level) for level in levels]  # finding them takes as long as all the rest of a score
     for reach, step in ((NEAR_S, STEP_S), (2 * STEP_S, STEP_S / 4)):
         lags = lag + np.arange(-round(reach / step), round(reach / step) + 1) * step
-        scores = np.array([_edge_correlation(piece, against, Clock(value), beside) for value in lags])
+        scores = np.array([_edge_correlation(piece, against, Clock(value), beside, halves) for value in lags])
         best = int(np.clip(np.argmax(scores), 1, len(lags) - 2))
         lag = lags[best]
     below, top, above = scores[best - 1 : best + 2]
@@ -257,48 +265,43 @@ def _fine_lag(piece: Signal, against: Signal, centre: float, beside: Signal | No
     return float(lag), float(top)
 
 
-def _edge_correlation(piece: Signal, against: Signal, clock: Clock, beside: Signal | None) -> float:
-    """Correlation of the changes of contact over EDGE_S in the overlap; -1 where that is too short."""
-    grid, levels = _overlap(piece, against, clock, beside)
+def _edge_correlation(
+    piece: Signal, against: Signal, clock: Clock, beside: Signal | None, halves: list[float] | None = None
+) -> float:
+    """Correlation of the changes of contact over EDGE_S in the overlap; -1 where that is too short.
+
+    halves: the strengths of half contact of the two, if known already.
+    """
+    levels = _overlap(piece, against, clock, beside)
     steps = round(EDGE_S / STEP_S)
-    if len(grid) < 10 * steps:
+    if len(levels[0]) < 10 * steps:
         return -1.0
-    contacts = [_contact(level) for level in levels]
-    return _correlation(*(contact[steps:] - contact[:-steps] for contact in contacts))
+    edges = []
+    for level, half in zip(levels, halves or [_half(level) for level in levels], strict=True):
+        contact = level / (level + half)
+        edges.append(contact[steps:] - contact[:-steps])
+    return _correlation(*edges)
 
 
 def _level_correlation(piece: Signal, against: Signal, clock: Clock, beside: Signal | None) -> float:
     """Correlation of the levels in the overlap; -1 where that is too short."""
-    grid, levels = _overlap(piece, against, clock, beside)
-    return _correlation(*levels) if len(grid) * STEP_S >= SHORTEST_S / 2 else -1.0
+    levels = _overlap(piece, against, clock, beside)
+    return _correlation(*levels) if len(levels[0]) * STEP_S >= SHORTEST_S / 2 else -1.0
 
 
-def _overlap(
-    piece: Signal, against: Signal, clock: Clock, beside: Signal | None
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The grid of reference times where both signals are known, and their levels on it."""
+def _overlap(piece: Signal, against: Signal, clock: Clock, beside: Signal | None) -> list[np.ndarray]:
+    """The levels of both on a grid of STEP_S, (n,) each, of the time where both are known."""
     time = clock(piece.time_s)
     grid = np.arange(max(time[0], against.time_s[0]), min(time[-1], against.time_s[-1]), STEP_S)
     level = np.interp(grid, time, piece.value)
     if beside is not None:
         level = level + np.interp(grid, beside.time_s, beside.value)
-    return grid, [level, np.interp(grid, against.time_s, against.value)]
+    return [level, np.interp(grid, against.time_s, against.value)]
 
 
-def _contact(level: np.ndarray) -> np.ndarray:
-    """How much in contact, 0 to 1, (n,), for a strength (n,)."""
-    half = CONTACT * max(high_percentile(level), np.finfo(float).tiny)
-    return level / (level + half)
-
-
-def high_percentile(level: np.ndarray) -> float:
-    """np.percentile(level, 99) to the bit, in half the time: it looks for NaN at both ends too; here is none."""
-    at = 0.99 * (len(level) - 1)
-    low = int(at)
-    high = min(low + 1, len(level) - 1)
-    ordered, part = np.partition(level, (low, high)), at - low
-    step = ordered[high] - ordered[low]
-    return ordered[low] + step * part if part < 0.5 else ordered[high] - step * (1 - part)
+def _half(level: np.ndarray) -> float:
+    """The strength at which contact is half of full, for the strengths (n,) of a device."""
+    return CONTACT * max(np.percentile(level, 99) if len(level) else 0.0, np.finfo(float).tiny)
 
 
 def _correlation(first: np.ndarray, second: np.ndarray) -> float:

@@ -4,6 +4,7 @@ Usage: python -m pipeline.dataset EXPERIMENT
 """
 
 import sys
+from collections.abc import Iterator, Mapping
 
 import pyarrow as pa
 import pyarrow.parquet
@@ -27,8 +28,9 @@ def main() -> None:
         windows = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
         table = images.dataset_rows(windows, module.images(windows, settings))
     else:
-        windows = pyarrow.parquet.read_table(paths.require(paths.windows(experiment), "python -m pipeline.window"))
-        table = windows.append_column("y", tables.lists(module.labels(windows, settings), pa.float32()))
+        table = windows = pyarrow.parquet.read_table(
+            paths.require(paths.windows(experiment), "python -m pipeline.window")
+        )
     counts = []
     for protocol, seed in params.runs(values, experiment):
         part = module.split(windows, settings, protocol, seed)
@@ -36,8 +38,20 @@ def main() -> None:
             tables.split_column(protocol, seed), pa.array(part, pa.string()).dictionary_encode()
         )
         counts.append(f"{protocol} {seed}: " + ", ".join(f"{(part == name).sum()} {name}" for name in tables.PARTS))
-    tables.write(paths.dataset(experiment), table.schema, [table])
+    if "y" in table.column_names:
+        tables.write(paths.dataset(experiment), table.schema, [table])
+    else:
+        kind = pa.list_(pa.float32(), settings["label"]["map_rows"] * settings["label"]["map_cols"])
+        schema = table.schema.append(pa.field("y", kind))
+        tables.write(paths.dataset(experiment), schema, labelled(table, module, settings))
     print(f"{experiment}: {table.num_rows} rows", *counts, sep="\n  ")
+
+
+def labelled(windows: pa.Table, module, settings: Mapping) -> Iterator[pa.Table]:
+    """The windows with their maps `y`, some at a time: maps are most of a dataset."""
+    for first in range(0, windows.num_rows, tables.GROUP_ROWS):
+        some = windows.slice(first, tables.GROUP_ROWS)
+        yield some.append_column("y", tables.lists(module.labels(some, settings), pa.float32()))
 
 
 if __name__ == "__main__":

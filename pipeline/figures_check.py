@@ -34,7 +34,11 @@ PANELS = {
         ("Joint cells,\nmean (counts)", r"scanner", r"s\d+"),
     ),
 }
-COMBINED = {"v": alignment.array_strength, "p": lambda cells: cells.mean(axis=1), "s": lambda cells: cells.mean(axis=1)}
+COMBINED = {  # of (n, cells)
+    "v": lambda cells: sum(map(alignment.strength_above_rest, cells.T)),
+    "p": lambda cells: cells.mean(axis=1),
+    "s": lambda cells: cells.mean(axis=1),
+}
 SILENT = 20  # median intervals; no line is drawn over a longer silence
 
 

@@ -6,7 +6,7 @@ Usage: python -m pipeline.ingest EXPERIMENT
 import json
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pyarrow as pa
@@ -27,7 +27,7 @@ def ingest(experiment: str, settings: dict) -> None:
     if experiment in sources.SOURCES:
         if not sources.is_complete(experiment):
             reason = f"recordings not downloaded; run `python -m pipeline.fetch {experiment}`"
-            _write(experiment, schema, [], {"run": False, "reason": reason})
+            _write(experiment, schema, [], [], {"run": False, "reason": reason})
             print(f"{experiment}: not run, {reason}")
             return
         folder = sources.folder(experiment)
@@ -40,7 +40,8 @@ def ingest(experiment: str, settings: dict) -> None:
                 f"params.yaml, {experiment}.source: there is no folder {settings['source']}; name one or `simulated`"
             )
     try:
-        _ingest(experiment, module.recordings(folder), schema, module.read_recording, settings)
+        read = getattr(module, "read_in_parts", module.read_recording)
+        _ingest(experiment, module.recordings(folder), schema, read, settings)
     except InputError as error:
         if settings.get("source", "simulated") == "simulated":
             raise
@@ -53,18 +54,22 @@ def _ingest(
 ) -> None:
     """Read every recording with `read_recording(path, settings)` and write the three files."""
     report: dict = {"run": True, "recordings": {}}
+    rejects: list[pa.Table] = []
 
-    def parts() -> Iterable[tuple[pa.Table, pa.Table]]:
+    def frames() -> Iterator[pa.Table]:
         for path in tqdm(recordings, desc=f"ingest {experiment}", unit="recording"):
-            frames, rejects, files = read_recording(path, settings)
-            condition, recording = frames["condition"][0].as_py(), frames["recording"][0].as_py()
-            for column, value in ((0, condition), (1, recording)):
-                name = schema.names[column]
-                rejects = rejects.add_column(column, name, pa.array([value] * rejects.num_rows, pa.string()))
-            report["recordings"][f"{condition}/{recording}"] = {"frames": frames.num_rows, "files": files}
-            yield frames, rejects
+            parts, bad, logs = read_recording(path, settings)
+            count = 0
+            for part in [parts] if isinstance(parts, pa.Table) else parts:
+                count += part.num_rows
+                yield part
+            names = part["condition"][0].as_py(), part["recording"][0].as_py()
+            for column, name in enumerate(names):
+                bad = bad.add_column(column, schema.names[column], pa.array([name] * bad.num_rows, pa.string()))
+            rejects.append(bad)
+            report["recordings"]["/".join(names)] = {"frames": count, "files": logs}
 
-    _write(experiment, schema, parts(), report)
+    _write(experiment, schema, frames(), rejects, report)
     files = [file for one in report["recordings"].values() for file in one["files"].values()]
     lines, rejected = sum(f["lines"] for f in files), sum((Counter(f["rejects"]) for f in files), Counter())
     print(
@@ -74,17 +79,10 @@ def _ingest(
 
 
 def _write(
-    experiment: str, schema: pa.Schema, parts: Iterable[tuple[pa.Table, pa.Table]], report: dict
+    experiment: str, schema: pa.Schema, frames: Iterable[pa.Table], rejects: list[pa.Table], report: dict
 ) -> None:
-    """Write frames, rejects and report (complete once `parts` is exhausted)."""
-    rejects: list[pa.Table] = []
-
-    def frames() -> Iterable[pa.Table]:
-        for part, bad in parts:
-            rejects.append(bad)
-            yield part
-
-    tables.write(paths.frames(experiment), schema, frames())
+    """Write frames, rejects and report; the last two are complete once `frames` is exhausted."""
+    tables.write(paths.frames(experiment), schema, frames)
     tables.write(paths.rejects(experiment), tables.REJECTS, rejects)
     files.write_text(paths.ingest_report(experiment), json.dumps(report, indent=1) + "\n")
 

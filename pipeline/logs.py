@@ -44,6 +44,7 @@ LONGEST_LINE = 64 << 20  # bytes; a file without line ends must not fill the mem
 HOPELESS = 100_000  # lines rejected before the first good one: no log, stop reading
 MOST_RESETS = 1000  # a device that starts more often does not run
 LONGEST_S = 1e5  # 28 hours; one wrong time at the end must not make a log last years
+MOST_NOTED = 1000  # lines of a piece that are noted because the clock does not rise; others are read again
 STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
 
 
@@ -97,7 +98,7 @@ def read_log(path: Path, fmt: Format, name: str | None = None) -> tuple[pa.Table
     if not path.is_file():
         raise InputError(f"{path}: log not found; check the folder named in params.yaml")
     name = path.name if name is None else name
-    pieces, rejects, lines = _parse_file(path, fmt)
+    pieces, rejects, lines, noted = _parse_file(path, fmt)
     if not pieces:
         raise InputError(_nothing_parsed(path, fmt, lines))
 
@@ -107,7 +108,7 @@ def read_log(path: Path, fmt: Format, name: str | None = None) -> tuple[pa.Table
     keep, segment = order(time, line, text_lines)
     _check_clock(path, fmt, time[keep], line[keep], segment[keep])
     if not keep.all():
-        rejects += _order_rejects(path, pa.concat_tables(pieces), fmt, time, line, keep, segment)
+        rejects += _order_rejects(path, pa.concat_tables(pieces), fmt, time, line, keep, segment, noted)
         rejects.sort()
     start = 0
     for index, piece in enumerate(pieces):  # one by one, so that the log is never in memory twice
@@ -202,20 +203,27 @@ def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, se
             f"{path}: the device was reset {segment[-1]} times, more than {MOST_RESETS}; check its supply, record again"
         )
     unit = next(column.unit for column in fmt.columns if column.name == fmt.time)
-    interval = np.where(segment[1:] == segment[:-1], np.diff(time), 0) * (1e-6 if unit == "us" else 1)
-    if interval.sum() > LONGEST_S:
+    second = 1e6 if unit == "us" else 1
+    ends = np.append(np.flatnonzero(np.diff(segment)), len(time) - 1)  # the last row of each segment
+    starts = np.append(0, ends[:-1] + 1)
+    lasts = float((time[ends] - time[starts]).sum()) / second
+    if lasts > LONGEST_S:
+        interval = np.where(segment[1:] == segment[:-1], np.diff(time), 0) / second
         at = int(np.argmax(interval))
         raise InputError(
-            f"{path}: lasts {interval.sum():.0f} s, more than the {LONGEST_S:.0f} s of a log; the clock jumps by "
+            f"{path}: lasts {lasts:.0f} s, more than the {LONGEST_S:.0f} s of a log; the clock jumps by "
             f"{interval[at]:.0f} s in line {line[at + 1]}: remove that line if it is wrong, or divide the log"
         )
 
 
-def _parse_file(path: Path, fmt: Format) -> tuple[list[pa.Table], list[tuple[int, str, str]], int]:
-    """Typed tables with a `line` column, rejects as (line, reason, text), and the number of lines read."""
+def _parse_file(path: Path, fmt: Format) -> tuple[list[pa.Table], list[tuple[int, str, str]], int, dict[int, str]]:
+    """Typed tables with a `line` column, rejects as (line, reason, text), the number of lines read, and lines noted.
+
+    Noted are the texts of lines whose time does not rise, by number: as a rule these will be rejected later.
+    """
     tables: list[pa.Table] = []
     rejects: list[tuple[int, str, str]] = []
-    lines = 0
+    lines, noted = 0, {}
     pieces = _pieces(path)
     first = next(pieces, b"")
     header, _, rest = first.partition(b"\n")
@@ -226,16 +234,17 @@ def _parse_file(path: Path, fmt: Format) -> tuple[list[pa.Table], list[tuple[int
     with ThreadPoolExecutor(workers) as pool:
         waiting = deque(pool.submit(_parse_piece, piece, fmt) for piece in islice(pieces, 2 * workers))
         while waiting:
-            table, bad, count = waiting.popleft().result()
+            table, bad, count, odd = waiting.popleft().result()
             waiting.extend(pool.submit(_parse_piece, piece, fmt) for piece in islice(pieces, 1))
             if table.num_rows:
                 number = pa.array(table["line"].to_numpy() + np.int32(lines + 1))
                 tables.append(table.set_column(table.num_columns - 1, "line", number))
             rejects += [(lines + 1 + index, reason, text) for index, reason, text in bad]
+            noted |= {lines + 1 + index: text for index, text in odd}
             lines += count
             if not tables and len(rejects) > HOPELESS:
                 break
-    return tables, rejects, lines
+    return tables, rejects, lines, noted
 
 
 def _pieces(path: Path) -> Iterator[bytes]:
@@ -260,8 +269,10 @@ def _pieces(path: Path) -> Iterator[bytes]:
         yield last
 
 
-def _parse_piece(piece: bytes, fmt: Format) -> tuple[pa.Table, list[tuple[int, str, str]], int]:
-    """Rows with `line` (int32, from 0 in this piece), rejects as (line, reason, text), number of lines.
+def _parse_piece(
+    piece: bytes, fmt: Format
+) -> tuple[pa.Table, list[tuple[int, str, str]], int, list[tuple[int, str]]]:
+    """Rows with `line` (int32, from 0 in this piece), rejects as (line, reason, text), number of lines, lines noted.
 
     Three passes, each dearer than the one before and seldom needed: without the lines that are too short,
     without those with an empty field or a byte that no number has, without those that `_reason` refuses.
@@ -301,7 +312,10 @@ def _parse_piece(piece: bytes, fmt: Format) -> tuple[pa.Table, list[tuple[int, s
     for index in np.flatnonzero(bad).tolist():
         raw = piece[starts[index] : ends[index]]
         rejects.append((index, _reason(raw, fmt), _shown(raw)))
-    return table.append_column("line", pa.array(line.astype(np.int32))), rejects, len(ends)
+    time = table[fmt.time].to_numpy()
+    noted = line[1:][time[1:] <= time[:-1]][:MOST_NOTED].tolist()
+    noted = [(index, _shown(piece[starts[index] : ends[index]])) for index in noted]
+    return table.append_column("line", pa.array(line.astype(np.int32))), rejects, len(ends), noted
 
 
 def _typed(
@@ -411,8 +425,12 @@ def _order_rejects(
     line: np.ndarray,
     keep: np.ndarray,
     segment: np.ndarray,
+    noted: Mapping[int, str],
 ) -> list[tuple[int, str, str]]:
-    """The rows that are not kept as (line, reason, text): a duplicate equals a kept row of its segment."""
+    """The rows that are not kept as (line, reason, text): a duplicate equals a kept row of its segment.
+
+    noted: texts that are known already, by line.
+    """
     dropped = np.flatnonzero(~keep)
     twin = np.full(len(dropped), -1)
     for number in np.unique(segment[dropped]):
@@ -432,7 +450,9 @@ def _order_rejects(
 
     numbers = line[dropped].tolist()
     reasons = np.where(duplicate, DUPLICATE, OUT_OF_ORDER).tolist()
-    return list(zip(numbers, reasons, texts(path, numbers), strict=True))
+    unknown = [number for number in numbers if number not in noted]
+    shown = {**noted, **dict(zip(unknown, texts(path, unknown) if unknown else [], strict=True))}
+    return [(number, reason, shown[number]) for number, reason in zip(numbers, reasons, strict=True)]
 
 
 def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:

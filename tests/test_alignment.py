@@ -48,11 +48,11 @@ def scene(seconds, seed, **kind):
 
 
 def force_signal(device):
-    return Signal(device[1], alignment.force_strength(device[2][:, 0]))
+    return Signal(device[1], alignment.strength_above_rest(device[2][:, 0]))
 
 
 def array_signal(device):
-    return Signal(device[1], alignment.array_strength(device[2]))
+    return Signal(device[1], sum(map(alignment.strength_above_rest, device[2].T)))
 
 
 def rms_ms(clock, device, reference):
@@ -164,10 +164,3 @@ def test_interpolation_knows_where_it_knows():
     values, known = interpolated(np.array([-0.1, 0.25, 9.0]), time, np.stack([time, -time], axis=1), held=True)
     assert known.tolist() == [False, True, True]
     assert values[1:].tolist() == [[0.2, -0.2], [1.5, -1.5]]
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 50, 51, 100, 101, 150, 1234, 5077])
-def test_high_percentile_is_numpys_to_the_bit(count):
-    rng = np.random.default_rng(count)
-    for level in (rng.gamma(0.3, 100.0, count), rng.integers(0, 3, count).astype(float)):
-        assert alignment.high_percentile(level) == np.percentile(level, 99)

@@ -1,7 +1,7 @@
 """Touch experiment (LoMP paper): what the devices print, and one recording as frames with ground truth."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ CNC = Format((CLOCK, *(Column(name, "mm", -2e3, 2e3) for name in ("x_mm", "y_mm"
 
 NO_GROUND_TRUTH = "no ground truth at this time"
 TOO_SHORT = "segment too short to align"
+PART = 1 << 18  # frames made at once: an hour of a recording at 70 Hz
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
 
 
@@ -46,11 +47,17 @@ def recordings(folder: Path) -> list[Path]:
 
 
 def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
-    """The logs of one folder as frames on the first load cell's clock: `(frames, rejects, report)`.
+    """As `read_in_parts`, with all frames as one table."""
+    parts, rejects, report = read_in_parts(folder, settings)
+    return pa.concat_tables(parts), rejects, report
 
-    `settings`: the block `touch` of params.yaml. `frames` has the schema `frames_schema`, `rejects` the
-    columns of `logs.REJECTS`, `report` what was understood of each file. Lines of a file = accepted +
-    rejected (+ header).
+
+def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], pa.Table, dict]:
+    """The logs of one folder as frames on the first load cell's clock: `(parts, rejects, report)`.
+
+    `settings`: the block `touch` of params.yaml. `parts` are tables of the schema `frames_schema`, each made when it is
+    asked for: all frames of a log take more memory than the log. `rejects` has the columns of `logs.REJECTS`, `report`
+    says what was understood of each file. Lines of a file = accepted + rejected (+ header).
 
     Raises InputError for a missing or unknown log, more than `max_touches` touches, too many rejects, and
     clocks that cannot be aligned.
@@ -71,21 +78,13 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     time = {}
     for name in formats:
         placed = np.array([clock is not None for clock in clocks[name]])[rows[name]["segment"].to_numpy()]
-        rejects[name].append(_rejected(folder / name, rows[name], ~placed, TOO_SHORT))
-        rows[name] = rows[name].filter(pa.array(placed))
+        if not placed.all():
+            rejects[name].append(_rejected(folder / name, rows[name], ~placed, TOO_SHORT))
+            rows[name] = rows[name].filter(pa.array(placed))
         time[name] = _reference_time(rows[name], clocks[name])
 
     array, at = rows["array.log"], time["array.log"]
-    force, x, y = (np.empty((len(at), len(touches))) for _ in range(3))
-    known = np.ones(len(at), dtype=bool)
-    for k, suffix in enumerate(touches):
-        cell, cnc = f"load_cell{suffix}.log", f"cnc{suffix}.log"
-        force[:, k], in_cell = alignment.interpolated(at, time[cell], rows[cell]["fz_n"].to_numpy())
-        # Further touches are held by hand: their cnc log tells the operator where, until the next place.
-        place = _matrix(rows[cnc], ["x_mm", "y_mm"])
-        place, in_cnc = alignment.interpolated(at, time[cnc], place, held=k > 0)
-        x[:, k], y[:, k] = place.T
-        known &= in_cell & in_cnc
+    truth, known = _ground_truth(rows, time, touches)
     rejects["array.log"].append(_rejected(folder / "array.log", array, ~known, NO_GROUND_TRUTH))
     if not known.any():
         raise InputError(f"{folder}: no frame falls into the time of load cell and CNC; record again")
@@ -93,22 +92,31 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     inner = (at > at[0] + ingest["max_clock_offset_s"]) & (at < at[-1] - ingest["max_clock_offset_s"])
     _check(folder / "array.log", len(at), [NO_GROUND_TRUTH] * int((inner & ~known).sum()), ingest)
 
-    counts = _matrix(array, [f"v{k}" for k in range(elements)])
-    frames = tables.frame_rows(
-        frames_schema(settings),
-        folder.parent.name,
-        folder.name,
-        segment=array["segment"].to_numpy()[known],
-        t_s=at[known],
-        v=counts[known],
-        force_n=force[known],
-        x_mm=x[known],
-        y_mm=y[known],
-    )
+    segment = array["segment"].to_numpy()
+    gap_before = np.empty(len(at), dtype=bool)
+    gap_before[known] = tables.gaps_before(at[known], segment[known])
+
+    def parts() -> Iterator[pa.Table]:
+        for first in range(0, len(at), PART):
+            block = slice(first, first + PART)
+            some = known[block]
+            if some.any():
+                counts = _matrix(array.slice(first, PART), [f"v{k}" for k in range(elements)])
+                yield tables.frame_rows(
+                    frames_schema(settings),
+                    folder.parent.name,
+                    folder.name,
+                    segment=segment[block][some],
+                    t_s=at[block][some],
+                    v=counts[some],
+                    **{name: values[block][some] for name, values in truth.items()},
+                    gap_before=gap_before[block][some],
+                )
+
     report = {}
     for name in formats:
         rejects[name] = pa.concat_tables(rejects[name]).sort_by("line")
-        accepted = frames.num_rows if name == "array.log" else rows[name].num_rows
+        accepted = int(known.sum()) if name == "array.log" else rows[name].num_rows
         report[name] = {
             **tables.log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy()),
             "clocks": [
@@ -121,7 +129,31 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
                 for clock in clocks[name]
             ],
         }
-    return frames, pa.concat_tables(rejects.values()), report
+    return parts(), pa.concat_tables(rejects.values()), report
+
+
+def _ground_truth(
+    rows: Mapping[str, pa.Table], time: Mapping[str, np.ndarray], touches: list[str]
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """force_n, x_mm and y_mm (frames, touches) at the times of the array's frames; and where all are known, (frames,).
+
+    time: of each log's rows, reference time in s.
+    """
+    at = time["array.log"]
+    truth = {name: np.empty((len(at), len(touches)), np.float32) for name in ("force_n", "x_mm", "y_mm")}
+    known = np.ones(len(at), dtype=bool)
+    for k, suffix in enumerate(touches):
+        cell, cnc = f"load_cell{suffix}.log", f"cnc{suffix}.log"
+        force = rows[cell]["fz_n"].to_numpy()
+        place = _matrix(rows[cnc], ["x_mm", "y_mm"])
+        for first in range(0, len(at), 4 * PART):
+            some = slice(first, first + 4 * PART)
+            truth["force_n"][some, k], in_cell = alignment.interpolated(at[some], time[cell], force)
+            # Further touches are held by hand: their cnc log tells the operator where, until the next place.
+            there, in_cnc = alignment.interpolated(at[some], time[cnc], place, held=k > 0)
+            truth["x_mm"][some, k], truth["y_mm"][some, k] = there.T
+            known[some] &= in_cell & in_cnc
+    return truth, known
 
 
 def _touches(folder: Path, most: int) -> list[str]:
@@ -161,10 +193,10 @@ def _clocks(
     limits = {"max_offset_s": ingest["max_clock_offset_s"], "min_correlation": ingest["min_correlation"]}
     cells = [f"load_cell{suffix}.log" for suffix in touches]
     signal = {
-        name: _signals(rows[name], lambda t: alignment.force_strength(t[:, 0]), ["fz_n"]) for name in cells
+        name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"]) for name in cells
     }
     counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
-    array = _signals(rows["array.log"], alignment.array_strength, counts)
+    array = _signals(rows["array.log"], alignment.strength_above_rest, counts)
     first = signal[cells[0]]
     ticks = rows[cells[0]]["t_us"].to_numpy()
     shared = [
@@ -199,7 +231,7 @@ def _clocks(
             everything, array, who=f"{who}, array.log against all load cells", **sweep
         )
 
-    depth = _signals(rows["cnc.log"], lambda t: alignment.depth_strength(t[:, 0]), ["z_mm"])
+    depth = _signals(rows["cnc.log"], alignment.depth_strength, ["z_mm"])
     clocks["cnc.log"] = alignment.place_all(
         depth,
         alignment.joined(first, clocks[cells[0]]),
@@ -218,14 +250,15 @@ def _clocks(
     return clocks
 
 
-def _signals(rows: pa.Table, strength, columns: list[str]) -> list[alignment.Signal]:
-    """One signal for each segment of a log, with the strength of these columns, (n, columns)."""
-    segment, time, values = rows["segment"].to_numpy(), _seconds(rows), _matrix(rows, columns)
+def _signals(rows: pa.Table, strength: Callable, columns: list[str]) -> list[alignment.Signal]:
+    """One signal for each segment of a log: the sum of the strengths of these columns."""
+    segment, time = rows["segment"].to_numpy(), _seconds(rows)
     edges = np.flatnonzero(np.diff(segment)) + 1
-    return [
-        alignment.Signal(t, strength(v))
-        for t, v in zip(np.split(time, edges), np.split(values, edges), strict=True)
-    ]
+    values = [np.zeros(len(piece)) for piece in np.split(time, edges)]
+    for name in columns:
+        for total, piece in zip(values, np.split(rows[name].to_numpy(), edges), strict=True):
+            total += strength(piece)
+    return [alignment.Signal(*pair) for pair in zip(np.split(time, edges), values, strict=True)]
 
 
 def _plus(
