@@ -33,7 +33,7 @@ LOOKS = {  # what is drawn, how, and what it is called
     "ingest": (figures.VERMILION, "o", "-", "ingest"),
     "dataset": (figures.BLUE, "s", "--", "window + dataset"),
     "lomp_epoch": (figures.GREEN, "^", "-.", "an epoch of LoMP"),
-    "lstm_epoch": (figures.PURPLE, "D", ":", "three epochs of the strain LSTM"),
+    "lstm_epochs": (figures.PURPLE, "D", ":", "three epochs of the strain LSTM"),
     "lomp_epoch_elements": (figures.GREEN, "^", "-.", "an epoch of LoMP, 512 windows"),
     "lomp_latency": (figures.ORANGE, "v", "-", "100 predictions of LoMP"),
 }

@@ -8,19 +8,25 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from pipeline import paths
+from pipeline import paths, workers
 
 HERE = Path(__file__).resolve().parent
+UPDATES, EPOCHS = 5, 3  # of a network, timed together
 
 
-def measured(task: str, folder: Path, size: float = 0) -> dict:
-    """{'seconds', 'mb'} of a task: its time, and its largest memory less that of the imports."""
+def measured(task: str, folder: Path, size: float = 0, worker: bool = False) -> dict:
+    """{'seconds', 'mb'} of a task: its time, and its largest memory less that of the imports.
+
+    worker: the process keeps its memory, as those do that the pipeline trains in.
+    """
     path = os.pathsep.join([str(HERE.parent.parent), str(HERE.parent)])
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.measure", task, str(folder), str(size)],
-        env=os.environ | {"PYTHONPATH": path},
+        env=os.environ | {"PYTHONPATH": path} | ({"GLIBC_TUNABLES": workers.KEEP_MEMORY} if worker else {}),
         capture_output=True,
         text=True,
     )
@@ -112,12 +118,128 @@ def lomp_latency(_, side: float):
     return lambda: [model.predict(x) for _ in range(100)]
 
 
-def lstm_epoch(_, samples: float):
-    """Three exact epochs of the strain LSTM."""
+def lstm_epochs(_, samples: float):
+    """EPOCHS exact epochs of the strain LSTM."""
     from benchmarks.made import series
 
-    record, model = series(int(samples)), lstm(max_epochs=3)
-    return lambda: model.fit([record], seed=0, device="cpu", base=None)
+    record, model = series(int(samples)), lstm(max_epochs=EPOCHS)
+    return _twice(lambda: model.fit([record], seed=0, device="cpu", base=None))
+
+
+def lstm_epochs_plain(_, samples: float):
+    """The same with nn.LSTM in float32, one update an epoch."""
+    import torch
+    from benchmarks import peers
+    from benchmarks.made import series
+
+    record, training = series(int(samples)), lstm(max_epochs=EPOCHS).training
+    torch.manual_seed(0)
+    network = peers.PlainLstm(6, 50, 2)
+    x, y = torch.from_numpy(record.x)[None], torch.from_numpy(record.y)[None]
+    return _twice(lambda: peers.lstm_epochs(network, x, y, EPOCHS, training.learning_rate, training.clip))
+
+
+def _twice(run: Callable) -> Callable:
+    """What is timed, after a first time."""
+    run()
+    return run
+
+
+def lomp_updates(_, windows: float):
+    """UPDATES updates of LoMP, a batch of `windows` each."""
+    import torch
+
+    model = lomp(5, max_epochs=UPDATES)
+    model.training = replace(model.training, batch_size=int(windows))
+    optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as pipeline/fitting.py, and so `update`
+    x, y = _batch(windows)
+
+    def update(losses) -> torch.Tensor:
+        optimiser.zero_grad()
+        for loss in losses:
+            loss.backward()
+        optimiser.step()
+        return torch.zeros(())
+
+    def run() -> None:
+        for _ in range(UPDATES):
+            model.train_epoch((x, y), torch.Generator(), update)
+
+    return _twice(run)
+
+
+def lomp_updates_looped(_, windows: float):
+    """The same with a loop over the elements."""
+    from benchmarks import peers
+
+    return _plain_updates(peers.LoopedLomp, windows)
+
+
+def lomp_updates_stacked(_, windows: float):
+    """The same with stacked weights under autograd."""
+    from benchmarks import peers
+
+    return _plain_updates(peers.StackedLomp, windows)
+
+
+def _plain_updates(network, windows: float):
+    from benchmarks import peers
+
+    step = peers.train_step(network(lomp(5, max_epochs=1).network), *_batch(windows))
+
+    def run() -> None:
+        for _ in range(UPDATES):
+            step()
+
+    return _twice(run)
+
+
+def _batch(windows: float):
+    import torch
+
+    torch.manual_seed(0)
+    return torch.randn(int(windows), 8, 25), torch.randn(int(windows), 400)
+
+
+def sp_resnet_epoch(_, images: float):
+    """An epoch of SP-ResNet on images of noise, of which the time does not depend."""
+    from pipeline.models import sp_resnet
+
+    block, x, y, spec = _images(images)
+    model = sp_resnet.build(spec, **block)
+    return _twice(lambda: model.fit((x, y), (x[:1], y[:1]), seed=0, device="cpu"))
+
+
+def sp_resnet_epoch_plain(_, images: float):
+    """The same in a plain loop, default memory layout, the same augmentation."""
+    import torch
+    from benchmarks import peers
+
+    from pipeline.image_fitting import augmented, image_training
+    from pipeline.models import sp_resnet
+
+    block, x, y, _ = _images(images)
+    network, order = sp_resnet.network(1, 16, block["reduction"]), torch.Generator().manual_seed(0)
+    shaped, labels = torch.from_numpy(x / 255).view(-1, 1, 32, 32), torch.from_numpy(y)
+    training = image_training(block["training"])
+    return _twice(
+        lambda: peers.image_epoch(
+            network, shaped, labels, training.batch_size, lambda batch: augmented(batch, training, order)
+        )
+    )
+
+
+def _images(count: float):
+    import numpy as np
+
+    from pipeline import params
+    from pipeline.image_fitting import spec_of
+
+    block = params.load()["glove"]["models"]["sp_resnet"]
+    block = block | {"training": block["training"] | {"max_epochs": 1}}
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 255, (int(count), 1, 32 * 32)).astype(np.float32)
+    return block, x, np.eye(16, dtype=np.float32)[rng.integers(0, 16, int(count))], spec_of(16)
 
 
 def lomp(side: int, max_epochs: int):
@@ -144,10 +266,12 @@ def lstm(max_epochs: int):
 
 
 TASKS = {
-    **{"read_log": read_log, "read_log_pandas": read_log_pandas, "ingest": ingest},
-    **{"dataset": dataset, "dataset_pandas": dataset_pandas},
-    **{"lomp_epoch": lomp_epoch, "lomp_epoch_elements": lomp_epoch_elements, "lomp_latency": lomp_latency},
-    "lstm_epoch": lstm_epoch,
+    function.__name__: function
+    for function in (
+        *(read_log, read_log_pandas, ingest, dataset, dataset_pandas),
+        *(lomp_epoch, lomp_epoch_elements, lomp_latency, lomp_updates, lomp_updates_looped, lomp_updates_stacked),
+        *(lstm_epochs, lstm_epochs_plain, sp_resnet_epoch, sp_resnet_epoch_plain),
+    )
 }
 
 
@@ -164,8 +288,10 @@ def main() -> None:
     import pandas  # noqa: F401
     import pyarrow.parquet  # noqa: F401
 
-    if task.startswith(("lomp", "lstm")):
-        import torch  # noqa: F401
+    if task.startswith(("lomp", "lstm", "sp_resnet")):
+        import torch
+
+        torch.set_num_threads(1)
     before = _memory_mb("VmRSS")
     prepared = TASKS[task](Path(folder), float(size))
     began = time.perf_counter()

@@ -39,7 +39,7 @@ def test_growth_of_dataset(sizes, results, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "task, base, unit", [("lomp_epoch", "windows", "windows"), ("lstm_epoch", "samples", "samples")]
+    "task, base, unit", [("lomp_epoch", "windows", "windows"), ("lstm_epochs", "samples", "samples")]
 )
 def test_growth_of_training(sizes, results, tmp_path, task, base, unit):
     counts = [factor * getattr(sizes.growth, base) for factor in sizes.growth.factors]

@@ -1,7 +1,5 @@
 """LoMP, the strain networks and SP-ResNet against what one would write first."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -11,8 +9,7 @@ from tqdm import tqdm
 
 from pipeline import params, paths, series, tables, trained, workers
 from pipeline.fitting import Spec, TorchRegressor
-from pipeline.image_fitting import augmented, image_training, spec_of
-from pipeline.models import esn, lstm_transfer_ridge, sp_resnet
+from pipeline.models import esn, lstm_transfer_ridge
 from pipeline.series_fitting import LstmRegressor, recipe
 from pipeline.series_fitting import spec_of as spec_of_series
 
@@ -104,66 +101,35 @@ def test_lomp_stream(race, record, sizes, touch):
 
 
 @pytest.mark.parametrize("batch", ["large", "small"])
-def test_lomp_training(race, record, sizes, batch):
+def test_lomp_training(record, sizes, tmp_path, batch):
     """`large` is the batch that the target is set for, `small` the one of params.yaml."""
-    models = [measure.lomp(5, max_epochs=1) for _ in range(3)]
-    windows = sizes.windows if batch == "large" else models[0].training.batch_size
-    networks = [model.network for model in models]
-    for network in networks:
-        network.load_state_dict(networks[0].state_dict())
-    torch.manual_seed(0)
-    x, y = torch.randn(windows, 8, 25), torch.randn(windows, 400)
-    loop, stacked = peers.LoopedLomp(networks[1]), peers.StackedLomp(networks[2])
-    order = torch.Generator()
-
-    def update(losses) -> torch.Tensor:  # as pipeline/fitting.py
-        optimiser.zero_grad()
-        for loss in losses:
-            loss.backward()
-        optimiser.step()
-        return torch.zeros(())
-
-    optimiser = torch.optim.Adam(networks[0].parameters(), fused=True)
-    models[0].training = replace(models[0].training, batch_size=windows)
-    seconds, *theirs = race(
-        lambda: models[0].train_epoch((x, y), order, update),
-        *(peers.train_step(network, x, y) for network in (loop, stacked)),
-        rounds=7,
-    )
+    windows = sizes.windows if batch == "large" else measure.lomp(5, max_epochs=1).training.batch_size
+    tasks = ("lomp_updates", "lomp_updates_looped", "lomp_updates_stacked")
+    seconds, *theirs = medians(tasks, tmp_path, windows)
     names = ("a loop over 25 modules", "stacked weights under autograd")
     for name, peer, peer_is in zip(("loop", "stacked"), theirs, names, strict=True):
         faster = peer == min(theirs)
         record(
             f"lomp_training_{batch}_{name}",
-            what=f"LoMP, one update, {windows} windows",
+            what=f"LoMP, one update, {windows} windows, in a worker process",
             peer_is=peer_is + (", the faster one" if faster else ""),
             unit="ms",
-            ours=seconds * 1e3,
-            peer=peer * 1e3,
+            ours=seconds / measure.UPDATES * 1e3,
+            peer=peer / measure.UPDATES * 1e3,
             least_ratio=1.5 if faster and batch == "large" else None,
-            rounds=7,
+            rounds=3,
         )
 
 
-def test_strain_epoch(race, record, sizes):
-    epochs, one = min(20, sizes.epochs), made.series(sizes.samples)  # of 200 alike
-    model = measure.lstm(max_epochs=epochs)
-    torch.manual_seed(0)
-    plain = peers.PlainLstm(6, 50, 2)
-    x, y = torch.from_numpy(one.x)[None], torch.from_numpy(one.y)[None]
-    rate, clip = model.training.learning_rate, model.training.clip
-    seconds, peer = race(
-        lambda: model.fit([one], seed=0, device="cpu", base=None),
-        lambda: peers.lstm_epochs(plain, x, y, epochs, rate, clip),
-        rounds=3,
-    )
+def test_strain_epoch(record, sizes, tmp_path):
+    seconds, peer = medians(("lstm_epochs", "lstm_epochs_plain"), tmp_path, sizes.samples)
     record(
         "strain_epoch",
         what=f"direct training, an epoch of {sizes.samples} samples as one sequence, losses and scaling included",
         peer_is="nn.LSTM in float32, the same update",
         unit="s",
-        ours=seconds / epochs,
-        peer=peer / epochs,
+        ours=seconds / measure.EPOCHS,
+        peer=peer / measure.EPOCHS,
         least_ratio=1,
         rounds=3,
     )
@@ -304,30 +270,23 @@ def test_esn_states(race, record, sizes):
     )
 
 
-def test_sp_resnet_training(race, record, sizes):
-    block = params.load()["glove"]["models"]["sp_resnet"]
-    block = block | {"training": block["training"] | {"max_epochs": 1}}
-    model = sp_resnet.build(spec_of(16), **block)
-    rng = np.random.default_rng(0)
-    x = rng.uniform(0, 255, (sizes.images, 1, 32 * 32)).astype(np.float32)
-    y = np.eye(16, dtype=np.float32)[rng.integers(0, 16, sizes.images)]
-    network = sp_resnet.network(1, 16, block["reduction"])  # default memory layout
-    images, labels = torch.from_numpy(x / 255).view(-1, 1, 32, 32), torch.from_numpy(y)
-    training, order = image_training(block["training"]), torch.Generator().manual_seed(0)
-    seconds, peer = race(
-        lambda: model.fit((x, y), (x[:1], y[:1]), seed=0, device="cpu"),
-        lambda: peers.image_epoch(
-            network, images, labels, training.batch_size, lambda batch: augmented(batch, training, order)
-        ),
-        rounds=5,
-    )
+def test_sp_resnet_training(record, sizes, tmp_path):
+    seconds, peer = medians(("sp_resnet_epoch", "sp_resnet_epoch_plain"), tmp_path, sizes.images)
     record(
         "sp_resnet_training",
-        what=f"SP-ResNet, an epoch of {sizes.images} images, batches of {training.batch_size}",
+        what=f"SP-ResNet, an epoch of {sizes.images} images, in a worker process",
         peer_is="a plain loop, default memory layout, the same augmentation",
         unit="s",
         ours=seconds,
         peer=peer,
         least_ratio=1.5,
-        rounds=5,
+        rounds=3,
     )
+
+
+def medians(tasks: tuple[str, ...], folder, size: float) -> list[float]:
+    """Median seconds of three turns of tasks in processes of their own, the first as the pipeline's workers."""
+    turns = [
+        [measure.measured(task, folder, size, worker=task == tasks[0])["seconds"] for task in tasks] for _ in range(3)
+    ]
+    return np.median(turns, axis=0).tolist()
