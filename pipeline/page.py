@@ -31,7 +31,11 @@ SPEED += ["large_batch", "predictions_per_s", "train_s", "params", "macs", "size
 SPEED += list(page_charts.FRONTS.values())
 TABLES = ("table1.md", "table.md")  # an experiment's main table: open, the others folded
 DRAWN = {"tradeoff.png", "training.png"}  # of the folder speed: charts of the page show the same
-CHAPTERS = {"rightsize": "How small a model each scene needs", "physics": "How much physics each scene needs"}
+CHAPTERS = {
+    "rightsize": "How small a model each scene needs",
+    "physics": "How much physics each scene needs",
+    "benchmarks": "How fast it is",
+}
 NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "claims")
 PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "matplotlib")  # of those that make numbers
 

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 import torch
-from benchmarks import growth, made, peers, rows
+from benchmarks import growth, made, peers, report, rows
 from benchmarks.test_benchmark_repro import FORBIDDEN
 
 from pipeline import logs, message_passing
@@ -99,7 +99,24 @@ def test_exponents_and_earlier_points(tmp_path):
     assert float(found[0]["time_exponent"]) == pytest.approx(1) and float(found[0]["memory_exponent"]) == pytest.approx(
         0
     )
-    assert {path.name for path in (tmp_path / "growth").iterdir()} == {"data.png", "elements.png"}
+    assert {path.name for path in (tmp_path / "benchmarks").iterdir()} == {"data.png", "elements.png"}
+
+
+def test_the_report_shows_every_row_and_exponent(tmp_path):
+    shared = {"unit": "s", "rounds": 3, "size": "full"}
+    slow = rows.row("slow", what="a thing", ours=1.0, peer=11.9, peer_is="a loop", least_ratio=12, **shared)
+    large = rows.row("large", what="a large thing", ours=1.5, most=2, **shared)
+    rows.merge(tmp_path / "benchmarks.csv", [slow, large, rows.failed("broken", "full")])
+    growth.write(tmp_path, [growth.Point("ingest", growth.DATA, n, "MB of log", 0.1 * n, 50.0) for n in (1, 4, 16)])
+    report.write(tmp_path)
+    text = (tmp_path / "benchmarks" / "README.md").read_text()
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
+    assert ["a thing", "1 s", "11.9 s", "11.9", "12", "**no**", "1", "a loop"] in cells
+    assert ["a large thing", "1.5 s", "-", "-", "at most 2 s", "yes", "1", "-"] in cells
+    assert any(line[0] == "broken" and "**failed**" in line for line in cells)
+    assert ["ingest", "1, 4, 16 MB of log", "0.1, 0.4, 1.6", "50, 50, 50", "1.00", "0.00"] in cells
+    assert "![Growth with data](data.png)" in text
+    assert all(f"- {name}: " in text for name in ("machine", "versions", "date"))
 
 
 def test_what_one_setting_must_not_run():

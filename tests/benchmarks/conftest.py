@@ -4,15 +4,16 @@ On an otherwise idle machine, after `dvc repro`, half an hour on two cores:
 
     python -m pytest tests/benchmarks
 
-writes reports/benchmarks.csv, reports/growth.csv and reports/growth/. `-k NAME` measures some of the figures and keeps
-the others' rows; `--size tiny` tries the code in a few minutes and writes into a temporary folder; `--full-repro` also
-times the whole pipeline in a fresh clone. A figure that misses its target is a failed test, and `no` in its row.
+writes reports/benchmarks.csv, reports/growth.csv and the tables and charts in reports/benchmarks/. `-k NAME` measures
+some of the figures and keeps the others' rows; `--size tiny` tries the code in a few minutes and writes into a
+temporary folder; `--full-repro` also times the whole pipeline in a fresh clone. A figure that misses its target is a
+failed test, and `no` in its row.
 """
 
 import os
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ import pytest
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # before the first import of numpy and torch
 
-from benchmarks import growth, rows  # noqa: E402
+from benchmarks import growth, report, rows  # noqa: E402
 
 from pipeline import paths  # noqa: E402
 
@@ -61,12 +62,15 @@ def sizes(request) -> Sizes:
 
 
 @pytest.fixture(scope="session")
-def results(request, sizes, tmp_path_factory) -> Path:
+def results(request, sizes, tmp_path_factory) -> Iterator[Path]:
     """The folder that results go to."""
     given = request.config.getoption("results")
     if given is not None:
-        return given.resolve()
-    return paths.REPORTS if sizes.name == "full" else tmp_path_factory.mktemp("reports")
+        folder = given.resolve()
+    else:
+        folder = paths.REPORTS if sizes.name == "full" else tmp_path_factory.mktemp("reports")
+    yield folder
+    report.write(folder)
 
 
 @pytest.fixture(autouse=True)

@@ -58,7 +58,7 @@ def exponent(sizes: list[float], values: list[float]) -> float:
 
 
 def write(folder: Path, points: list[Point]) -> None:
-    """growth.csv in `folder`, earlier points of the same tasks replaced, and the charts in growth/ of all of it."""
+    """growth.csv in `folder`, earlier points of the same tasks replaced, and the charts in benchmarks/ of all of it."""
     path, kept = folder / "growth.csv", []
     if path.exists():
         with open(path, newline="", encoding="ascii") as file:
@@ -76,7 +76,7 @@ def write(folder: Path, points: list[Point]) -> None:
     for against, label in ((DATA, "size of the data, times the smallest"), (ELEMENTS, "elements of the array")):
         chosen = [point for point in points if point.against == against]
         if chosen:
-            chart(folder / "growth" / f"{against}.png", chosen, label)
+            chart(folder / "benchmarks" / f"{against}.png", chosen, label)
 
 
 def chart(path: Path, points: list[Point], label: str) -> None:

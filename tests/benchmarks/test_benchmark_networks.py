@@ -232,7 +232,6 @@ def test_strain_transfer(race, record, sizes, transfer):
         unit="s",
         ours=solved,
         peer=on_states,
-        least_ratio=100,
         rounds=3,
     )
     record(

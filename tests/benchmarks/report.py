@@ -1,0 +1,65 @@
+"""reports/benchmarks/README.md: what benchmarks.csv and growth.csv say, in tables."""
+
+import csv
+from pathlib import Path
+
+from benchmarks import growth
+
+from pipeline import files
+from pipeline.markdown import table
+
+MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
+
+
+def write(folder: Path) -> None:
+    """Write benchmarks/README.md of the two tables in `folder` (reports), as far as they are there."""
+    rows, points = (_read(folder / name) for name in ("benchmarks.csv", "growth.csv"))
+    parts = ["# How fast it is\n"]
+    if rows:
+        parts += ["By `python -m pytest tests/benchmarks`; every figure and its peer's are medians of one run.\n"]
+        for name in ("machine", "versions", "date"):
+            parts.append(f"- {name}: {'; '.join(sorted({row[name] for row in rows}))}")
+        parts.append("")
+        parts += ["## Against what one would write first\n", table(*comparison(rows))]
+    if points:
+        parts += ["## Growth with the size\n", table(*exponents(points))]
+        parts += [f"![Growth with {name}]({name}.png)" for name in dict.fromkeys(point["against"] for point in points)]
+    files.write_text(folder / "benchmarks" / "README.md", "\n".join(parts) + "\n")
+
+
+def comparison(rows: list[dict]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: a figure, the peer's, their ratio, the target."""
+    header = ["What", "Ours", "Peer", "Times as good", "Must be", "Met", "Threads", "Peer is"]
+    lines = []
+    for row in rows:
+        target = f"{float(row['target']):.3g}" if row["target"] else "-"
+        if row["target_is"] == "ours at most":
+            target = f"at most {target} {row['unit']}"
+        lines.append(
+            [
+                row["what"] or row["name"],
+                *(f"{float(row[key]):.3g} {row['unit']}" if row[key] else "-" for key in ("ours", "peer")),
+                f"{float(row['ratio']):.3g}" if row["ratio"] else "-",
+                *(target, MET[row["met"]], row["threads"] or "-", row["peer_is"] or "-"),
+            ]
+        )
+    return header, lines
+
+
+def exponents(points: list[dict]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: how time and memory of a task grow."""
+    lines = []
+    for task in dict.fromkeys(point["task"] for point in points):
+        own = sorted((point for point in points if point["task"] == task), key=lambda point: float(point["size"]))
+        sizes = ", ".join(f"{float(point['size']):g}" for point in own)
+        times, memory = (", ".join(f"{float(point[key]):.3g}" for point in own) for key in ("seconds", "mb"))
+        powers = (f"{float(own[0][key]):.2f}" for key in ("time_exponent", "memory_exponent"))
+        lines.append([growth.LOOKS[task][3], f"{sizes} {own[0]['size_unit']}", times, memory, *powers])
+    return ["Task", "Sizes", "Time (s)", "Memory (MB)", "Exponent of time", "Exponent of memory"], lines
+
+
+def _read(path: Path) -> list[dict]:
+    if not path.exists():
+        return []
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
