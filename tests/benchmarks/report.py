@@ -19,10 +19,10 @@ def write(folder: Path) -> None:
         parts += ["By `python -m pytest tests/benchmarks`; every figure and its peer's are medians of one run.\n"]
         for name in ("machine", "versions", "date"):
             parts.append(f"- {name}: {'; '.join(sorted({row[name] for row in rows}))}")
-        parts.append("")
+        parts.append("- all columns: [benchmarks.csv](../benchmarks.csv)\n")
         parts += ["## Against what one would write first\n", table(*comparison(rows))]
     if points:
-        parts += ["## Growth with the size\n", table(*exponents(points))]
+        parts += ["## Growth with the size\n", "All columns: [growth.csv](../growth.csv)\n", table(*exponents(points))]
         parts += [f"![Growth with {name}]({name}.png)" for name in dict.fromkeys(point["against"] for point in points)]
     files.write_text(folder / "benchmarks" / "README.md", "\n".join(parts) + "\n")
 
