@@ -38,7 +38,7 @@ def main() -> None:
             tables.split_column(protocol, seed), pa.array(part, pa.string()).dictionary_encode()
         )
         counts.append(f"{protocol} {seed}: " + ", ".join(f"{(part == name).sum()} {name}" for name in tables.PARTS))
-    if "y" in table.column_names:
+    if experiment in (*params.SERIES, *params.IMAGES):
         tables.write(paths.dataset(experiment), table.schema, [table])
     else:
         kind = pa.list_(pa.float32(), settings["label"]["map_rows"] * settings["label"]["map_cols"])
