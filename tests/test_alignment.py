@@ -85,6 +85,18 @@ def test_drift_of_a_long_recording_is_found():
     assert clock.drift * 1e6 == pytest.approx(100, abs=30)
 
 
+@pytest.mark.parametrize("silent", [(0, 0), (300, 1000)], ids=["pressed throughout", "silent in the middle"])
+def test_a_recording_longer_than_the_stretch_that_is_searched_first(silent):
+    rng = np.random.default_rng(11)
+    t, force = presses(1300, rng)
+    force[(t > silent[0]) & (t < silent[1])] = 0
+    counts = response(t, force, rng)
+    cell, array = sample(t, force, 0.4, 1300, 100), sample(t, counts, 1.3, 1300, 50, boot_s=9.0, ppm=-30)
+    assert 1300 > 2 * alignment.LONG_S
+    _, (clock,) = place_pair([force_signal(cell)], [array_signal(array)], **LIMITS)
+    assert rms_ms(clock, array, cell) < 10
+
+
 @pytest.mark.parametrize("device", ["array", "cell", "both"])
 def test_every_segment_after_a_reset_is_aligned(device):
     t, force, counts, _ = scene(90, 3)
