@@ -1,8 +1,8 @@
 """Stage: do this machine's scores agree with the committed ones? reports/agreement.md.
 
-The committed fingerprint has every score of the run that the reports were made by, and the digest of the settings it
-was made with. Networks are trained to other last digits by other processors, and from there apart; how far apart a
-number may be is measured by how far apart the seeds are.
+The committed fingerprint has every score of the run that the reports were made by, and the digest of the settings that
+each model was made with. Networks are trained to other last digits by other processors, and from there apart; how far
+apart a number may be is measured by how far apart the seeds are.
 Usage: python -m pipeline.agreement           compare
        python -m pipeline.agreement accept    take this machine's scores as the fingerprint
 """
@@ -10,6 +10,7 @@ Usage: python -m pipeline.agreement           compare
 import hashlib
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -29,15 +30,15 @@ VERDICTS = ("to the bit", "to six digits", "within tolerance", "beyond", "only h
 LISTED = 20  # of the numbers beyond tolerance
 
 
-def fingerprint(scores: pd.DataFrame, settings: dict[str, str]) -> pd.DataFrame:
-    """COLUMNS for every score; settings: experiment -> digest.
+def fingerprint(scores: pd.DataFrame, settings: Mapping[tuple[str, str], str]) -> pd.DataFrame:
+    """COLUMNS for every score; settings: (experiment, model) -> digest.
 
     The tolerance is the standard deviation over the seeds, at least LEAST of the value, in the score's own unit.
     """
     found = scores[[*KEY, "value"]].copy()
     spread = scores.groupby(GROUP)["value"].transform("std").fillna(0.0)
     found["tolerance"] = np.maximum(spread, LEAST * found["value"].abs())
-    found["settings"] = found["experiment"].map(settings)
+    found["settings"] = [settings[pair] for pair in zip(found["experiment"], found["model"], strict=True)]
     return found
 
 
@@ -60,30 +61,40 @@ def compare(committed: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
     return merged
 
 
-def digests(values: dict) -> dict[str, str]:
-    """Experiment -> digest of its block of params.yaml, without what only times depend on."""
-    blocks = {
-        name: {key: own for key, own in values[name].items() if key != "latency"} for name in values["experiments"]
-    }
-    return {
-        name: hashlib.sha256(json.dumps(block, sort_keys=True).encode()).hexdigest()[:16]
-        for name, block in blocks.items()
-    }
+def digests(values: Mapping) -> dict[tuple[str, str], str]:
+    """(experiment, model) -> digest of its blocks of params.yaml, less other models' and what only times depend on."""
+    found = {}
+    for experiment in values["experiments"]:
+        shared = {key: own for key, own in values[experiment].items() if key not in ("latency", "models")}
+        for model, block in values[experiment]["models"].items():
+            text = json.dumps([shared, model, block], sort_keys=True)
+            found[experiment, model] = hashlib.sha256(text.encode()).hexdigest()[:16]
+    return found
 
 
-def report(committed: pd.DataFrame, scores: pd.DataFrame, settings: dict[str, str]) -> tuple[str, str]:
+def report(
+    committed: pd.DataFrame, scores: pd.DataFrame, settings: Mapping[tuple[str, str], str]
+) -> tuple[str, str]:
     """agreement.md and its first sentence."""
     rows, beyond, compared, elsewhere = [], [], [], []
-    for experiment, digest in settings.items():
+    for experiment in dict.fromkeys(experiment for experiment, _ in settings):
         own = committed[committed["experiment"] == experiment]
         here = scores[scores["experiment"] == experiment]
         if here.empty or own.empty:
             elsewhere.append(f"{experiment}: no scores {'here' if here.empty else 'in the fingerprint'}.")
             continue
-        if set(own["settings"]) != {digest}:
-            elsewhere.append(f"{experiment}: its settings in params.yaml are not those of the fingerprint.")
+        new = sorted(set(here["model"]) - set(own["model"]))
+        changed = [
+            model for model, of in own.groupby("model")["settings"] if set(of) != {settings.get((experiment, model))}
+        ]
+        elsewhere += [f"{experiment}, {model}: no scores in the fingerprint." for model in new]
+        elsewhere += [
+            f"{experiment}, {model}: its settings in params.yaml are not those of the fingerprint." for model in changed
+        ]
+        left_out = {*new, *changed}
+        if left_out >= set(own["model"]):
             continue
-        found = compare(own, here)
+        found = compare(*(scored[~scored["model"].isin(left_out)] for scored in (own, here)))
         counts = found["verdict"].value_counts()
         rows.append([experiment, *(str(counts.get(name, 0)) for name in VERDICTS)])
         beyond.append(found[~found["verdict"].isin(VERDICTS[:3])])
