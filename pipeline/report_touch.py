@@ -190,6 +190,9 @@ def findings(
             lines.append(f"- There are no recordings of {condition} touch.")
     if "double" in by_condition and "lomp" in by_condition["double"]:
         lines.append(double_sentence(by_condition["double"]))
+    streamed = {name: by_condition[name] for name in TABLE_CONDITIONS if name in by_condition}
+    if all({"lomp", "lomp_stream"} <= set(own) for own in streamed.values()):
+        lines.append(stream_sentence(streamed))
     if "constant" in settings["models"]:
         lines += [
             floor_sentence(name, found) for name, found in by_condition.items() if name in TABLE_CONDITIONS
@@ -283,8 +286,8 @@ def best_sentences(condition: str, found: Mapping[str, Estimate]) -> list[str]:
 
 
 def double_sentence(found: Mapping[str, Estimate]) -> str:
-    """Whether double touch comes out in LoMP's favour, plainly."""
-    order = _usable(found)
+    """Whether double touch comes out in LoMP's favour among the paper's models, plainly."""
+    order = [model for model in _usable(found) if model in PRINTED]
     lomp = found["lomp"]
     if lomp.failed:
         return f"- Double touch does NOT come out in LoMP's favour: LoMP {interval(lomp)}."
@@ -308,6 +311,16 @@ def double_sentence(found: Mapping[str, Estimate]) -> str:
         f"{found[second].mean / lomp.mean:.2f} times as much; in the paper "
         f"{paper[runner_up] / paper['lomp']:.2f} times ({style(runner_up).label}).{apart}"
     )
+
+
+def stream_sentence(found: Mapping[str, Mapping[str, Estimate]]) -> str:
+    """What LoMP loses where it sees a frame at a time; found: condition -> model -> error."""
+    parts = []
+    for condition, own in found.items():
+        stream, windows = own["lomp_stream"], own["lomp"]
+        times = f" ({stream.mean / windows.mean:.2f} times LoMP's)" if not (stream.failed or windows.failed) else ""
+        parts.append(f"{condition} touch {interval(stream)} kPa{times}")
+    return f"- A frame at a time, its state carried through a press, LoMP of half the width has: {'; '.join(parts)}."
 
 
 def floor_sentence(condition: str, found: Mapping[str, Estimate]) -> str:

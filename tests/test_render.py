@@ -425,3 +425,15 @@ def test_render_needs_neither_torch_nor_scikit_learn():
     root = pages.CODE.parent
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_streaming_model_is_beside_the_papers_models_not_among_them():
+    def estimate(mean: float, failed: int = 0) -> results.Estimate:
+        return results.Estimate(mean=mean, low=mean - 0.1, high=mean + 0.1, runs=3, failed=failed)
+
+    found = {"lomp": estimate(6.0), "lomp_stream": estimate(5.0), "cnn": estimate(9.0)}
+    sentence = report_touch.double_sentence(found)
+    assert "comes out in LoMP's favour: LoMP has 6.00 [5.90, 6.10] kPa, the next model, CNN, 1.50 times" in sentence
+    failed = found | {"lomp_stream": estimate(np.nan, failed=3)}
+    both = report_touch.stream_sentence({"single": found, "double": failed})
+    assert "single touch 5.00 [4.90, 5.10] kPa (0.83 times LoMP's); double touch failed" in both
