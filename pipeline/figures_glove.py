@@ -152,6 +152,7 @@ def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]],
                 ax.plot(kept["epoch"], kept["validation_loss"], "o", color=COLOURS[dataset], markersize=4)
         ax.set(title=style(model).label, yscale="log", xlabel="Epoch")
         figures.plain_log(ax.yaxis)
+        ax.xaxis.get_major_locator().set_params(integer=True)
     for ax in axes[:, 0]:
         ax.set_ylabel("Validation loss: cross-entropy (nats)")
     for ax in list(axes.flat)[len(fits) :]:

@@ -420,6 +420,7 @@ def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) ->
             ax.plot(kept["epoch"], kept["validation_loss"], "o", color=look.color, markersize=5)
         ax.set(title=look.label, yscale="log", xlabel="Epoch")
         figures.plain_log(ax.yaxis)
+        ax.xaxis.get_major_locator().set_params(integer=True)
     for ax in axes[:, 0]:
         ax.set_ylabel("Loss: mean squared error (kPa²)")
     for ax in list(axes.flat)[len(trained) :]:

@@ -373,7 +373,13 @@ def embedded(values: Mapping) -> list[str]:
     folders = [f"{experiment}/{part}" for experiment in ran for part in ("accuracy", "speed")]
     names = [f"{folder}/{file}" for folder in folders for file in files(folder, ".md")]
     names += [f"stability/{name}.md" for name in ("README", "failures", "training")]
-    return [*names, *(f"{chapter}/README.md" for chapter in CHAPTERS)]
+    return [*names, *(f"{chapter}/README.md" for chapter in chapters())]
+
+
+def chapters() -> list[str]:
+    """Those of CHAPTERS that there are: the benchmarks are no stage, but measured by hand."""
+    measured = (paths.REPORTS / "benchmarks" / "README.md").exists()
+    return [chapter for chapter in CHAPTERS if measured or chapter != "benchmarks"]
 
 
 def build() -> str:
@@ -387,11 +393,11 @@ def build() -> str:
         names[experiment] = title(read(f"{experiment}/accuracy/README.md")).removesuffix(": results")
     body.append(general_stability(pages, values["experiments"]))
     names["stability"] = "Stability"
-    for chapter, heading in CHAPTERS.items():
+    for chapter in chapters():
         text = document(pages, f"{chapter}/README.md", 1)
         gallery = pages.rest(chapter, "", files(chapter, ".png"))
-        body.append(f'<section id="{chapter}"><h2>{escape(heading)}</h2>{text}{gallery}</section>')
-        names[chapter] = heading
+        body.append(f'<section id="{chapter}"><h2>{escape(CHAPTERS[chapter])}</h2>{text}{gallery}</section>')
+        names[chapter] = CHAPTERS[chapter]
     body.append(provenance(values))
     names["provenance"] = "Scale and provenance"
     links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name in names.items())
@@ -412,6 +418,7 @@ def build() -> str:
 
 def main() -> None:
     """Write reports/index.html."""
+    (paths.REPORTS / "benchmarks").mkdir(exist_ok=True)
     html = build()
     target = paths.REPORTS / "index.html"
     draft = target.with_name("index.html.unfinished")

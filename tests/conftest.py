@@ -13,7 +13,7 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 PARTS = ("pipeline", "data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
-PARTS += ("constraints.txt", "dvc.yaml", "params.yaml", "scales", "reports/benchmarks")
+PARTS += ("constraints.txt", "dvc.yaml", "params.yaml", "scales")
 
 
 class Project:

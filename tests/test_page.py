@@ -186,6 +186,13 @@ def test_an_experiment_that_was_not_run_says_so(reports):
         page.build()
 
 
+def test_benchmarks_are_on_the_page_where_they_were_measured(reports):
+    heading = page.CHAPTERS["benchmarks"]
+    assert heading in page.build()
+    shutil.rmtree(reports / "benchmarks")
+    assert heading not in page.build()
+
+
 def test_a_missing_part_of_the_stability_report_is_an_error(reports):
     text = (reports / "stability" / "README.md").read_text()
     (reports / "stability" / "README.md").write_text(text.replace("## glove: all", "## glove_recorded: all"))
