@@ -38,7 +38,7 @@ STYLES = {
     "convlstm": Style("ConvLSTM", PURPLE, "h", (0, (4, 1, 1, 1))),
     "rnn": Style("RNN", BLUE, "<", (0, (5, 1.5))),
     "lomp": Style("LoMP", VERMILION, "*", "-"),
-    "lomp_stream": Style("LoMP, streaming", BLACK, "d", (0, (5, 1.5))),
+    "lomp_stream": Style("LoMP streaming", BLACK, "d", (0, (5, 1.5))),
     "ridge": Style("Ridge, raw window", ORANGE, "o", "-"),
     "esn": Style("Echo state network", GREEN, "v", "-."),
     "lstm_direct": Style("LSTM, direct", BLUE, "s", "-"),
