@@ -7,7 +7,6 @@ The errors choose nothing but the ladders' own verdict: no other table depends o
 Usage: python -m pipeline.rightsize touch|strain|glove
 """
 
-import json
 import sys
 
 import numpy as np
@@ -15,7 +14,7 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, files, images, ladders, metrics, narrow, params, paths, tables, workers
+from pipeline import classification, files, images, ladders, metrics, narrow, params, paths, tables, trained, workers
 from pipeline.errors import InputError, run_stage
 from pipeline.fitting import Spec
 
@@ -23,7 +22,7 @@ CONDITIONS = ("single", "double")  # of touch, as in Table I
 
 
 def touch_run(family: str, size: int, seed: int, report) -> list[tuple]:
-    """Train and score one run of a touch ladder; a row a condition, in the order of ladders.COLUMNS."""
+    """Train or load, and score one run of a touch ladder; a row a condition, in the order of ladders.COLUMNS."""
     import torch
 
     torch.set_num_threads(1)
@@ -34,32 +33,36 @@ def touch_run(family: str, size: int, seed: int, report) -> list[tuple]:
     x = data.x
     model = ladders.FAMILIES[family].model
     block = params.model_settings(values, "touch", model)
+    of_tables = family == "lomp" and size == block["hidden"]
     if family == "lomp":
         readout = [max(1, round(width * size / block["hidden"])) for width in block["readout"]]
         block = block | {"hidden": size, "readout": readout}
     else:
         x, spec = x[:, -size:], spec._replace(frames=size)
         block = block | {"training": block["training"] | values["rightsize"]["touch"][family]["training"]}
-    regressor = params.build_model(model, spec, block, f"rightsize.touch.{family}")
     part = data.part(protocol, seed)
-    train, validation = ((x[part == name], data.y[part == name]) for name in ("train", "validation"))
-    regressor.fit(train, validation, seed=seed, device=values["device"])
+    if of_tables:
+        run = trained.load(values, "touch", model, protocol, seed, spec)
+    else:
+        regressor = params.build_model(model, spec, block, f"rightsize.touch.{family}")
+        train, validation = ((x[part == name], data.y[part == name]) for name in ("train", "validation"))
+        regressor.fit(train, validation, seed=seed, device=values["device"])
+        run = trained.Trained(regressor, failed=regressor.summary.best_epoch == 0)
     predicted, rows = np.full(data.y.shape, np.nan, np.float32), np.flatnonzero(part == "test")
-    if regressor.summary.best_epoch:
-        predicted[rows] = regressor.predict(x[rows])
+    predicted[rows] = run.predict(x[rows])
     condition, found = tables.names(data.rows["condition"]), []
     for name in CONDITIONS:
         own = rows[condition[rows] == name]
         if not len(own):
             continue
         scores = metrics.touch(data.rows.take(pa.array(own)), data.y[own], predicted[own], settings)
-        found.append(_row("touch", name, family, size, regressor, scores, seed))
+        found.append(_row("touch", name, family, size, run.model, scores, seed))
     report()
     return found
 
 
 def glove_run(condition: str, width: float, seed: int, report) -> list[tuple]:
-    """Train and score one SP-ResNet narrower than the published one, with the settings of the published one."""
+    """Train and score one SP-ResNet narrower than the published one, with its settings; load the published one."""
     import torch
 
     from pipeline.image_fitting import spec_of
@@ -67,14 +70,19 @@ def glove_run(condition: str, width: float, seed: int, report) -> list[tuple]:
     torch.set_num_threads(1)
     values = params.load()
     block = params.model_settings(values, "glove", "sp_resnet")
-    data = images.read(paths.dataset("glove"), ladders.protocol("glove", condition), seed)
-    classifier = narrow.build(spec_of(len(data.objects)), width=width, **block)
+    protocol = ladders.protocol("glove", condition)
+    data = images.read(paths.dataset("glove"), protocol, seed)
+    spec = spec_of(len(data.objects))
     train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
-    classifier.fit(train, validation, seed=seed, device=values["device"])
-    scores = classification.scores(test[1], classifier.predict(test[0]))
-    scores = metrics.unless_failed(scores, classifier.summary.best_epoch == 0)
+    if width == 1:
+        run = trained.load(values, "glove", "sp_resnet", protocol, seed, spec)
+    else:
+        classifier = narrow.build(spec, width=width, **block)
+        classifier.fit(train, validation, seed=seed, device=values["device"])
+        run = trained.Trained(classifier, failed=classifier.summary.best_epoch == 0)
+    scores = metrics.unless_failed(classification.scores(test[1], run.predict(test[0])), run.failed)
     report()
-    return [_row("glove", condition, "sp_resnet", width, classifier, scores, seed)]
+    return [_row("glove", condition, "sp_resnet", width, run.model, scores, seed)]
 
 
 def _row(experiment: str, condition: str, family: str, size, model, scores: list, seed: int) -> tuple:
@@ -88,7 +96,7 @@ def touch(values: dict) -> list[tuple]:
     ladder, settings, protocol = values["rightsize"]["touch"], values["touch"], ladders.protocol("touch", "single")
     for family, block in ladder.items():
         _check_seeds(f"rightsize.touch.{family}.seeds", block["seeds"], settings["protocols"][protocol]["seeds"])
-    frames, hidden = settings["window"]["frames"], params.model_settings(values, "touch", "lomp")["hidden"]
+    frames = settings["window"]["frames"]
     if max(ladder["window"]["sizes"]) > frames:
         raise InputError(f"params.yaml, rightsize.touch.window.sizes: a window has {frames} frames; take no more")
     runs = [
@@ -96,12 +104,8 @@ def touch(values: dict) -> list[tuple]:
         for family in ladder
         for size in sorted(ladder[family]["sizes"], reverse=True)
         for seed in ladder[family]["seeds"]
-        if (family, size) != ("lomp", hidden)
     ]
-    found = _trained(touch_run, runs, "rightsize touch")
-    if hidden in ladder["lomp"]["sizes"]:
-        found += [_of_tables("touch", c, "lomp", hidden, seed) for c in CONDITIONS for seed in ladder["lomp"]["seeds"]]
-    return found
+    return _climbed(touch_run, runs, "rightsize touch")
 
 
 def glove(values: dict) -> list[tuple]:
@@ -111,27 +115,8 @@ def glove(values: dict) -> list[tuple]:
     for condition in images.MODALITIES:
         known = settings["protocols"][ladders.protocol("glove", condition)]["seeds"]
         _check_seeds("rightsize.glove.sp_resnet.seeds", seeds, known)
-    runs = [(c, width, seed) for width in sorted(widths) if width < 1 for c in images.MODALITIES for seed in seeds]
-    found = _trained(glove_run, runs, "rightsize glove")
-    if 1 in widths:
-        found += [_of_tables("glove", c, "sp_resnet", 1, seed) for c in images.MODALITIES for seed in seeds]
-    return found
-
-
-def _of_tables(experiment: str, condition: str, family: str, size, seed: int) -> tuple:
-    """One run of the model that the tables have, as a row of a ladder."""
-    protocol, metric = ladders.protocol(experiment, condition), ladders.METRIC[experiment]
-    model = ladders.FAMILIES[family].model
-    path, made_by = paths.scores(experiment), f"python -m pipeline.evaluate {experiment}"
-    scores = pd.read_csv(paths.require(path, made_by)).set_index(["protocol", "condition", "model", "seed", "metric"])
-    key = (protocol, condition, model, seed, metric)
-    if key not in scores.index:
-        raise InputError(f"{path}: no row for {', '.join(map(str, key))}; run `{made_by}` again")
-    row = scores.loc[key]
-    fit = paths.require(paths.run_folder(experiment, model, protocol, seed) / "fit.json", "dvc repro")
-    counts = json.loads(fit.read_text(encoding="utf-8"))
-    value = float(row["value"])
-    return (experiment, condition, family, size, counts["parameters"], metric, row["unit"], seed, value, counts["macs"])
+    runs = [(c, width, seed) for width in sorted(widths) for c in images.MODALITIES for seed in seeds]
+    return _climbed(glove_run, runs, "rightsize glove")
 
 
 def strain(values: dict) -> list[tuple]:
@@ -156,7 +141,7 @@ def _check_seeds(name: str, seeds: list[int], known: list[int]) -> None:
         raise InputError(f"params.yaml, {name}: there is no split of seed {absent[0]}; known: {known}")
 
 
-def _trained(function, runs: list[tuple], title: str) -> list[tuple]:
+def _climbed(function, runs: list[tuple], title: str) -> list[tuple]:
     with tqdm(total=len(runs), desc=title, unit="run") as bar:
         found = dict(workers.run(function, {run: run for run in runs}, bar))
     return [row for run in runs for row in found[run]]

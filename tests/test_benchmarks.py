@@ -121,7 +121,8 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
 
 def test_what_one_setting_must_not_run():
     allowed = (
-        "train_touch@tree evaluate@touch latency@touch stress@touch render@touch collect render_stability judge page"
+        "train_touch@tree evaluate@touch latency@touch stress@touch render@touch collect render_stability"
+        " render_rightsize judge page"
     )
     forbidden = (
         "simulate_touch ingest_touch window@touch dataset@touch train_touch@cnn train_glove@tree evaluate@strain"

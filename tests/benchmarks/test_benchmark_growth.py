@@ -13,7 +13,8 @@ def points(task, against, sizes, unit, folder_of, repeats):
     """A point a size: median time, largest memory."""
     found = []
     for size in sizes:
-        runs = [measured(task, folder_of(size), size) for _ in range(repeats)]
+        folder = folder_of(size)
+        runs = [measured(task, folder, size) for _ in range(repeats)]
         seconds, mb = statistics.median(run["seconds"] for run in runs), max(run["mb"] for run in runs)
         found.append(growth.Point(task, against, size, unit, seconds, mb))
     return found

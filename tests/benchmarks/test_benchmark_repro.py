@@ -1,5 +1,6 @@
 """`dvc repro`: with nothing to do, after one setting, and in full."""
 
+import json
 import os
 import re
 import subprocess
@@ -11,7 +12,7 @@ import pytest
 from pipeline import paths
 
 # A change of one model of `touch` must not run what makes its data, nor another model, nor another experiment.
-FORBIDDEN = r"simulate|ingest|window|dataset|model_zero|study|augment|probe|count|stag|rightsize|physics"
+FORBIDDEN = r"simulate|ingest|window|dataset|model_zero|study|augment|probe|count|stag|(?<!render_)rightsize|physics"
 FORBIDDEN += r"|train_(?!touch@tree$)|@(?!touch$|tree$)|_(strain|glove|velostat)"
 
 
@@ -28,8 +29,9 @@ def miniature(request, tmp_path_factory):
 def test_repro_nothing_changed(benchmark, record):
     """In this checkout, where everything is up to date."""
     dvc = [sys.executable, "-m", "dvc"]
-    status = subprocess.run([*dvc, "status", "--quiet"], cwd=paths.ROOT)
-    assert status.returncode == 0, "the checkout is not up to date; run `dvc repro` first"
+    status = subprocess.run([*dvc, "status", "--json"], cwd=paths.ROOT, check=True, capture_output=True)
+    stale = set(json.loads(status.stdout)) - {"page"}  # shows the benchmarks; the first round brings it up to date
+    assert not stale, f"{', '.join(sorted(stale))}: not up to date; run `dvc repro` first"
     run = [*dvc, "repro", "--quiet"]
     benchmark.pedantic(lambda: subprocess.run(run, cwd=paths.ROOT, check=True), rounds=3, warmup_rounds=1)
     seconds = benchmark.stats.stats.median
