@@ -167,9 +167,13 @@ def reservoir_states(system: dict[str, np.ndarray], leak: float, x: np.ndarray) 
     return states
 
 
-def read_log(path: Path, names: list[str]) -> pd.DataFrame:
-    """A log as pandas reads it: the banner in line 1 and lines with too many columns left out, nothing checked."""
-    return pd.read_csv(path, names=names, skiprows=1, on_bad_lines="skip")
+def read_log(path: Path, names: list[str], threads: int | None = None) -> pd.DataFrame:
+    """A log as pandas reads it: the banner in line 1 and lines with too many columns left out, nothing checked.
+
+    threads: None for pandas' choice, which since version 3.1 is all cores; before that it had one.
+    """
+    with pd.option_context("mode.max_threads", threads):
+        return pd.read_csv(path, names=names, skiprows=1, on_bad_lines="skip")
 
 
 def image_epoch(network: nn.Module, x: torch.Tensor, y: torch.Tensor, batch: int, augment) -> None:

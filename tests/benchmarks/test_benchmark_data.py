@@ -27,13 +27,19 @@ def test_ingest(race, record, sizes, recording):
     rows, rejects = logs.read_log(path, fmt)
     assert rows.num_rows + rejects.num_rows == sum(1 for _ in path.open("rb")) and rejects.num_rows > 3
     del rows, rejects
-    seconds, peer = race(lambda: logs.read_log(path, fmt), lambda: peers.read_log(path, fmt.names), rounds=3)
+    seconds, peer, single = race(
+        lambda: logs.read_log(path, fmt),
+        lambda: peers.read_log(path, fmt.names),
+        lambda: peers.read_log(path, fmt.names, threads=1),
+        rounds=3,
+    )
     mb, threads = path.stat().st_size / 1e6, os.cpu_count()
     what = f"a touch log of {mb:.0f} MB to typed rows and rejects, all checks: {mb / seconds:.0f} MB/s"
     shared = {"unit": "s", "rounds": 3, "threads": threads}
-    record(
-        "ingest_read", what=what, peer_is="pandas.read_csv, no checks", ours=seconds, peer=peer, least_ratio=2, **shared
-    )
+    peer_is = "pandas.read_csv, no checks"
+    record("ingest_read", what=what, peer_is=peer_is, ours=seconds, peer=peer, least_ratio=2, **shared)
+    alone = f"{peer_is}, one thread (as before pandas 3.1)"
+    record("ingest_read_one_thread", what="the same", peer_is=alone, ours=seconds, peer=single, **shared)
     disk = seconds_to_read(path)
     record(
         "ingest_disk",
