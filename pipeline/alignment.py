@@ -186,7 +186,8 @@ def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict
     who, beside = limits["who"], limits.get("beside")
     rough, rival = _rough_lag(piece, against, *lags)
     middle = (piece.time_s[0] + piece.time_s[-1]) / 2
-    lag, score = _fine_lag(_between(piece, middle - LONG_S / 2, middle + LONG_S / 2), against, rough, beside)
+    part = _between(piece, middle - LONG_S / 2, middle + LONG_S / 2)  # empty where the device was silent for long
+    lag, score = _fine_lag(part, against, rough, beside) if len(part.time_s) else (rough, -1.0)
     if piece.duration_s > LONG_S and not score >= limits["min_correlation"]:
         lag, _ = _fine_lag(piece, against, rough, beside)
     stretches = int(piece.duration_s // STRETCH_S)

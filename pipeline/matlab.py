@@ -3,21 +3,13 @@
 MATLAB objects are data to scipy; nothing in a file is executed.
 """
 
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import scipy.io
-from scipy.io.matlab import MatReadError
 
 from pipeline.errors import InputError
-
-# What scipy raises for a file that is cut, damaged or something else.
-UNREADABLE = (
-    *(ValueError, TypeError, KeyError, IndexError, OSError, NotImplementedError, MemoryError),
-    *(zlib.error, MatReadError),
-)
 
 
 def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray]:
@@ -35,7 +27,7 @@ def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray
         raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
     try:
         found = scipy.io.loadmat(path, variable_names=list(names))
-    except UNREADABLE as error:
+    except Exception as error:  # scipy raises whatever a damaged file leads it to, UnboundLocalError for one
         raise InputError(f"{path}: not a whole MATLAB file ({error or 'it ends too early'}); get it again") from error
     for name in names:
         if not isinstance(found.get(name), np.ndarray):

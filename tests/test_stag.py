@@ -87,6 +87,7 @@ BAD = {
     "too few": ({"objectId": np.zeros((7, 1))}, "'objectId' must be 12 whole numbers, one a frame"),
     "fractions": ({"recordingId": np.full((12, 1), 0.5)}, "'recordingId' must be 12 whole numbers"),
     "NaN": ({"splitId": np.full((12, 1), np.nan)}, "'splitId' must be 12 whole numbers"),
+    "too large": ({"splitId": np.full((12, 1), 1e300)}, "'splitId' must be 12 whole numbers"),
     "names": ({"hasValidLabel": cells(["yes"] * 12)}, "'hasValidLabel' must be 12 whole numbers"),
     "from 1": ({"objectId": np.full((12, 1), 3)}, "'objectId' is 3 to 3, but 'objects' has 3 names, numbered from 0"),
     "negative": ({"objectId": np.full((12, 1), -1.0)}, "'objectId' is -1 to -1, but 'objects' has 3 names"),
