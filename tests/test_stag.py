@@ -1,5 +1,7 @@
 """The reader of the STAG data set: one MATLAB file in, tactile images with objects and parts out."""
 
+import os
+
 import numpy as np
 import pytest
 import scipy.io
@@ -114,6 +116,19 @@ def test_a_cut_file_is_one_sentence(share, compress, tmp_path):
     with pytest.raises(InputError, match=r"metadata\.mat: (not a whole MATLAB file|has no variable)") as error:
         stag.read(path)
     assert "\n" not in str(error.value)
+
+
+def crash(*_, **__):
+    os.abort()
+
+
+def test_a_file_that_crashes_the_reader_is_one_sentence(tmp_path, monkeypatch):
+    path = save(tmp_path, metadata())
+    with monkeypatch.context() as patch:
+        patch.setattr(scipy.io, "loadmat", crash)
+        with pytest.raises(InputError, match=r"metadata\.mat: not a whole MATLAB file \(it crashes scipy's reader\)"):
+            stag.read(path)
+    assert len(stag.read(path).label)
 
 
 @pytest.mark.parametrize("start", [b"MATLAB 7.3 MAT-file, Platform: GLNXA64", b"\x89HDF\r\n\x1a\n"])
