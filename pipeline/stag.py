@@ -64,7 +64,8 @@ def read(path: Path, balanced: bool = True) -> Stag:
             raise InputError(
                 f"{path}: '{name}' is {low} to {high}, but '{target}' has {len(names[target])} names, numbered from 0"
             )
-    share = np.clip((pressure[kept].astype(np.float32) - LOWEST_ADC) / (HIGHEST_ADC - LOWEST_ADC), 0, 1)
+    counts = np.clip(pressure[kept], LOWEST_ADC, HIGHEST_ADC).astype(np.float32)
+    share = (counts - LOWEST_ADC) / (HIGHEST_ADC - LOWEST_ADC)
     return Stag(
         images=(HIGHEST * share).reshape(-1, 1, SIDE * SIDE),
         label=number["objectId"][kept],

@@ -118,6 +118,11 @@ def test_a_cut_file_is_one_sentence(share, compress, tmp_path):
     assert "\n" not in str(error.value)
 
 
+def test_pressure_far_outside_is_clipped(tmp_path):
+    pressure = np.full((FRAMES, 32, 32), 1e308)
+    assert (stag.read(save(tmp_path, metadata(pressure=pressure))).images == stag.HIGHEST).all()
+
+
 def crash(*_, **__):
     os.abort()
 
