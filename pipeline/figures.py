@@ -14,7 +14,7 @@ DPI = 150
 BLACK, GREY = "#000000", "#777777"
 ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-WINE, OLIVE = "#882255", "#999933"  # of Tol's muted scheme: `touch` has ten models
+WINE, OLIVE, INDIGO = "#882255", "#999933", "#332288"  # of Tol's muted scheme: `touch` has eleven models
 MEASURED = {"color": BLACK, "linestyle": "--", "linewidth": 1.5}
 
 
@@ -38,7 +38,7 @@ STYLES = {
     "convlstm": Style("ConvLSTM", PURPLE, "h", (0, (4, 1, 1, 1))),
     "rnn": Style("RNN", BLUE, "<", (0, (5, 1.5))),
     "lomp": Style("LoMP", VERMILION, "*", "-"),
-    "lomp_stream": Style("LoMP streaming", BLACK, "d", (0, (5, 1.5))),
+    "lomp_stream": Style("LoMP streaming", INDIGO, "d", (0, (5, 1.5))),
     "ridge": Style("Ridge, raw window", ORANGE, "o", "-"),
     "esn": Style("Echo state network", GREEN, "v", "-."),
     "lstm_direct": Style("LSTM, direct", BLUE, "s", "-"),
