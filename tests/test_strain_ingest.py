@@ -83,6 +83,16 @@ def later(lines, seconds):
     return result
 
 
+def test_a_silence_of_hours_moves_no_clock(settings, lines, tmp_path):
+    """A capture that rests for three hours: both devices write nothing, and the robot stays placed as before."""
+    clock = strain.read_recording(written(tmp_path, lines), settings)[2]["robot.log"]["clock"]
+    split = {"daq.log": 1000, "robot.log": 2000}  # lines, at 5 and 10 Hz
+    rested = {name: lines[name][:line] + later(lines[name][line:], 1e4) for name, line in split.items()}
+    frames, _, report = strain.read_recording(written(tmp_path, rested), settings)
+    assert report["robot.log"]["clock"]["offset_ms"] == pytest.approx(clock["offset_ms"], abs=20)
+    assert np.diff(frames["t_s"].to_numpy()).max() == pytest.approx(1e4, rel=0.01)
+
+
 def test_clocks_may_have_any_zero(settings, lines, tmp_path):
     """The robot's seconds since 1970, the DAQ's since its start: only the starts of the logs are near each other."""
     first, _, report = strain.read_recording(written(tmp_path, lines), settings)

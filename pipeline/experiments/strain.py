@@ -74,7 +74,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         )
         if rows[name]["segment"][-1].as_py() > 0:
             raise InputError(f"{folder / name}: the time steps back for good; the clock was set, record again")
-        lasts, least = np.ptp(rows[name]["t_s"].to_numpy()), 4 * ingest["max_clock_offset_s"]
+        lasts, least = np.ptp(rows[name]["t_s"].to_numpy()), _shortest_s(ingest)
         if lasts < least:
             raise InputError(f"{folder / name}: lasts {lasts:.1f} s; at least {least:g} s are needed, record longer")
     daq, robot = rows["daq.log"], rows["robot.log"]
@@ -143,10 +143,18 @@ def robot_clock(
     all of the log, then, near that, over stretches of STRETCH_S, whose offsets give the drift. The changes of the
     rates explain too, because a strand answers late: m' = r' - T m''. Without them what it takes to answer looks like
     an offset: 0.20 s in place of 0.01 s in simulated task 1 (0.03 to 0.04 s in task 0, 0.1 s in task 2 either way).
-    The clocks start within `ingest.max_clock_offset_s` of each other, or the logs do. daq_s (n,), volts (n, channels),
-    robot_s (m,), place (m, 3). Raises InputError below `ingest.min_correlation`.
+    The clocks start within `ingest.max_clock_offset_s` of each other, or the logs do. Gaps in the DAQ's log that are
+    longer than a stretch are left out. daq_s (n,), volts (n, channels), robot_s (m,), place (m, 3). Raises InputError
+    below `ingest.min_correlation`, and where such gaps leave too little.
     """
     grid = np.arange(daq_s[0], daq_s[-1], GRID_S)
+    grid = grid[np.diff(daq_s)[np.searchsorted(daq_s, grid, side="right") - 1] <= STRETCH_S]
+    lasts, least = len(grid) * GRID_S, _shortest_s(ingest)
+    if lasts < least:
+        raise InputError(
+            f"{who}: daq.log lasts {lasts:.1f} s without its gaps of more than {STRETCH_S:g} s; "
+            f"at least {least:g} s are needed, record longer"
+        )
     rates = _on(grid, *_rates(daq_s, volts))
     rates = np.column_stack([rates, np.gradient(rates, axis=0)])
     speed = _rates(robot_s, place)
@@ -173,6 +181,11 @@ def robot_clock(
     return alignment.Clock(clock.offset_s, clock.drift, clock.middle_s, correlation)
 
 
+def _shortest_s(ingest: Mapping) -> float:
+    """What a log must last, so that it still overlaps with the other one at every offset that is tried."""
+    return 4 * ingest["max_clock_offset_s"]
+
+
 def _rates(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Times between samples, and the rates of `values` (n, columns) there, clipped on both sides."""
     rate = np.diff(values, axis=0) / np.diff(time_s)[:, None]
@@ -194,14 +207,17 @@ def _explained(rates: np.ndarray, speed: np.ndarray) -> float:
 def _best_lag(
     grid: np.ndarray, rates: np.ndarray, speed: tuple[np.ndarray, np.ndarray], centre: float, reach: float
 ) -> tuple[float, float]:
-    """The lag of the robot's clock within centre +- reach (s) that explains most, between steps by a parabola."""
+    """The lag of the robot's clock within centre +- reach (s) that explains most, between steps by a parabola.
+
+    grid (n,): times that are whole steps of GRID_S apart, not all of them.
+    """
     basis, _ = np.linalg.qr(np.column_stack([np.ones(len(rates)), rates]))
     lags = centre + np.arange(-round(reach / GRID_S), round(reach / GRID_S) + 1) * GRID_S
-    count = len(grid)
-    wide = _on(grid[0] - lags[-1] + np.arange(count + len(lags) - 1) * GRID_S, *speed)
+    steps = np.rint((grid - grid[0]) / GRID_S).astype(int)
+    wide = _on(grid[0] - lags[-1] + np.arange(steps[-1] + len(lags)) * GRID_S, *speed)
     scores = np.empty(len(lags))
     for k in range(len(lags)):
-        moved = wide[len(lags) - 1 - k :][:count]
+        moved = wide[steps + len(lags) - 1 - k]
         moved = moved - moved.mean(axis=0)
         scores[k] = np.linalg.norm(basis.T @ moved) / max(np.linalg.norm(moved), 1e-12)
     best = int(np.clip(np.argmax(scores), 1, len(scores) - 2))
