@@ -72,9 +72,7 @@ def digests(values: Mapping) -> dict[tuple[str, str], str]:
     return found
 
 
-def report(
-    committed: pd.DataFrame, scores: pd.DataFrame, settings: Mapping[tuple[str, str], str]
-) -> tuple[str, str]:
+def report(committed: pd.DataFrame, scores: pd.DataFrame, settings: Mapping[tuple[str, str], str]) -> tuple[str, str]:
     """agreement.md and its first sentence."""
     rows, beyond, compared, elsewhere = [], [], [], []
     for experiment in dict.fromkeys(experiment for experiment, _ in settings):

@@ -74,9 +74,7 @@ def depth_strength(z_mm: np.ndarray) -> np.ndarray:
 
 def joined(pieces: list[Signal], clocks: list[Clock | None]) -> Signal:
     """The pieces of one device that have a clock, as one signal in reference time."""
-    placed = [
-        (clock(piece.time_s), piece.value) for piece, clock in zip(pieces, clocks, strict=True) if clock
-    ]
+    placed = [(clock(piece.time_s), piece.value) for piece, clock in zip(pieces, clocks, strict=True) if clock]
     return Signal(*(np.concatenate(column) for column in zip(*placed, strict=True)))
 
 
@@ -172,9 +170,7 @@ def _place(
         low, high = (edge + piece.duration_s for edge in window)
         return None, (low, high + limits["max_offset_s"])
     if against is None:
-        raise InputError(
-            f"{limits['who']}: nothing to align a segment against; the logs do not overlap in time"
-        )
+        raise InputError(f"{limits['who']}: nothing to align a segment against; the logs do not overlap in time")
     lags = tuple(edge - piece.time_s[0] for edge in window)
     clock = _fit(piece, against, lags, limits)
     end = float(clock(piece.time_s[-1]))
@@ -203,9 +199,7 @@ def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict
         drift, lag = np.polyfit(np.array([at for at, _ in found]) - middle, [its for _, its in found], 1)
     clock = Clock(float(lag), float(drift), float(middle))
     # Short recordings follow others in level by chance, but not in their edges.
-    correlation = min(
-        score(piece, against, clock, beside) for score in (_level_correlation, _edge_correlation)
-    )
+    correlation = min(score(piece, against, clock, beside) for score in (_level_correlation, _edge_correlation))
     if not correlation >= limits["min_correlation"]:
         raise InputError(
             f"{who}: the signals do not follow each other (best correlation "
@@ -243,9 +237,7 @@ def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple
     lags, products = lags[possible], products[possible]
     best = int(np.argmax(products))
     peaks = np.flatnonzero((products[1:-1] > products[:-2]) & (products[1:-1] >= products[2:])) + 1
-    rivals = peaks[
-        (np.abs(lags[peaks] - lags[best]) > NEAR_S) & (products[peaks] > AMBIGUOUS * products[best])
-    ]
+    rivals = peaks[(np.abs(lags[peaks] - lags[best]) > NEAR_S) & (products[peaks] > AMBIGUOUS * products[best])]
     return float(lags[best]), float(lags[rivals[0]]) if len(rivals) and products[best] > 0 else None
 
 

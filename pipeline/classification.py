@@ -39,7 +39,7 @@ def by_frames(predicted: np.ndarray, group: np.ndarray, frames: int) -> tuple[np
         own = np.flatnonzero(group == one)
         sets = len(own) // frames
         for k in range(sets):
-            picked = own[k :: sets][:frames]
+            picked = own[k::sets][:frames]
             rows.append(picked[0])
             means.append(predicted[picked].mean(axis=0))
     return np.array(rows, dtype=int), np.array(means).reshape(-1, predicted.shape[1])

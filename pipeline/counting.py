@@ -25,9 +25,7 @@ def multiply_accumulates(network: nn.Module, *inputs: torch.Tensor) -> int:
             return
         for kind, count in _COUNTS.items():
             if isinstance(module, kind):
-                hooks.append(
-                    module.register_forward_hook(lambda m, x, y, c=count: counted.append(c(m, x, y)))
-                )
+                hooks.append(module.register_forward_hook(lambda m, x, y, c=count: counted.append(c(m, x, y))))
         for child in module.children():
             attach(child)
 

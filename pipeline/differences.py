@@ -22,12 +22,7 @@ def read_differences(folder: Path) -> list[tuple[str, str]]:
             comment = "#" in line[: match.start(1)]
             for following in lines[k + 1 :]:
                 following = following.strip()
-                if (
-                    '"""' in text[-1]
-                    or not following
-                    or following.startswith('"""')
-                    or MARK.search(following)
-                ):
+                if '"""' in text[-1] or not following or following.startswith('"""') or MARK.search(following):
                     break
                 if comment and not following.startswith("#"):
                     break

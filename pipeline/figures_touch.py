@@ -72,9 +72,7 @@ def characteristic_curve(path: Path, settings: Mapping) -> None:
     ax.plot(kpa, static, **MEASURED, label="static curve (no memory)")
     middle = len(ramp)
     ax.plot(cycle[:middle], looped[:middle], color=figures.BLUE, label="loading, 0 to 400 kPa in 0.25 s")
-    ax.plot(
-        cycle[middle:], looped[middle:], color=figures.VERMILION, linestyle="-.", label="unloading in 0.25 s"
-    )
+    ax.plot(cycle[middle:], looped[middle:], color=figures.VERMILION, linestyle="-.", label="unloading in 0.25 s")
     ax.set(
         xlabel="Pressure on a film of 1 cm x 1 cm (kPa)",
         ylabel="Resistance (ohm)",
@@ -136,9 +134,7 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
         loc="outside lower center",
         ncols=2,
     )
-    figure.suptitle(
-        "Figure 4: single touch, measured and estimated peak pressure, and mean L1 loss of the map"
-    )
+    figure.suptitle("Figure 4: single touch, measured and estimated peak pressure, and mean L1 loss of the map")
     figures.save(figure, path)
 
 
@@ -150,9 +146,7 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
     counts = tables.matrix(frames["v"])
     pressed = force > settings["window"]["contact_threshold_n"]
     # Elements 12, 17 and 22 of the paper: the middle column from the middle row upwards.
-    elements = [
-        row * sensor["cols"] + sensor["cols"] // 2 for row in range(sensor["rows"] // 2, sensor["rows"])
-    ]
+    elements = [row * sensor["cols"] + sensor["cols"] // 2 for row in range(sensor["rows"] // 2, sensor["rows"])]
     figure, axes = plt.subplots(
         1, len(elements), figsize=(3.6 * len(elements), 4), sharex=True, sharey=True, squeeze=False
     )
@@ -190,12 +184,8 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
         ncols=len(order) or 1,
         title="press location along x, from the element's centre",
     )
-    apart = (
-        "" if np.isnan(spacing) else f"\n(locations {spacing:g} mm apart, our grid's pitch; paper: 2.875 mm)"
-    )
-    figure.suptitle(
-        f"Figure 5: sensor behaviour for press locations within one element, loading and unloading{apart}"
-    )
+    apart = "" if np.isnan(spacing) else f"\n(locations {spacing:g} mm apart, our grid's pitch; paper: 2.875 mm)"
+    figure.suptitle(f"Figure 5: sensor behaviour for press locations within one element, loading and unloading{apart}")
     figures.save(figure, path)
 
 
@@ -232,9 +222,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
         for model in drawn:
             look = style(model)
             estimated = _block_peak(maps[model][chosen], *place, sensor)
-            ax.plot(
-                time, estimated, color=look.color, linestyle=look.linestyle, marker=look.marker, markersize=4
-            )
+            ax.plot(time, estimated, color=look.color, linestyle=look.linestyle, marker=look.marker, markersize=4)
         ax.plot(time, truth, **MEASURED)
         ax.set_ylabel(f"Touch {touch + 1} ({('CNC', 'hand')[touch]})\npressure (kPa)")
         low, high = ax.get_ylim()
@@ -248,9 +236,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
             linestyle=("-", "--")[touch],
         )
     axes[2].set(xlabel="Time (s)", ylabel="ADC counts")
-    axes[2].legend(
-        axes[2].lines, ["element of touch 1", "element of touch 2"], loc="upper left", bbox_to_anchor=(1, 1)
-    )
+    axes[2].legend(axes[2].lines, ["element of touch 1", "element of touch 2"], loc="upper left", bbox_to_anchor=(1, 1))
     for ax in axes:
         figures.press_borders(ax, time, windows.press[chosen])
     for press in presses:
@@ -265,8 +251,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
         )
     handles = [Line2D([], [], **MEASURED)]
     handles += [
-        Line2D([], [], color=style(m).color, linestyle=style(m).linestyle, marker=style(m).marker)
-        for m in drawn
+        Line2D([], [], color=style(m).color, linestyle=style(m).linestyle, marker=style(m).marker) for m in drawn
     ]
     axes[0].legend(
         handles,
@@ -274,15 +259,11 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
         loc="upper left",
         bbox_to_anchor=(1, 1),
     )
-    figure.suptitle(
-        "Figure 6: double touch, largest value of label and predicted map within each pressed element"
-    )
+    figure.suptitle("Figure 6: double touch, largest value of label and predicted map within each pressed element")
     figures.save(figure, path)
 
 
-def error_distribution(
-    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
-) -> None:
+def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
     """Figure 7: mean squared error a window, for one touch and for two, on a logarithmic axis."""
     contact = in_contact(windows, settings) & windows.test
     conditions = [name for name in ("single", "double") if (windows.condition == name).any()]
@@ -370,14 +351,10 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
             ("measured", windows.truth),
             *((style(m).label, maps[m]) for m in lomp if m in maps),
         ]:
-            panels.append(
-                [(f"(c) slide, {s:.2f} s\n{name}", source[w], w) for s, w in zip(since, picked, strict=True)]
-            )
+            panels.append([(f"(c) slide, {s:.2f} s\n{name}", source[w], w) for s, w in zip(since, picked, strict=True)])
     sensor = settings["sensor"]
     width, height = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
-    figure, axes = plt.subplots(
-        len(panels), INSTANTS, figsize=(2.6 * INSTANTS + 1, 2.75 * len(panels)), squeeze=False
-    )
+    figure, axes = plt.subplots(len(panels), INSTANTS, figsize=(2.6 * INSTANTS + 1, 2.75 * len(panels)), squeeze=False)
     for row, line in zip(axes, panels, strict=True):
         top = max(windows.truth[panel[2]].max() for panel in line if panel)
         image = None
@@ -387,9 +364,7 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
                 continue
             title, values, _ = panel
             ax.set_title(title + _failure(values))
-            image = ax.imshow(
-                values, origin="lower", extent=(0, width, 0, height), vmin=0, vmax=top, cmap="viridis"
-            )
+            image = ax.imshow(values, origin="lower", extent=(0, width, 0, height), vmin=0, vmax=top, cmap="viridis")
             ax.set_xticks(np.arange(sensor["cols"] + 1) * sensor["pitch_mm"])
             ax.set_yticks(np.arange(sensor["rows"] + 1) * sensor["pitch_mm"])
             ax.grid(color="white", alpha=0.3, linewidth=0.6)

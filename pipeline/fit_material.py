@@ -146,9 +146,7 @@ def fit(
             return np.concatenate([w * e for w, e in zip(weights, errors(point), strict=True)])
 
         inside = np.clip(point, low + 1e-6, high - 1e-6)
-        found = least_squares(
-            weighted, inside, bounds=(low, high), x_scale="jac", max_nfev=evaluations, diff_step=1e-4
-        )
+        found = least_squares(weighted, inside, bounds=(low, high), x_scale="jac", max_nfev=evaluations, diff_step=1e-4)
         point = found.x
         loss = np.array([np.sum(e**2) for e in errors(point)])
         weights = (loss / loss.mean()) ** ((POWER - 1) / 2)
@@ -190,9 +188,7 @@ def place_scores(material: Material, learned: list[Recording], recordings: list[
         gains = np.exp(-held_residuals(material, source))
         spans = presses(r.force)
         if len(spans) != len(gains):
-            raise InputError(
-                f"{r.name}: exp1 has {len(gains)} presses, exp2 {len(spans)}; check the recordings"
-            )
+            raise InputError(f"{r.name}: exp1 has {len(gains)} presses, exp2 {len(spans)}; check the recordings")
         middles = [(end + start) // 2 for (_, end), (start, _) in zip(spans, spans[1:], strict=False)]
         number = np.searchsorted(middles, np.arange(len(r.force)), side="right")
         modelled = log_resistance(material, r.force, DT_S, gain=gains[number])
@@ -207,12 +203,8 @@ def draw_loops(path: Path, material: Material, recordings: list[Recording]) -> N
         modelled = log_resistance(material, r.force, DT_S)
         shown = np.maximum(r.force, 0.05)
         axis.plot(shown, np.exp(r.log_reading), color=BLUE, lw=0.8, alpha=0.6, label="measured, 16 presses")
-        axis.plot(
-            shown, np.exp(modelled), color=VERMILION, lw=0.8, alpha=0.8, label="modelled from force alone"
-        )
-        axis.set(
-            xscale="log", yscale="log", title=f"{r.name} exp2, R² = {r_squared(r.log_reading, modelled):.3f}"
-        )
+        axis.plot(shown, np.exp(modelled), color=VERMILION, lw=0.8, alpha=0.8, label="modelled from force alone")
+        axis.set(xscale="log", yscale="log", title=f"{r.name} exp2, R² = {r_squared(r.log_reading, modelled):.3f}")
         axis.grid(color="#dddddd", lw=0.6)
     axes[0, 0].legend(loc="lower left")
     figure.supxlabel("force (N); below 0.05 N drawn at 0.05 N")
@@ -294,8 +286,7 @@ def table(result: Mapping) -> str:
         "",
         "## What is left",
         "",
-        "The residual at the end of each press of exp1 has a standard deviation of "
-        f"{left['held_std_exp1']:.2f}",
+        f"The residual at the end of each press of exp1 has a standard deviation of {left['held_std_exp1']:.2f}",
         "(log), and the press of the same number in exp2 has the same residual: correlation "
         f"{left['held_correlation_exp1_exp2']:.3f}.",
         "The 16 presses of a recording repeat one pattern, although the force history starts anew: the",

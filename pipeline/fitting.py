@@ -84,9 +84,7 @@ def training_settings(block: dict) -> Training:
             what = "a whole number of 1 or more" if field.type is int else "a number above 0"
             raise InputError(f"training: '{field.name}' must be {what}, not {value!r}")
     if block["drop"] > 1:
-        raise InputError(
-            f"training: 'drop' must be at most 1 (1 keeps the learning rate), not {block['drop']!r}"
-        )
+        raise InputError(f"training: 'drop' must be at most 1 (1 keeps the learning rate), not {block['drop']!r}")
     return Training(**block)
 
 
@@ -207,9 +205,7 @@ class TorchRegressor:
         found = {name: value.shape for name, value in tensors.items() if name.startswith("network.")}
         if found != expected:
             raise InputError(f"{path}: was saved by a model with other settings; train the model again")
-        self.network.load_state_dict(
-            {name.removeprefix("network."): tensors[name] for name in expected}, strict=True
-        )
+        self.network.load_state_dict({name.removeprefix("network."): tensors[name] for name in expected}, strict=True)
         self._set_normalisation(tensors["input_mean"], tensors["input_spread"], tensors["output_scale"])
 
     def parameters(self) -> int:
@@ -218,18 +214,14 @@ class TorchRegressor:
 
     def macs(self) -> int:
         """Multiply-accumulates for one window."""
-        return counting.multiply_accumulates(
-            self.network, torch.zeros(1, self.spec.frames, self.spec.elements)
-        )
+        return counting.multiply_accumulates(self.network, torch.zeros(1, self.spec.frames, self.spec.elements))
 
     def _new_network(self, seed: int) -> nn.Module:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             return self.make_network()
 
-    def _set_normalisation(
-        self, mean: torch.Tensor, spread: torch.Tensor, output_scale: torch.Tensor
-    ) -> None:
+    def _set_normalisation(self, mean: torch.Tensor, spread: torch.Tensor, output_scale: torch.Tensor) -> None:
         self.input_mean, self.input_spread, self.output_scale = mean, spread, output_scale
 
     def _normalised(self, windows: Windows, device: torch.device) -> tuple[torch.Tensor, ...]:
@@ -288,8 +280,7 @@ class SklearnRegressor:
             estimator.fit(self._features(train[0]).astype(np.float64), train[1].astype(np.float64))
             self.estimator = estimator
             train_loss, validation_loss = (
-                float(np.mean(np.square(self.predict(x) - y, dtype=np.float64)))
-                for x, y in (train, validation)
+                float(np.mean(np.square(self.predict(x) - y, dtype=np.float64))) for x, y in (train, validation)
             )
         self.summary = FitSummary("closed_form", 1)
         if progress:

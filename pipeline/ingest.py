@@ -72,10 +72,7 @@ def _ingest(
     _write(experiment, schema, frames(), rejects, report)
     files = [file for one in report["recordings"].values() for file in one["files"].values()]
     lines, rejected = sum(f["lines"] for f in files), sum((Counter(f["rejects"]) for f in files), Counter())
-    print(
-        f"{experiment}: {len(recordings)} recordings, {lines} lines, "
-        f"{rejected.total()} rejected: {dict(rejected)}"
-    )
+    print(f"{experiment}: {len(recordings)} recordings, {lines} lines, {rejected.total()} rejected: {dict(rejected)}")
 
 
 def _write(

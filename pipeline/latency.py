@@ -112,9 +112,7 @@ def main() -> None:
             steps = on_series or regressor.streams
             predict = regressor.step if steps else regressor.predict
             newest = x[:, -1] if steps and not on_series else x  # a stream sees one frame at a time
-            size = sum(
-                file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json")
-            )
+            size = sum(file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json"))
             with threadpool_limits(settings["threads"]):
                 for batch in settings["batches"]:
                     times = prediction_times(predict, newest, batch, settings)

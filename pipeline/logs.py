@@ -34,9 +34,7 @@ REASONS = (
     *(EMPTY, UNREADABLE, TEXT, COLUMNS, NOT_A_NUMBER, NOT_AN_INTEGER),
     *(OUT_OF_RANGE, DUPLICATE, OUT_OF_ORDER),
 )
-REJECTS = pa.schema(
-    [("file", pa.string()), ("line", pa.int64()), ("reason", pa.string()), ("text", pa.string())]
-)
+REJECTS = pa.schema([("file", pa.string()), ("line", pa.int64()), ("reason", pa.string()), ("text", pa.string())])
 
 TEXT_LENGTH = 200  # characters of a rejected line that are kept
 PIECE = 1 << 22  # bytes parsed at once; 4 MiB was the fastest of 1 to 8 MiB
@@ -269,9 +267,7 @@ def _pieces(path: Path) -> Iterator[bytes]:
         yield last
 
 
-def _parse_piece(
-    piece: bytes, fmt: Format
-) -> tuple[pa.Table, list[tuple[int, str, str]], int, list[tuple[int, str]]]:
+def _parse_piece(piece: bytes, fmt: Format) -> tuple[pa.Table, list[tuple[int, str, str]], int, list[tuple[int, str]]]:
     """Rows with `line` (int32, from 0 in this piece), rejects as (line, reason, text), number of lines, lines noted.
 
     Three passes, each dearer than the one before and seldom needed: without the lines that are too short,
@@ -344,9 +340,7 @@ def _typed(
     try:
         table = pyarrow.csv.read_csv(
             pa.BufferReader(piece),
-            read_options=pyarrow.csv.ReadOptions(
-                use_threads=False, column_names=fmt.names, block_size=len(piece) + 1
-            ),
+            read_options=pyarrow.csv.ReadOptions(use_threads=False, column_names=fmt.names, block_size=len(piece) + 1),
             parse_options=pyarrow.csv.ParseOptions(
                 delimiter=fmt.separator,
                 quote_char=False,
@@ -355,8 +349,7 @@ def _typed(
             ),
             convert_options=pyarrow.csv.ConvertOptions(
                 column_types={
-                    column.name: pa.int64() if wide and column.integer else column.type
-                    for column in fmt.columns
+                    column.name: pa.int64() if wide and column.integer else column.type for column in fmt.columns
                 },
                 null_values=[],
             ),

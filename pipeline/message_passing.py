@@ -82,9 +82,7 @@ class Lomp(nn.Module):
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.readout = nn.ParameterList(_uniform(inputs, cells, inputs, outputs) for inputs, outputs in pairs)
         self.readout_bias = nn.ParameterList(_uniform(inputs, cells, 1, outputs) for inputs, outputs in pairs)
-        self.register_buffer(
-            "neighbours", neighbour_matrix(spec.rows, spec.cols, neighbours), persistent=False
-        )
+        self.register_buffer("neighbours", neighbour_matrix(spec.rows, spec.cols, neighbours), persistent=False)
         self.buffers: _Buffers | None = None
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
@@ -156,11 +154,7 @@ class _Buffers:
         self.passes = before.passes if before else 0
         fits = before and before.memory.numel() >= size and before.key[-2:] == key[-2:]
         self.memory = before.memory if fits else x.new_empty(size)
-        parts = (
-            self.memory[:size]
-            .view(layers, cells, n, hidden)
-            .split([frames + 1, *5 * [frames], 2 * frames, 2, 4])
-        )
+        parts = self.memory[:size].view(layers, cells, n, hidden).split([frames + 1, *5 * [frames], 2 * frames, 2, 4])
         # (frames, cells, n, hidden) each; h[t] is the state before frame t
         self.h, self.c, self.v, self.h1, self.s, self.q = parts[:6]
         self.rz = parts[6].view(frames, cells, n, 2 * hidden)

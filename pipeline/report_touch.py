@@ -92,9 +92,7 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
             text.append(f"Further metrics, {condition} touch:\n")
             text.append(_further(scores, settings, protocol, condition))
         if others:
-            text.append(
-                "RMSE of the demonstrations, which the paper shows without numbers (kPa, lower is better):\n"
-            )
+            text.append("RMSE of the demonstrations, which the paper shows without numbers (kPa, lower is better):\n")
             rows = [
                 [
                     style(model).label,
@@ -113,10 +111,7 @@ def _further(scores: Scores, settings: Mapping, protocol: str, condition: str) -
     rows = [
         [
             style(model).label,
-            *(
-                interval(scores.estimate(protocol, condition, model, name), d)
-                for name, (_, d) in METRICS.items()
-            ),
+            *(interval(scores.estimate(protocol, condition, model, name), d) for name, (_, d) in METRICS.items()),
         ]
         for model in settings["models"]
     ]
@@ -194,9 +189,7 @@ def findings(
     if all({"lomp", "lomp_stream"} <= set(own) for own in streamed.values()):
         lines.append(stream_sentence(streamed))
     if "constant" in settings["models"]:
-        lines += [
-            floor_sentence(name, found) for name, found in by_condition.items() if name in TABLE_CONDITIONS
-        ]
+        lines += [floor_sentence(name, found) for name, found in by_condition.items() if name in TABLE_CONDITIONS]
     if "double" in unseen:
         lines.append(
             f"- In {100 * unseen['double']:.0f} % of double-touch windows (single-touch test windows: "
@@ -224,16 +217,13 @@ def findings(
     absent |= {"figure8"} if list(conditions) == ["single"] else set()
     lines += [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items() if name not in absent]
     lines.append(
-        f"\nFigures 4 and 6 to 8 show the run `{protocol}`, "
-        f"seed {settings['protocols'][protocol]['seeds'][0]}."
+        f"\nFigures 4 and 6 to 8 show the run `{protocol}`, seed {settings['protocols'][protocol]['seeds'][0]}."
     )
     lines += sentences.differences_section(differences)
     return "\n".join(lines) + "\n"
 
 
-def unseen_products(
-    counts: np.ndarray, part: np.ndarray, condition: np.ndarray, sensor: Mapping
-) -> dict[str, float]:
+def unseen_products(counts: np.ndarray, part: np.ndarray, condition: np.ndarray, sensor: Mapping) -> dict[str, float]:
     """Share of the test windows of each condition with a product of two far elements outside its training range.
 
     counts: (n, elements) of the last frame; part, condition: (n,). The products are of values standardised on
@@ -295,10 +285,7 @@ def double_sentence(found: Mapping[str, Estimate]) -> str:
     ours = f"{interval(lomp)} kPa"
     if better:
         named = ", ".join(f"{style(m).label} ({interval(found[m])})" for m in better)
-        return (
-            f"- Double touch does NOT come out in LoMP's favour here: LoMP has {ours}; "
-            f"as good or better: {named}."
-        )
+        return f"- Double touch does NOT come out in LoMP's favour here: LoMP has {ours}; as good or better: {named}."
     others = [m for m in order if m != "lomp"]
     if not others:
         return f"- Double touch: LoMP has {ours}; no other model is without a failed run."
@@ -377,5 +364,3 @@ def published_times(latency: Mapping[tuple[str, int], Mapping], settings: Mappin
             table([*header, "published / linear", "ours / linear"], rows),
         ]
     )
-
-

@@ -74,14 +74,11 @@ def findings(scores: Scores, settings: Mapping, groups: Sequence[str], best: str
         return "\n".join([*lines, "- Every model has a failed run.\n"])
     error, r2 = (scores.estimate(POOLED, "all", best, metric) for metric in ("rmse", "r2"))
     lines.append(
-        f"- One fit for all recordings: {style(best).label} is best, RMSE {interval(error, 3)} N, "
-        f"R2 {interval(r2, 3)}."
+        f"- One fit for all recordings: {style(best).label} is best, RMSE {interval(error, 3)} N, R2 {interval(r2, 3)}."
     )
     if "linear" in settings["models"] and best != "linear":
         linear = scores.estimate(POOLED, "all", "linear", "rmse")
-        lines.append(
-            f"- Linear: RMSE {interval(linear, 3)} N, {linear.mean / error.mean:.2f} times the best model's."
-        )
+        lines.append(f"- Linear: RMSE {interval(linear, 3)} N, {linear.mean / error.mean:.2f} times the best model's.")
     for group in groups:
         if group not in settings["protocols"]:
             continue

@@ -123,9 +123,7 @@ def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]
     for model in settings["models"]:
         for batch in settings["latency"]["batches"]:
             if (model, batch) not in rows:
-                raise InputError(
-                    f"{shown(path)}: no row for model {model}, batch {batch}; run `{made_by}` again"
-                )
+                raise InputError(f"{shown(path)}: no row for model {model}, batch {batch}; run `{made_by}` again")
     return rows
 
 
@@ -167,9 +165,7 @@ def read_windows(experiment: str) -> pyarrow.Table:
     )
 
 
-def read_predictions(
-    experiment: str, model: str, protocol: str, seed: int, windows: pyarrow.Table
-) -> np.ndarray:
+def read_predictions(experiment: str, model: str, protocol: str, seed: int, windows: pyarrow.Table) -> np.ndarray:
     """Predictions of one run on all windows of the dataset, (windows, outputs); NaN outside its test part.
 
     Raises InputError where a test window has no prediction.

@@ -166,9 +166,7 @@ class LstmRegressor:
         self.network.to("cpu")
         return history
 
-    def _train(
-        self, forward: nn.Module, parts: list[list], order: torch.Generator, progress: Progress
-    ) -> list[dict]:
+    def _train(self, forward: nn.Module, parts: list[list], order: torch.Generator, progress: Progress) -> list[dict]:
         t = self.training
         weights = [weight for weight in self.network.parameters() if weight.requires_grad]
         optimiser = torch.optim.Adam(weights, lr=t.learning_rate)

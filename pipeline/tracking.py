@@ -158,9 +158,7 @@ def _read_run(
     history = _read_csv(folder / "history.csv", ["epoch", *CURVES], made_by="dvc repro train")
     fit = _read_json(folder / "fit.json", made_by="dvc repro train")
     if absent := {"stop_reason", "best_epoch", "epochs", "parameters", "macs", "settings"} - fit.keys():
-        raise InputError(
-            f"{_shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `dvc repro train` again"
-        )
+        raise InputError(f"{_shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `dvc repro train` again")
     if not any(path for pattern in MODEL_FILES for path in folder.glob(pattern)):
         raise InputError(
             f"{_shown(folder)}: holds no model file ({' or '.join(MODEL_FILES)}); run `dvc repro train` again"
@@ -169,17 +167,13 @@ def _read_run(
     this_run = f"protocol {protocol}, model {model}, seed {seed}"
     is_run = (scores["protocol"] == protocol) & (scores["model"] == model) & (scores["seed"] == seed)
     if not is_run.any():
-        raise InputError(
-            f"{_shown(paths.scores(experiment))}: no row for {this_run}; run `dvc repro evaluate` again"
-        )
+        raise InputError(f"{_shown(paths.scores(experiment))}: no row for {this_run}; run `dvc repro evaluate` again")
     if scores[is_run].duplicated(["condition", "metric"]).any():
         raise InputError(
             f"{_shown(paths.scores(experiment))}: two rows for the same condition and metric of {this_run}; "
             "run `dvc repro evaluate` again"
         )
-    metrics = {
-        f"{row.condition}.{row.metric}": float(row.value) for row in scores[is_run].itertuples(index=False)
-    }
+    metrics = {f"{row.condition}.{row.metric}": float(row.value) for row in scores[is_run].itertuples(index=False)}
     speed = _one_row(
         latency,
         paths.latency(experiment),
@@ -244,9 +238,7 @@ def _read_run(
     )
 
 
-def _synchronise(
-    client: MlflowClient, runs: list[TrackedRun], artifacts: Path | None
-) -> tuple[pd.DataFrame, int, int]:
+def _synchronise(client: MlflowClient, runs: list[TrackedRun], artifacts: Path | None) -> tuple[pd.DataFrame, int, int]:
     """`artifacts` is the folder for the files of the runs, or None if a server decides."""
     experiments = _open_experiments(client, {run.experiment for run in runs}, artifacts)
     wanted = {run.key: run for run in runs}
@@ -339,15 +331,14 @@ def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit
     }
     created = client.create_run(
         experiment_id,
-        start_time=now
-        - round(run.timings["train_s"] * 1000),  # so that MLflow's "Duration" is the training's
+        start_time=now - round(run.timings["train_s"] * 1000),  # so that MLflow's "Duration" is the training's
         tags=tags,
         run_name=f"{run.model} {run.protocol} seed {run.seed}",
     )
     run_id = created.info.run_id
-    points = [
-        Metric(name, value, now, epoch) for name, curve in run.curves.items() for epoch, value in curve
-    ] + [Metric(name, value, now, 0) for name, value in (run.metrics | run.timings).items()]
+    points = [Metric(name, value, now, epoch) for name, curve in run.curves.items() for epoch, value in curve] + [
+        Metric(name, value, now, 0) for name, value in (run.metrics | run.timings).items()
+    ]
     client.log_batch(run_id, params=[Param(name, value) for name, value in run.settings.items()])
     for start in range(0, len(points), METRICS_PER_CALL):
         client.log_batch(run_id, metrics=points[start : start + METRICS_PER_CALL])

@@ -38,8 +38,7 @@ def window_rows(run: np.ndarray, frames: int, frame_step: int, stride: int) -> n
     span = (frames - 1) * frame_step + 1
     edges = np.flatnonzero(np.diff(run)) + 1
     starts = [
-        np.arange(first, stop - span + 1, stride)
-        for first, stop in zip([0, *edges], [*edges, len(run)], strict=True)
+        np.arange(first, stop - span + 1, stride) for first, stop in zip([0, *edges], [*edges, len(run)], strict=True)
     ]
     return np.concatenate(starts)[:, None] + np.arange(frames) * frame_step
 

@@ -223,6 +223,7 @@ def damaged(lines: list[bytes], damages, separator: bytes = b",", clock: int = 0
 
 # Logs, line by line.
 
+
 def array_of(rows: int, cols: int) -> dict:
     """What the format of a touch array depends on, as params.yaml has it."""
     return {"sensor": {"rows": rows, "cols": cols}, "ingest": {"highest_count": 1023}}

@@ -104,8 +104,7 @@ def test_scores_hold_every_model_condition_and_seed(miniature):
     for condition in ("single", "double"):
         found = rmse[rmse.condition == condition]
         assert (
-            sorted(("touch", *row) for row in zip(found.protocol, found.model, found.seed, strict=True))
-            == TOUCH_RUNS
+            sorted(("touch", *row) for row in zip(found.protocol, found.model, found.seed, strict=True)) == TOUCH_RUNS
         )
         assert found.value.gt(0).all() and found.n.gt(0).all()
     error = scores[(scores.metric == "error") & (scores.experiment == "strain")]

@@ -171,13 +171,9 @@ def _touches(folder: Path, most: int) -> list[str]:
             "and load_cell_2.log with cnc_2.log (and so on) for each further touch"
         )
     if strange := sorted(found - wanted):
-        raise InputError(
-            f"{folder / strange[0]}: no such log is known; name it like load_cell_2.log or remove it"
-        )
+        raise InputError(f"{folder / strange[0]}: no such log is known; name it like load_cell_2.log or remove it")
     if count > most:
-        raise InputError(
-            f"{folder}: {count} touches are more than touch.ingest.max_touches ({most}); raise it"
-        )
+        raise InputError(f"{folder}: {count} touches are more than touch.ingest.max_touches ({most}); raise it")
     return suffixes
 
 
@@ -192,9 +188,7 @@ def _clocks(
     """
     limits = {"max_offset_s": ingest["max_clock_offset_s"], "min_correlation": ingest["min_correlation"]}
     cells = [f"load_cell{suffix}.log" for suffix in touches]
-    signal = {
-        name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"]) for name in cells
-    }
+    signal = {name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"]) for name in cells}
     counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
     array = _signals(rows["array.log"], alignment.strength_above_rest, counts)
     first = signal[cells[0]]
@@ -202,8 +196,7 @@ def _clocks(
     shared = [
         name
         for name in cells[1:]
-        if np.isin(rows[name]["t_us"].to_numpy(), ticks).mean() > SAME_CLOCK
-        and len(signal[name]) == len(first)
+        if np.isin(rows[name]["t_us"].to_numpy(), ticks).mean() > SAME_CLOCK and len(signal[name]) == len(first)
     ]
     own = [name for name in cells[1:] if name not in shared]
     together = [_plus(piece, [signal[name][k] for name in shared]) for k, piece in enumerate(first)]
@@ -243,9 +236,7 @@ def _clocks(
             clocks[name] = clocks[cells[0]]
         target = f"cnc{suffix}.log"
         if rows[target]["segment"][-1].as_py() + 1 != len(clocks[name]):
-            raise InputError(
-                f"{who}: {target} and {name} share a clock, but only one of them was reset; record again"
-            )
+            raise InputError(f"{who}: {target} and {name} share a clock, but only one of them was reset; record again")
         clocks[target] = clocks[name]
     return clocks
 
@@ -266,9 +257,7 @@ def _plus(
 ) -> alignment.Signal:
     """A signal plus others on the same clock (in reference time, if the piece's clock is given)."""
     at = clock(piece.time_s) if clock else piece.time_s
-    return alignment.Signal(
-        piece.time_s, sum((np.interp(at, o.time_s, o.value) for o in others), piece.value)
-    )
+    return alignment.Signal(piece.time_s, sum((np.interp(at, o.time_s, o.value) for o in others), piece.value))
 
 
 def _seconds(rows: pa.Table) -> np.ndarray:
@@ -299,9 +288,7 @@ def _rejected(path: Path, rows: pa.Table, which: np.ndarray, reason: str) -> pa.
 
 def _check(path: Path, lines: int, reasons: list[str], ingest: Mapping) -> None:
     """InputError when the rejects of a file exceed touch.ingest.max_reject_fraction."""
-    logs.check_rejects(
-        path, lines, Counter(reasons), ingest["max_reject_fraction"], "touch.ingest.max_reject_fraction"
-    )
+    logs.check_rejects(path, lines, Counter(reasons), ingest["max_reject_fraction"], "touch.ingest.max_reject_fraction")
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:

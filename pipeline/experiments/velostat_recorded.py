@@ -30,9 +30,7 @@ def recordings(folder: Path) -> list[Path]:
     """The Velostat logs in `folder`/velostat_data, sorted. InputError where there is none."""
     found = sorted((folder / "velostat_data").glob("*/*.txt"))
     if not found:
-        raise InputError(
-            f"{folder / 'velostat_data'}: no recordings; run `python -m pipeline.fetch velostat_recorded`"
-        )
+        raise InputError(f"{folder / 'velostat_data'}: no recordings; run `python -m pipeline.fetch velostat_recorded`")
     return found
 
 
@@ -61,14 +59,10 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
         lines = rows[name].num_rows + rejects[name].num_rows
         logs.check_rejects(file, lines, Counter(rejects[name]["reason"].to_pylist()), limit, key)
         if rows[name]["segment"][-1].as_py() > 0:
-            raise InputError(
-                f"{file}: the time steps back for good; the host's clock was set during the recording"
-            )
+            raise InputError(f"{file}: the time steps back for good; the host's clock was set during the recording")
     taxel, cell = rows
     at, segment = rows[taxel]["unix_time_s"].to_numpy(), rows[taxel]["segment"].to_numpy()
-    force, known = alignment.interpolated(
-        at, rows[cell]["unix_time_s"].to_numpy(), rows[cell]["fz_n"].to_numpy()
-    )
+    force, known = alignment.interpolated(at, rows[cell]["unix_time_s"].to_numpy(), rows[cell]["fz_n"].to_numpy())
     numbers = rows[taxel]["line"].to_numpy()[~known].tolist()
     texts = logs.texts(path, numbers) if numbers else []
     columns = [[taxel] * len(numbers), numbers, [NO_GROUND_TRUTH] * len(numbers), texts]

@@ -39,9 +39,7 @@ class GaussianFeatures(TransformerMixin, BaseEstimator):
     def fit(self, x: np.ndarray, y=None) -> "GaussianFeatures":
         """Place the centres and set the shared width; InputError for fewer windows than centres."""
         if len(x) < self.centres:
-            raise InputError(
-                f"rbf: centres is {self.centres}, but there are only {len(x)} training windows; lower it"
-            )
+            raise InputError(f"rbf: centres is {self.centres}, but there are only {len(x)} training windows; lower it")
         kmeans = KMeans(self.centres, n_init=1, max_iter=50, random_state=self.seed).fit(x)
         self.centres_ = kmeans.cluster_centers_
         distances = np.sqrt(self._squares(self.centres_))

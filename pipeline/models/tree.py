@@ -16,11 +16,7 @@ def build(spec: Spec, *, min_samples_leaf: int, max_features: float) -> SklearnR
             min_samples_leaf=min_samples_leaf, max_features=max_features, random_state=seed
         ),
         spec,
-        count=lambda fitted: (
-            fitted.tree_.node_count - fitted.tree_.n_leaves + fitted.tree_.n_leaves * spec.outputs
-        ),
+        count=lambda fitted: fitted.tree_.node_count - fitted.tree_.n_leaves + fitted.tree_.n_leaves * spec.outputs,
         macs=None,
-        trusted=(
-            "sklearn.tree._tree.Tree",
-        ),  # node indices are not checked on loading: load your own files only
+        trusted=("sklearn.tree._tree.Tree",),  # node indices are not checked on loading: load your own files only
     )

@@ -81,9 +81,7 @@ def press_profile(duration: Mapping[str, float]) -> np.ndarray:
 
     duration: approach_s, hold_s, release_s. Returns (steps,).
     """
-    approach, hold, release = (
-        max(2, round(duration[key] / STEP_S)) for key in ("approach_s", "hold_s", "release_s")
-    )
+    approach, hold, release = (max(2, round(duration[key] / STEP_S)) for key in ("approach_s", "hold_s", "release_s"))
     depth = np.concatenate([np.arange(approach) / approach, np.ones(hold), np.arange(release, 0, -1) / release])
     return depth**DRAGON_SKIN_EXPONENT
 
