@@ -182,7 +182,7 @@ def _condition(path: Path) -> str:
 
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """voltage (n, channels) in V, time (n,) in s (NaN where there is none), place (2, presses) and deformation in mm."""
+    """voltage (n, channels) in V, time (n,) in s (NaN: none), place (2, presses) in mm and deformation in mm."""
     found = matlab.read(path, VARIABLES, LARGEST_FILE)
     for name in VARIABLES:
         value = found[name]

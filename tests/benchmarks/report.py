@@ -9,6 +9,7 @@ from pipeline import files
 from pipeline.markdown import table
 
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
+NO_BREAK = "\N{NO-BREAK SPACE}"  # a number stays with its unit
 
 
 def write(folder: Path) -> None:
@@ -34,11 +35,11 @@ def comparison(rows: list[dict]) -> tuple[list[str], list[list[str]]]:
     for row in rows:
         target = f"{float(row['target']):.3g}" if row["target"] else "-"
         if row["target_is"] == "ours at most":
-            target = f"at most {target} {row['unit']}"
+            target = f"at most {target}{NO_BREAK}{row['unit']}"
         lines.append(
             [
                 row["what"] or row["name"],
-                *(f"{float(row[key]):.3g} {row['unit']}" if row[key] else "-" for key in ("ours", "peer")),
+                *(f"{float(row[key]):.3g}{NO_BREAK}{row['unit']}" if row[key] else "-" for key in ("ours", "peer")),
                 f"{float(row['ratio']):.3g}" if row["ratio"] else "-",
                 *(target, MET[row["met"]], row["threads"] or "-", row["peer_is"] or "-"),
             ]
