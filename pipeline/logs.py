@@ -407,7 +407,8 @@ def _content(raw: bytes) -> bytes:
 def _shown(raw: bytes) -> str:
     """A line as printable text, cut to TEXT_LENGTH characters."""
     text = _content(raw)[: 4 * TEXT_LENGTH].decode("utf-8", errors="backslashreplace")
-    return "".join(c if c.isprintable() or c == "\t" else f"\\x{ord(c):02x}" for c in text)[:TEXT_LENGTH]
+    shown = (c if c.isprintable() or c == "\t" else f"\\x{ord(c):02x}" for c in text[:TEXT_LENGTH])
+    return "".join(shown)[:TEXT_LENGTH]
 
 
 def _order_rejects(

@@ -420,6 +420,7 @@ def strain_recording():
 @given(name=st.sampled_from(["daq.log", "robot.log"]), damages=DAMAGE)
 @example(name="daq.log", damages=[("clock back", 229, 153, b""), ("clock ahead", 153, 467, b"")])  # 27 hours: 14 s
 @example(name="daq.log", damages=[("clock ahead", 1, 3, b""), ("end", 2, 0, b"")])  # 15 s of samples in 17 minutes
+@example(name="daq.log", damages=[*[("UTF-16", 0, 0, b"")] * 4, *[("doubled", 0, 0, b"")] * 2])  # 5 MB, no line good
 def test_a_damaged_strain_recording_is_accounted_for(name, damages, strain_recording, tmp_path_factory):
     settings, files = strain_recording
     content = damaged(files[name], spread(damages))
