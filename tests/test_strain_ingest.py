@@ -22,6 +22,10 @@ def settings():
 
 @pytest.fixture(scope="module")
 def lines(settings):
+    return lines_of(settings)
+
+
+def lines_of(settings):
     """File -> lines of a simulated recording of task 1."""
     recording = next(r for r in scene_of.recordings(settings["simulate"]) if r.condition == "task_1")
     return {name: written for name, (written, _) in scene_of.logs_of(recording, settings["simulate"]).items()}
@@ -93,13 +97,18 @@ def test_a_silence_of_hours_moves_no_clock(settings, lines, tmp_path):
     assert np.diff(frames["t_s"].to_numpy()).max() == pytest.approx(1e4, rel=0.01)
 
 
-def test_clocks_may_have_any_zero(settings, lines, tmp_path):
-    """The robot's seconds since 1970, the DAQ's since its start: only the starts of the logs are near each other."""
+@pytest.mark.parametrize("name", ["robot.log", "daq.log"])
+@pytest.mark.parametrize("samples", [2000, 7000])  # without and with enough stretches to see the drift
+def test_clocks_may_have_any_zero(settings, tmp_path, samples, name):
+    """One log in seconds since 1970, the other since its start: only the starts of the logs are near each other."""
+    lines = lines_of(settings | {"simulate": settings["simulate"] | {"samples": samples}})
     first, _, report = strain.read_recording(written(tmp_path, lines), settings)
-    robot = later(lines["robot.log"], 1.7e9)
-    moved, _, moved_report = strain.read_recording(written(tmp_path, lines, **{"robot.log": robot}), settings)
-    offsets = [one["robot.log"]["clock"]["offset_ms"] for one in (report, moved_report)]
-    assert offsets[0] - offsets[1] == pytest.approx(1.7e12, abs=5)
+    later_log = {name: later(lines[name], 1.7e9)}
+    moved, _, moved_report = strain.read_recording(written(tmp_path, lines, **later_log), settings)
+    clock, moved_clock = report["robot.log"]["clock"], moved_report["robot.log"]["clock"]
+    assert abs(moved_clock["offset_ms"] - clock["offset_ms"]) == pytest.approx(1.7e12, abs=5)
+    assert moved_clock["drift_ppm"] == pytest.approx(clock["drift_ppm"], abs=2)
+    assert (clock["drift_ppm"] != 0) == (samples > 2000)
     assert tables.matrix(moved["y_mm"])[50:-50] == pytest.approx(tables.matrix(first["y_mm"])[50:-50], abs=0.05)
 
 

@@ -166,7 +166,7 @@ def robot_clock(
         own = slice(first, first + length)
         near, score = _best_lag(grid[own], rates[own], speed, lag, NEAR_S)
         if score >= ingest["min_correlation"]:
-            found.append((grid[own].mean(), near))
+            found.append((grid[own].mean() - lag, near))  # in the robot's time: zeros may be decades apart
     clock = alignment.Clock(lag)
     if len(found) >= STRETCHES:
         times, lags = np.array(found).T
