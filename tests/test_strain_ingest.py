@@ -112,6 +112,19 @@ def test_clocks_may_have_any_zero(settings, tmp_path, samples, name):
     assert tables.matrix(moved["y_mm"])[50:-50] == pytest.approx(tables.matrix(first["y_mm"])[50:-50], abs=0.05)
 
 
+def test_noise_of_a_fast_daq_hides_no_motion(settings, lines, tmp_path):
+    """400 samples a second with 0.5 mV of noise: their rates are 0.3 V/s of noise, of motion 0.03 V/s."""
+    expected = strain.read_recording(written(tmp_path, lines), settings)[2]["robot.log"]["clock"]["offset_ms"]
+    slow = np.array([line.split(",") for line in edited(lines, lambda _, values: values) if line.count(",") == 6])
+    slow = slow[np.concatenate([[True], np.diff(slow[:, 0].astype(float)) > 0])].astype(float)
+    time = np.arange(slow[0, 0], slow[-1, 0], 1 / 400)
+    volts = np.column_stack([np.interp(time, slow[:, 0], column) for column in slow[:, 1:].T])
+    volts += np.random.default_rng(0).normal(0, 5e-4, volts.shape)
+    fast = [",".join(f"{value:.5f}" for value in row) for row in np.column_stack([time, volts])]
+    _, _, report = strain.read_recording(written(tmp_path, lines, **{"daq.log": fast}), settings)
+    assert report["robot.log"]["clock"]["offset_ms"] == pytest.approx(expected, abs=50)
+
+
 def test_a_long_gap_is_no_dead_channel(settings, lines, tmp_path):
     daq = lines["daq.log"]
     daq = daq[:500] + later(daq[500:], 90)

@@ -187,7 +187,16 @@ def _shortest_s(ingest: Mapping) -> float:
 
 
 def _rates(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times between samples, and the rates of `values` (n, columns) there, clipped on both sides."""
+    """Times between samples, and the rates of `values` (n, columns) there, clipped on both sides.
+
+    A log faster than the grid is averaged to it before: at 1 kHz half a millivolt of noise is 0.5 V/s, motion 0.1 V/s.
+    """
+    if np.median(np.diff(time_s)) <= GRID_S / 2:
+        since = time_s - time_s[0]
+        starts = np.flatnonzero(np.diff(since // GRID_S, prepend=-1))
+        count = np.diff(starts, append=len(since))
+        time_s = time_s[0] + np.add.reduceat(since, starts) / count
+        values = np.add.reduceat(values, starts) / count[:, None]
     rate = np.diff(values, axis=0) / np.diff(time_s)[:, None]
     return (time_s[1:] + time_s[:-1]) / 2, np.clip(rate, *np.percentile(rate, [100 - CLIP, CLIP], axis=0))
 
