@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline import alignment
-from pipeline.alignment import Clock, Signal, interpolated, place_all, place_pair
+from pipeline.alignment import Clock, Signal, averager, interpolated, place_all, place_pair
 from pipeline.errors import InputError
 
 LIMITS = {"max_offset_s": 5.0, "min_correlation": 0.5, "who": "single/run000"}
@@ -166,6 +166,17 @@ def test_a_recording_without_a_long_enough_segment_is_refused():
     tiny = Signal(np.arange(0, 1, 0.01), np.ones(100))
     with pytest.raises(InputError, match="no uninterrupted stretch of 3 s"):
         place_pair([tiny], [tiny], **LIMITS)
+
+
+def test_only_a_fast_log_is_averaged():
+    slow = np.arange(6) * 0.01
+    assert averager(slow, 0.01)(slow) is slow
+    time = np.array([0.0, 0.001, 0.002, 0.011, 0.012, 0.045, 0.046]) + 1.7e9
+    counts = np.array([30_000, 30_000, 30_003, 1, 2, 5, 6], dtype=np.int16)  # their sums are beyond int16
+    average = averager(time, 0.01)
+    assert average(counts).tolist() == [30_001, 1.5, 5.5]
+    assert average(time) - 1.7e9 == pytest.approx([0.001, 0.0115, 0.0455], abs=1e-6)
+    assert average(np.column_stack([counts, -counts])).tolist() == [[30_001, -30_001], [1.5, -1.5], [5.5, -5.5]]
 
 
 def test_interpolation_knows_where_it_knows():

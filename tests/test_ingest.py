@@ -141,6 +141,17 @@ def test_frames_have_the_truth_of_their_time(root):
     assert clock["offset_ms"] == pytest.approx(1e3 * (first - 3.0), abs=10)
 
 
+def test_noise_of_a_fast_load_cell_does_not_hide_the_presses(root):
+    """1000 samples a second with 2 N of noise, 5 % of the strongest press."""
+    t, force = presses(60, 0)
+    noise = iter(np.random.default_rng(0).normal(0, 2.0, 60_000))
+    clean = [line.split(",") for line in lines(t, [force], 0.5, 60, 1000, 8_000_000, "%.3f")]
+    fast = [f"{at},{float(value) + next(noise):.3f}" for at, value in clean]
+    save(root / "data/touch/logs/single/run000", logs_of(seconds=60) | {"load_cell.log": fast})
+    clock = run(root)[2]["recordings"]["single/run000"]["files"]["array.log"]["clocks"][0]
+    assert clock["offset_ms"] == pytest.approx(1e3 * (1.0 + 7.5 - 3.0), abs=10)
+
+
 def test_frames_without_ground_truth_are_rejects_with_their_lines(root):
     logs = logs_of(seconds=60)
     logs["load_cell.log"] = logs["load_cell.log"][: -3 * 100]  # stops 3 s early: within max_clock_offset_s

@@ -245,11 +245,13 @@ def _signals(rows: pa.Table, strength: Callable, columns: list[str]) -> list[ali
     """One signal for each segment of a log: the sum of the strengths of these columns."""
     segment, time = rows["segment"].to_numpy(), _seconds(rows)
     edges = np.flatnonzero(np.diff(segment)) + 1
-    values = [np.zeros(len(piece)) for piece in np.split(time, edges)]
+    averages = [alignment.averager(piece, alignment.STEP_S) for piece in np.split(time, edges)]
+    times = [average(piece) for average, piece in zip(averages, np.split(time, edges), strict=True)]
+    values = [np.zeros(len(piece)) for piece in times]
     for name in columns:
-        for total, piece in zip(values, np.split(rows[name].to_numpy(), edges), strict=True):
-            total += strength(piece)
-    return [alignment.Signal(*pair) for pair in zip(np.split(time, edges), values, strict=True)]
+        for total, average, piece in zip(values, averages, np.split(rows[name].to_numpy(), edges), strict=True):
+            total += strength(average(piece))
+    return [alignment.Signal(*pair) for pair in zip(times, values, strict=True)]
 
 
 def _plus(
