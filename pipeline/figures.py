@@ -87,7 +87,14 @@ def plain_log(axis: matplotlib.axis.Axis) -> None:
 
 
 def save(figure: plt.Figure, path: Path) -> None:
-    """Write a PNG whose bytes depend on the figure alone, and close the figure."""
+    """Write a PNG whose bytes depend on the figure alone, and close the figure.
+
+    A figure of few panels is made as wide as its title and legend.
+    """
+    figure.draw_without_rendering()
+    widest = max((part.get_window_extent().width for part in [*figure.texts, *figure.legends]), default=0) / figure.dpi
+    if widest > figure.get_figwidth():
+        figure.set_figwidth(widest + 0.2)
     figure.savefig(path, dpi=DPI, metadata={"Software": None})
     plt.close(figure)
 

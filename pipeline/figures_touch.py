@@ -151,7 +151,8 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
         1, len(elements), figsize=(3.6 * len(elements), 4), sharex=True, sharey=True, squeeze=False
     )
     colours = (figures.BLUE, figures.GREEN, figures.ORANGE, figures.VERMILION, figures.PURPLE, figures.SKY)
-    handles, spacing = {}, np.nan
+    points: dict[str, list[tuple[plt.Axes, np.ndarray, np.ndarray]]] = {}
+    spacing = np.nan
     for ax, element in zip(axes[0], elements, strict=True):
         centre_x, centre_y = (
             (element % sensor["cols"] + 0.5) * pitch,
@@ -166,22 +167,23 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
         places = places[seen >= 3]  # fewer frames are the CNC on its way
         if len(places) > 1:
             spacing = float(np.median(np.diff(places)))
-        for k, place in enumerate(places):
+        for place in places:
             rows_here = inside & (np.abs(x - place) < 0.051)
             kpa = labels.pressure_kpa(force[rows_here], settings["label"]["tip_radius_mm"])
-            name = f"{place - centre_x:+.1f} mm"
-            handles[name] = ax.scatter(
-                counts[rows_here, element], kpa, s=9, color=colours[k % 6], marker="os^Dv*"[k % 6], label=name
-            )
+            points.setdefault(f"{place - centre_x:+.1f} mm", []).append((ax, counts[rows_here, element], kpa))
         ax.set(title=f"Element {element}", xlabel="ADC counts of the element")
     axes[0, 0].set_ylabel("Pressure under the tip (kPa)")
     # Offsets are to the element's centre, so the same ones occur in every element.
-    order = sorted(handles, key=lambda name: float(name.split()[0]))
+    order = sorted(points, key=lambda name: float(name.split()[0]))
+    handles = []
+    for k, name in enumerate(order):
+        look = {"s": 9, "color": colours[k % 6], "marker": "os^Dv*"[k % 6]}
+        handles.append([ax.scatter(read, kpa, **look) for ax, read, kpa in points[name]][-1])
     figure.legend(
-        [handles[name] for name in order],
+        handles,
         order,
         loc="outside lower center",
-        ncols=len(order) or 1,
+        ncols=min(len(order), 6) or 1,
         title="press location along x, from the element's centre",
     )
     apart = "" if np.isnan(spacing) else f"\n(locations {spacing:g} mm apart, our grid's pitch; paper: 2.875 mm)"
@@ -297,15 +299,15 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarr
     ax.set(
         xscale="log",
         xlabel="Mean squared error of a window in contact (kPa², lower is better)",
-        title="Figure 7: error with one touch and when a second touch is added\n"
+        title=f"Figure 7: error with one touch{' and when a second touch is added' if 'double' in conditions else ''}\n"
         "(line: median, box: quartiles, whiskers: 5 % to 95 % of windows)",
     )
-    figure.legend(
-        [Patch(facecolor="white", edgecolor=figures.GREY), Patch(facecolor=figures.GREY)],
-        ["single touch (test presses)", "double touch"],
-        loc="outside lower center",
-        ncols=2,
-    )
+    looks = {
+        "single": (Patch(facecolor="white", edgecolor=figures.GREY), "single touch (test presses)"),
+        "double": (Patch(facecolor=figures.GREY), "double touch"),
+    }
+    shown = [looks[condition] for condition in conditions]
+    figure.legend(*zip(*shown, strict=True), loc="outside lower center", ncols=len(shown))
     figures.save(figure, path)
 
 

@@ -209,7 +209,7 @@ def findings(
         "figure5": "counts and pressure for press locations within one element (3 mm apart at the default "
         "grid; the paper says 2.875 mm, a quarter of the element instead of the pitch)",
         "figure6": "double touch over time",
-        "figure7": "error with one touch and with two",
+        "figure7": "error with one touch" + (" and with two" if "double" in conditions else ""),
         "figure8": "pressure maps",
         "learning_curves": "loss over epochs",
     }

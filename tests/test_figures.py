@@ -1,5 +1,6 @@
-"""Models that stand in one chart can be told apart."""
+"""Models that stand in one chart can be told apart, and nothing is cut off."""
 
+import matplotlib.pyplot as plt
 import pytest
 
 from pipeline import figures, params
@@ -13,3 +14,12 @@ def test_no_two_models_of_an_experiment_look_alike(experiment):
     for part in ("label", "color", "marker"):
         found = [getattr(one, part) for one in styles]
         assert len(set(found)) == len(found), f"{experiment}: a {part} twice in {found}"
+
+
+@pytest.mark.parametrize("title", ["", "A title that is a good deal wider than the one panel that stands below it"])
+def test_a_figure_is_as_wide_as_its_title(title, tmp_path):
+    figure, _ = plt.subplots(figsize=(3, 3))
+    figure.suptitle(title)
+    figures.save(figure, tmp_path / "figure.png")
+    width = plt.imread(tmp_path / "figure.png").shape[1]
+    assert width == 3 * figures.DPI if not title else width > 4.5 * figures.DPI
