@@ -14,6 +14,7 @@ PRINTED = {"lstm_direct": "Direct training", "lstm_transfer": "Transfer learning
 TASKS = {"task_0": "xyz, what model-0 is trained on", "task_1": "z, 10 mm", "task_2": "xy, 140 x 80 mm"}
 SET_ON = "set on the validation part by a network not trained on it (that of the tables is)"
 TIME_BINS = 10  # of the test part
+FREE_R2 = 0.1  # below it, what the latent space tells of drift is called nothing
 TRANSFER = ("lstm_transfer", "lstm_transfer_ridge")
 TRANSFER_COSTS = (
     "Parameters and training times of the two transfer models are of the read-out alone; model-0, which they share, "
@@ -204,10 +205,14 @@ def drift_sentences(drift: pd.DataFrame) -> list[str]:
         raw = next(name for name in found.index if name.startswith("raw"))
         latent = found["latent of model-0"]
         verdict = "less than" if latent.mean < found[raw].mean else "no less than"
-        free = "is free of it" if latent.mean < 0.1 else "is not free of it"
+        if latent.low <= found[raw].mean <= latent.high:
+            verdict = "not to be told apart"
+        free = f"the latent space {'is' if latent.mean < FREE_R2 else 'is not'} free of it"
+        if latent.low < FREE_R2 <= latent.high:
+            free = "whether the latent space is free of it is undecided"
         lines.append(
             f"- Drift-free, {task.replace('_', ' ')}: {target} can be read from model-0's latent space with R2 "
-            f"{interval(latent)}, {verdict} from the raw voltages ({interval(found[raw])}): the latent space {free}."
+            f"{interval(latent)}, {verdict} from the raw voltages ({interval(found[raw])}): {free}."
         )
     return lines
 

@@ -73,15 +73,27 @@ def test_where_the_curves_cross(direct, words):
     assert words in line
 
 
-def test_drift_verdict_and_smallest_capacity():
+@pytest.mark.parametrize(
+    ("latent", "words"),
+    [
+        ((0.6, 0.61, 0.62), ("no less than from", "is not free of it")),
+        ((0.11, 0.12, 0.13), ("less than from", "is not free of it")),
+        ((0.01, 0.02, 0.03), ("less than from", "is free of it")),
+        ((-0.2, 0.9, 0.9), ("not to be told apart from", "is undecided")),  # one start fails to extrapolate
+    ],
+)
+def test_drift_verdict(latent, words):
     rows = [
-        ("task_1", name, "true drift", seed, "r2", "1", value + 0.01 * seed)
-        for name, value in (("raw voltages, 10 samples", 0.2), ("latent of model-0", 0.6))
-        for seed in (0, 1)
+        ("task_1", name, "true drift", seed, "r2", "1", value)
+        for name, values in (("raw voltages, 10 samples", (0.2, 0.21, 0.22)), ("latent of model-0", latent))
+        for seed, value in enumerate(values)
     ]
     drift = pd.DataFrame(rows, columns=["protocol", "input", "target", "seed", "metric", "unit", "value"])
     (line,) = report_strain.drift_sentences(drift)
-    assert "no less than" in line and "is not free of it" in line
+    assert all(f" {word}" in line for word in words)
+
+
+def test_smallest_capacity():
     errors = {5: [2.0, 2.1], 20: [1.02, 1.04], 50: [1.0, 1.06]}
     rows = [
         ("task_1", units, 1, seed, "error", "mm", value)
