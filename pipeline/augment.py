@@ -6,6 +6,7 @@ Usage: python -m pipeline.augment glove
 """
 
 import sys
+from collections.abc import Mapping
 
 from tqdm import tqdm
 
@@ -17,14 +18,13 @@ SETTINGS = ("flip", "noise", "affine")
 COLUMNS = ("method", "protocol", "condition", "seed", "metric", "unit", "value", "n")
 
 
-def train_run(experiment: str, method: str, protocol: str, seed: int, report) -> list[tuple]:
+def train_run(values: Mapping, experiment: str, method: str, protocol: str, seed: int, report) -> list[tuple]:
     """Train and score one run with the methods that `method` leaves on; rows of scores.csv."""
     import torch
 
     from pipeline.image_fitting import spec_of
 
     torch.set_num_threads(1)
-    values = params.load()
     model = values[experiment]["augmentation"]["model"]
     block = params.model_settings(values, experiment, model)
     off = {name: 0.0 for name in SETTINGS if name not in METHODS[method]}
@@ -56,7 +56,7 @@ def main() -> None:
     ]
     epochs = block["training"]["max_epochs"]
     with tqdm(total=epochs * len(runs), desc=f"augment {experiment}", unit="epoch") as bar:
-        found = dict(workers.run(train_run, {run: run for run in runs}, bar, steps=epochs))
+        found = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs))
     files.write_csv(paths.augmentation(experiment), COLUMNS, (row for run in runs for row in found[run]))
 
 

@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet
 
 from pipeline import labels, paths, tables
 from pipeline.claims import (
@@ -136,7 +135,7 @@ def press_shift(e: Evidence) -> pd.Series:
 
     def read() -> pd.Series:
         path = paths.require(paths.frames("touch"), "python -m pipeline.ingest touch")
-        frames = pyarrow.parquet.read_table(path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
+        frames = tables.read(path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
         frames = frames.filter(tables.names(frames["condition"]) == "single")
         settings = e.values["touch"]
         sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator, Mapping
 
 import pyarrow as pa
-import pyarrow.parquet
 
 from pipeline import images, params, paths, tables
 from pipeline.errors import run_stage
@@ -21,16 +20,14 @@ def main() -> None:
     module, settings = experiment_module(experiment), values[experiment]
     if experiment in params.SERIES:
         path = paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}")
-        windows = pyarrow.parquet.read_table(path)
+        windows = tables.read(path)
         table = windows.rename_columns({"y_mm": "y"})
     elif experiment in params.IMAGES:
-        frames = pyarrow.parquet.read_table(paths.require(paths.frames(experiment), "python -m pipeline.ingest"))
+        frames = tables.read(paths.require(paths.frames(experiment), "python -m pipeline.ingest"))
         windows = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
         table = images.dataset_rows(windows, module.images(windows, settings))
     else:
-        table = windows = pyarrow.parquet.read_table(
-            paths.require(paths.windows(experiment), "python -m pipeline.window")
-        )
+        table = windows = tables.read(paths.require(paths.windows(experiment), "python -m pipeline.window"))
     counts = []
     for protocol, seed in params.runs(values, experiment):
         part = module.split(windows, settings, protocol, seed)

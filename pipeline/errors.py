@@ -5,6 +5,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 from pipeline.parent import die_with_parent
 
@@ -22,18 +23,31 @@ class InputError(Exception):
 def run_stage(main: Callable[[], None]) -> None:
     """Run a stage's `main`; an InputError, or a disk's, becomes its sentence on stderr and exit status 1.
 
-    A stage that DVC started ends with it: otherwise the next `dvc repro` would find it still writing.
+    A stage that DVC started ends with it: otherwise the next `dvc repro` would find it still writing. It fails where
+    params.yaml changed while it ran: DVC reads the file after the stage, and would take the results for those of the
+    new values.
     """
-    if "DVC_STAGE" in os.environ:
+    from pipeline import paths  # which needs InputError
+
+    by_dvc = "DVC_STAGE" in os.environ
+    if by_dvc:
         die_with_parent()
+    settings = _content(paths.PARAMS)
     try:
         main()
+        if by_dvc and _content(paths.PARAMS) != settings:
+            raise InputError("params.yaml changed while this ran; run `dvc repro` again, for results of the new values")
     except InputError as error:
         sys.exit(f"error: {error}")
     except Exception as error:
         if storage_error(error) is None:
             raise
         sys.exit(f"error: {storage_error(error)}")
+
+
+def _content(path: Path) -> bytes | None:
+    """The bytes of a file, None without it."""
+    return path.read_bytes() if path.is_file() else None
 
 
 def storage_error(error: Exception) -> str | None:

@@ -24,7 +24,7 @@ Piece = tuple[np.ndarray, np.ndarray, list[tuple]]
 Tested = tuple[str, int, list[Piece]]
 
 
-def evaluate_model(experiment: str, model: str, target: Path, report) -> list[tuple]:
+def evaluate_model(values: Mapping, experiment: str, model: str, target: Path, report) -> list[tuple]:
     """Predict with every run of one model, write the predictions to `target`, return rows of scores.csv.
 
     A run whose training diverged before any usable epoch predicts NaN and keeps its rows, with NaN as value.
@@ -32,7 +32,6 @@ def evaluate_model(experiment: str, model: str, target: Path, report) -> list[tu
     import torch
 
     torch.set_num_threads(1)
-    values = params.load()
     tested = on_series if experiment in params.SERIES else on_images if experiment in params.IMAGES else on_windows
     load = functools.partial(trained.load, values, experiment, model)
     scores, parts = [], []
@@ -75,7 +74,7 @@ def on_series(experiment: str, settings: Mapping, runs: list[tuple[str, int]], l
 
     module = params.experiment_module(experiment)
     for protocol, seed in runs:
-        task = module.task(protocol)
+        task = module.task(protocol, settings)
         run, pieces = load(protocol, seed, spec_of(task, settings["window"]["frames"])), []
         for piece in series.read(paths.dataset(experiment), task, protocol, seed):
             test = piece.part == "test"
@@ -111,7 +110,7 @@ def main() -> None:
     found = {}
     with files.replacing_folder(paths.predictions(experiment)) as draft:
         if why_not_run(experiment) is None:
-            tasks = {model: (experiment, model, draft) for model in models}
+            tasks = {model: (values, experiment, model, draft) for model in models}
             with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
                 found = dict(workers.run(evaluate_model, tasks, bar, steps=len(runs)))
     files.write_csv(paths.scores(experiment), COLUMNS, (row for model in models for row in found.get(model, [])))

@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from pipeline.errors import InputError
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
@@ -20,14 +22,22 @@ def replacing(path: Path) -> Iterator[Path]:
     os.replace(draft, path)
 
 
+def remove_folder(folder: Path, inside: Path) -> None:
+    """Remove a folder with all that is in it, where it exists; InputError unless it lies below the folder `inside`."""
+    place, room = folder.resolve(), inside.resolve()
+    if place == room or not place.is_relative_to(room):
+        raise InputError(f"{folder}: lies outside {inside}, so it is not removed; give it a name inside that folder")
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 @contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
     """As `replacing`, for a folder with all that is in it; the draft is a new, empty folder."""
     draft = path.with_name(path.name + ".unfinished")
-    shutil.rmtree(draft, ignore_errors=True)
+    remove_folder(draft, inside=path.parent)
     draft.mkdir(parents=True)
     yield draft
-    shutil.rmtree(path, ignore_errors=True)
+    remove_folder(path, inside=path.parent)
     draft.rename(path)
 
 

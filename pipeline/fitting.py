@@ -4,12 +4,13 @@ import io
 import json
 import zipfile
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from threadpoolctl import threadpool_limits
 from torch import nn
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 NETWORK_FILE = "network.safetensors"
 ESTIMATOR_FILE = "estimator.skops"
+NORMALISATION = ("input_mean", "input_spread", "output_scale")  # in NETWORK_FILE, beside the weights
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
 SMALLEST_GAIN = 0.01  # of the validation loss: half a percent of the error; less in an epoch is noise, not progress
 LARGEST_BATCH = 128  # windows a prediction step: keeps the temporaries of every network in cache
@@ -52,7 +54,7 @@ Windows = tuple[np.ndarray, np.ndarray]  # x (n, frames, elements) in ADC counts
 
 @dataclass(frozen=True, kw_only=True)
 class Training:
-    """Settings of the training loop.
+    """Settings of the training loop; pipeline/schema.py says which values they may have (EarlyStopping).
 
     The learning rate is multiplied by `drop` whenever `plateau` epochs in a row have not lowered the
     validation loss by SMALLEST_GAIN; training stops after `patience` such epochs, and after `max_epochs` at
@@ -65,27 +67,6 @@ class Training:
     patience: int
     plateau: int
     drop: float
-
-
-def training_settings(block: dict) -> Training:
-    """`Training` from a settings block; InputError names a missing, unknown or impossible key."""
-    names = [field.name for field in fields(Training)]
-    if not isinstance(block, dict):
-        raise InputError(f"training: must be a block with the keys {', '.join(names)}, not {block!r}")
-    for name in block:
-        if name not in names:
-            raise InputError(f"training: unknown key '{name}'; the keys are {', '.join(names)}")
-    for field in fields(Training):
-        if field.name not in block:
-            raise InputError(f"training: the key '{field.name}' is missing; add it")
-        value = block[field.name]
-        kinds = (int,) if field.type is int else (int, float)
-        if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < float("inf"):
-            what = "a whole number of 1 or more" if field.type is int else "a number above 0"
-            raise InputError(f"training: '{field.name}' must be {what}, not {value!r}")
-    if block["drop"] > 1:
-        raise InputError(f"training: 'drop' must be at most 1 (1 keeps the learning rate), not {block['drop']!r}")
-    return Training(**block)
 
 
 class FitSummary(NamedTuple):
@@ -199,14 +180,13 @@ class TorchRegressor:
 
     def load(self, folder: Path) -> None:
         """Take weights and normalisation from `folder`; InputError if absent or of other settings."""
-        path = _existing(Path(folder) / NETWORK_FILE)
-        tensors = load_file(path)
+        path, tensors = Path(folder) / NETWORK_FILE, read_tensors(folder)
         expected = {f"network.{name}": value.shape for name, value in self.network.state_dict().items()}
         found = {name: value.shape for name, value in tensors.items() if name.startswith("network.")}
-        if found != expected:
+        if found != expected or not tensors.keys() >= set(NORMALISATION):
             raise InputError(f"{path}: was saved by a model with other settings; train the model again")
         self.network.load_state_dict({name.removeprefix("network."): tensors[name] for name in expected}, strict=True)
-        self._set_normalisation(tensors["input_mean"], tensors["input_spread"], tensors["output_scale"])
+        self._set_normalisation(*(tensors[name] for name in NORMALISATION))
 
     def parameters(self) -> int:
         """Number of trainable parameters."""
@@ -297,10 +277,17 @@ class SklearnRegressor:
         (Path(folder) / ESTIMATOR_FILE).write_bytes(_stable_skops(self._fitted()))
 
     def load(self, folder: Path) -> None:
-        """Take the fitted estimator from `folder`; only types that skops knows or `trusted` names."""
+        """Take the fitted estimator from `folder`; only types that skops knows or `trusted` names.
+
+        Raises InputError for a file that is absent, damaged or holds other types.
+        """
         import skops.io  # 3 s, for which no network has to wait
 
-        self.estimator = skops.io.load(_existing(Path(folder) / ESTIMATOR_FILE), trusted=list(self.trusted))
+        path = _existing(Path(folder) / ESTIMATOR_FILE)
+        try:
+            self.estimator = skops.io.load(path, trusted=list(self.trusted))
+        except Exception as error:  # skops lets pass what the parts it unpacks raise: some twenty types
+            raise InputError(f"{path}: no model of this kind ({error}); train the model again") from error
 
     def parameters(self) -> int:
         """Number of fitted numbers (scaling constants not counted, as for networks)."""
@@ -415,6 +402,15 @@ def _check(spec: Spec, windows: Windows, part: str) -> None:
             f"the {part} part has windows {x.shape} with labels {y.shape}, but the model expects "
             f"(n, {spec.frames}, {spec.elements}) and (n, {spec.outputs}); make the dataset again"
         )
+
+
+def read_tensors(folder: Path) -> dict[str, torch.Tensor]:
+    """Return the tensors of a saved network by name; InputError where the file is absent or damaged."""
+    path = _existing(Path(folder) / NETWORK_FILE)
+    try:
+        return load_file(path)
+    except SafetensorError as error:
+        raise InputError(f"{path}: damaged ({error}); train the model again") from error
 
 
 def _existing(path: Path) -> Path:

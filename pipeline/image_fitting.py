@@ -12,7 +12,6 @@ from torch import nn
 from pipeline.errors import InputError
 from pipeline.fitting import LARGEST_BATCH, FitSummary, Spec, TorchRegressor, Windows
 from pipeline.images import HIGHEST, SIDE
-from pipeline.params import check_call
 
 LARGEST_SHIFT = 2.0  # pixels; a glove sits that differently on a hand: pads are 3 pixels wide
 LARGEST_TURN = 10.0  # degrees
@@ -30,7 +29,7 @@ class ImageTraining:
     """Settings of the training: Adam for `max_epochs`, `learning_rate` being the highest of one cycle (Smith 2018).
 
     flip, affine: probability an image; noise: standard deviation, images being scaled to 0 .. 1 (SP-ResNet paper,
-    section 2.2, methods A, C and B).
+    section 2.2, methods A, C and B). In pipeline/schema.py the settings are AugmentedTraining.
     Differs from paper: its learning rate, printed as 10^7, is read as 10^-3, Adam's usual one; here the rate rises and
     falls once around it, with which a few epochs are enough in place of 50. Translation, rotation and scaling have no
     printed ranges: up to 2 pixels, 10 degrees and 10 %. Images are altered anew in every epoch; the paper also says
@@ -43,18 +42,6 @@ class ImageTraining:
     flip: float
     noise: float
     affine: float
-
-
-def image_training(block: dict) -> ImageTraining:
-    """`ImageTraining` from a settings block; InputError names a missing, unknown or impossible key."""
-    check_call(ImageTraining, block, "training")
-    for name in ("learning_rate", "batch_size", "max_epochs"):
-        if not block[name] > 0:
-            raise InputError(f"training: '{name}' must be above 0, not {block[name]!r}")
-    for name in ("flip", "noise", "affine"):
-        if not 0 <= block[name] <= 1:
-            raise InputError(f"training: '{name}' must be from 0 to 1, not {block[name]!r}")
-    return ImageTraining(**block)
 
 
 class ImageClassifier(TorchRegressor):

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet
 
 from pipeline import tables
 from pipeline.errors import InputError
@@ -93,7 +92,7 @@ class Images(NamedTuple):
 def read(path: Path, protocol: str, seed: int) -> Images:
     """The images and labels of one run, from the dataset that the stage of that name wrote."""
     wanted = ["condition", "label", modality(protocol), tables.split_column(protocol, seed)]
-    table = pyarrow.parquet.read_table(path, columns=wanted)
+    table = tables.read(path, columns=wanted)
     objects = classes(table)
     x = tables.matrix(table[modality(protocol)]).astype(np.float32)[:, None]
     y = np.eye(len(objects), dtype=np.float32)[table["label"].to_numpy()]

@@ -73,7 +73,7 @@ def _series_inputs(values: dict, experiment: str) -> tuple:
     from pipeline.series_fitting import spec_of
 
     protocol, seed = params.runs(values, experiment)[0]
-    task = params.experiment_module(experiment).task(protocol)
+    task = params.experiment_module(experiment).task(protocol, values[experiment])
     pieces = series.read(paths.dataset(experiment), task, protocol, seed)
     x = np.concatenate([piece.record.x[piece.part == "test"] for piece in pieces])
     return spec_of(task, values[experiment]["window"]["frames"]), x

@@ -11,7 +11,6 @@ from html import escape
 from pathlib import Path
 
 import pandas as pd
-import yaml
 
 from pipeline import hypertext, page_charts, params, paths
 from pipeline.availability import why_not_run
@@ -302,7 +301,7 @@ def general_stability(pages: Pages, experiments: list[str]) -> str:
 def scale_of(values: Mapping) -> str:
     """The committed scale that params.yaml is at, or that it is at none of them."""
     for path in sorted((paths.ROOT / "scales").glob("*.yaml")):
-        wanted = yaml.safe_load(path.read_text(encoding="utf-8"))
+        wanted = params.parsed(path)
         if all(_at(values, dotted) == value for dotted, value in wanted.items()):
             return path.stem
     return "none of scales/: own settings"

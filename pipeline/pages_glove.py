@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet
 
 from pipeline import (
     figures_glove,
@@ -121,7 +120,7 @@ def write_glove_recorded(settings: dict, target: Path) -> None:
 def _sequences(settings: dict, objects: list[str]) -> dict[str, np.ndarray]:
     """Object -> conductance in mS (sensors, frames) in its last session: pressure cells, then the wired joints."""
     path = paths.require(paths.frames("glove"), "python -m pipeline.ingest glove")
-    frames = pyarrow.parquet.read_table(path, columns=["condition", "recording", "pressure", "strain"])
+    frames = tables.read(path, columns=["condition", "recording", "pressure", "strain"])
     names, sessions = tables.names(frames["condition"]), tables.names(frames["recording"])
     glove, ohm = params.experiment_module("glove"), settings["sensor"]["reference_ohm"]
     pressure, strain = (1e3 * glove.conductance(tables.matrix(frames[c]), ohm) for c in ("pressure", "strain"))

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import pyarrow.parquet
-
 from pipeline import (
     figures_touch,
     figures_velostat,
@@ -35,7 +33,7 @@ def write_touch(settings: dict, target: Path) -> None:
         for model in settings["models"]
     }
     frames_path = paths.require(paths.frames("touch"), "python -m pipeline.ingest touch")
-    frames = pyarrow.parquet.read_table(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
+    frames = tables.read(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
 
     files.write_table(accuracy / "table1.csv", report_touch.score_table(scores, settings, conditions))
     files.write_text(accuracy / "table1.md", report_touch.table_one(scores, settings, conditions))

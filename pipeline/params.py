@@ -1,36 +1,64 @@
 """params.yaml: loading, and refusing what nobody would read."""
 
+import ast
 import difflib
+import functools
 import importlib
-import inspect
+import re
 import reprlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import get_args
 
-import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 
-from pipeline import paths
+from pipeline import paths, schema
 from pipeline.errors import InputError
-from pipeline.schema import SCHEMA
 
-LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # yaml.safe_load's own is ten times slower
+DEEPEST = 20  # blocks and lists inside each other; params.yaml has 8. The parser in C crashes at some 30,000
+MODEL_KEY = re.compile(r"[a-z][a-z0-9_]*")  # a key becomes a file's, a folder's and a stage's name
 
 
 def load(path: Path = paths.PARAMS) -> dict:
-    """params.yaml as nested dictionaries, every key checked against pipeline/schema.py.
+    """Return params.yaml as nested dictionaries, every key and value checked against pipeline/schema.py.
 
+    A stage calls it once, in its `main`, and hands the values on: a file that changes while a stage runs must not
+    reach a part of it.
     Raises InputError when the file is missing or not YAML, or a key is unknown, missing or of the wrong kind.
     """
     if not path.is_file():
         raise InputError(f"{path.name}: not found; run the command from a checkout of the repository")
-    try:
-        values = LOADER(path.read_text(encoding="utf-8")).get_single_data()
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, or a date like 2020-13-01
-        where = getattr(error, "problem_mark", None)
-        line = f", line {where.line + 1}" if where else ""
-        raise InputError(f"{path.name}{line}: not valid YAML ({getattr(error, 'problem', error)}); mend it") from error
-    check_block(values, SCHEMA, "")
+    values = parsed(path)
+    check_block(values, schema.SCHEMA, "")
+    for experiment in schema.MODELLED:
+        check_models(values[experiment]["models"], f"{experiment}.models")
+    for experiment, block in values["physics"].items():
+        check_models(block["models"], f"physics.{experiment}.models")
+    for experiment, block in values.items():
+        if experiment in schema.SPLIT_IN_THREE and sum(block["split"][part] for part in ("train", "validation")) >= 1:
+            raise InputError(f"params.yaml, {experiment}.split: train and validation leave nothing to test on")
     return values
+
+
+def parsed(path: Path):
+    """Return a YAML file's content, read as DVC reads it: YAML 1.2, each key once; InputError where it is not YAML."""
+    yaml = YAML(typ="safe")
+    try:
+        text = path.read_text(encoding="utf-8")
+        depth = 0
+        for event in yaml.parse(text):
+            depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+            if isinstance(event, AliasEvent):
+                raise InputError(f"{path.name}: '*{event.anchor}' repeats another value; write the value itself")
+            if depth > DEEPEST:
+                raise InputError(f"{path.name}: blocks or lists lie more than {DEEPEST} deep in each other")
+        return yaml.load(text)
+    except (YAMLError, ValueError) as error:  # ValueError: no UTF-8, or a date like 2020-13-01
+        mark = getattr(error, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark else ""
+        raise InputError(f"{path.name}{where}: not valid YAML ({getattr(error, 'problem', error)}); fix it") from error
 
 
 def _shown(value) -> str:
@@ -73,40 +101,62 @@ def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
             raise InputError(f"params.yaml, {where}: unknown key '{key}'; {hint}")
 
 
-def check_call(function: Callable, settings: Mapping, where: str) -> None:
-    """Hold a block of settings against a function whose keyword-only arguments are the block's schema.
+def check_models(models: Mapping, where: str) -> None:
+    """Hold a block of models against pipeline/models: every key a file's name, every setting one of its `build`.
 
-    A number is checked against the annotation: `int` takes no fraction, `float` takes any number.
+    Raises InputError that names the first key or setting that fails.
     """
-    wanted = {
-        name: parameter.annotation
-        for name, parameter in inspect.signature(function).parameters.items()
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    }
-    check_keys(settings, wanted, where)
-    for name, kind in wanted.items():
-        value = settings[name]
-        accepted = {float: (int, float), int: int, str: str, bool: bool, dict: Mapping, list: list}.get(kind)
-        if accepted is None:
-            continue
-        if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
-            hint = " (YAML reads 1e-3 as text: write 1.0e-3)" if isinstance(value, str) and kind is float else ""
-            raise InputError(f"params.yaml, {where}.{name}: expected {kind.__name__}, got {_shown(value)}{hint}")
+    for key, settings in models.items():
+        if not isinstance(key, str) or not MODEL_KEY.fullmatch(key):
+            raise InputError(
+                f"params.yaml, {where}: {_shown(key)} cannot name a model; keys have small letters, digits and _"
+            )
+        check_model(key, settings, f"{where}.{key}")
 
 
-def build_model(key: str, spec, settings: Mapping, where: str):
-    """The model of `pipeline/models/<key>.py`, built for `spec` with its block of params.yaml.
-
-    Raises InputError when there is no such file or when the block does not fit `build`'s signature.
-    """
-    known = sorted(path.stem for path in (paths.ROOT / "pipeline" / "models").glob("*.py") if path.stem != "__init__")
+def check_model(key: str, settings, where: str) -> None:
+    """Hold one model's block against the signature of its `build`; InputError names what fails."""
+    known = model_keys()
     if key not in known:
         near = difflib.get_close_matches(key, known, n=1)
         hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
         raise InputError(f"params.yaml, {where}: there is no pipeline/models/{key}.py; {hint}")
-    build = importlib.import_module(f"pipeline.models.{key}").build
-    check_call(build, settings, where)
-    return build(spec, **settings)
+    check_block(settings, model_schema(paths.MODELS / f"{key}.py"), where)
+
+
+def model_keys() -> list[str]:
+    """Return the names of the files in pipeline/models."""
+    return sorted(path.stem for path in paths.MODELS.glob("*.py") if path.stem != "__init__")
+
+
+@functools.cache
+def model_schema(path: Path) -> dict:
+    """Return the schema of a model's block: the check of each keyword-only argument of `build`, from its annotation.
+
+    The file is parsed, not imported: imports of torch and scikit-learn would cost every stage 3 s.
+    """
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    (build,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "build")
+    return {argument.arg: _check_of(argument, path) for argument in build.args.kwonlyargs}
+
+
+def _check_of(argument: ast.arg, path: Path):
+    kind = getattr(schema, argument.annotation.id, None) if isinstance(argument.annotation, ast.Name) else None
+    if len(get_args(kind)) != 2:
+        raise InputError(
+            f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/schema.py as its "
+            "annotation, such as Count, Positive or EarlyStopping"
+        )
+    return get_args(kind)[1]
+
+
+def build_model(key: str, spec, settings: Mapping, where: str):
+    """Return the model of `pipeline/models/<key>.py`, built for `spec` with its block of params.yaml.
+
+    Raises InputError when there is no such file or when the block does not fit `build`'s signature.
+    """
+    check_model(key, settings, where)
+    return importlib.import_module(f"pipeline.models.{key}").build(spec, **settings)
 
 
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:
@@ -145,13 +195,17 @@ def training_command(experiment: str, model: str) -> str:
 
 
 def training_arguments(argv: list[str], stage: str, params: Mapping, what: str = "MODEL") -> tuple[str, str]:
-    """Experiment and model named on the command line of a stage that trains; `what` may stand for the model."""
+    """Experiment and model named on the command line of a stage that trains; `what` may stand for the model.
+
+    The model may also be given as DVC's name of the stage, `train_touch@lomp`: DVC hands it over in the variable
+    DVC_STAGE, and so nothing that params.yaml says is ever part of a shell command.
+    """
     own = [experiment for experiment in params["experiments"] if training_stage(experiment) == stage]
     if len(argv) == 3 and argv[1] in params["experiments"] and argv[1] not in own:
         raise InputError(f"{argv[1]} is not trained by {stage}; run `{training_command(argv[1], argv[2])}`")
     if len(argv) != 3 or argv[1] not in own:
         raise InputError(f"usage: python -m pipeline.{stage} {'|'.join(own)} {what}")
-    return argv[1], argv[2]
+    return argv[1], argv[2].rpartition("@")[2]
 
 
 SERIES = ("strain", "strain_recorded")  # experiments whose models see a whole series, not windows

@@ -7,6 +7,7 @@ from pipeline.errors import InputError
 ROOT = Path(__file__).resolve().parent.parent
 MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from
 PARAMS = ROOT / "params.yaml"
+MODELS = ROOT / "pipeline" / "models"  # the code, a file for each row of a table
 SOURCES = ROOT / "data" / "sources"
 REPORTS = ROOT / "reports"
 

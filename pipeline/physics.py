@@ -50,19 +50,18 @@ def _merged(block: Mapping, changes: Mapping) -> dict:
     return merged
 
 
-def run_variant(experiment: str, effect: str, seed: int, report: Callable) -> list[tuple]:
+def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report: Callable) -> list[tuple]:
     """Rows of physics.csv (variants.COLUMNS) of one effect left out and one seed."""
     import torch
 
     torch.set_num_threads(1)
-    values = params.load()
     chosen = values["physics"][experiment]
     settings = settings_of(values, experiment, effect, seed)
     score = {"touch": touch_scores, "strain": strain_scores, "glove": glove_scores}[experiment]
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        protocols = [*chosen["protocols"], *_bases(experiment, chosen["protocols"])]
+        protocols = [*chosen["protocols"], *_bases(experiment, settings, chosen["protocols"])]
         write_dataset(experiment, settings, dict.fromkeys(protocols), seed, folder)
         for condition, model, found in score(settings, chosen, seed, folder, values["device"]):
             metric = MAIN_METRIC[experiment]
@@ -72,11 +71,11 @@ def run_variant(experiment: str, effect: str, seed: int, report: Callable) -> li
     return rows
 
 
-def _bases(experiment: str, protocols: list[str]) -> list[str]:
+def _bases(experiment: str, settings: Mapping, protocols: list[str]) -> list[str]:
     """Protocols that model-0 of `protocols` is trained on."""
     if experiment not in params.SERIES:
         return []
-    return [params.experiment_module(experiment).task(protocol).base for protocol in protocols]
+    return [params.experiment_module(experiment).task(protocol, settings).base for protocol in protocols]
 
 
 def dataset_of(folder: Path) -> Path:
@@ -143,9 +142,7 @@ def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devi
     def fitted(protocol: str, model: str, base: Path | None):
         if model not in chosen["models"]:
             raise InputError(f"params.yaml, physics.strain.models: '{model}' is missing; strain.model_zero names it")
-        # The scene's strands, however many an own sensor has.
-        channels = {protocol: list(range(settings["sensor"]["channels"]))}
-        block, task = chosen["models"][model], module.task(protocol)._replace(channels=channels)
+        block, task = chosen["models"][model], module.task(protocol, settings)
         spec = series_fitting.spec_of(task, settings["window"]["frames"])
         regressor = params.build_model(model, spec, block, f"physics.strain.models.{model}")
         regressor = series_fitting.adapted(regressor, spec)
@@ -154,7 +151,7 @@ def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devi
         return regressor, piece, task
 
     for protocol in chosen["protocols"]:
-        base = module.task(protocol).base
+        base = module.task(protocol, settings).base
         if base not in zeros:
             zeros[base] = folder / base
             zeros[base].mkdir()
@@ -189,7 +186,7 @@ def main() -> None:
         raise InputError(f"usage: python -m pipeline.physics {'|'.join(values['physics'])}")
     wanted = variants(values, experiment)
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
-        found = dict(workers.run(run_variant, {key: (experiment, *key) for key in wanted}, bar))
+        found = dict(workers.run(run_variant, {key: (values, experiment, *key) for key in wanted}, bar))
     files.write_csv(paths.physics(experiment), COLUMNS, (row for key in wanted for row in found[key]))
 
 

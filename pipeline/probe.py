@@ -8,7 +8,6 @@ import sys
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet
 from sklearn.ensemble import ExtraTreesClassifier
 from tqdm import tqdm
 
@@ -35,7 +34,7 @@ def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
 def probe(settings: dict) -> list[tuple]:
     """Accuracy on the test grasps for each input and seed; settings: the block of params.yaml."""
     path = paths.require(paths.frames(EXPERIMENT), f"python -m pipeline.ingest {EXPERIMENT}")
-    frames = pyarrow.parquet.read_table(path)
+    frames = tables.read(path)
     frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))
     objects = tables.names(frames["condition"])
     seeds = settings["protocols"]["grasp_strain"]["seeds"]

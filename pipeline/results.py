@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet
 from scipy.special import stdtrit
 
 from pipeline import params, paths, tables
@@ -158,21 +158,19 @@ def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
     return Fit(*values, history)
 
 
-def read_windows(experiment: str) -> pyarrow.Table:
+def read_windows(experiment: str) -> pa.Table:
     """The dataset's table."""
-    return pyarrow.parquet.read_table(
-        paths.require(paths.dataset(experiment), f"python -m pipeline.dataset {experiment}")
-    )
+    return tables.read(paths.require(paths.dataset(experiment), f"python -m pipeline.dataset {experiment}"))
 
 
-def read_predictions(experiment: str, model: str, protocol: str, seed: int, windows: pyarrow.Table) -> np.ndarray:
+def read_predictions(experiment: str, model: str, protocol: str, seed: int, windows: pa.Table) -> np.ndarray:
     """Predictions of one run on all windows of the dataset, (windows, outputs); NaN outside its test part.
 
     Raises InputError where a test window has no prediction.
     """
     made_by = f"python -m pipeline.evaluate {experiment}"
     path = paths.require(paths.predictions(experiment) / f"{model}.parquet", made_by)
-    table = pyarrow.parquet.read_table(path)
+    table = tables.read(path)
     table = table.filter(
         (pc.field("protocol").cast("string") == protocol) & (pc.field("seed") == seed)
     ).combine_chunks()

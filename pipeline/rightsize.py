@@ -8,6 +8,7 @@ Usage: python -m pipeline.rightsize touch|strain|glove
 """
 
 import sys
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -21,12 +22,11 @@ from pipeline.fitting import Spec
 CONDITIONS = ("single", "double")  # of touch, as in Table I
 
 
-def touch_run(family: str, size: int, seed: int, report) -> list[tuple]:
+def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> list[tuple]:
     """Train or load, and score one run of a touch ladder; a row a condition, in the order of ladders.COLUMNS."""
     import torch
 
     torch.set_num_threads(1)
-    values = params.load()
     settings, protocol = values["touch"], ladders.protocol("touch", "single")
     spec = Spec(*params.shapes(settings))
     data = tables.read_dataset(paths.dataset("touch"), spec.frames)
@@ -61,14 +61,13 @@ def touch_run(family: str, size: int, seed: int, report) -> list[tuple]:
     return found
 
 
-def glove_run(condition: str, width: float, seed: int, report) -> list[tuple]:
+def glove_run(values: Mapping, condition: str, width: float, seed: int, report) -> list[tuple]:
     """Train and score one SP-ResNet narrower than the published one, with its settings; load the published one."""
     import torch
 
     from pipeline.image_fitting import spec_of
 
     torch.set_num_threads(1)
-    values = params.load()
     block = params.model_settings(values, "glove", "sp_resnet")
     protocol = ladders.protocol("glove", condition)
     data = images.read(paths.dataset("glove"), protocol, seed)
@@ -105,7 +104,7 @@ def touch(values: dict) -> list[tuple]:
         for size in sorted(ladder[family]["sizes"], reverse=True)
         for seed in ladder[family]["seeds"]
     ]
-    return _climbed(touch_run, runs, "rightsize touch")
+    return _climbed(touch_run, values, runs, "rightsize touch")
 
 
 def glove(values: dict) -> list[tuple]:
@@ -116,7 +115,7 @@ def glove(values: dict) -> list[tuple]:
         known = settings["protocols"][ladders.protocol("glove", condition)]["seeds"]
         _check_seeds("rightsize.glove.sp_resnet.seeds", seeds, known)
     runs = [(c, width, seed) for width in sorted(widths) for c in images.MODALITIES for seed in seeds]
-    return _climbed(glove_run, runs, "rightsize glove")
+    return _climbed(glove_run, values, runs, "rightsize glove")
 
 
 def strain(values: dict) -> list[tuple]:
@@ -129,7 +128,7 @@ def strain(values: dict) -> list[tuple]:
     block, frames = params.model_settings(values, "strain", model), values["strain"]["window"]["frames"]
     found = []
     for row in table[table["metric"] == ladders.METRIC["strain"]].itertuples():
-        spec = series_fitting.spec_of(module.task(row.protocol), frames)
+        spec = series_fitting.spec_of(module.task(row.protocol, values["strain"]), frames)
         network = params.build_model(model, spec, block | {"units": int(row.units)}, f"strain.models.{model}")
         size = (int(row.units), int(row.params), row.metric, row.unit, row.seed, row.value, network.macs())
         found.append(("strain", row.protocol, "lstm", *size))
@@ -141,9 +140,9 @@ def _check_seeds(name: str, seeds: list[int], known: list[int]) -> None:
         raise InputError(f"params.yaml, {name}: there is no split of seed {absent[0]}; known: {known}")
 
 
-def _climbed(function, runs: list[tuple], title: str) -> list[tuple]:
+def _climbed(function, values: Mapping, runs: list[tuple], title: str) -> list[tuple]:
     with tqdm(total=len(runs), desc=title, unit="run") as bar:
-        found = dict(workers.run(function, {run: run for run in runs}, bar))
+        found = dict(workers.run(function, {run: (values, *run) for run in runs}, bar))
     return [row for run in runs for row in found[run]]
 
 

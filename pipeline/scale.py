@@ -7,7 +7,6 @@ import difflib
 import sys
 from pathlib import Path
 
-import yaml
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
@@ -60,7 +59,7 @@ def main() -> None:
     known = sorted(path.stem for path in (paths.ROOT / "scales").glob("*.yaml"))
     if len(sys.argv) != 2 or sys.argv[1] not in known:
         raise InputError(f"usage: python -m pipeline.scale {'|'.join(known)}")
-    values = yaml.safe_load((paths.ROOT / "scales" / f"{sys.argv[1]}.yaml").read_text(encoding="utf-8"))
+    values = params.parsed(paths.ROOT / "scales" / f"{sys.argv[1]}.yaml")
     set_values(values, paths.PARAMS)
     params.load()
     print(f"params.yaml: {len(values)} values set to the {sys.argv[1]} scale; run `dvc repro`")

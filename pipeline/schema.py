@@ -1,31 +1,28 @@
-"""What params.yaml may say: every block, key, kind and range outside the models' own blocks.
+"""What params.yaml may say: every block, key, kind and range.
 
-A model's block is checked against the signature of its `build` (pipeline/params.py), so that a new model
-needs no edit here.
+A model's block is checked against the signature of its `build` (pipeline/params.py), whose annotations are the kinds
+at the end of the first part below, so that a new model needs no edit here.
 """
 
-import sys
 from collections.abc import Callable, Mapping
+from typing import Annotated
 
 Check = Callable[[object], str | None]
+LONGEST_LIST = 1000
 
 
-def number(low: float = float("-inf"), high: float = float("inf")) -> Check:
+def number(low: float = -1e12, high: float = 1e12) -> Check:
     """A check that accepts any number in [low, high]."""
 
     def check(value):
-        if isinstance(value, str):
-            return "a number (YAML reads 1e-3 as text: write 1.0e-3)"
         if isinstance(value, bool) or not isinstance(value, int | float):
             return "a number"
-        if not abs(value) <= sys.float_info.max:
-            return "a finite number"
-        return None if low <= value <= high else f"a number from {low:g} to {high:g}"
+        return None if low <= value <= high else f"a number from {low:g} to {high:g}"  # nan is in no range
 
     return check
 
 
-def integer(low: int, high: int = 2**31) -> Check:
+def integer(low: int, high: int = 1_000_000) -> Check:
     """A check that accepts whole numbers in [low, high]."""
 
     def check(value):
@@ -45,17 +42,32 @@ def text(value):
     return None if isinstance(value, str) and value else "text"
 
 
-def one_of(*choices: str) -> Check:
-    """A check that accepts exactly these words."""
-    return lambda value: None if value in choices else f"one of {', '.join(choices)}"
+def one_of(*choices: str | int) -> Check:
+    """A check that accepts exactly these words or numbers."""
+    expected = f"one of {', '.join(map(str, choices))}"
+    return lambda value: None if not isinstance(value, bool) and value in choices else expected
 
 
 def many(item: Check) -> Check:
     """A check that accepts a non-empty list without repeats whose entries all pass `item`."""
 
     def check(value):
-        if not isinstance(value, list) or not value or len(set(map(str, value))) < len(value):
-            return "a non-empty list without repeats"
+        if wrong := listed(value):
+            return wrong
+        return "a list without repeats" if len(set(value)) < len(value) else None
+
+    listed = ordered(item)
+    return check
+
+
+def ordered(item: Check) -> Check:
+    """A check that accepts a list of 1 to LONGEST_LIST entries that all pass `item`; entries may repeat."""
+
+    def check(value):
+        if not isinstance(value, list) or not value:
+            return "a non-empty list"
+        if len(value) > LONGEST_LIST:
+            return f"a list of at most {LONGEST_LIST} entries"
         return next((f"a list of which each is {wrong}" for wrong in map(item, value) if wrong), None)
 
     return check
@@ -70,35 +82,100 @@ def severities(value):
     """A non-empty block: names of perturbations, each with a list of severities other than 0."""
     if wrong := mapping(value):
         return wrong
-    listed = many(number())
+    listed = many(number(-1e6, 1e6))
     for name, levels in value.items():
         if (wrong := listed(levels)) or 0 in levels:
             return f"for {name} {wrong or 'no severity 0 (it is always done)'}"
     return None
 
 
-positive = number(1e-12)
+positive = number(1e-12, 1e12)
 fraction = number(0.0, 1.0)
+not_negative = number(0.0, 1e12)
+seed = integer(0, 2**15 - 1)  # predictions keep seeds in 16 bits
+rate_hz = number(1e-3, 1e5)
+learning_rate = number(1e-9, 10.0)
+
+# The settings of models, for the annotations of `build`. The limits keep a slip of the pen from asking for more memory
+# than a machine has; each is ten times or more what any model here has.
+Count = Annotated[int, integer(1, 100_000)]
+Width = Annotated[int, integer(1, 8192)]  # units of a layer
+Widths = Annotated[list, ordered(integer(1, 8192))]
+Layers = Annotated[int, integer(1, 32)]
+Degree = Annotated[int, integer(1, 5)]
+Taps = Annotated[int, integer(2, 100)]  # a filter without a constant needs 2
+Neighbours = Annotated[int, one_of(4, 8)]
+Reduction = Annotated[int, integer(1, 64)]
+Number = Annotated[float, number(-1e6, 1e6)]
+NotNegative = Annotated[float, not_negative]
+Positive = Annotated[float, positive]
+Share = Annotated[float, number(1e-6, 1.0)]
+EarlyStopping = Annotated[
+    dict,
+    {
+        "learning_rate": learning_rate,
+        "batch_size": integer(1),
+        "max_epochs": integer(1),
+        "patience": integer(1),
+        "plateau": integer(1),
+        "drop": number(1e-6, 1.0),  # 1 keeps the learning rate
+    },
+]
+SequenceTraining = Annotated[
+    dict,
+    {
+        "learning_rate": learning_rate,
+        "max_epochs": integer(1),
+        "drop_epoch": integer(1),
+        "drop": number(1e-6, 1.0),
+        "clip": positive,
+        "streams": integer(1),
+        "batch": integer(1),
+    },
+]
+StretchTraining = Annotated[
+    dict,
+    {
+        "learning_rate": learning_rate,
+        "max_epochs": integer(1),
+        "batch": integer(1),
+        "length": integer(1),
+        "warm_up": integer(0),
+        "clip": positive,
+    },
+]
+AugmentedTraining = Annotated[
+    dict,
+    {
+        "learning_rate": learning_rate,
+        "batch_size": integer(1),
+        "max_epochs": integer(1),
+        "flip": fraction,
+        "noise": fraction,
+        "affine": fraction,
+    },
+]
+
 one = integer(1, 1)  # the recordings are of one taxel
 window = {
-    "frames": integer(1),
-    "frame_step": integer(1),
+    "frames": integer(1, 10_000),
+    "frame_step": integer(1, 10_000),
     "stride": integer(1),
     "contact_threshold_n": positive,
 }
-seeds = {"seeds": many(integer(0))}
+seeds = {"seeds": many(seed)}
 taxel_recordings = ["pike1", *(f"pike1_force_{newton}" for newton in (1, 5, 10, 20, 30, 40)), "pike5_force_20"]
 line_faults = dict.fromkeys(("torn", "duplicated", "missing", "out_of_range", "out_of_order"), fraction)
 tactile_images = ("pressure", "strain", "combined")
 stress = {"protocols": many(text), "perturbations": severities}
-latency = {"batches": many(integer(1)), "threads": integer(1), "warm_up": integer(0), "calls": integer(1)}
+latency = {"batches": many(integer(1, 65536)), "threads": integer(1, 1024), "warm_up": integer(0), "calls": integer(1)}
 
 
 def ablation(*protocols: str) -> dict:
     """The block of `physics` for one experiment; `scene` is held against the experiment's schema when it is used."""
     return {
-        "floor_seeds": many(integer(0)),
-        "effect_seeds": many(integer(0)),
+        "floor_seeds": many(seed),
+        "effect_seeds": many(seed),
         "protocols": many(one_of(*protocols)),
         "scene": mapping,
         "models": mapping,
@@ -110,10 +187,10 @@ SCHEMA = {
     "device": one_of("auto", "cpu", "cuda"),
     "touch": {
         "source": text,
-        "sensor": {"rows": integer(1), "cols": integer(1), "pitch_mm": positive, "element_mm": positive},
+        "sensor": {"rows": integer(1, 256), "cols": integer(1, 256), "pitch_mm": positive, "element_mm": positive},
         "yardstick": {"model": text, "condition": text, "metric": text, "published": positive},
         "simulate": {
-            "seed": integer(0),
+            "seed": integer(0, 2**31),
             "single": {
                 "points_per_side": integer(1),
                 "depths": integer(1),
@@ -136,13 +213,13 @@ SCHEMA = {
             "circuit": {
                 "supply_v": positive,
                 "reference_ohm": positive,
-                "adc_levels": integer(2),
+                "adc_levels": integer(2, 2**31),
                 "noise_counts": number(0),
             },
             "devices": {
-                "array_hz": positive,
-                "load_cell_hz": positive,
-                "cnc_hz": positive,
+                "array_hz": rate_hz,
+                "load_cell_hz": rate_hz,
+                "cnc_hz": rate_hz,
                 "force_noise_n": number(0),
                 "clock_offset_s": number(0),
                 "clock_drift_ppm": number(0),
@@ -168,19 +245,19 @@ SCHEMA = {
             "highest_count": integer(1, 2**31 - 1),
         },
         "window": window,
-        "label": {"tip_radius_mm": positive, "map_rows": integer(1), "map_cols": integer(1)},
-        "split": {"seed": integer(0), "train": fraction, "validation": fraction},
+        "label": {"tip_radius_mm": positive, "map_rows": integer(1, 1024), "map_cols": integer(1, 1024)},
+        "split": {"seed": seed, "train": fraction, "validation": fraction},
         "protocols": {"press": seeds, "random_window": seeds},
         "models": mapping,
         "latency": latency,
     },
     "strain": {
         "source": text,
-        "sensor": {"channels": integer(1)},
+        "sensor": {"channels": integer(1, 1024)},
         "yardstick": {"model": text, "condition": text, "metric": text, "published": positive},
         "simulate": {
-            "seed": integer(0),
-            "samples": integer(100),
+            "seed": integer(0, 2**31),
+            "samples": integer(100, 10_000_000),
             "motion": {
                 "width_mm": positive,
                 "height_mm": positive,
@@ -215,8 +292,8 @@ SCHEMA = {
             "drift": {"walk_per_root_hour": number(0), "ageing": number(), "ageing_time_s": positive},
             "circuit": {"supply_v": positive, "reference_share": positive, "noise_v": number(0)},
             "devices": {
-                "daq_hz": positive,
-                "robot_hz": positive,
+                "daq_hz": rate_hz,
+                "robot_hz": rate_hz,
                 "jitter_s": number(0),
                 "clock_offset_s": number(0),
                 "clock_drift_ppm": number(0),
@@ -233,24 +310,24 @@ SCHEMA = {
             },
         },
         "ingest": {
-            "rate_hz": positive,
+            "rate_hz": rate_hz,
             "max_reject_fraction": fraction,
             "max_clock_offset_s": positive,
             "min_correlation": fraction,
             "max_gap_s": positive,
         },
-        "window": {"frames": integer(1)},
+        "window": {"frames": integer(1, 10_000)},
         "split": {"train": fraction, "validation": fraction},
         "model_zero": text,
         "protocols": {"task_0": seeds, "task_1": seeds, "task_2": seeds},
         "models": mapping,
         "study": {
             "tasks": many(one_of("task_1", "task_2")),
-            "seeds": many(integer(0)),
+            "seeds": many(seed),
             "samples": many(integer(2)),
             "models": many(one_of("lstm_direct", "lstm_transfer", "lstm_transfer_ridge")),
             "capacity": {
-                "units": many(integer(1)),
+                "units": many(integer(1, 8192)),
                 "training": {
                     "max_epochs": integer(1),
                     "drop_epoch": integer(1),
@@ -263,7 +340,7 @@ SCHEMA = {
     },
     "strain_recorded": {
         "ingest": {"every": integer(1), "max_reject_fraction": fraction},
-        "window": {"frames": integer(1)},
+        "window": {"frames": integer(1, 10_000)},
         "split": {"train": fraction, "validation": fraction},
         "model_zero": text,
         "protocols": mapping,
@@ -285,10 +362,10 @@ SCHEMA = {
         "sensor": {"reference_ohm": positive},
         "yardstick": {"model": text, "condition": text, "metric": text, "published": positive},
         "simulate": {
-            "seed": integer(0),
+            "seed": integer(0, 2**31),
             "sessions": integer(1),
             "frames_per_object": integer(1),
-            "frame_hz": positive,
+            "frame_hz": rate_hz,
             "session": {
                 "along_mm": number(0),
                 "across_mm": number(0),
@@ -326,8 +403,8 @@ SCHEMA = {
             [f"{split}_{images}" for split in ("session", "random_frames") for images in tactile_images], seeds
         ),
         "models": mapping,
-        "augmentation": {"model": text, "split": text, "seeds": many(integer(0))},
-        "stag": {"file": text, "seeds": many(integer(0)), "validation": fraction},
+        "augmentation": {"model": text, "split": text, "seeds": many(seed)},
+        "stag": {"file": text, "seeds": many(seed), "validation": fraction},
         "latency": latency,
     },
     "glove_recorded": {
@@ -340,7 +417,7 @@ SCHEMA = {
     },
     "stress": {
         **dict.fromkeys(("touch", "velostat_recorded", "strain", "strain_recorded"), stress),
-        **dict.fromkeys(("glove", "glove_recorded"), stress | {"seeds": many(integer(0))}),
+        **dict.fromkeys(("glove", "glove_recorded"), stress | {"seeds": many(seed)}),
     },
     "physics": {
         "touch": ablation("press"),
@@ -349,9 +426,11 @@ SCHEMA = {
     },
     "rightsize": {
         "touch": {
-            "lomp": seeds | {"sizes": many(integer(1))},
+            "lomp": seeds | {"sizes": many(integer(1, 8192))},
             "window": seeds | {"sizes": many(integer(1)), "training": {"max_epochs": integer(1)}},
         },
         "glove": {"sp_resnet": seeds | {"sizes": many(number(1 / 64, 1.0))}},
     },
 }
+MODELLED = tuple(name for name, block in SCHEMA.items() if isinstance(block, Mapping) and "models" in block)
+SPLIT_IN_THREE = ("touch", "glove", "glove_recorded")  # elsewhere the validation part is a share of the training part

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet
 
 from pipeline import tables
 
@@ -61,7 +60,7 @@ class Piece(NamedTuple):
 
 def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
     """The recordings of a dataset that one run uses, in the order of the table."""
-    table = pyarrow.parquet.read_table(path)
+    table = tables.read(path)
     part = tables.names(table[tables.split_column(protocol, seed)])
     condition, recording = tables.names(table["condition"]), tables.names(table["recording"])
     v, y, press = tables.matrix(table["v"]), tables.matrix(table["y"]), table["press"].to_numpy()

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import nn
 
 from pipeline import counting
 from pipeline.errors import InputError
-from pipeline.fitting import NETWORK_FILE, FitSummary, SklearnRegressor, Spec, TorchRegressor
+from pipeline.fitting import NETWORK_FILE, FitSummary, SklearnRegressor, Spec, TorchRegressor, read_tensors
 from pipeline.series import Record, Task
 
 MILLIVOLT = 1e3  # window models see mV: the smallest spread that fitting.py scales by is 1
@@ -32,7 +32,7 @@ class Recipe:
     The learning rate is multiplied by `drop` after `drop_epoch` epochs; gradients are clipped to norm `clip`.
     `streams`: into how many pieces of equal length, each from a zero state, the series is cut; `batch`: how many of
     them, drawn anew in every epoch, an update sees side by side. 1 and 1 in the paper; more are faster and give more
-    updates, but forget what lies before a piece.
+    updates, but forget what lies before a piece. In pipeline/schema.py the settings are SequenceTraining.
     """
 
     learning_rate: float
@@ -42,14 +42,6 @@ class Recipe:
     clip: float
     streams: int
     batch: int
-
-
-def recipe(block: dict) -> Recipe:
-    """`Recipe` from a settings block; InputError names a missing or unknown key."""
-    names = list(Recipe.__dataclass_fields__)
-    if wrong := sorted(set(block) ^ set(names)):
-        raise InputError(f"training: the keys are {', '.join(names)}; see '{wrong[0]}'")
-    return Recipe(**block)
 
 
 class Scaling:
@@ -141,7 +133,10 @@ class LstmRegressor:
             self.network = Lstm(self.spec.elements, self.network.lstm.hidden_size, self.spec.outputs)
         if self.transfer:
             if base is None:
-                raise InputError("transfer needs model-0; run `python -m pipeline.pretrain` first")
+                raise InputError(
+                    "transfer starts from model-0, so it cannot be model-0 itself; name a model like lstm_direct as "
+                    "model_zero in params.yaml"
+                )
             self._take_recurrent_part(base)
         place = torch.device("cuda" if device == "cuda" or device == "auto" and torch.cuda.is_available() else "cpu")
         self.network.to(place)
@@ -231,14 +226,17 @@ class LstmRegressor:
         save_file(tensors | self.scaling.tensors, Path(folder) / NETWORK_FILE)
 
     def load(self, folder: Path) -> None:
-        """Take weights and scaling from `folder`, with the number of units that is saved there."""
-        tensors = _tensors(folder)
+        """Take weights and scaling from `folder`, with the number of units saved there.
+
+        Raises InputError where the files are absent, damaged or of another model.
+        """
+        tensors = read_tensors(folder)
         weights = {name.removeprefix("network."): value for name, value in tensors.items() if "." in name}
-        self.network = Lstm(self.spec.elements, weights["lstm.weight_hh_l0"].shape[1], self.spec.outputs)
-        self._freeze()
         try:
+            self.network = Lstm(self.spec.elements, weights["lstm.weight_hh_l0"].shape[1], self.spec.outputs)
+            self._freeze()
             self.network.load_state_dict(weights)
-        except RuntimeError as error:
+        except (KeyError, RuntimeError) as error:
             raise InputError(f"{folder}: was saved by a model with other settings; train the model again") from error
         self.scaling = Scaling.loaded({name: value for name, value in tensors.items() if "." not in name})
         self.network.eval()
@@ -252,7 +250,7 @@ class LstmRegressor:
         return counting.multiply_accumulates(self.network, torch.zeros(1, 1, self.spec.elements))
 
     def _take_recurrent_part(self, base: Path) -> None:
-        weights = {name: value for name, value in _tensors(base).items() if name.startswith("network.lstm.")}
+        weights = {name: value for name, value in read_tensors(base).items() if name.startswith("network.lstm.")}
         lstm = {name.removeprefix("network.lstm."): value for name, value in weights.items()}
         units, channels = lstm["weight_hh_l0"].shape[1], lstm["weight_ih_l0"].shape[1]
         if channels != self.spec.elements:
@@ -321,8 +319,10 @@ class StateReadout:
         save_file(system | readout | self.scaling.tensors, Path(folder) / NETWORK_FILE)
 
     def load(self, folder: Path) -> None:
-        """Take everything from `folder`."""
-        tensors = _tensors(folder)
+        """Take everything from `folder`; InputError where the file is absent, damaged or of another model."""
+        tensors = read_tensors(folder)
+        if "readout.weights" not in tensors:
+            raise InputError(f"{folder}: was saved by a model with other settings; train the model again")
         self.system = {
             name.removeprefix("system."): value.numpy() for name, value in tensors.items() if name.startswith("system.")
         }
@@ -427,10 +427,3 @@ def _streams(column: torch.Tensor, streams: int) -> torch.Tensor:
 
 def _row(epoch: int, train_loss: float, validation_loss: float, rate: float) -> dict:
     return {"epoch": epoch, "train_loss": train_loss, "validation_loss": validation_loss, "learning_rate": rate}
-
-
-def _tensors(folder: Path) -> dict[str, torch.Tensor]:
-    path = Path(folder) / NETWORK_FILE
-    if not path.exists():
-        raise InputError(f"{path}: not found; train the model first")
-    return load_file(path)

@@ -3,9 +3,8 @@
 Usage: python -m pipeline.stress EXPERIMENT
 """
 
-import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import ModuleType
 
 from tqdm import tqdm
@@ -30,7 +29,7 @@ COLUMNS += ("n",)
 
 
 def stressor(experiment: str) -> ModuleType:
-    """The module whose `rows(experiment, model, report)` perturbs and scores one model."""
+    """The module whose `rows(values, experiment, model, report)` perturbs and scores one model."""
     if experiment in params.SERIES:
         from pipeline import stress_series
 
@@ -44,9 +43,9 @@ def stressor(experiment: str) -> ModuleType:
     return stress_windows
 
 
-def stress_model(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
+def stress_model(values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
     """Rows of stress.csv for one model."""
-    found = stressor(experiment).rows(experiment, model, report)
+    found = stressor(experiment).rows(values, experiment, model, report)
     return [(experiment, protocol, condition, model, seed, *rest) for protocol, condition, seed, *rest in found]
 
 
@@ -62,13 +61,13 @@ def main() -> None:
     if why_not_run(experiment) is None:
         module = stressor(experiment)
         if hasattr(module, "prepare"):  # scenes that all models share
-            module.prepare(experiment)
+            module.prepare(values, experiment)
         runs = sum(len(protocols[name]["seeds"]) for name in block["protocols"])
         with tqdm(total=len(models) * runs, desc=f"stress {experiment}", unit="run") as bar:
             # The slowest models, last in params.yaml, first: else one process would end long after the others.
-            tasks = {model: (experiment, model) for model in reversed(models)}
+            tasks = {model: (values, experiment, model) for model in reversed(models)}
             found = dict(workers.run(stress_model, tasks, bar, steps=runs))
-        shutil.rmtree(paths.stress_scenes(experiment), ignore_errors=True)
+        files.remove_folder(paths.stress_scenes(experiment), inside=paths.experiment_folder(experiment))
     files.write_csv(paths.stress(experiment), COLUMNS, (row for model in models for row in found.get(model, [])))
 
 

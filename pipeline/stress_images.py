@@ -28,7 +28,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet
 
 from pipeline import (
     classification,
@@ -72,7 +71,7 @@ class Frames(NamedTuple):
     areas: Mapping[str, Area]
 
 
-def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
+def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
     """Rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model's trained runs.
 
     A run whose training diverged has NaN for values. Raises InputError for an unknown perturbation in params.yaml,
@@ -81,7 +80,6 @@ def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
     import torch
 
     torch.set_num_threads(1)
-    values = params.load()
     settings, block = values[experiment], values["stress"][experiment]
     plan = perturbations.planned(experiment, settings, block["perturbations"], READINGS, SCENES)
     written = results.Scores(experiment, settings)
@@ -143,7 +141,7 @@ def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
     """The frames table, and its areas as they were in training; part: (images,) of one split."""
     module = params.experiment_module(experiment)
     path = paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}")
-    table = pyarrow.parquet.read_table(path)
+    table = tables.read(path)
     chosen = module.chosen(table, settings)
     train = chosen[part == "train"]
     areas = {}

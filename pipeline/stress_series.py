@@ -76,7 +76,7 @@ class Run(NamedTuple):
         return metrics.unless_failed(found, self.failed)
 
 
-def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
+def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
     """Rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model's trained runs.
 
     A run whose training diverged has NaN for values. Raises InputError for an unknown perturbation in params.yaml,
@@ -85,7 +85,6 @@ def rows(experiment: str, model: str, report: Callable) -> list[tuple]:
     import torch
 
     torch.set_num_threads(1)
-    values = params.load()
     settings, block = values[experiment], values["stress"][experiment]
     plan = perturbations.planned(experiment, settings, block["perturbations"], READINGS, SCENES)
     written, found = results.Scores(experiment, settings), []
@@ -110,7 +109,7 @@ def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: in
     """A run of params.yaml as `train_series` left it."""
     from pipeline import series_fitting
 
-    task = params.experiment_module(experiment).task(protocol)
+    task = params.experiment_module(experiment).task(protocol, values[experiment])
     spec = series_fitting.spec_of(task, values[experiment]["window"]["frames"])
     run = trained.load(values, experiment, model, protocol, seed, spec)
     return Run(run.model.predict, run.failed, task, protocol, seed)
@@ -197,7 +196,7 @@ def scene_record(block: str, task: str, change: str, severity: float) -> series.
     (daq_s, volts), (robot_s, place) = (matrix(lines[name]) for name in formats)
     truth, known = alignment.interpolated(daq_s, robot_s, place)
     frames = module.resampled(task, change, daq_s[known], volts[known], truth[known], changed["ingest"])
-    asked, n = module.task(task), frames.num_rows
+    asked, n = module.task(task, settings), frames.num_rows
     return series.Record(
         x=tables.matrix(frames["v"])[:, asked.channels[task]],
         y=tables.matrix(frames["y_mm"])[:, list(asked.outputs)],

@@ -11,7 +11,6 @@ through the ingest, the windows and the labels of the experiment. `prepare` does
 """
 
 import importlib
-import shutil
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -21,7 +20,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import clean_scores, metrics, params, paths, perturbations, results, tables, trained, workers
+from pipeline import clean_scores, files, metrics, params, paths, perturbations, results, tables, trained, workers
 from pipeline.seeding import generator
 from pipeline.window import windows_of
 
@@ -40,16 +39,15 @@ class Case(NamedTuple):
     severity: float
 
 
-def prepare(experiment: str) -> None:
+def prepare(values: Mapping, experiment: str) -> None:
     """Simulate every perturbed scene that params.yaml asks for, in parallel; check the names in its block first."""
-    values = params.load()
     listed = scene_cases(values, experiment)
     folder = paths.stress_scenes(experiment)
-    shutil.rmtree(folder, ignore_errors=True)
+    files.remove_folder(folder, inside=paths.experiment_folder(experiment))
     folder.mkdir(parents=True)
     if listed:
         with tqdm(total=len(listed), desc=f"stress {experiment}, scenes", unit="scene") as bar:
-            tasks = {case: (experiment, case) for case in listed}
+            tasks = {case: (values[experiment], experiment, case) for case in listed}
             list(workers.run(simulate, tasks, bar))
 
 
@@ -71,9 +69,9 @@ def scene_cases(values: Mapping, experiment: str) -> list[Case]:
     return anew + cases
 
 
-def simulate(experiment: str, case: Case, report: Callable[[], None]) -> None:
+def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[], None]) -> None:
     """Logs, frames, windows and labels of one perturbed scene, as a dataset in the folder of `prepare`."""
-    settings, module = params.load()[experiment], params.experiment_module(experiment)
+    module = params.experiment_module(experiment)
     scene = importlib.import_module(f"pipeline.scenes.{experiment}_stress")
     varied = scene.varied(settings, case.perturbation, case.severity)
     recordings, logs_of = scene.plan(settings, *case)
@@ -91,7 +89,7 @@ def simulate(experiment: str, case: Case, report: Callable[[], None]) -> None:
     report()
 
 
-def rows(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
+def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
     """One model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n).
 
     Severity 0 stands before every perturbation that has an unperturbed version, and is what `evaluate` found, or
@@ -102,7 +100,6 @@ def rows(experiment: str, model: str, report: Callable[[], None]) -> list[tuple]
     from pipeline.fitting import Spec
 
     torch.set_num_threads(1)
-    values = params.load()
     settings, stress = values[experiment], values["stress"][experiment]
     spec = Spec(*params.shapes(settings))
     data = tables.read_dataset(paths.dataset(experiment), spec.frames)

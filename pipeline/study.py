@@ -8,7 +8,7 @@ Usage: python -m pipeline.study strain
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ LATENT_SAMPLES = 500  # 100 s
 DECODER_RIDGE = 1e-4  # of standardised inputs, against the mean squared error of the standardised target
 
 
-def train_with(values: dict, model: str, block: dict, protocol: str, seed: int, samples: int | None) -> tuple:
+def train_with(values: Mapping, model: str, block: dict, protocol: str, seed: int, samples: int | None) -> tuple:
     """Train on the last `samples` of the training part (None: all). Returns (parameters, error in mm on the test part).
 
     As in the stage `train`, transfer takes its frozen part from model-0, which has seen all of task 0.
@@ -31,7 +31,7 @@ def train_with(values: dict, model: str, block: dict, protocol: str, seed: int, 
     from pipeline import series_fitting
 
     experiment, module = "strain", params.experiment_module("strain")
-    task = module.task(protocol)
+    task = module.task(protocol, values[experiment])
     spec = series_fitting.spec_of(task, values[experiment]["window"]["frames"])
     (piece,) = series.read(paths.dataset(experiment), task, protocol, seed)
     (record,) = series.seen_in_training([piece])
@@ -48,18 +48,16 @@ def train_with(values: dict, model: str, block: dict, protocol: str, seed: int, 
     return regressor.parameters(), error if np.isfinite(error) else float("nan")
 
 
-def one_samples(protocol: str, model: str, samples: int, seed: int, report: Callable) -> list[tuple]:
-    """A row of samples.csv."""
-    values = params.load()
+def one_samples(values: Mapping, protocol: str, model: str, samples: int, seed: int, report: Callable) -> list[tuple]:
+    """Return a row of samples.csv."""
     block = params.model_settings(values, "strain", model)
     _, error = _single_thread(train_with, values, model, block, protocol, seed, samples)
     report()
     return [(protocol, model, samples, seed, "error", "mm", error)]
 
 
-def one_capacity(protocol: str, units: int, seed: int, report: Callable) -> list[tuple]:
-    """A row of capacity.csv: the direct LSTM with another number of units, trained in parallel streams."""
-    values = params.load()
+def one_capacity(values: Mapping, protocol: str, units: int, seed: int, report: Callable) -> list[tuple]:
+    """Return a row of capacity.csv: the direct LSTM with another number of units, trained in parallel streams."""
     model = values["strain"]["model_zero"]
     block = params.model_settings(values, "strain", model)
     training = block["training"] | values["strain"]["study"]["capacity"]["training"]
@@ -69,19 +67,18 @@ def one_capacity(protocol: str, units: int, seed: int, report: Callable) -> list
     return [(protocol, units, parameters, seed, "error", "mm", error)]
 
 
-def one_drift(protocol: str, seed: int, report: Callable) -> list[tuple]:
-    """Rows of drift.csv for one task: R2 of a ridge decoder, by input and by what is decoded."""
-    values = params.load()
+def one_drift(values: Mapping, protocol: str, seed: int, report: Callable) -> list[tuple]:
+    """Return rows of drift.csv for one task: R2 of a ridge decoder, by input and by what is decoded."""
     rows = _single_thread(_decode, values, protocol, seed)
     report()
     return rows
 
 
-def _decode(values: dict, protocol: str, seed: int) -> list[tuple]:
+def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
     from pipeline import series_fitting
 
     module, settings = params.experiment_module("strain"), values["strain"]
-    task = module.task(protocol)
+    task = module.task(protocol, settings)
     spec = series_fitting.spec_of(task, settings["window"]["frames"])
     (piece,) = series.read(paths.dataset("strain"), task, protocol, seed)
     frames = settings["window"]["frames"]
@@ -94,7 +91,7 @@ def _decode(values: dict, protocol: str, seed: int) -> list[tuple]:
         "latent of model-0": paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed),
         "latent of direct training": paths.run_folder("strain", zero, protocol, seed),
     }.items():
-        outputs = module.task(task.base if "model-0" in name else protocol).outputs
+        outputs = module.task(task.base if "model-0" in name else protocol, settings).outputs
         network = series_fitting.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
         network.load(folder)
         inputs[name] = network.latents(x)[rows]
@@ -133,7 +130,8 @@ def main() -> None:
     """Run the studies of the experiment named on the command line."""
     if sys.argv[1:] != ["strain"]:
         raise InputError("usage: python -m pipeline.study strain")
-    study = params.load()["strain"]["study"]
+    values = params.load()
+    study = values["strain"]["study"]
     tasks, seeds = study["tasks"], study["seeds"]
     plans = {
         "capacity": (
@@ -166,20 +164,20 @@ def main() -> None:
     with files.replacing_folder(paths.experiment_folder("strain") / "study") as draft:
         for name, (function, arguments, columns) in plans.items():
             with tqdm(total=len(arguments), desc=f"study strain {name}", unit="run") as bar:
-                found = dict(workers.run(function, dict(enumerate(arguments)), bar))
+                found = dict(workers.run(function, {k: (values, *task) for k, task in enumerate(arguments)}, bar))
             rows = [row for key in sorted(found) for row in found[key]]
             files.write_csv(draft / f"{name}.csv", columns, sorted(rows, key=lambda row: tuple(map(str, row[:4]))))
-        _write_latents(draft / "latents.csv")
+        _write_latents(values, draft / "latents.csv")
 
 
-def _write_latents(path: Path) -> None:
+def _write_latents(values: Mapping, path: Path) -> None:
     """t_s and the states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
     from pipeline import series_fitting
 
-    values, module = params.load(), params.experiment_module("strain")
-    task, seed = module.task("task_2"), values["strain"]["study"]["seeds"][0]
-    base = module.task(task.base)
-    spec = series_fitting.spec_of(base, values["strain"]["window"]["frames"])
+    module, settings = params.experiment_module("strain"), values["strain"]
+    task, seed = module.task("task_2", settings), settings["study"]["seeds"][0]
+    base = module.task(task.base, settings)
+    spec = series_fitting.spec_of(base, settings["window"]["frames"])
     network = series_fitting.LstmRegressor(spec, 1, None, transfer=False)
     network.load(paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed))
     (piece,) = series.read(paths.dataset("strain"), task, "task_2", seed)

@@ -1,7 +1,7 @@
 """The contract between stages: the columns of every Parquet file that one stage writes and another reads."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from pipeline import files
+from pipeline.errors import InputError
 
 LONG = 1.5  # median intervals; a longer one means that a frame is missing
 
@@ -140,6 +141,22 @@ def write(path: Path, schema: pa.Schema, parts: Iterable[pa.Table]) -> None:
             writer.write_table(part.select(schema.names).cast(schema), row_group_size=GROUP_ROWS)
 
 
+def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """Return a Parquet file of another stage, or these columns of it; InputError where it is damaged or lacks one."""
+    try:
+        table = pyarrow.parquet.read_table(path, columns=columns)
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{path}: damaged ({error}); delete it and run `dvc repro`") from error
+    return having(table, columns or (), path)
+
+
+def having(table: pa.Table, columns: Sequence[str], path: Path) -> pa.Table:
+    """Return the table that was read from `path`; InputError where it lacks one of the columns."""
+    if absent := [name for name in columns if name not in table.column_names]:
+        raise InputError(f"{path}: has no column '{absent[0]}'; delete it and run `dvc repro`")
+    return table
+
+
 PARTS = ("train", "validation", "test", "unused")  # of a split
 
 
@@ -204,7 +221,7 @@ class Dataset(NamedTuple):
 
 def read_dataset(path: Path, frames: int) -> Dataset:
     """The dataset that the stage of that name wrote; `frames` is the number of frames in a window."""
-    table = pyarrow.parquet.read_table(path)
+    table = having(read(path), ("x", "y"), path)
     x = matrix(table["x"]).astype(np.float32)
     return Dataset(x.reshape(len(x), frames, -1), matrix(table["y"]), table.drop_columns(["x", "y"]))
 

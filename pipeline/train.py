@@ -7,7 +7,7 @@ Usage: python -m pipeline.train touch|velostat_recorded MODEL
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline import params, paths, runs, tables
@@ -15,15 +15,14 @@ from pipeline.errors import InputError, run_stage
 
 
 def train_run(
-    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+    values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run and write its files (see `runs.save`); returns the seconds that fitting took."""
+    """Train one run of params.yaml (`values`) and write its files (see `runs.save`); return the seconds of fitting."""
     import torch
 
     from pipeline.fitting import Spec
 
     torch.set_num_threads(1)
-    values = params.load()
     settings = values[experiment]
     spec = Spec(*params.shapes(settings))
     block = params.model_settings(values, experiment, model)
@@ -46,7 +45,8 @@ def train_run(
 
 def main() -> None:
     """Train the model named on the command line."""
-    runs.train_all(train_run, *params.training_arguments(sys.argv, "train", params.load()))
+    values = params.load()
+    runs.train_all(train_run, values, *params.training_arguments(sys.argv, "train", values))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ Usage: python -m pipeline.train_images glove|glove_recorded MODEL
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline import images, params, paths, runs
@@ -14,15 +14,14 @@ from pipeline.errors import run_stage
 
 
 def train_run(
-    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+    values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run and write its files (see `runs.save`); returns the seconds that fitting took."""
+    """Train one run of params.yaml (`values`) and write its files (see `runs.save`); return the seconds of fitting."""
     import torch
 
     from pipeline.image_fitting import spec_of
 
     torch.set_num_threads(1)
-    values = params.load()
     block = params.model_settings(values, experiment, model)
     data = images.read(paths.dataset(experiment), protocol, seed)
     spec = spec_of(len(data.objects))
@@ -38,7 +37,8 @@ def train_run(
 
 def main() -> None:
     """Train the model named on the command line."""
-    runs.train_all(train_run, *params.training_arguments(sys.argv, "train_images", params.load()))
+    values = params.load()
+    runs.train_all(train_run, values, *params.training_arguments(sys.argv, "train_images", values))
 
 
 if __name__ == "__main__":

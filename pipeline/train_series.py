@@ -8,7 +8,7 @@ import csv
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline import params, paths, runs, series
@@ -16,37 +16,42 @@ from pipeline.errors import InputError, run_stage
 
 
 def train_run(
-    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+    values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run and write its files (see `runs.save`); returns the seconds that fitting took."""
-    values = params.load()
+    """Train one run of params.yaml (`values`) and write its files (see `runs.save`); return the seconds of fitting."""
     settings = values[experiment]
-    base = params.experiment_module(experiment).task(protocol).base
+    base = params.experiment_module(experiment).task(protocol, settings).base
     zero = paths.run_folder(experiment, paths.MODEL_ZERO, base, seed)
     if model == settings["model_zero"] and base == protocol:
         shutil.copytree(zero, target)
         return _seconds_of_model_zero(experiment, protocol, seed)
-    return _train(experiment, model, protocol, seed, target, report, zero)
+    return _train(values, experiment, model, protocol, seed, target, report, zero)
 
 
 def model_zero_run(
-    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+    values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
     """As `train_run`, for the network that transfer starts from (section III-B)."""
-    return _train(experiment, model, protocol, seed, target, report, None)
+    return _train(values, experiment, model, protocol, seed, target, report, None)
 
 
 def _train(
-    experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable, zero: Path | None
+    values: Mapping,
+    experiment: str,
+    model: str,
+    protocol: str,
+    seed: int,
+    target: Path,
+    report: Callable,
+    zero: Path | None,
 ) -> float:
     import torch
 
     from pipeline import series_fitting
 
     torch.set_num_threads(1)
-    values = params.load()
     settings = values[experiment]
-    task = params.experiment_module(experiment).task(protocol)
+    task = params.experiment_module(experiment).task(protocol, settings)
     block = params.model_settings(values, experiment, model)
     spec = series_fitting.spec_of(task, settings["window"]["frames"])
     regressor = series_fitting.adapted(params.build_model(model, spec, block, f"{experiment}.models.{model}"), spec)
@@ -73,11 +78,11 @@ def main() -> None:
     values = params.load()
     experiment, model = params.training_arguments(sys.argv, "train_series", values, f"MODEL|{paths.MODEL_ZERO}")
     if model != paths.MODEL_ZERO:
-        runs.train_all(train_run, experiment, model)
+        runs.train_all(train_run, values, experiment, model)
         return
     settings, module = values[experiment], params.experiment_module(experiment)
-    bases = {module.task(protocol).base for protocol in settings["protocols"]}
-    runs.train_all(model_zero_run, experiment, settings["model_zero"], into=model, protocols=bases)
+    bases = {module.task(protocol, settings).base for protocol in settings["protocols"]}
+    runs.train_all(model_zero_run, values, experiment, settings["model_zero"], into=model, protocols=bases)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ Usage: python -m pipeline.train_stag glove
 """
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,13 @@ COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")
 
 
-def train_run(experiment: str, model: str, seed: int, file: str, report) -> list[tuple]:
+def train_run(values: Mapping, experiment: str, model: str, seed: int, file: str, report) -> list[tuple]:
     """Train one model and score it with 1 to MOST_FRAMES frames of a recording; rows of stag.csv."""
     import torch
 
     from pipeline.image_fitting import spec_of
 
     torch.set_num_threads(1)
-    values = params.load()
     data = stag.read(paths.ROOT / file)
     y = np.eye(len(data.objects), dtype=np.float32)[data.label]
     part = parts(data, values[experiment]["stag"]["validation"], seed)
@@ -67,7 +67,7 @@ def main() -> None:
     if settings["file"] != "none":
         if not Path(paths.ROOT / settings["file"]).is_file():
             raise InputError(f"params.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
-        tasks = {(m, seed): ("glove", m, seed, settings["file"]) for m in MODELS for seed in settings["seeds"]}
+        tasks = {(m, seed): (values, "glove", m, seed, settings["file"]) for m in MODELS for seed in settings["seeds"]}
         epochs = max(values["glove"]["models"][model]["training"]["max_epochs"] for model in MODELS)
         with tqdm(total=epochs * len(tasks), desc="train STAG", unit="epoch") as bar:
             found = dict(workers.run(train_run, tasks, bar, steps=epochs))

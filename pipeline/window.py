@@ -8,7 +8,6 @@ import sys
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet
 
 from pipeline import params, paths, tables
 from pipeline.errors import InputError, run_stage
@@ -88,7 +87,7 @@ def main() -> None:
     experiment = params.experiment_argument(sys.argv, "window", values)
     if experiment in (*params.SERIES, *params.IMAGES):
         raise InputError(f"{experiment}: its models see no windows; run `python -m pipeline.dataset {experiment}`")
-    frames = pyarrow.parquet.read_table(paths.require(paths.frames(experiment), "python -m pipeline.ingest"))
+    frames = tables.read(paths.require(paths.frames(experiment), "python -m pipeline.ingest"))
     windows = windows_of(frames, values[experiment]["window"])
     tables.write(paths.windows(experiment), windows.schema, [windows])
     presses_found = len(np.unique(windows["press"].to_numpy()))

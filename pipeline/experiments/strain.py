@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import theilslopes
 
-from pipeline import alignment, logs, params, paths, series, tables
+from pipeline import alignment, logs, paths, series, tables
 from pipeline.errors import InputError
 from pipeline.logs import Column, Format
 
@@ -253,14 +253,14 @@ def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray) -> dict[str, dict]:
     return faults
 
 
-def task(protocol: str) -> series.Task:
-    """What a protocol, named like its task, asks for. Raises InputError for an unknown one.
+def task(protocol: str, settings: Mapping) -> series.Task:
+    """Return what a protocol, named like its task, asks for; InputError for an unknown one.
 
-    All channels that params.yaml names (strain.sensor.channels): as many as the dataset has, which DVC watches.
+    settings: the block `strain` of params.yaml, whose sensor.channels says how many channels a model sees: all.
     """
     if protocol not in TASKS:
         raise InputError(f"strain: no task '{protocol}'; the tasks are {', '.join(TASKS)}")
-    channels = list(range(params.load()["strain"]["sensor"]["channels"]))
+    channels = list(range(settings["sensor"]["channels"]))
     return series.Task(TASKS[protocol], {protocol: channels}, False, MODEL_ZERO_TASK)
 
 

@@ -113,8 +113,8 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     return pa.table(columns).select(SCHEMA.names).cast(SCHEMA), rejects, {path.name: report}
 
 
-def task(protocol: str) -> series.Task:
-    """What a protocol asks of a model. Raises InputError for an unknown one."""
+def task(protocol: str, settings: Mapping) -> series.Task:
+    """Return what a protocol asks of a model; InputError for an unknown one. No setting changes it."""
     name, wanted = _parts(protocol)
     outputs, pressed_only = TASKS[wanted]
     return series.Task(outputs, SPLITS[name], pressed_only, f"{name}_{MODEL_ZERO_TASK}")
@@ -122,7 +122,7 @@ def task(protocol: str) -> series.Task:
 
 def channels(protocol: str, condition: str) -> list[int]:
     """Columns of v that a protocol gives its models on one day. Raises InputError for an unknown protocol or day."""
-    days = task(protocol).channels
+    days = task(protocol, {}).channels
     if condition not in days:
         raise InputError(f"strain_recorded, protocol {protocol}: does not use {condition}")
     return days[condition]

@@ -4,6 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from pipeline.fitting import Spec
+from pipeline.schema import NotNegative, Positive, Share, Width
 from pipeline.seeding import generator
 from pipeline.series_fitting import StateReadout
 
@@ -12,7 +13,9 @@ LINKS = 10  # connections a unit: makes a step cost units x 10 instead of units 
 PIECES, FORGOTTEN = 16, 500
 
 
-def build(spec: Spec, *, units: int, spectral_radius: float, leak: float, input_scale: float, ridge: float):
+def build(
+    spec: Spec, *, units: Width, spectral_radius: Positive, leak: Share, input_scale: Positive, ridge: NotNegative
+):
     """State s <- (1 - leak) s + leak tanh(W s + V tanh(x) + b); only the read-out is fitted.
 
     The inputs go through the same tanh as the LSTM's. `leak` is a sample's share of the state.

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from pipeline.fitting import Spec, training_settings
+from pipeline.fitting import Spec, Training
 from pipeline.message_passing import LompRegressor, maker
+from pipeline.schema import EarlyStopping, Neighbours, Number, Width, Widths
 
 
 def build(
-    spec: Spec, *, hidden: int, readout: list[int], neighbours: int, alpha: float, training: dict
+    spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: EarlyStopping
 ) -> "WindowLomp":
     """Hidden 128 and read-out widths 128, 64 give 2,741,712 parameters and 17.5e6 multiply-accumulates.
 
@@ -15,7 +16,7 @@ def build(
     Differs from paper: left open there and chosen here on validation windows: 4 neighbours, alpha 1, batches of
     32, zero state at the start of a window, loss on the last frame.
     """
-    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training_settings(training))
+    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha), spec, Training(**training))
 
 
 class WindowLomp(LompRegressor):

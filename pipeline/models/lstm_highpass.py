@@ -14,17 +14,18 @@ sums of zero 0.96 and 0.98. Within a day all four are between 0.90 and 0.97: val
 cannot tell them apart, so the constraint is a choice made before.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import nn
 
 from pipeline import counting
 from pipeline.errors import InputError
-from pipeline.fitting import NETWORK_FILE, FitSummary, Spec
+from pipeline.fitting import NETWORK_FILE, FitSummary, Spec, read_tensors
+from pipeline.schema import StretchTraining, Taps, Width
 from pipeline.series import Record
 from pipeline.series_fitting import Progress, Scaling
 
@@ -44,13 +45,8 @@ class Training:
     clip: float
 
 
-def build(spec: Spec, *, filters: int, taps: int, units: int, training: dict) -> "HighpassLstm":
+def build(spec: Spec, *, filters: Width, taps: Taps, units: Width, training: StretchTraining) -> "HighpassLstm":
     """`filters` filters of `taps` samples, an LSTM of `units`, a linear read-out."""
-    names = [field.name for field in fields(Training)]
-    if wrong := sorted(set(training) ^ set(names)):
-        raise InputError(f"lstm_highpass, training: the keys are {', '.join(names)}; see '{wrong[0]}'")
-    if taps < 2:
-        raise InputError(f"lstm_highpass: taps is {taps}, but a filter without a constant needs 2 or more")
     if training["warm_up"] >= training["length"]:
         raise InputError("lstm_highpass, training: warm_up must be less than length, or nothing counts")
     return HighpassLstm(spec, filters, taps, units, Training(**training))
@@ -119,7 +115,7 @@ class HighpassLstm:
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, t.learning_rate, steps, pct_start=rise)
         draw = torch.Generator().manual_seed(seed)
         with_past, offsets = torch.arange(1 - self.taps, t.length), torch.arange(t.length)
-        best, best_epoch, history = float("inf"), 0, []
+        best, best_epoch, history, stop_reason = float("inf"), 0, [], "max_epochs"
         for epoch in range(1, t.max_epochs + 1):
             total = samples = 0.0
             rate = schedule.get_last_lr()[0]
@@ -143,12 +139,13 @@ class HighpassLstm:
             )
             if progress:
                 progress(epoch, t.max_epochs, *losses)
-            if not np.isfinite(losses[0]):
+            if not np.isfinite(losses[0]) or (held and not np.isfinite(losses[1])):
+                stop_reason = "diverged"
                 break
             if losses[1] < best:
                 best, best_epoch = losses[1], epoch
                 kept = {name: value.clone() for name, value in self.network.state_dict().items()}
-        self.summary = FitSummary("max_epochs" if len(history) == t.max_epochs else "diverged", best_epoch)
+        self.summary = FitSummary(stop_reason, best_epoch)
         if best_epoch:
             self.network.load_state_dict(kept)
         self.network.to("cpu")
@@ -178,17 +175,14 @@ class HighpassLstm:
         save_file(tensors | self.scaling.tensors, Path(folder) / NETWORK_FILE)
 
     def load(self, folder: Path) -> None:
-        """Take weights and scaling from `folder`; InputError if absent or of other settings."""
-        path = Path(folder) / NETWORK_FILE
-        if not path.exists():
-            raise InputError(f"{path}: not found; train the model first")
-        tensors = load_file(path)
+        """Take weights and scaling from `folder`; InputError if absent, damaged or of other settings."""
+        tensors = read_tensors(folder)
         try:
             self.network.load_state_dict(
                 {name.removeprefix("network."): value for name, value in tensors.items() if "." in name}
             )
         except RuntimeError as error:
-            raise InputError(f"{path}: was saved by a model with other settings; train the model again") from error
+            raise InputError(f"{folder}: was saved by a model with other settings; train the model again") from error
         self.scaling = Scaling.loaded({name: value for name, value in tensors.items() if "." not in name})
         self.recent = self.state = None
 

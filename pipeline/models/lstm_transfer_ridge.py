@@ -1,9 +1,10 @@
 """Transfer with the read-out solved in one step: ridge regression on the frozen states of model-0."""
 
 from pipeline.fitting import Spec
+from pipeline.schema import NotNegative
 from pipeline.series_fitting import LstmRegressor
 
 
-def build(spec: Spec, *, ridge: float) -> LstmRegressor:
+def build(spec: Spec, *, ridge: NotNegative) -> LstmRegressor:
     """As many parameters as `lstm_transfer`; `ridge`: penalty against the mean squared error of normalised outputs."""
     return LstmRegressor(spec, 1, None, transfer=True, ridge=ridge)

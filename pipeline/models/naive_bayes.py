@@ -3,19 +3,17 @@
 import numpy as np
 from sklearn.naive_bayes import GaussianNB
 
-from pipeline.errors import InputError
 from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.schema import Positive
 
 
-def build(spec: Spec, *, smoothing: float) -> SklearnRegressor:
+def build(spec: Spec, *, smoothing: Positive) -> SklearnRegressor:
     """On 1x32x32 images of 16 objects 32,784 fitted numbers: mean and variance a pixel and object, and 16 priors.
 
     `smoothing`: added to all variances, in units of the largest variance of a pixel; above 0, because a pixel that
     is not wired never varies. Multiply-accumulates: a square and a weighting a pixel and object.
     Differs from paper: it does not say which naive Bayes; pixels are numbers, so the normal one.
     """
-    if not smoothing > 0:
-        raise InputError(f"naive_bayes: smoothing must be above 0, not {smoothing!r}")
     return SklearnRegressor(
         lambda seed: OneHotNaiveBayes(var_smoothing=smoothing),
         spec,

@@ -7,9 +7,10 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.schema import Degree, NotNegative
 
 
-def build(spec: Spec, *, degree: int, ridge: float) -> SklearnRegressor:
+def build(spec: Spec, *, degree: Degree, ridge: NotNegative) -> SklearnRegressor:
     """Degree 2 of 25 elements gives 350 features and the intercept: 140,400 fitted numbers.
 
     Double touch is where it must fail: products of two elements that are not neighbours were never far from zero

@@ -16,13 +16,14 @@ from sklearn.pipeline import make_pipeline
 
 from pipeline.errors import InputError
 from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.schema import Count
 from pipeline.series import Record
 from pipeline.series_fitting import Windowed
 
 REST = (2, 3)  # samples before the first one after the step
 
 
-def build(spec: Spec, *, press: int, trees: int, min_samples_leaf: int) -> "PressDifference":
+def build(spec: Spec, *, press: Count, trees: Count, min_samples_leaf: Count) -> "PressDifference":
     """`press`: within how many samples the step is looked for, almost the length of a press.
 
     Fitted numbers: one threshold an inner node, the outputs of every leaf. No multiply-accumulates: trees compare.

@@ -9,9 +9,10 @@ from sklearn.preprocessing import StandardScaler
 
 from pipeline.errors import InputError
 from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.schema import Count, NotNegative, Positive
 
 
-def build(spec: Spec, *, centres: int, width: float, ridge: float) -> SklearnRegressor:
+def build(spec: Spec, *, centres: Count, width: Positive, ridge: NotNegative) -> SklearnRegressor:
     """500 centres on 200 inputs (100,000) and a read-out to 400 outputs (200,400): 300,400 fitted numbers.
 
     `width`: width of all Gaussians in units of the mean distance from a centre to its nearest neighbour.

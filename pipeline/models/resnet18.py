@@ -3,17 +3,18 @@
 from torch import nn
 
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, image_training
+from pipeline.image_fitting import ImageClassifier, ImageTraining
 from pipeline.residual import BasicBlock
+from pipeline.schema import AugmentedTraining
 
 
-def build(spec: Spec, *, training: dict) -> ImageClassifier:
+def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
     """On 1x32x32 images of 16 objects: 11,178,448 parameters; the last block sees maps of one pixel.
 
     Differs from paper: the counts printed there are those of 3x224x224 images and 1000 classes; this one sees the
     same images as every other model.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs), spec, image_training(training))
+    return ImageClassifier(lambda: network(1, spec.outputs), spec, ImageTraining(**training))
 
 
 def network(channels: int, classes: int) -> nn.Sequential:

@@ -3,17 +3,18 @@
 from torch import nn
 
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, image_training
+from pipeline.image_fitting import ImageClassifier, ImageTraining
 from pipeline.residual import BasicBlock
+from pipeline.schema import AugmentedTraining
 
 
-def build(spec: Spec, *, training: dict) -> ImageClassifier:
+def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
     """On 1x32x32 images of 16 objects: 676,304 parameters.
 
     Differs from paper: its counts are those of `trunk`. Sundaram et al. also have a dropout of channels (0.2) after
     the second block and a 1x1 convolution that joins the trunks of several frames; here there is one frame.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs), spec, image_training(training))
+    return ImageClassifier(lambda: network(1, spec.outputs), spec, ImageTraining(**training))
 
 
 def network(channels: int, classes: int) -> nn.Sequential:

@@ -5,9 +5,10 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.schema import NotNegative
 
 
-def build(spec: Spec, *, ridge: float) -> SklearnRegressor:
+def build(spec: Spec, *, ridge: NotNegative) -> SklearnRegressor:
     """`ridge`: weight of the squared coefficients against the squared error summed over the training windows."""
     return SklearnRegressor(
         lambda seed: make_pipeline(StandardScaler(), Ridge(ridge)),

@@ -3,11 +3,12 @@
 from torch import nn
 
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, image_training
+from pipeline.image_fitting import ImageClassifier, ImageTraining
 from pipeline.residual import separable_network
+from pipeline.schema import AugmentedTraining, Reduction
 
 
-def build(spec: Spec, *, reduction: int, training: dict) -> ImageClassifier:
+def build(spec: Spec, *, reduction: Reduction, training: AugmentedTraining) -> ImageClassifier:
     """On 1x32x32 images of 16 objects: 99,224 parameters at reduction 16, 106,976 at 8, 215,504 at 1.
 
     `reduction`: a block's channels over those of the attention's bottleneck. Raises InputError below 1 and above 64.
@@ -15,7 +16,7 @@ def build(spec: Spec, *, reduction: int, training: dict) -> ImageClassifier:
     (16.332e6 multiply-accumulates, 3.26e5 parameters) come out: the attention as Hou et al. 2021 define it gives
     12.7e6 to 14.7e6 and 2.26e5 to 3.42e5 (reduction 16 to 1). As many classes as there are objects.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs, reduction), spec, image_training(training))
+    return ImageClassifier(lambda: network(1, spec.outputs, reduction), spec, ImageTraining(**training))
 
 
 def network(channels: int, classes: int, reduction: int) -> nn.Sequential:

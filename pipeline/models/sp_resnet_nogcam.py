@@ -3,16 +3,17 @@
 from torch import nn
 
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, image_training
+from pipeline.image_fitting import ImageClassifier, ImageTraining
 from pipeline.residual import separable_network
+from pipeline.schema import AugmentedTraining
 
 
-def build(spec: Spec, *, training: dict) -> ImageClassifier:
+def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
     """On 1x32x32 images of 16 objects: 90,704 parameters.
 
     Differs from paper: as many classes as there are objects; figure 11a and the printed counts have 1000.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs), spec, image_training(training))
+    return ImageClassifier(lambda: network(1, spec.outputs), spec, ImageTraining(**training))
 
 
 def network(channels: int, classes: int) -> nn.Sequential:

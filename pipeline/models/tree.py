@@ -3,9 +3,10 @@
 from sklearn.tree import DecisionTreeRegressor
 
 from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.schema import Count, Share
 
 
-def build(spec: Spec, *, min_samples_leaf: int, max_features: float) -> SklearnRegressor:
+def build(spec: Spec, *, min_samples_leaf: Count, max_features: Share) -> SklearnRegressor:
     """A tree that tries the share `max_features` of the inputs (drawn by the seed) at every split.
 
     Fitted numbers: one threshold an inner node and one map a leaf, so a tree of one leaf counts as much as
@@ -13,7 +14,7 @@ def build(spec: Spec, *, min_samples_leaf: int, max_features: float) -> SklearnR
     """
     return SklearnRegressor(
         lambda seed: DecisionTreeRegressor(
-            min_samples_leaf=min_samples_leaf, max_features=max_features, random_state=seed
+            min_samples_leaf=min_samples_leaf, max_features=float(max_features), random_state=seed
         ),
         spec,
         count=lambda fitted: fitted.tree_.node_count - fitted.tree_.n_leaves + fitted.tree_.n_leaves * spec.outputs,

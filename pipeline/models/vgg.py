@@ -4,12 +4,13 @@ import torch
 from torch import nn
 
 from pipeline.errors import InputError
-from pipeline.fitting import Spec, TorchRegressor, training_settings
+from pipeline.fitting import Spec, TorchRegressor, Training
+from pipeline.schema import EarlyStopping, Widths
 
 CONVOLUTIONS = (2, 2, 3, 3, 3)  # a stage; 13 of the 16 layers
 
 
-def build(spec: Spec, *, channels: list[int], training: dict) -> TorchRegressor:
+def build(spec: Spec, *, channels: Widths, training: EarlyStopping) -> TorchRegressor:
     """Channels 64, 128, 256, 512, 512 on 5x5, linear 512-400: 14,922,768 parameters.
 
     Differs from paper: one linear layer instead of VGG-16's three (there are 512 features, not 25,088), and
@@ -18,7 +19,7 @@ def build(spec: Spec, *, channels: list[int], training: dict) -> TorchRegressor:
     """
     if len(channels) != len(CONVOLUTIONS):
         raise InputError(f"vgg: channels must give {len(CONVOLUTIONS)} widths, not {channels!r}")
-    return TorchRegressor(lambda: _network(spec, channels), spec, training_settings(training))
+    return TorchRegressor(lambda: _network(spec, channels), spec, Training(**training))
 
 
 def _network(spec: Spec, channels: list[int]) -> nn.Sequential:
