@@ -381,9 +381,8 @@ def chapters() -> list[str]:
     return [chapter for chapter in CHAPTERS if measured or chapter != "benchmarks"]
 
 
-def build() -> str:
-    """The whole page."""
-    values = params.load()
+def build(values: Mapping) -> str:
+    """Return the whole page; values: params.yaml."""
     pages, claims = Pages(embedded(values)), read_claims()
     body = [verdicts(pages, claims)]
     names = {"verdicts": "Verdicts"}
@@ -418,7 +417,7 @@ def build() -> str:
 def main() -> None:
     """Write reports/index.html."""
     (paths.REPORTS / "benchmarks").mkdir(exist_ok=True)
-    html = build()
+    html = build(params.load())
     target = paths.REPORTS / "index.html"
     draft = target.with_name("index.html.unfinished")
     draft.write_text(html, encoding="utf-8", newline="\n")

@@ -31,30 +31,35 @@ def load(path: Path = paths.PARAMS) -> dict:
     if not path.is_file():
         raise InputError(f"{path.name}: not found; run the command from a checkout of the repository")
     values = parsed(path)
+    check(values)
+    return values
+
+
+def check(values) -> None:
+    """Hold all of params.yaml against pipeline/schema.py and pipeline/models; InputError names what fails first."""
     check_block(values, schema.SCHEMA, "")
-    for experiment in schema.MODELLED:
-        check_models(values[experiment]["models"], f"{experiment}.models")
-    for experiment, block in values["physics"].items():
-        check_models(block["models"], f"physics.{experiment}.models")
     for experiment, block in values.items():
+        if isinstance(block, Mapping) and "models" in block:
+            check_models(block["models"], f"{experiment}.models")
         if experiment in schema.SPLIT_IN_THREE and sum(block["split"][part] for part in ("train", "validation")) >= 1:
             raise InputError(f"params.yaml, {experiment}.split: train and validation leave nothing to test on")
-    return values
+    for experiment, block in values.get("physics", {}).items():
+        check_models(block["models"], f"physics.{experiment}.models")
 
 
 def parsed(path: Path):
     """Return a YAML file's content, read as DVC reads it: YAML 1.2, each key once; InputError where it is not YAML."""
-    yaml = YAML(typ="safe")
+    reader = YAML(typ="safe")
     try:
         text = path.read_text(encoding="utf-8")
         depth = 0
-        for event in yaml.parse(text):
+        for event in reader.parse(text):
             depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
             if isinstance(event, AliasEvent):
                 raise InputError(f"{path.name}: '*{event.anchor}' repeats another value; write the value itself")
             if depth > DEEPEST:
                 raise InputError(f"{path.name}: blocks or lists lie more than {DEEPEST} deep in each other")
-        return yaml.load(text)
+        return reader.load(text)
     except (YAMLError, ValueError) as error:  # ValueError: no UTF-8, or a date like 2020-13-01
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""

@@ -432,5 +432,4 @@ SCHEMA = {
         "glove": {"sp_resnet": seeds | {"sizes": many(number(1 / 64, 1.0))}},
     },
 }
-MODELLED = tuple(name for name, block in SCHEMA.items() if isinstance(block, Mapping) and "models" in block)
 SPLIT_IN_THREE = ("touch", "glove", "glove_recorded")  # elsewhere the validation part is a share of the training part

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
 STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "judge"}
 STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize", "render_rightsize", "page"}
-STAGES |= {"agreement"}
+STAGES |= {"agreement", "settings"}
 COMMANDS = {"fetch", "scale", "fit_material", "check", "record"}
 WINDOWING = {f"pipeline/{name}.py" for name in ("check", "physics", "stress_windows")}
 # Modules that find, check, start and write things but cannot change a number: DVC need not watch them.
@@ -105,11 +105,12 @@ def stage_entries():
 @pytest.mark.parametrize("entry", list(stage_entries()), ids=lambda entry: entry[0])
 def test_dvc_watches_what_a_stage_imports(entry):
     name, command, deps = entry
+    model = name.partition("@")[2]
     needed = closure(command[2].replace(".", "/") + ".py")
     if command[2] in ("pipeline.train", "pipeline.train_images"):
-        needed |= closure(f"pipeline/models/{command[4]}.py")
+        needed |= closure(f"pipeline/models/{model}.py")
     if command[2] == "pipeline.train_series":
-        needed |= closure(f"pipeline/models/{command[4].replace('model_zero', 'lstm_direct')}.py")
+        needed |= closure(f"pipeline/models/{model if name.startswith('train') else 'lstm_direct'}.py")
         needed |= closure(f"pipeline/experiments/{command[3]}.py") - READERS
     if command[2] == "pipeline.stress":
         needed |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline/scenes").glob("*.py")}

@@ -1,10 +1,13 @@
 """Files that others read appear whole or not at all."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline import files
+from pipeline.errors import InputError
 
 
 def test_a_file_keeps_its_old_content_until_the_new_is_whole(tmp_path):
@@ -47,3 +50,24 @@ def test_tables_keep_every_digit(tmp_path):
         ["2", "nan"],
     )
     assert [np.float32(line.split(",")[2]) for line in (first, second)] == table["single"].tolist()
+
+
+@pytest.mark.parametrize("name", ["../outside", ".", "/outside", "link"])
+def test_no_folder_outside_its_room_is_removed(name, tmp_path):
+    room, canary = tmp_path / "models", tmp_path / "outside" / "canary"
+    room.mkdir()
+    canary.mkdir(parents=True)
+    (room / "link").symlink_to(tmp_path / "outside")
+    folder = tmp_path / "outside" if name == "/outside" else room / name
+    with pytest.raises(InputError, match="lies outside .*models, so it is not removed"):
+        files.remove_folder(folder, inside=room)
+    assert canary.is_dir() and room.is_dir()
+    (room / "lomp" / "press-0").mkdir(parents=True)
+    files.remove_folder(room / "lomp", inside=room)
+    assert [path.name for path in room.iterdir()] == ["link"]
+
+
+def test_folders_are_removed_in_one_place():
+    for path in Path(files.__file__).parent.rglob("*.py"):
+        calls = path.read_text().count("shutil.rmtree(")
+        assert calls == {"files.py": 1, "cluster.py": 1}.get(path.name, 0), f"{path.name}: call files.remove_folder"

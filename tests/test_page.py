@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from pipeline import hypertext, page, page_charts, paths
+from pipeline import hypertext, page, page_charts, params, paths
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -154,7 +154,7 @@ class Reader(HTMLParser):
 
 
 def test_every_file_link_and_claim_is_there(reports):
-    html = page.build()
+    html = page.build(params.load())
     found = Reader(html)
     assert len(found.ids) == len(set(found.ids)) and not found.open
     for target in found.references:
@@ -173,50 +173,50 @@ def test_every_file_link_and_claim_is_there(reports):
 
 
 def test_text_of_reports_is_escaped(reports):
-    html = page.build()
+    html = page.build(params.load())
     assert EVIL not in html and html.count("<script>") == 1
     assert EVIL in Reader(html).text
 
 
 def test_an_experiment_that_was_not_run_says_so(reports):
-    section = page.build().split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
+    section = page.build(params.load()).split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
     assert f"no recordings of {ABSENT}" in section and "<svg" not in section
     shutil.rmtree(reports / "touch" / "speed")
     with pytest.raises(InputError, match="reports/touch/speed"):
-        page.build()
+        page.build(params.load())
 
 
 def test_benchmarks_are_on_the_page_where_they_were_measured(reports):
     heading = page.CHAPTERS["benchmarks"]
-    assert heading in page.build()
+    assert heading in page.build(params.load())
     shutil.rmtree(reports / "benchmarks")
-    assert heading not in page.build()
+    assert heading not in page.build(params.load())
 
 
 def test_a_missing_part_of_the_stability_report_is_an_error(reports):
     text = (reports / "stability" / "README.md").read_text()
     (reports / "stability" / "README.md").write_text(text.replace("## glove: all", "## glove_recorded: all"))
     with pytest.raises(InputError, match="nothing about glove;"):
-        page.build()
+        page.build(params.load())
 
 
 def test_a_link_to_nothing_is_an_error(reports):
     with open(reports / "touch" / "accuracy" / "README.md", "a") as file:
         file.write("\n[More](more.md)\n")
     with pytest.raises(InputError, match="touch/accuracy/more.md"):
-        page.build()
+        page.build(params.load())
 
 
 def test_the_page_follows_the_claims(reports):
-    before = page.build()
-    assert page.build() == before
+    before = page.build(params.load())
+    assert page.build(params.load()) == before
     write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:7], "not testable", "runs failed", 0, "kPa")])
-    after = page.build()
+    after = page.build(params.load())
     assert "<strong>2</strong> " + page.badge("reproduced") in before
     assert "<strong>1</strong> " + page.badge("reproduced") in after and "runs failed" in after
     write_claims(reports, [(*CLAIMS[0][:7], "proved", "", 0, "kPa")])
     with pytest.raises(InputError, match="verdict 'proved' is unknown"):
-        page.build()
+        page.build(params.load())
 
 
 def test_undecided_is_told_from_contradicted():

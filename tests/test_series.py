@@ -109,7 +109,7 @@ def test_transfer_leaves_the_recurrent_part_alone_and_closed_form_fits_no_worse(
 
 
 def test_transfer_needs_model_zero_of_the_same_channels(model_zero):
-    with pytest.raises(InputError, match="needs model-0"):
+    with pytest.raises(InputError, match="cannot be model-0 itself; name a model like lstm_direct"):
         build("lstm_transfer", spec(2)).fit([record()], seed=0, device="cpu", base=None)
     with pytest.raises(InputError, match="6 channels, this task 5"):
         data = record()
@@ -136,7 +136,7 @@ def test_uncounted_samples_do_not_matter():
 
 
 def test_recipe_names_a_wrong_key():
-    with pytest.raises(InputError, match="see 'epochs'"):
+    with pytest.raises(InputError, match="test.training: unknown key 'epochs'"):
         build("lstm_direct", spec(2), {"units": 8, "training": RECIPE | {"epochs": 3}})
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import stag, train_stag
+from pipeline import params, stag, train_stag
 from pipeline.errors import InputError
 
 FRAMES, OBJECTS = 12, ["mug", "empty hand", "full can"]
@@ -187,7 +187,7 @@ def test_validation_takes_whole_training_recordings(tmp_path):
 
 def test_figure_fifteen_from_a_file(tmp_path):
     path = save(tmp_path, grasps())
-    rows = train_stag.train_run("glove", "sp_resnet", 0, str(path), lambda *numbers: None)
+    rows = train_stag.train_run(params.load(), "glove", "sp_resnet", 0, str(path), lambda *numbers: None)
     assert [row[:4] for row in rows] == [
         ("sp_resnet", 0, frames, metric) for frames in range(1, 9) for metric in ("accuracy", "macro_precision")
     ]

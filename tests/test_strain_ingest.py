@@ -200,4 +200,4 @@ def test_split_is_chronological_and_the_same_for_every_seed(settings, lines, tmp
     assert order == sorted(order) and (parts[0][-1], parts[0][0]) == ("test", "train")
     assert (strain.split(frames, settings, "task_2", 0) == "unused").all()
     with pytest.raises(InputError, match="no task 'task_7'"):
-        strain.task("task_7")
+        strain.task("task_7", settings)

@@ -210,12 +210,12 @@ def test_channels_pair_the_same_strands():
 
 
 def test_a_protocol_is_a_split_and_a_task():
-    task = strain_recorded.task("across_days_xy")
+    task = strain_recorded.task("across_days_xy", {})
     assert (task.outputs, task.pressed_only, task.base) == ((0, 1), True, "across_days_xyz")
-    assert strain_recorded.task("within_day_z")[::2] == ((2,), False)
+    assert strain_recorded.task("within_day_z", {})[::2] == ((2,), False)
     for wrong in ("within_day", "tuesday_xy", "within_day_yz", ""):
         with pytest.raises(InputError, match=f"no protocol '{wrong}'; a protocol is one of within_day, across_days"):
-            strain_recorded.task(wrong)
+            strain_recorded.task(wrong, {})
 
 
 RECIPE = {"learning_rate": 1e-2, "max_epochs": 3, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
@@ -279,8 +279,8 @@ def test_highpass_learns_through_drift(tmp_path):
 def test_impossible_settings_are_one_sentence(tmp_path):
     block = BLOCKS["lstm_highpass"]
     for change, sentence in (
-        ({"taps": 1}, "taps is 1, but a filter without a constant needs 2"),
-        ({"training": RECIPE | {"rate": 1}}, "training: the keys are learning_rate, .*; see 'rate'"),
+        ({"taps": 1}, "taps: expected a whole number from 2 to 100, got 1"),
+        ({"training": RECIPE | {"rate": 1}}, "training: unknown key 'rate'; known: learning_rate"),
         ({"training": RECIPE | {"warm_up": 30}}, "warm_up must be less than length"),
     ):
         with pytest.raises(InputError, match=sentence):

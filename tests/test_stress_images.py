@@ -39,8 +39,8 @@ def project(tmp_path_factory):
             for protocol, seed in params.runs(values, "glove"):
                 target = paths.run_folder("glove", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
-                train_images.train_run("glove", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_model("glove", model, folder, lambda: None)
+                train_images.train_run(values, "glove", model, protocol, seed, target, lambda *numbers: None)
+            scores += evaluate.evaluate_model(values, "glove", model, folder, lambda: None)
         with open(paths.scores("glove"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])
         yield values
@@ -53,7 +53,7 @@ def read(values) -> stress_images.Frames:
 
 def test_severity_0_is_exactly_what_evaluate_found(project):
     reports = []
-    found = stress_images.rows("glove", "naive_bayes", lambda: reports.append(1))
+    found = stress_images.rows(project, "glove", "naive_bayes", lambda: reports.append(1))
     with open(paths.scores("glove")) as file:
         known = {tuple(row[k] for k in (1, 2, 4, 5)): row[7] for row in csv.reader(file) if row[3] == "naive_bayes"}
     block = params.load()["stress"]["glove"]
@@ -66,7 +66,7 @@ def test_severity_0_is_exactly_what_evaluate_found(project):
         row[3:5]: row[7] for row in found if row[:3] == ("session_combined", "combined", 0) and row[5] == "accuracy"
     }
     assert len({value for (_, severity), value in level.items() if severity}) > 1
-    constant = stress_images.rows("glove", "constant", lambda: None)
+    constant = stress_images.rows(project, "glove", "constant", lambda: None)
     assert len({row[7] for row in constant if row[2] == 0 and row[5] == "accuracy"}) == 1
 
 
@@ -79,7 +79,7 @@ def test_a_score_that_is_out_of_date_is_an_error(project):
     fields[7] = str(float(fields[7]) + 0.01)
     paths.scores("glove").write_text(text.replace(row, ",".join(fields)))
     with pytest.raises(InputError, match="naive_bayes, session_pressure, seed 1 has accuracy .*evaluate glove` again"):
-        stress_images.rows("glove", "naive_bayes", lambda: None)
+        stress_images.rows(project, "glove", "naive_bayes", lambda: None)
     paths.scores("glove").write_text(text)
 
 

@@ -124,8 +124,8 @@ def project(tmp_path_factory):
             for protocol, seed in params.runs(values, "strain"):
                 target = paths.run_folder("strain", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
-                train_series.train_run("strain", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_model("strain", model, folder, lambda: None)
+                train_series.train_run(values, "strain", model, protocol, seed, target, lambda *numbers: None)
+            scores += evaluate.evaluate_model(values, "strain", model, folder, lambda: None)
         with open(paths.scores("strain"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])
         yield values
@@ -146,7 +146,7 @@ def test_severity_0_is_exactly_what_evaluate_found(project):
     with open(paths.scores("strain")) as file:
         known = {tuple(row[k] for k in (1, 2, 4, 5)): float(row[7]) for row in csv.reader(file) if row[3] == "ridge"}
     reports = []
-    found = stress_series.rows("strain", "ridge", lambda: reports.append(1))
+    found = stress_series.rows(project, "strain", "ridge", lambda: reports.append(1))
     clean = [row for row in found if row[4] == 0 and row[3] not in stress_series.SCENES]
     assert len(reports) == 4 and len(clean) == 4 * 4 * 2  # runs; perturbations, error and r2
     for protocol, condition, seed, _, _, metric, _, value, _ in clean:
@@ -165,7 +165,7 @@ def test_a_score_that_is_out_of_date_is_an_error(project):
     fields[7] = str(float(fields[7]) + 0.01)
     paths.scores("strain").write_text(text.replace(before, ",".join(fields)))
     with pytest.raises(InputError, match="ridge, task_1, seed 0 has error .* run `python -m pipeline.evaluate strain`"):
-        stress_series.rows("strain", "ridge", lambda: None)
+        stress_series.rows(project, "strain", "ridge", lambda: None)
     paths.scores("strain").write_text(text)
 
 

@@ -10,7 +10,7 @@ from tqdm import tqdm
 from pipeline import params, paths, series, tables, trained, workers
 from pipeline.fitting import Spec, TorchRegressor
 from pipeline.models import esn, lstm_transfer_ridge
-from pipeline.series_fitting import LstmRegressor, recipe
+from pipeline.series_fitting import LstmRegressor, Recipe
 from pipeline.series_fitting import spec_of as spec_of_series
 
 WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
@@ -168,7 +168,7 @@ def transfer():
     """Series, scaling, base and settings of transfer to task 1, seed 0; needs what `dvc repro` has made."""
     settings = params.load()["strain"]
     module = params.experiment_module("strain")
-    task = module.task("task_1")
+    task = module.task("task_1", settings)
     pieces = series.read(paths.require(paths.dataset("strain"), "dvc repro"), task, "task_1", 0)
     base = paths.require(paths.run_folder("strain", paths.MODEL_ZERO, task.base, 0), "dvc repro")
     return settings, spec_of_series(task, settings["window"]["frames"]), pieces, base
@@ -187,7 +187,7 @@ def test_strain_transfer(race, record, sizes, transfer):
     ours = lstm_transfer_ridge.build(spec, **settings["models"]["lstm_transfer_ridge"])
     block = settings["models"]["lstm_transfer"]["training"] | {"max_epochs": sizes.epochs}
     seconds_of_fit = lambda: ours.fit(records, seed=0, device="cpu", base=base)  # noqa: E731
-    cached = LstmRegressor(spec, 50, recipe(block), transfer=True)
+    cached = LstmRegressor(spec, 50, Recipe(**block), transfer=True)
     cached.fit(records, seed=0, device="cpu", base=base)
     seconds_of_fit()
 

@@ -1,0 +1,253 @@
+"""params.yaml: what is refused before anything is removed or run, and when it is read."""
+
+import ast
+import copy
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline import params, paths
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parent.parent
+WHOLE = params.load()
+NETWORK = WHOLE["touch"]["models"]["cnn"]
+
+
+def altered(*path, value) -> dict:
+    """params.yaml with one value replaced; `path` leads to it, through keys."""
+    values = copy.deepcopy(WHOLE)
+    block = values
+    for key in path[:-1]:
+        block = block[key]
+    block[path[-1]] = value
+    return values
+
+
+def text_file(folder: Path, text: str) -> Path:
+    path = folder / "params.yaml"
+    path.write_text(text)
+    return path
+
+
+HOSTILE = (
+    "/some/folder",
+    "../../../x",
+    "..",
+    "linear/../tree",
+    "$(touch x)",
+    "a;b",
+    "'",
+    "Linear",
+    "",
+    "lomp ",
+    1,
+    None,
+)
+
+
+@pytest.mark.parametrize("key", HOSTILE)
+def test_a_key_that_names_no_model_is_refused(key):
+    with pytest.raises(InputError, match="cannot name a model"):
+        params.check(altered("touch", "models", value={key: {}}))
+    with pytest.raises(InputError, match="physics.glove.models: .* cannot name a model"):
+        params.check(altered("physics", "glove", "models", value={key: {}}))
+
+
+def test_a_model_without_a_file_is_refused():
+    for key in ("__init__", "os", "params"):
+        with pytest.raises(InputError, match="cannot name a model|there is no pipeline/models"):
+            params.check(altered("touch", "models", value={key: {}}))
+    with pytest.raises(InputError, match="there is no pipeline/models/lompp.py; did you mean 'lomp'"):
+        params.check(altered("touch", "models", value={"lompp": {}}))
+
+
+@pytest.mark.parametrize("stage", ["train touch", "train_series strain", "train_images glove"])
+@pytest.mark.parametrize("where", ["{canary}", "../../../canary"])
+def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
+    """The first removed thing would be the draft or the model's folder, which the key is the name of."""
+    project, canary = tmp_path / "project", tmp_path / "project" / "canary"
+    (canary / "important").mkdir(parents=True)
+    (project / "pipeline").symlink_to(ROOT / "pipeline")
+    program, experiment = stage.split()
+    key = where.format(canary=canary)
+    values = altered(experiment, "models", value={key: {}})
+    text_file(project, yaml.safe_dump(values))
+    code = f"import runpy, sys; from pipeline import paths; paths.ROOT = paths.Path({str(project)!r})\n"
+    code += "paths.PARAMS = paths.ROOT / 'params.yaml'\n"
+    code += f"sys.argv = [{program!r}, {experiment!r}, {key!r}]\n"
+    code += f"runpy.run_module('pipeline.{program}', run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr.startswith("error: params.yaml"), done.stderr
+    assert "cannot name a model" in done.stderr
+    assert (canary / "important").is_dir()
+
+
+IMPOSSIBLE = [
+    (("models", "lomp", "hidden"), 0, "whole number from 1 to 8192"),
+    (("models", "lomp", "hidden"), -8, "whole number from 1"),
+    (("models", "lomp", "hidden"), 10**9, "whole number from 1 to 8192"),
+    (("models", "lomp", "neighbours"), 5, "one of 4, 8"),
+    (("models", "lomp", "alpha"), float("nan"), "a number from"),
+    (("models", "lomp", "alpha"), float("inf"), "a number from"),
+    (("models", "cnn", "channels"), ["a"], "a list of which each is a whole number from 1"),
+    (("models", "cnn", "channels"), [0], "a list of which each is a whole number from 1"),
+    (("models", "cnn", "channels"), [], "a non-empty list"),
+    (("models", "cnn", "channels"), [1] * 1001, "a list of at most 1000 entries"),
+    (("models", "tree", "min_samples_leaf"), 0, "whole number from 1"),
+    (("models", "tree", "max_features"), -1, "a number from 1e-06 to 1"),
+    (("models", "cnn", "training"), 3, "expected a block of settings"),
+    (
+        ("models", "cnn", "training"),
+        NETWORK["training"] | {"learning_rate": 1e300},
+        "learning_rate: .* from 1e-09 to 10",
+    ),
+    (("models", "cnn", "training"), NETWORK["training"] | {"drop": 1.5}, "drop: .* from 1e-06 to 1"),
+    (("models", "cnn", "training"), NETWORK["training"] | {"max_epochs": 0}, "max_epochs: .* whole number from 1"),
+    (("models", "cnn", "training"), NETWORK["training"] | {"batch_size": 8.5}, "batch_size: .* whole number from 1"),
+    (("models", "cnn", "training"), NETWORK["training"] | {"learning_rate": "fast"}, "learning_rate: .* a number"),
+    (("models", "cnn", "training"), NETWORK["training"] | {"batch_sise": 8}, "'batch_sise'; did you mean 'batch_size'"),
+    (("models", "cnn", "training"), {"learning_rate": 0.1}, "key 'batch_size' is missing"),
+    (("models", "linear"), {"ridge": 1.0}, "unknown key 'ridge'; known: none"),
+    (("split",), {"seed": 0, "train": 0.9, "validation": 0.9}, "leave nothing to test on"),
+    (("protocols", "press", "seeds"), [2**31], "whole number from 0 to 32767"),
+    (("sensor", "rows"), 10**5, "whole number from 1 to 256"),
+    (("latency", "batches"), [10**8], "whole number from 1 to 65536"),
+    (("simulate", "devices", "array_hz"), 1e9, "a number from 0.001 to 100000"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "words"), IMPOSSIBLE, ids=lambda part: str(part)[:40])
+def test_an_impossible_value_is_one_sentence(path, value, words):
+    with pytest.raises(InputError, match=words) as error:
+        params.check(altered("touch", *path, value=value))
+    assert str(error.value).startswith("params.yaml, touch.")
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("strain", "simulate", "samples"), 2**31),
+        (("strain", "ingest", "rate_hz"), 1e9),
+        (("stress", "touch", "perturbations"), {"noise": [1e300]}),
+        (("glove", "models", "sp_resnet", "reduction"), 65),
+        (("strain", "models", "lstm_highpass", "taps"), 1),
+        (("physics", "touch", "models"), {"poly": {"degree": 0, "ridge": 1.0}}),
+    ],
+)
+def test_impossible_values_of_other_experiments_too(path, value):
+    with pytest.raises(InputError, match=f"params.yaml, {path[0]}"):
+        params.check(altered(*path, value=value))
+
+
+def test_every_model_says_which_values_its_settings_may_have():
+    for key in params.model_keys():
+        params.model_schema(paths.MODELS / f"{key}.py")
+
+
+def test_a_setting_without_a_kind_is_named(tmp_path):
+    path = tmp_path / "nearest.py"
+    path.write_text("def build(spec, *, k: int):\n    return None\n")
+    with pytest.raises(InputError, match="nearest.py: build's argument 'k' needs a kind of pipeline/schema.py"):
+        params.model_schema(path)
+
+
+@pytest.mark.parametrize(
+    "line", ["a: 01777", "a: 0o17", "a: 1e-3", "a: yes", "a: 12:30:00", "a: 1_000", "a: ~", "a: .nan"]
+)
+def test_values_mean_what_they_mean_to_dvc(line, tmp_path):
+    from dvc.utils.serialize import parse_yaml
+
+    assert repr(params.parsed(text_file(tmp_path, line))) == repr(parse_yaml(line, "params.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: 1\na: 2", "line 2: not valid YAML .*duplicate key"),
+        ("a: " + "[" * 50_000, "more than 20 deep"),
+        ("- " * 50_000 + "a", "more than 20 deep"),
+        ("a: &a [1]\nb: [*a, *a]", "'\\*a' repeats another value"),
+        ("a: !!python/object:os.system {}", "line 1: not valid YAML"),
+        ("a: 2020-13-01", "not valid YAML .*month"),
+        ("a: 1\n---\nb: 2", "line 2: not valid YAML"),
+        ("a: \x00", "not valid YAML"),
+    ],
+)
+def test_what_two_readers_could_take_differently_is_refused(text, words, tmp_path):
+    with pytest.raises(InputError, match=words):
+        params.parsed(text_file(tmp_path, text))
+
+
+def test_params_yaml_is_read_in_main_alone():
+    """A function that a stage hands to its workers must get its settings from the stage."""
+    for path in sorted((ROOT / "pipeline").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and node.name != "main":
+                calls = [ast.unparse(call.func) for call in ast.walk(node) if isinstance(call, ast.Call)]
+                assert "params.load" not in calls, f"{path.name}, {node.name}: takes its settings as an argument"
+
+
+STAGE = """
+import os, sys
+from pathlib import Path
+from pipeline import errors, paths
+paths.PARAMS = Path(sys.argv[1])
+errors.run_stage(lambda: paths.PARAMS.write_text(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize(("after", "code"), [("a: 1\n", 0), ("a: 2\n", 1)])
+def test_a_stage_fails_where_params_yaml_changed_while_it_ran(after, code, tmp_path):
+    path = text_file(tmp_path, "a: 1\n")
+    command = [sys.executable, "-c", STAGE, str(path), after]
+    done = subprocess.run(command, cwd=ROOT, env=os.environ | {"DVC_STAGE": "s"}, capture_output=True, text=True)
+    assert done.returncode == code, done.stderr
+    assert code == 0 or done.stderr.startswith("error: params.yaml changed while this ran; run `dvc repro` again")
+
+
+def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
+    """A key with shell code, made so that DVC takes it for a stage: refused, nothing run, nothing removed."""
+    for part in ("pipeline", "dvc.yaml", "params.yaml"):
+        source = ROOT / part
+        copy_of = shutil.copytree if source.is_dir() else shutil.copy
+        copy_of(source, tmp_path / part)
+    evil = "$(touch PWNED)/../linear"
+    block = {evil: {}, "$(touch PWNED)/": {"": {"/linear": {}}}, "constant": {}}
+    values = altered("touch", "models", value=block)
+    text_file(tmp_path, yaml.safe_dump(values))
+    (tmp_path / "data" / "touch").mkdir(parents=True)
+    (tmp_path / "data" / "touch" / "dataset.parquet").write_text("as if it were made")
+    environment = os.environ | {
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(tmp_path),
+        "DVC_NO_ANALYTICS": "1",
+        "DVC_SITE_CACHE_DIR": str(tmp_path / "site"),
+    }
+
+    def dvc(*arguments: str) -> str:
+        command = [sys.executable, "-m", "dvc", *arguments]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        return done.stdout + done.stderr
+
+    dvc("init", "--no-scm", "--quiet")
+    said = dvc("repro", "settings", f"train_touch@{evil}")
+    assert "cannot name a model" in said and "Running stage 'train_touch" not in said
+    (tmp_path / "data" / "settings.txt").write_text("as if it were checked")
+    alone = dvc("repro", "--single-item", f"train_touch@{evil}")
+    assert "Running stage 'train_touch@$(touch PWNED)" in alone and "cannot name a model" in alone
+    assert not list(tmp_path.rglob("PWNED"))
+
+
+def test_no_stage_hands_a_value_of_params_yaml_to_the_shell():
+    """Only names that dvc.yaml itself lists are part of a command."""
+    for name, stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].items():
+        listed = {f"${{item.{axis}}}" for axis, choices in stage.get("matrix", {}).items() if isinstance(choices, list)}
+        assert set(re.findall(r"\$\{.*?\}", stage["cmd"])) <= listed, name
+        assert not re.search(r"\$(?!\{item)", stage["cmd"].replace('"$DVC_STAGE"', "")), name
