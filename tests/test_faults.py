@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import scipy.io
 import scipy.sparse
@@ -30,9 +31,10 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import availability, logs, params, paths, results, schema, stag, tracking
+from pipeline import availability, logs, params, paths, results, schema, series, stag, tables, tracking
 from pipeline.errors import InputError
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
+from pipeline.fitting import Spec
 from pipeline.scenes import strain as strain_scene
 
 LONGEST_S = 1.0  # of processor time that one input may take
@@ -746,3 +748,90 @@ def check_json(content: bytes, folder: Path) -> bool:
                 one_sentence(error)
                 good = False
     return good
+
+
+SPEC = Spec(2, 2, 2, 4, 4)
+SAVED = {
+    "linear": {},
+    "tree": {"min_samples_leaf": 2, "max_features": 1.0},
+    "rnn": {"layers": 1, "hidden": 3, "training": WHOLE["touch"]["models"]["rnn"]["training"] | {"max_epochs": 1}},
+    "esn": {"units": 5, "spectral_radius": 0.9, "leak": 0.3, "input_scale": 0.5, "ridge": 1e-6},
+    "lstm_direct": {"units": 4, "training": WHOLE["strain"]["models"]["lstm_direct"]["training"] | {"max_epochs": 1}},
+    "lstm_highpass": {
+        "filters": 2,
+        "taps": 2,
+        "units": 3,
+        "training": WHOLE["strain"]["models"]["lstm_highpass"]["training"]
+        | {"max_epochs": 1, "length": 9, "warm_up": 1},
+    },
+}
+
+
+def built(name: str):
+    return params.build_model(name, SPEC, SAVED[name], "test")
+
+
+@pytest.fixture(scope="module", params=SAVED)
+def saved_model(request, tmp_path_factory):
+    """Name of a model, and name and bytes of the one file that it is saved in."""
+    folder, rng = tmp_path_factory.mktemp(request.param), np.random.default_rng(0)
+    model = built(request.param)
+    if hasattr(model, "step"):
+        n = 100
+        x, y = rng.normal(size=(n, 4)).astype(np.float32), rng.normal(size=(n, 16)).astype(np.float32)
+        counted, training = np.ones(n, bool), np.arange(n) < 80
+        model.fit([series.Record(x, y, counted, training, np.full(n, -1))], seed=0, device="cpu", base=None)
+    else:
+        part = rng.normal(size=(20, 2, 4)).astype(np.float32), rng.normal(size=(20, 16)).astype(np.float32)
+        model.fit(part, part, seed=0, device="cpu")
+    model.save(folder)
+    (path,) = folder.iterdir()
+    return request.param, path.name, path.read_bytes()
+
+
+@fuzz(60)
+@given(changes=BYTES, cut=CUT)
+@example(changes=[], cut=0)
+@example(changes=[], cut=500)
+def test_a_damaged_model_is_one_sentence_or_loaded(saved_model, changes, cut, tmp_path):
+    name, file, content = saved_model
+    (tmp_path / file).write_bytes(overwritten(content, changes, cut))
+    model = built(name)
+    try:
+        with in_time():
+            model.load(tmp_path)
+    except InputError as error:
+        assert str(tmp_path) in one_sentence(error)
+
+
+def test_a_network_of_another_kind_is_one_sentence(saved_model, tmp_path):
+    name, file, content = saved_model
+    (tmp_path / file).write_bytes(content)
+    for other in SAVED.keys() - {name, "linear", "tree"}:
+        with pytest.raises(InputError, match="other settings|train the model first") as error:
+            built(other).load(tmp_path)
+        one_sentence(error.value)
+
+
+@fuzz(150)
+@given(changes=BYTES, cut=CUT)
+@example(changes=[], cut=0)
+@example(changes=[], cut=500)
+def test_a_damaged_dataset_is_one_sentence_or_read(changes, cut, tmp_path):
+    path = tmp_path / "dataset.parquet"
+    columns = {name: tables.lists(np.ones((50, 4)), pa.float32()) for name in "xy"}
+    table = pa.table(columns | {"condition": pa.array(["single"] * 50).dictionary_encode()})
+    tables.write(path, table.schema, [table])
+    path.write_bytes(overwritten(path.read_bytes(), changes, cut))
+    try:
+        with in_time():
+            tables.read_dataset(path, 2)
+    except InputError as error:
+        assert one_sentence(error).startswith(str(path))
+
+
+def test_a_table_of_another_stage_is_one_sentence(tmp_path):
+    table = pa.table({"v": [1.0]})
+    tables.write(tmp_path / "dataset.parquet", table.schema, [table])
+    with pytest.raises(InputError, match="dataset.parquet: has no column 'x'; delete it and run `dvc repro`"):
+        tables.read_dataset(tmp_path / "dataset.parquet", 2)

@@ -219,11 +219,14 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
         copy_of = shutil.copytree if source.is_dir() else shutil.copy
         copy_of(source, tmp_path / part)
     evil = "$(touch PWNED)/../linear"
-    block = {evil: {}, "$(touch PWNED)/": {"": {"/linear": {}}}, "constant": {}}
+    removing = "x/../../../../victim"  # DVC removes what it takes for a stage's output before it runs the stage
+    block = {evil: {}, "$(touch PWNED)/": {"": {"/linear": {}}}, removing: {}, "constant": {}}
     values = altered("touch", "models", value=block)
     text_file(tmp_path, yaml.safe_dump(values))
     (tmp_path / "data" / "touch").mkdir(parents=True)
     (tmp_path / "data" / "touch" / "dataset.parquet").write_text("as if it were made")
+    (tmp_path / "victim").mkdir()
+    (tmp_path / "victim.py").write_text("in place of pipeline/models/<key>.py")
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         "PYTHONPATH": str(tmp_path),
@@ -237,8 +240,10 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
         return done.stdout + done.stderr
 
     dvc("init", "--no-scm", "--quiet")
-    said = dvc("repro", "settings", f"train_touch@{evil}")
-    assert "cannot name a model" in said and "Running stage 'train_touch" not in said
+    for target in (["settings", f"train_touch@{evil}"], [f"train_touch@{removing}"], []):
+        said = dvc("repro", *target)
+        assert "cannot name a model" in said and "Running stage 'train_touch" not in said, said
+    assert (tmp_path / "victim").is_dir()
     (tmp_path / "data" / "settings.txt").write_text("as if it were checked")
     alone = dvc("repro", "--single-item", f"train_touch@{evil}")
     assert "Running stage 'train_touch@$(touch PWNED)" in alone and "cannot name a model" in alone

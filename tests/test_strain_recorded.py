@@ -301,3 +301,12 @@ def test_source_is_pinned_to_the_two_files():
     assert sources.address("strain_recorded", "para5_long_n.mat").endswith(
         "/30718094c8dbbb889c3207f4dc32394166c2821e/experiment/UR5RobotControlV3.2/para5_long_n.mat"
     )
+
+
+@pytest.mark.parametrize("epoch", [2, 3])  # of three
+def test_a_highpassed_training_that_breaks_down_in_any_epoch_has_diverged(epoch, tmp_path, monkeypatch):
+    model, losses = built("lstm_highpass"), iter([1.0] * (epoch - 1) + [float("nan")] * 3)
+    monkeypatch.setattr(model, "_loss", lambda held, place: next(losses))
+    history = model.fit([record(tmp_path)], seed=0, device="cpu", base=None)
+    assert len(history) == epoch
+    assert model.summary == ("diverged", 1)
