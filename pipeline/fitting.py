@@ -1,4 +1,4 @@
-"""The one training loop, and the two regressors that models are made of: for torch and for scikit-learn."""
+"""The two regressors that models of windows are made of: for torch and for scikit-learn."""
 
 import io
 import json
@@ -17,6 +17,7 @@ from torch import nn
 
 from pipeline import counting
 from pipeline.errors import InputError
+from pipeline.training import Epoch, FitSummary, Plateau, Progress, device_of, history_row, run_epochs
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -25,7 +26,6 @@ NETWORK_FILE = "network.safetensors"
 ESTIMATOR_FILE = "estimator.skops"
 NORMALISATION = ("input_mean", "input_spread", "output_scale")  # in NETWORK_FILE, beside the weights
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
-SMALLEST_GAIN = 0.01  # of the validation loss: half a percent of the error; less in an epoch is noise, not progress
 LARGEST_BATCH = 128  # windows a prediction step: keeps the temporaries of every network in cache
 
 
@@ -69,17 +69,6 @@ class Training:
     drop: float
 
 
-class FitSummary(NamedTuple):
-    """How a fit ended: `stop_reason` is patience, max_epochs, closed_form or diverged.
-
-    `best_epoch`, from 1, is the epoch whose weights were kept; 0 means that none had a finite validation
-    loss, and the last weights stand.
-    """
-
-    stop_reason: str
-    best_epoch: int
-
-
 class TorchRegressor:
     """A network that maps normalised windows (n, frames, elements) to normalised maps (n, outputs)."""
 
@@ -101,7 +90,7 @@ class TorchRegressor:
         *,
         seed: int,
         device: str = "auto",
-        progress: Callable[[int, int, float, float], None] | None = None,
+        progress: Progress = None,
     ) -> list[dict]:
         """Train with Adam on the mean squared error of the map and keep the weights of the best epoch.
 
@@ -111,23 +100,42 @@ class TorchRegressor:
         learning_rate); `summary` says how it ended. Normalisation uses the training part only. The result
         depends only on data, settings and `seed` (on one CPU thread, bit for bit). A loss that is not finite
         ends the training as 'diverged'. Raises InputError for arrays of the wrong shape.
+        Differs from paper: the loss is the mean over the map instead of the sum of eq. 7; the constant factor 400
+        drops out of Adam's update, and losses of different map sizes compare.
         """
         _check(self.spec, train, "training")
         _check(self.spec, validation, "validation")
-        device = _device(device)
+        device = device_of(device)
         mean, spread = input_scale(train[0])
         output_scale = float(np.std(train[1], dtype=np.float64)) or 1.0
         self._set_normalisation(
             torch.from_numpy(mean), torch.from_numpy(spread), torch.tensor(output_scale, dtype=torch.float32)
         )
         self.network = self._new_network(seed).to(device)
-        history, self.summary = _train(
-            self,
-            self._normalised(train, device),
-            self._normalised(validation, device),
-            loss_scale=output_scale**2,
-            seed=seed,
-            progress=progress,
+        parts = self._normalised(train, device), self._normalised(validation, device)
+        optimiser = torch.optim.Adam(self.network.parameters(), lr=self.training.learning_rate, fused=True)
+        training, order = self.training, torch.Generator().manual_seed(seed)
+        plateau = Plateau(optimiser, patience=training.patience, plateau=training.plateau, drop=training.drop)
+
+        def update(losses: Iterable[torch.Tensor]) -> torch.Tensor:
+            optimiser.zero_grad()
+            total = 0.0
+            for loss in losses:
+                loss.backward()
+                total = total + loss.detach()
+            optimiser.step()
+            return total
+
+        def run_epoch() -> Epoch:
+            self.network.train()
+            learning_rate = plateau.learning_rate
+            train_loss = self.train_epoch(parts[0], order, update) * output_scale**2
+            self.network.eval()
+            with torch.no_grad():
+                return Epoch(train_loss, self.loss(parts[1]) * output_scale**2, learning_rate)
+
+        history, self.summary = run_epochs(
+            self.network, training.max_epochs, run_epoch, progress=progress, stop=plateau
         )
         self.network.eval().to("cpu")
         return history
@@ -246,7 +254,7 @@ class SklearnRegressor:
         *,
         seed: int,
         device: str = "auto",
-        progress: Callable[[int, int, float, float], None] | None = None,
+        progress: Progress = None,
     ) -> list[dict]:
         """Fit once; arguments and result as for TorchRegressor.fit, with a history of one row.
 
@@ -265,7 +273,7 @@ class SklearnRegressor:
         self.summary = FitSummary("closed_form", 1)
         if progress:
             progress(1, 1, train_loss, validation_loss)
-        return [_row(1, train_loss, validation_loss, 0.0)]
+        return [history_row(1, Epoch(train_loss, validation_loss, 0.0))]
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Pressure maps (n, outputs) in kPa, float32, for windows x (n, frames, elements) in ADC counts."""
@@ -315,82 +323,6 @@ def input_scale(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     mean = x.mean(axis=(0, 1), dtype=np.float64)
     spread = np.maximum(x.std(axis=(0, 1), dtype=np.float64), SMALLEST_SPREAD)
     return mean.astype(np.float32), spread.astype(np.float32)
-
-
-def _train(
-    regressor: TorchRegressor,
-    train: tuple[torch.Tensor, ...],
-    validation: tuple[torch.Tensor, ...],
-    *,
-    loss_scale: float,
-    seed: int,
-    progress: Callable[[int, int, float, float], None] | None,
-) -> tuple[list[dict], FitSummary]:
-    """The training loop; leaves the best epoch's weights in the regressor's network.
-
-    Differs from paper: the loss is the mean over the map instead of the sum of eq. 7; the constant factor 400
-    drops out of Adam's update, and losses of different map sizes compare.
-    """
-    network, training = regressor.network, regressor.training
-    order = torch.Generator().manual_seed(seed)
-    optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
-    learning_rate = training.learning_rate
-    history, best_loss, best_epoch, best_weights = [], float("inf"), 0, None
-    progress_loss, progress_epoch = float("inf"), 0
-    stop_reason = "max_epochs"
-
-    def update(losses: Iterable[torch.Tensor]) -> torch.Tensor:
-        optimiser.zero_grad()
-        total = 0.0
-        for loss in losses:
-            loss.backward()
-            total = total + loss.detach()
-        optimiser.step()
-        return total
-
-    for epoch in range(1, training.max_epochs + 1):
-        network.train()
-        train_loss = regressor.train_epoch(train, order, update) * loss_scale
-        network.eval()
-        with torch.no_grad():
-            validation_loss = regressor.loss(validation) * loss_scale
-        history.append(_row(epoch, train_loss, validation_loss, learning_rate))
-        if progress:
-            progress(epoch, training.max_epochs, train_loss, validation_loss)
-        if not np.isfinite([train_loss, validation_loss]).all():
-            stop_reason = "diverged"
-            break
-        if validation_loss < best_loss:
-            best_loss, best_epoch = validation_loss, epoch
-            best_weights = {name: value.clone() for name, value in network.state_dict().items()}
-        if validation_loss < progress_loss * (1 - SMALLEST_GAIN):
-            progress_loss, progress_epoch = validation_loss, epoch
-        waited = epoch - progress_epoch
-        if waited >= training.patience:
-            stop_reason = "patience"
-            break
-        if waited and waited % training.plateau == 0:
-            learning_rate *= training.drop
-            for group in optimiser.param_groups:
-                group["lr"] = learning_rate
-    if best_weights is not None:
-        network.load_state_dict(best_weights)
-    return history, FitSummary(stop_reason, best_epoch)
-
-
-def _row(epoch: int, train_loss: float, validation_loss: float, learning_rate: float) -> dict:
-    return {
-        "epoch": epoch,
-        "train_loss": train_loss,
-        "validation_loss": validation_loss,
-        "learning_rate": learning_rate,
-    }
-
-
-def _device(name: str) -> torch.device:
-    if name == "auto":
-        name = "cuda" if torch.cuda.is_available() else "cpu"
-    return torch.device(name)
 
 
 def _check(spec: Spec, windows: Windows, part: str) -> None:

@@ -10,13 +10,13 @@ from scipy.special import softmax
 from torch import nn
 
 from pipeline.errors import InputError
-from pipeline.fitting import LARGEST_BATCH, FitSummary, Spec, TorchRegressor, Windows
+from pipeline.fitting import LARGEST_BATCH, Spec, TorchRegressor, Windows
 from pipeline.images import HIGHEST, SIDE
+from pipeline.training import Epoch, Progress, device_of, run_epochs
 
 LARGEST_SHIFT = 2.0  # pixels; a glove sits that differently on a hand: pads are 3 pixels wide
 LARGEST_TURN = 10.0  # degrees
 LARGEST_STRETCH = 0.1  # of the image's size
-COLUMNS = ("epoch", "train_loss", "validation_loss", "learning_rate")  # of history.csv
 
 
 def spec_of(classes: int) -> Spec:
@@ -66,7 +66,7 @@ class ImageClassifier(TorchRegressor):
         *,
         seed: int,
         device: str = "auto",
-        progress: Callable[[int, int, float, float], None] | None = None,
+        progress: Progress = None,
     ) -> list[dict]:
         """Train on the cross-entropy and keep the weights of the epoch with the lowest one on the validation part.
 
@@ -75,7 +75,7 @@ class ImageClassifier(TorchRegressor):
         for windows, part, least in ((train, "training", 2), (validation, "validation", 1)):
             if len(windows[0]) < least:
                 raise InputError(f"the {part} part has fewer than {least} images; record more or change the split")
-        place = torch.device(device if device != "auto" else "cuda" if torch.cuda.is_available() else "cpu")
+        place = device_of(device)
         training, order = self.training, torch.Generator().manual_seed(seed)
         network = self.network = self._new_network(seed).to(place)
         optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
@@ -84,9 +84,8 @@ class ImageClassifier(TorchRegressor):
         used = len(x) - (len(x) % training.batch_size == 1)
         steps = training.max_epochs * -(-used // training.batch_size)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, training.learning_rate, total_steps=steps + 1)
-        history, best_loss, best_weights = [], float("inf"), None
-        self.summary = FitSummary("max_epochs", 0)
-        for epoch in range(1, training.max_epochs + 1):
+
+        def run_epoch() -> Epoch:
             network.train()
             total, learning_rate = torch.zeros((), device=place), optimiser.param_groups[0]["lr"]
             for batch in torch.randperm(len(x), generator=order)[:used].split(training.batch_size):
@@ -101,18 +100,9 @@ class ImageClassifier(TorchRegressor):
             with torch.no_grad():
                 parts = zip(x_validation.split(LARGEST_BATCH), y_validation.split(LARGEST_BATCH), strict=True)
                 sums = [nn.functional.cross_entropy(network(a), b, reduction="sum") for a, b in parts]
-            losses = float(total) / used, float(sum(sums)) / len(x_validation)
-            history.append(dict(zip(COLUMNS, (epoch, *losses, learning_rate), strict=True)))
-            if progress:
-                progress(epoch, training.max_epochs, *losses)
-            if not np.isfinite(losses).all():
-                self.summary = FitSummary("diverged", self.summary.best_epoch)
-                break
-            if losses[1] < best_loss:
-                best_loss, best_weights = losses[1], {k: value.clone() for k, value in network.state_dict().items()}
-                self.summary = FitSummary("max_epochs", epoch)
-        if best_weights is not None:
-            network.load_state_dict(best_weights)
+            return Epoch(float(total) / used, float(sum(sums)) / len(x_validation), learning_rate)
+
+        history, self.summary = run_epochs(network, training.max_epochs, run_epoch, progress=progress)
         network.eval().to("cpu")
         return history
 

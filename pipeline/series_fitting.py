@@ -16,13 +16,12 @@ from torch import nn
 
 from pipeline import counting
 from pipeline.errors import InputError
-from pipeline.fitting import NETWORK_FILE, FitSummary, SklearnRegressor, Spec, TorchRegressor, read_tensors
+from pipeline.fitting import NETWORK_FILE, SklearnRegressor, Spec, TorchRegressor, read_tensors
 from pipeline.series import Record, Task
+from pipeline.training import Epoch, FitSummary, Progress, device_of, history_row, run_epochs
 
 MILLIVOLT = 1e3  # window models see mV: the smallest spread that fitting.py scales by is 1
 LARGEST_CHUNK = 20_000  # windows predicted at once
-
-Progress = Callable[[int, int, float, float], None] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +137,7 @@ class LstmRegressor:
                     "model_zero in params.yaml"
                 )
             self._take_recurrent_part(base)
-        place = torch.device("cuda" if device == "cuda" or device == "auto" and torch.cuda.is_available() else "cpu")
+        place = device_of(device)
         self.network.to(place)
         parts = [
             [
@@ -165,13 +164,11 @@ class LstmRegressor:
         t = self.training
         weights = [weight for weight in self.network.parameters() if weight.requires_grad]
         optimiser = torch.optim.Adam(weights, lr=t.learning_rate)
-        rows, rate = max(1, sum(int(counted.sum()) for _, _, counted, _ in parts)), t.learning_rate
-        unit, history = self.scaling.squared_mm(), []
-        for epoch in range(1, t.max_epochs + 1):
-            if epoch == t.drop_epoch + 1:
-                rate *= t.drop
-                optimiser.param_groups[0]["lr"] = rate
-            total, validation, samples = 0.0, 0.0, 0
+        schedule = torch.optim.lr_scheduler.MultiStepLR(optimiser, [t.drop_epoch], t.drop)
+        rows, unit = max(1, sum(int(counted.sum()) for _, _, counted, _ in parts)), self.scaling.squared_mm()
+
+        def run_epoch() -> Epoch:
+            total, validation, samples, rate = 0.0, 0.0, 0, optimiser.param_groups[0]["lr"]
             for part in parts:
                 for chosen in torch.randperm(len(part[0]), generator=order).to(part[0].device).split(t.batch):
                     x, y, counted, held = (column[chosen] for column in part)
@@ -183,13 +180,10 @@ class LstmRegressor:
                     total += float(error.detach()[counted].sum()) / rows
                     validation += float(error.detach()[held].sum())
                     samples += int(held.sum())
-            history.append(_row(epoch, total * unit, validation / max(samples, 1) * unit, rate))
-            if progress:
-                progress(epoch, t.max_epochs, history[-1]["train_loss"], history[-1]["validation_loss"])
-            if not np.isfinite(total):
-                self.summary = FitSummary("diverged", 0)
-                return history
-        self.summary = FitSummary("max_epochs", t.max_epochs)
+            schedule.step()
+            return Epoch(total * unit, validation / samples * unit if samples else None, rate)
+
+        history, self.summary = run_epochs(self.network, t.max_epochs, run_epoch, progress=progress, keep_last=True)
         return history
 
     def _solve(self, parts: list[list]) -> list[dict]:
@@ -200,7 +194,7 @@ class LstmRegressor:
         held = torch.cat([held[counted] for *_, counted, held in parts]).cpu().numpy()
         error = np.square(latent @ weights - y).mean(1) * self.scaling.squared_mm()
         self.summary = FitSummary("closed_form", 1)
-        return [_row(1, float(error.mean()), float(error[held].mean()) if held.any() else float("nan"), 0.0)]
+        return [history_row(1, Epoch(float(error.mean()), float(error[held].mean()) if held.any() else None, 0.0))]
 
     def latents(self, x: np.ndarray) -> np.ndarray:
         """States (T, units) for voltages (T, channels)."""
@@ -294,7 +288,7 @@ class StateReadout:
             for masks in (chosen, held)
         ]
         self.summary = FitSummary("closed_form", 1)
-        return [_row(1, *losses, 0.0)]
+        return [history_row(1, Epoch(*losses, 0.0))]
 
     def _states(self, x: np.ndarray) -> np.ndarray:
         states = self.advance(self.system, self.scaling.inputs(x).numpy()[None], None)[0]
@@ -423,7 +417,3 @@ def _streams(column: torch.Tensor, streams: int) -> torch.Tensor:
     """(1, T, ...) as (streams, T // streams, ...); the first samples that do not fill a stream are left out."""
     length = column.shape[1] // streams
     return column[0, column.shape[1] - streams * length :].view(streams, length, *column.shape[2:])
-
-
-def _row(epoch: int, train_loss: float, validation_loss: float, rate: float) -> dict:
-    return {"epoch": epoch, "train_loss": train_loss, "validation_loss": validation_loss, "learning_rate": rate}

@@ -24,10 +24,11 @@ from torch import nn
 
 from pipeline import counting
 from pipeline.errors import InputError
-from pipeline.fitting import NETWORK_FILE, FitSummary, Spec, read_tensors
+from pipeline.fitting import NETWORK_FILE, Spec, read_tensors
 from pipeline.schema import StretchTraining, Taps, Width
 from pipeline.series import Record
-from pipeline.series_fitting import Progress, Scaling
+from pipeline.series_fitting import Scaling
+from pipeline.training import Epoch, FitSummary, Progress, device_of, run_epochs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +97,7 @@ class HighpassLstm:
         part has no stretch of `length` samples.
         """
         t, self.scaling = self.training, Scaling(records)
-        place = torch.device("cuda" if device == "cuda" or device == "auto" and torch.cuda.is_available() else "cpu")
+        place = device_of(device)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self.network = _Network(*self.shape).to(place)
@@ -115,8 +116,8 @@ class HighpassLstm:
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, t.learning_rate, steps, pct_start=rise)
         draw = torch.Generator().manual_seed(seed)
         with_past, offsets = torch.arange(1 - self.taps, t.length), torch.arange(t.length)
-        best, best_epoch, history, stop_reason = float("inf"), 0, [], "max_epochs"
-        for epoch in range(1, t.max_epochs + 1):
+
+        def run_epoch() -> Epoch:
             total = samples = 0.0
             rate = schedule.get_last_lr()[0]
             for _ in range(updates):
@@ -133,21 +134,9 @@ class HighpassLstm:
                 optimiser.step()
                 schedule.step()
                 total, samples = total + float(squares.detach()), samples + float(weights.sum())
-            losses = total / max(samples, 1) * self.scaling.squared_mm(), self._loss(held, place)
-            history.append(
-                {"epoch": epoch, "train_loss": losses[0], "validation_loss": losses[1], "learning_rate": rate}
-            )
-            if progress:
-                progress(epoch, t.max_epochs, *losses)
-            if not np.isfinite(losses[0]) or (held and not np.isfinite(losses[1])):
-                stop_reason = "diverged"
-                break
-            if losses[1] < best:
-                best, best_epoch = losses[1], epoch
-                kept = {name: value.clone() for name, value in self.network.state_dict().items()}
-        self.summary = FitSummary(stop_reason, best_epoch)
-        if best_epoch:
-            self.network.load_state_dict(kept)
+            return Epoch(total / max(samples, 1) * self.scaling.squared_mm(), self._loss(held, place), rate)
+
+        history, self.summary = run_epochs(self.network, t.max_epochs, run_epoch, progress=progress)
         self.network.to("cpu")
         return history
 
@@ -204,15 +193,15 @@ class HighpassLstm:
         own = torch.from_numpy((record.counted & ~record.training)[first:])
         return self._padded(self.scaling.inputs(record.x[first:]))[None], self.scaling.targets(record.y[first:]), own
 
-    def _loss(self, held: list[tuple], place: torch.device) -> float:
-        """Mean squared error over the validation part in mm squared; NaN without one."""
+    def _loss(self, held: list[tuple], place: torch.device) -> float | None:
+        """Mean squared error over the validation part in mm squared; None without one."""
         squares, samples = 0.0, 0
         with torch.no_grad():
             for x, y, own in held:
                 guess = self.network(x.to(place))[0][0].cpu()
                 squares += float((guess - y)[own].square().mean(1).sum())
                 samples += int(own.sum())
-        return squares / samples * self.scaling.squared_mm() if samples else float("nan")
+        return squares / samples * self.scaling.squared_mm() if samples else None
 
 
 def _starts(training: np.ndarray, length: int) -> np.ndarray:
