@@ -4,7 +4,6 @@ import io
 import json
 import zipfile
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from torch import nn
 
 from pipeline import counting
+from pipeline.blocks import EarlyStopping
 from pipeline.errors import InputError
 from pipeline.training import Epoch, FitSummary, Plateau, Progress, device_of, history_row, run_epochs
 
@@ -52,30 +52,13 @@ class Spec(NamedTuple):
 Windows = tuple[np.ndarray, np.ndarray]  # x (n, frames, elements) in ADC counts, y (n, outputs) in kPa
 
 
-@dataclass(frozen=True, kw_only=True)
-class Training:
-    """Settings of the training loop; pipeline/schema.py says which values they may have (EarlyStopping).
-
-    The learning rate is multiplied by `drop` whenever `plateau` epochs in a row have not lowered the
-    validation loss by SMALLEST_GAIN; training stops after `patience` such epochs, and after `max_epochs` at
-    the latest.
-    """
-
-    learning_rate: float
-    batch_size: int
-    max_epochs: int
-    patience: int
-    plateau: int
-    drop: float
-
-
 class TorchRegressor:
     """A network that maps normalised windows (n, frames, elements) to normalised maps (n, outputs)."""
 
     streams = False  # True: carries its state from window to window, see `models/lomp_stream.py`
     chunk = 1 << 30  # windows of a batch that go through the network at once; the gradients of a batch add up
 
-    def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: Training):
+    def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: EarlyStopping):
         self.make_network = make_network
         self.spec = spec
         self.training = training

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import torch
 from scipy.special import softmax
 from torch import nn
 
+from pipeline.blocks import AugmentedTraining
 from pipeline.errors import InputError
 from pipeline.fitting import LARGEST_BATCH, Spec, TorchRegressor, Windows
 from pipeline.images import HIGHEST, SIDE
@@ -24,34 +24,19 @@ def spec_of(classes: int) -> Spec:
     return Spec(1, SIDE, SIDE, 1, classes)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ImageTraining:
-    """Settings of the training: Adam for `max_epochs`, `learning_rate` being the highest of one cycle (Smith 2018).
+class ImageClassifier(TorchRegressor):
+    """A network from images (n, 1, SIDE, SIDE) in 0 .. 1 to a score of each class (n, classes).
 
-    flip, affine: probability an image; noise: standard deviation, images being scaled to 0 .. 1 (SP-ResNet paper,
-    section 2.2, methods A, C and B). In pipeline/schema.py the settings are AugmentedTraining.
+    Windows x are (n, 1, SIDE * SIDE) in 0 .. 255, labels y one-hot (n, classes); `predict` gives probabilities.
+    Saving, loading and counting are TorchRegressor's. Methods A, C and B (SP-ResNet paper, section 2.2) are the
+    settings flip, affine and noise.
     Differs from paper: its learning rate, printed as 10^7, is read as 10^-3, Adam's usual one; here the rate rises and
     falls once around it, with which a few epochs are enough in place of 50. Translation, rotation and scaling have no
     printed ranges: up to 2 pixels, 10 degrees and 10 %. Images are altered anew in every epoch; the paper also says
     that methods A and C add 30 % more images, which the stated probabilities do not.
     """
 
-    learning_rate: float
-    batch_size: int
-    max_epochs: int
-    flip: float
-    noise: float
-    affine: float
-
-
-class ImageClassifier(TorchRegressor):
-    """A network from images (n, 1, SIDE, SIDE) in 0 .. 1 to a score of each class (n, classes).
-
-    Windows x are (n, 1, SIDE * SIDE) in 0 .. 255, labels y one-hot (n, classes); `predict` gives probabilities.
-    Saving, loading and counting are TorchRegressor's.
-    """
-
-    def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: ImageTraining):
+    def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: AugmentedTraining):
         def from_windows() -> nn.Module:
             network = nn.Sequential(nn.Unflatten(2, (SIDE, SIDE)), make_network())
             return network.to(memory_format=torch.channels_last)  # 1.1 to 1.9 times as fast to train
@@ -111,8 +96,8 @@ class ImageClassifier(TorchRegressor):
         return softmax(super().predict(x), axis=1)
 
 
-def augmented(images: torch.Tensor, training: ImageTraining, rng: torch.Generator) -> torch.Tensor:
-    """Images (n, 1, SIDE, SIDE) in 0 .. 1 altered by methods A, B and C, in this order; see ImageTraining.
+def augmented(images: torch.Tensor, training: AugmentedTraining, rng: torch.Generator) -> torch.Tensor:
+    """Images (n, 1, SIDE, SIDE) in 0 .. 1 altered by methods A, B and C, in this order.
 
     rng is a generator on the CPU, so that a GPU sees the same images.
     """

@@ -2,17 +2,18 @@
 
 from torch import nn
 
+from pipeline.blocks import AugmentedTraining
 from pipeline.errors import InputError
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, ImageTraining
+from pipeline.image_fitting import ImageClassifier
 from pipeline.residual import separable_network
 
 STEM = 64  # channels of the published network's first half
 
 
-def build(spec: Spec, *, width: float, reduction: int, training: dict) -> ImageClassifier:
+def build(spec: Spec, *, width: float, reduction: int, training: AugmentedTraining) -> ImageClassifier:
     """SP-ResNet with `width` times the published channels: at 1 the model `sp_resnet`, 99,224 parameters."""
-    return ImageClassifier(lambda: network(1, spec.outputs, width, reduction), spec, ImageTraining(**training))
+    return ImageClassifier(lambda: network(1, spec.outputs, width, reduction), spec, training)
 
 
 def network(channels: int, classes: int, width: float, reduction: int) -> nn.Sequential:

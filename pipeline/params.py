@@ -1,4 +1,4 @@
-"""params.yaml: loading, and refusing what nobody would read."""
+"""Load params.yaml and reject unknown or missing keys and impossible values."""
 
 import ast
 import difflib
@@ -8,13 +8,14 @@ import re
 import reprlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, Literal, get_args, get_origin
 
+from pydantic import ValidationError, create_model
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 
-from pipeline import paths, schema
+from pipeline import blocks, paths
 from pipeline.errors import InputError
 
 DEEPEST = 20  # blocks and lists inside each other; params.yaml has 8. The parser in C crashes at some 30,000
@@ -22,7 +23,7 @@ MODEL_KEY = re.compile(r"[a-z][a-z0-9_]*")  # a key becomes a file's, a folder's
 
 
 def load(path: Path = paths.PARAMS) -> dict:
-    """Return params.yaml as nested dictionaries, every key and value checked against pipeline/schema.py.
+    """Return params.yaml as nested dictionaries, every key and value checked against pipeline/blocks.py.
 
     A stage calls it once, in its `main`, and hands the values on: a file that changes while a stage runs must not
     reach a part of it.
@@ -36,13 +37,11 @@ def load(path: Path = paths.PARAMS) -> dict:
 
 
 def check(values) -> None:
-    """Hold all of params.yaml against pipeline/schema.py and pipeline/models; InputError names what fails first."""
-    check_block(values, schema.SCHEMA, "")
+    """Hold all of params.yaml against pipeline/blocks.py and pipeline/models; InputError names what fails first."""
+    check_block(values, blocks.Settings, "")
     for experiment, block in values.items():
         if isinstance(block, Mapping) and "models" in block:
             check_models(block["models"], f"{experiment}.models")
-        if experiment in schema.SPLIT_IN_THREE and sum(block["split"][part] for part in ("train", "validation")) >= 1:
-            raise InputError(f"params.yaml, {experiment}.split: train and validation leave nothing to test on")
     for experiment, block in values.get("physics", {}).items():
         check_models(block["models"], f"physics.{experiment}.models")
 
@@ -73,27 +72,62 @@ def _shown(value) -> str:
     return short.repr(value)
 
 
-def check_block(given, schema: Mapping, where: str) -> None:
-    """Hold a block of params.yaml against its part of the schema; InputError names the first key that fails."""
-    check_keys(given, schema, where or "top level")
-    for key, wanted in schema.items():
-        name = f"{where}.{key}" if where else key
-        if isinstance(wanted, Mapping):
-            check_block(given[key], wanted, name)
-        elif wrong := wanted(given[key]):
-            raise InputError(f"params.yaml, {name}: expected {wrong}, got {_shown(given[key])}")
+def check_block(given, kind: type[blocks.Block], where: str) -> blocks.Block:
+    """Return a block of params.yaml as its pydantic model; InputError names the key that fails, unknown ones first."""
+    try:
+        return kind.model_validate(given)
+    except ValidationError as error:
+        faults = error.errors(include_url=False)
+        fault = next((fault for fault in faults if fault["type"] == "extra_forbidden"), faults[0])
+    *path, key = fault["loc"] or ("",)
+    inside = _dotted(where, *path) or "top level"
+    if fault["type"] == "extra_forbidden":
+        check_known([key], _at(kind, path).model_fields, inside)
+    if fault["type"] == "missing":
+        raise InputError(f"params.yaml, {inside}: key '{key}' is missing; add it")
+    name = _dotted(where, *(step for step in fault["loc"] if not isinstance(step, int))) or "top level"
+    if fault["type"] == "value_error":  # a rule of blocks.py's own, which says what should be
+        raise InputError(f"params.yaml, {name}: {fault['ctx']['error']}")
+    each = "a list of which each is " if isinstance(key, int) else ""
+    expected = each + _expected(_at(kind, fault["loc"]))
+    raise InputError(f"params.yaml, {name}: expected {expected}, got {_shown(fault['input'])}")
 
 
-def check_keys(given: Mapping, expected: Iterable[str], where: str) -> None:
-    """InputError that names the first unknown key (with "did you mean") or the first missing one."""
-    expected = list(expected)
-    if not isinstance(given, Mapping):
-        keys = ", ".join(expected) or "{}"
-        raise InputError(f"params.yaml, {where}: expected a block of settings ({keys}), got {_shown(given)}")
-    check_known(given, expected, where)
-    for key in expected:
-        if key not in given:
-            raise InputError(f"params.yaml, {where}: key '{key}' is missing; add it")
+def _dotted(*names) -> str:
+    """The names of nested keys as one, `touch.models.cnn`."""
+    return ".".join(str(name) for name in names if name != "")
+
+
+def _at(kind, path: Iterable):
+    """The kind (an annotation) of what lies at `path`, keys and places in lists, in a value of this kind."""
+    for step in path:
+        plain = get_args(kind)[0] if get_origin(kind) is Annotated else kind
+        if isinstance(plain, type) and issubclass(plain, blocks.Block):
+            field = plain.model_fields[step]
+            kind = Annotated[field.annotation, field] if field.metadata else field.annotation
+        else:
+            kind = get_args(plain)[-1]  # of a list, or of the values of a mapping
+    return kind
+
+
+def _expected(kind) -> str:
+    """What a setting of this kind must be, in words."""
+    limits = {}
+    while get_origin(kind) is Annotated:
+        kind, *extras = get_args(kind)
+        for limit in (limit for extra in extras for limit in getattr(extra, "metadata", ())):
+            limits |= {name: getattr(limit, name) for name in ("ge", "le", "max_length") if hasattr(limit, name)}
+    number = "d" if kind is int else "g"
+    span = f" from {limits['ge']:{number}} to {limits['le']:{number}}" if "ge" in limits else ""
+    if get_origin(kind) is Literal:
+        return f"one of {', '.join(map(str, get_args(kind)))}"
+    if get_origin(kind) is list:
+        return f"a list of 1 to {limits['max_length']} entries"
+    if get_origin(kind) is dict or not isinstance(kind, type):
+        return "a non-empty block"
+    if issubclass(kind, blocks.Block):
+        return f"a block of settings ({', '.join(kind.model_fields) or '{}'})"
+    return {int: "a whole number", float: "a number", bool: "true or false", str: "text"}[kind] + span
 
 
 def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
@@ -119,14 +153,14 @@ def check_models(models: Mapping, where: str) -> None:
         check_model(key, settings, f"{where}.{key}")
 
 
-def check_model(key: str, settings, where: str) -> None:
-    """Hold one model's block against the signature of its `build`; InputError names what fails."""
+def check_model(key: str, settings, where: str) -> blocks.Block:
+    """Return one model's block, held against the signature of its `build`; InputError names what fails."""
     known = model_keys()
     if key not in known:
         near = difflib.get_close_matches(key, known, n=1)
         hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
         raise InputError(f"params.yaml, {where}: there is no pipeline/models/{key}.py; {hint}")
-    check_block(settings, model_schema(paths.MODELS / f"{key}.py"), where)
+    return check_block(settings, model_block(paths.MODELS / f"{key}.py"), where)
 
 
 def model_keys() -> list[str]:
@@ -135,24 +169,25 @@ def model_keys() -> list[str]:
 
 
 @functools.cache
-def model_schema(path: Path) -> dict:
-    """Return the schema of a model's block: the check of each keyword-only argument of `build`, from its annotation.
+def model_block(path: Path) -> type[blocks.Block]:
+    """Return the pydantic model of a model's block: the keyword-only arguments of `build`, of their annotations' kinds.
 
     The file is parsed, not imported: imports of torch and scikit-learn would cost every stage 3 s.
     """
     tree = ast.parse(path.read_text(encoding="utf-8"))
     (build,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "build")
-    return {argument.arg: _check_of(argument, path) for argument in build.args.kwonlyargs}
+    kinds = {argument.arg: (_kind(argument, path), ...) for argument in build.args.kwonlyargs}
+    return create_model(path.stem, __base__=blocks.Block, **kinds)
 
 
-def _check_of(argument: ast.arg, path: Path):
-    kind = getattr(schema, argument.annotation.id, None) if isinstance(argument.annotation, ast.Name) else None
-    if len(get_args(kind)) != 2:
+def _kind(argument: ast.arg, path: Path):
+    name = argument.annotation.id if isinstance(argument.annotation, ast.Name) else ""
+    if not hasattr(blocks, name):
         raise InputError(
-            f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/schema.py as its "
+            f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/blocks.py as its "
             "annotation, such as Count, Positive or EarlyStopping"
         )
-    return get_args(kind)[1]
+    return getattr(blocks, name)
 
 
 def build_model(key: str, spec, settings: Mapping, where: str):
@@ -160,8 +195,7 @@ def build_model(key: str, spec, settings: Mapping, where: str):
 
     Raises InputError when there is no such file or when the block does not fit `build`'s signature.
     """
-    check_model(key, settings, where)
-    return importlib.import_module(f"pipeline.models.{key}").build(spec, **settings)
+    return importlib.import_module(f"pipeline.models.{key}").build(spec, **dict(check_model(key, settings, where)))
 
 
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:

@@ -18,7 +18,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, files, images, metrics, params, paths, schema, series, tables, trained, workers
+from pipeline import blocks, classification, files, images, metrics, params, paths, series, tables, trained, workers
 from pipeline.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, DEFAULT, NONE, variants
 from pipeline.window import windows_of
@@ -31,10 +31,12 @@ def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dic
     """The experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
 
     `none`: with all of them; `default`: with those that are on in params.yaml. Raises InputError where the result is
-    not what pipeline/schema.py allows.
+    not what pipeline/blocks.py allows.
     """
     settings = _merged(values[experiment], values["physics"][experiment]["scene"])
-    params.check_block(settings, schema.SCHEMA[experiment], f"{experiment} with physics.{experiment}.scene")
+    params.check_block(
+        settings, blocks.Settings.model_fields[experiment].annotation, f"{experiment} with physics.{experiment}.scene"
+    )
     scene = settings["simulate"]
     on = dict.fromkeys(scene["effects"], True)
     effects = {NONE: on, DEFAULT: scene["effects"]}.get(effect, on | {effect: False})

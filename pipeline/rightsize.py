@@ -76,7 +76,9 @@ def glove_run(values: Mapping, condition: str, width: float, seed: int, report) 
     if width == 1:
         run = trained.load(values, "glove", "sp_resnet", protocol, seed, spec)
     else:
-        classifier = narrow.build(spec, width=width, **block)
+        classifier = narrow.build(
+            spec, width=width, **dict(params.check_model("sp_resnet", block, "glove.models.sp_resnet"))
+        )
         classifier.fit(train, validation, seed=seed, device=values["device"])
         run = trained.Trained(classifier, failed=classifier.summary.best_epoch == 0)
     scores = metrics.unless_failed(classification.scores(test[1], run.predict(test[0])), run.failed)

@@ -6,7 +6,6 @@ parallel streams, `save`, `load`, `parameters`, `macs` (for one sample) and `sum
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from safetensors.torch import save_file
 from torch import nn
 
 from pipeline import counting
+from pipeline.blocks import SequenceTraining
 from pipeline.errors import InputError
 from pipeline.fitting import NETWORK_FILE, SklearnRegressor, Spec, TorchRegressor, read_tensors
 from pipeline.series import Record, Task
@@ -22,25 +22,6 @@ from pipeline.training import Epoch, FitSummary, Progress, device_of, history_ro
 
 MILLIVOLT = 1e3  # window models see mV: the smallest spread that fitting.py scales by is 1
 LARGEST_CHUNK = 20_000  # windows predicted at once
-
-
-@dataclass(frozen=True, kw_only=True)
-class Recipe:
-    """How the paper trains (its authors' script): Adam on the whole series as one sequence, an update an epoch.
-
-    The learning rate is multiplied by `drop` after `drop_epoch` epochs; gradients are clipped to norm `clip`.
-    `streams`: into how many pieces of equal length, each from a zero state, the series is cut; `batch`: how many of
-    them, drawn anew in every epoch, an update sees side by side. 1 and 1 in the paper; more are faster and give more
-    updates, but forget what lies before a piece. In pipeline/schema.py the settings are SequenceTraining.
-    """
-
-    learning_rate: float
-    max_epochs: int
-    drop_epoch: int
-    drop: float
-    clip: float
-    streams: int
-    batch: int
 
 
 class Scaling:
@@ -111,7 +92,9 @@ class LstmRegressor:
     `closed_form`: ridge penalty of a read-out solved in one step, or None to train it with the recipe.
     """
 
-    def __init__(self, spec: Spec, units: int, training: Recipe | None, *, transfer: bool, ridge: float | None = None):
+    def __init__(
+        self, spec: Spec, units: int, training: SequenceTraining | None, *, transfer: bool, ridge: float | None = None
+    ):
         self.spec, self.training, self.transfer, self.ridge = spec, training, transfer, ridge
         self.network = Lstm(spec.elements, units, spec.outputs)
         self.summary: FitSummary | None = None

@@ -17,7 +17,7 @@ STAGES |= {"agreement", "settings"}
 COMMANDS = {"fetch", "scale", "fit_material", "check", "record"}
 WINDOWING = {f"pipeline/{name}.py" for name in ("check", "physics", "stress_windows")}
 # Modules that find, check, start and write things but cannot change a number: DVC need not watch them.
-PLUMBING = {"availability", "cluster", "errors", "files", "params", "parent", "paths", "runs", "schema", "workers"}
+PLUMBING = {"availability", "blocks", "cluster", "errors", "files", "params", "parent", "paths", "runs", "workers"}
 PLUMBING = {f"pipeline/{name}.py" for name in PLUMBING}
 # Reading recordings is ingest's part of an experiment's file: of no concern to the stages after it.
 READERS = {"pipeline/logs.py", "pipeline/alignment.py", "pipeline/matlab.py"}
@@ -144,7 +144,7 @@ def leaves(block, path=()):
 
 def test_every_key_is_read_by_something():
     sources = [
-        path.read_text() for path in (ROOT / "pipeline").rglob("*.py") if path.name not in ("schema.py", "scale.py")
+        path.read_text() for path in (ROOT / "pipeline").rglob("*.py") if path.name not in ("blocks.py", "scale.py")
     ]
     source = "\n".join(sources)
     for path in leaves(params.load()):

@@ -7,8 +7,9 @@ from safetensors.torch import load_file
 from torch import nn
 
 from pipeline import counting, fitting
+from pipeline.blocks import EarlyStopping
 from pipeline.errors import InputError
-from pipeline.fitting import SklearnRegressor, Spec, TorchRegressor, Training, input_scale
+from pipeline.fitting import SklearnRegressor, Spec, TorchRegressor, input_scale
 
 SPEC = Spec(2, 1, 3, 2, 2)
 
@@ -22,7 +23,7 @@ def linear_network():
 
 
 def regressor(**changes):
-    return TorchRegressor(linear_network, SPEC, Training(**settings(**changes)))
+    return TorchRegressor(linear_network, SPEC, EarlyStopping(**settings(**changes)))
 
 
 def windows(n=64, seed=0):
@@ -75,7 +76,7 @@ class _BreaksDown(nn.Module):
 
 
 def test_divergence_is_recorded_not_raised():
-    model = TorchRegressor(_BreaksDown, SPEC, Training(**settings(batch_size=64)))
+    model = TorchRegressor(_BreaksDown, SPEC, EarlyStopping(**settings(batch_size=64)))
     history = model.fit(windows(), windows(seed=1), seed=0)
     assert model.summary == ("diverged", 2)
     assert len(history) == 3 and np.isnan(history[-1]["train_loss"])
@@ -170,7 +171,7 @@ def test_loading_weights_of_other_settings_is_refused(tmp_path):
     other = TorchRegressor(
         lambda: nn.Sequential(nn.Flatten(), nn.Linear(6, 5), nn.Linear(5, 4)),
         SPEC,
-        Training(**settings()),
+        EarlyStopping(**settings()),
     )
     with pytest.raises(InputError, match="other settings"):
         other.load(tmp_path)

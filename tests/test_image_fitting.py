@@ -5,8 +5,9 @@ import pytest
 import torch
 from torch import nn
 
+from pipeline.blocks import AugmentedTraining
 from pipeline.errors import InputError
-from pipeline.image_fitting import ImageClassifier, ImageTraining, augmented, spec_of
+from pipeline.image_fitting import ImageClassifier, augmented, spec_of
 from pipeline.images import SIDE
 
 NONE = {"learning_rate": 1e-2, "batch_size": 8, "max_epochs": 3, "flip": 0.0, "noise": 0.0, "affine": 0.0}
@@ -20,7 +21,7 @@ def pictures(n=400):
 
 
 def altered(images, **methods):
-    return augmented(images, ImageTraining(**NONE | methods), torch.Generator().manual_seed(0))
+    return augmented(images, AugmentedTraining(**NONE | methods), torch.Generator().manual_seed(0))
 
 
 def centres(images):
@@ -84,7 +85,7 @@ def task(n):
 
 
 def classifier(**changes):
-    return ImageClassifier(Linear, spec_of(2), ImageTraining(**NONE | changes))
+    return ImageClassifier(Linear, spec_of(2), AugmentedTraining(**NONE | changes))
 
 
 @pytest.mark.parametrize("n", [16, 17])  # 17: a last batch of one image, which batch normalisation cannot train on

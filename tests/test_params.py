@@ -98,8 +98,8 @@ IMPOSSIBLE = [
     (("models", "lomp", "alpha"), float("inf"), "a number from"),
     (("models", "cnn", "channels"), ["a"], "a list of which each is a whole number from 1"),
     (("models", "cnn", "channels"), [0], "a list of which each is a whole number from 1"),
-    (("models", "cnn", "channels"), [], "a non-empty list"),
-    (("models", "cnn", "channels"), [1] * 1001, "a list of at most 1000 entries"),
+    (("models", "cnn", "channels"), [], "a list of 1 to 1000 entries"),
+    (("models", "cnn", "channels"), [1] * 1001, "a list of 1 to 1000 entries"),
     (("models", "tree", "min_samples_leaf"), 0, "whole number from 1"),
     (("models", "tree", "max_features"), -1, "a number from 1e-06 to 1"),
     (("models", "cnn", "training"), 3, "expected a block of settings"),
@@ -148,14 +148,14 @@ def test_impossible_values_of_other_experiments_too(path, value):
 
 def test_every_model_says_which_values_its_settings_may_have():
     for key in params.model_keys():
-        params.model_schema(paths.MODELS / f"{key}.py")
+        params.model_block(paths.MODELS / f"{key}.py")
 
 
 def test_a_setting_without_a_kind_is_named(tmp_path):
     path = tmp_path / "nearest.py"
     path.write_text("def build(spec, *, k: int):\n    return None\n")
-    with pytest.raises(InputError, match="nearest.py: build's argument 'k' needs a kind of pipeline/schema.py"):
-        params.model_schema(path)
+    with pytest.raises(InputError, match="nearest.py: build's argument 'k' needs a kind of pipeline/blocks.py"):
+        params.model_block(path)
 
 
 @pytest.mark.parametrize(

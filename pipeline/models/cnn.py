@@ -2,13 +2,13 @@
 
 from torch import nn
 
-from pipeline.fitting import Spec, TorchRegressor, Training
-from pipeline.schema import EarlyStopping, Widths
+from pipeline.blocks import EarlyStopping, Widths
+from pipeline.fitting import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, channels: Widths, hidden: Widths, training: EarlyStopping) -> TorchRegressor:
     """Convolutions 3x3 8-32-64-64 on 5x5, linear 1600-256-256-400: 636,208 parameters."""
-    return TorchRegressor(lambda: _network(spec, channels, hidden), spec, Training(**training))
+    return TorchRegressor(lambda: _network(spec, channels, hidden), spec, training)
 
 
 def _network(spec: Spec, channels: list[int], hidden: list[int]) -> nn.Sequential:

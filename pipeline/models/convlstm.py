@@ -3,13 +3,13 @@
 import torch
 from torch import nn
 
-from pipeline.fitting import Spec, TorchRegressor, Training
-from pipeline.schema import EarlyStopping, Width
+from pipeline.blocks import EarlyStopping, Width
+from pipeline.fitting import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, filters: Width, training: EarlyStopping) -> TorchRegressor:
     """32 filters 3x3 on 5x5 (38,144), linear 800-400: 358,544 parameters."""
-    return TorchRegressor(lambda: _ConvLstm(spec, filters), spec, Training(**training))
+    return TorchRegressor(lambda: _ConvLstm(spec, filters), spec, training)
 
 
 class _ConvLstm(nn.Module):

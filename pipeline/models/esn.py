@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import sparse
 
+from pipeline.blocks import NotNegative, Positive, Share, Width
 from pipeline.fitting import Spec
-from pipeline.schema import NotNegative, Positive, Share, Width
 from pipeline.seeding import generator
 from pipeline.series_fitting import StateReadout
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pipeline.fitting import Spec, Training
+from pipeline.blocks import EarlyStopping, Neighbours, Number, Width, Widths
+from pipeline.fitting import Spec
 from pipeline.message_passing import LompRegressor, maker
-from pipeline.schema import EarlyStopping, Neighbours, Number, Width, Widths
 
 
 def build(
@@ -16,7 +16,7 @@ def build(
     Differs from paper: left open there and chosen here on validation windows: 4 neighbours, alpha 1, batches of
     32, zero state at the start of a window, loss on the last frame.
     """
-    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha), spec, Training(**training))
+    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training)
 
 
 class WindowLomp(LompRegressor):

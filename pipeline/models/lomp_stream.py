@@ -11,16 +11,16 @@ import torch
 from torch import nn
 
 from pipeline import counting
-from pipeline.fitting import LARGEST_BATCH, Spec, Training
+from pipeline.blocks import EarlyStopping, Neighbours, Number, Width, Widths
+from pipeline.fitting import LARGEST_BATCH, Spec
 from pipeline.message_passing import LompRegressor, maker
-from pipeline.schema import EarlyStopping, Neighbours, Number, Width, Widths
 
 
 def build(
     spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: EarlyStopping
 ) -> "StreamingLomp":
     """Settings as of `lomp`; a frame costs its share of a window and one read-out. InputError as `maker`."""
-    return StreamingLomp(maker(spec, hidden, readout, neighbours, alpha), spec, Training(**training))
+    return StreamingLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training)
 
 
 class StreamingLomp(LompRegressor):

@@ -1,10 +1,10 @@
 """Direct training (latent-space paper, Table I): tanh, LSTM, linear read-out, all of it trained on the task."""
 
+from pipeline.blocks import SequenceTraining, Width
 from pipeline.fitting import Spec
-from pipeline.schema import SequenceTraining, Width
-from pipeline.series_fitting import LstmRegressor, Recipe
+from pipeline.series_fitting import LstmRegressor
 
 
 def build(spec: Spec, *, units: Width, training: SequenceTraining) -> LstmRegressor:
     """Six channels and 50 units: 11,450 parameters for one output, 11,500 for two."""
-    return LstmRegressor(spec, units, Recipe(**training), transfer=False)
+    return LstmRegressor(spec, units, training, transfer=False)

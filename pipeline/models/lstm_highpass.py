@@ -14,7 +14,6 @@ sums of zero 0.96 and 0.98. Within a day all four are between 0.90 and 0.97: val
 cannot tell them apart, so the constraint is a choice made before.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,34 +22,17 @@ from safetensors.torch import save_file
 from torch import nn
 
 from pipeline import counting
+from pipeline.blocks import StretchTraining, Taps, Width
 from pipeline.errors import InputError
 from pipeline.fitting import NETWORK_FILE, Spec, read_tensors
-from pipeline.schema import StretchTraining, Taps, Width
 from pipeline.series import Record
 from pipeline.series_fitting import Scaling
 from pipeline.training import Epoch, FitSummary, Progress, device_of, run_epochs
 
 
-@dataclass(frozen=True, kw_only=True)
-class Training:
-    """Adam on random stretches of `length` samples, each from a zero state and without its first `warm_up` samples
-    in the loss; the learning rate rises to `learning_rate` and falls again over the epochs (one cycle, Smith 2018).
-    An epoch is as many stretches as cover the training part once; gradients are clipped to norm `clip`.
-    """
-
-    learning_rate: float
-    max_epochs: int
-    batch: int
-    length: int
-    warm_up: int
-    clip: float
-
-
 def build(spec: Spec, *, filters: Width, taps: Taps, units: Width, training: StretchTraining) -> "HighpassLstm":
     """`filters` filters of `taps` samples, an LSTM of `units`, a linear read-out."""
-    if training["warm_up"] >= training["length"]:
-        raise InputError("lstm_highpass, training: warm_up must be less than length, or nothing counts")
-    return HighpassLstm(spec, filters, taps, units, Training(**training))
+    return HighpassLstm(spec, filters, taps, units, training)
 
 
 class _Network(nn.Module):
@@ -80,7 +62,7 @@ class _Network(nn.Module):
 class HighpassLstm:
     """The regressor; methods as all regressors for series have them (pipeline/series_fitting.py)."""
 
-    def __init__(self, spec: Spec, filters: int, taps: int, units: int, training: Training):
+    def __init__(self, spec: Spec, filters: int, taps: int, units: int, training: StretchTraining):
         self.spec, self.taps, self.training = spec, taps, training
         self.shape = (spec, filters, taps, units)
         self.network = _Network(*self.shape)

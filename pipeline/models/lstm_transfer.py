@@ -2,15 +2,15 @@
 
 import torch
 
+from pipeline.blocks import SequenceTraining
 from pipeline.fitting import Spec
-from pipeline.schema import SequenceTraining
 from pipeline.series import Record
-from pipeline.series_fitting import LstmRegressor, Recipe
+from pipeline.series_fitting import LstmRegressor
 
 
 def build(spec: Spec, *, training: SequenceTraining) -> "Transfer":
     """Read-out of model-0's 50 states: 50 trained parameters for one output, 100 for two."""
-    return Transfer(spec, 1, Recipe(**training), transfer=True)
+    return Transfer(spec, 1, training, transfer=True)
 
 
 class Transfer(LstmRegressor):

@@ -1,7 +1,7 @@
 """Transfer with the read-out solved in one step: ridge regression on the frozen states of model-0."""
 
+from pipeline.blocks import NotNegative
 from pipeline.fitting import Spec
-from pipeline.schema import NotNegative
 from pipeline.series_fitting import LstmRegressor
 
 

@@ -2,10 +2,10 @@
 
 from torch import nn
 
+from pipeline.blocks import AugmentedTraining
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, ImageTraining
+from pipeline.image_fitting import ImageClassifier
 from pipeline.images import SIDE
-from pipeline.schema import AugmentedTraining
 
 # (channels, stride) of each pair of a 3x3 depthwise convolution, which has the stride, and a 1x1 one
 PAIRS = ((64, 1), (128, 2), (128, 1), (256, 2), (256, 1), (512, 2), *[(512, 1)] * 5, (1024, 2), (1024, 1))
@@ -18,7 +18,7 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
     Differs from paper: the counts printed there are those of 3x224x224 images and 1000 classes; this one sees the
     same images as every other model.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs, SIDE), spec, ImageTraining(**training))
+    return ImageClassifier(lambda: network(1, spec.outputs, SIDE), spec, training)
 
 
 def network(channels: int, classes: int, side: int) -> nn.Sequential:

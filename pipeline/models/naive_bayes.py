@@ -3,8 +3,8 @@
 import numpy as np
 from sklearn.naive_bayes import GaussianNB
 
+from pipeline.blocks import Positive
 from pipeline.fitting import SklearnRegressor, Spec
-from pipeline.schema import Positive
 
 
 def build(spec: Spec, *, smoothing: Positive) -> SklearnRegressor:

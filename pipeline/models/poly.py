@@ -6,8 +6,8 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
+from pipeline.blocks import Degree, NotNegative
 from pipeline.fitting import SklearnRegressor, Spec
-from pipeline.schema import Degree, NotNegative
 
 
 def build(spec: Spec, *, degree: Degree, ridge: NotNegative) -> SklearnRegressor:

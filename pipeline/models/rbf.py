@@ -7,9 +7,9 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from pipeline.blocks import Count, NotNegative, Positive
 from pipeline.errors import InputError
 from pipeline.fitting import SklearnRegressor, Spec
-from pipeline.schema import Count, NotNegative, Positive
 
 
 def build(spec: Spec, *, centres: Count, width: Positive, ridge: NotNegative) -> SklearnRegressor:

@@ -2,10 +2,10 @@
 
 from torch import nn
 
+from pipeline.blocks import AugmentedTraining
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, ImageTraining
+from pipeline.image_fitting import ImageClassifier
 from pipeline.residual import BasicBlock
-from pipeline.schema import AugmentedTraining
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
@@ -14,7 +14,7 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
     Differs from paper: the counts printed there are those of 3x224x224 images and 1000 classes; this one sees the
     same images as every other model.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs), spec, ImageTraining(**training))
+    return ImageClassifier(lambda: network(1, spec.outputs), spec, training)
 
 
 def network(channels: int, classes: int) -> nn.Sequential:

@@ -2,10 +2,10 @@
 
 from torch import nn
 
+from pipeline.blocks import AugmentedTraining
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, ImageTraining
+from pipeline.image_fitting import ImageClassifier
 from pipeline.residual import BasicBlock
-from pipeline.schema import AugmentedTraining
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
@@ -14,7 +14,7 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
     Differs from paper: its counts are those of `trunk`. Sundaram et al. also have a dropout of channels (0.2) after
     the second block and a 1x1 convolution that joins the trunks of several frames; here there is one frame.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs), spec, ImageTraining(**training))
+    return ImageClassifier(lambda: network(1, spec.outputs), spec, training)
 
 
 def network(channels: int, classes: int) -> nn.Sequential:

@@ -4,8 +4,8 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from pipeline.blocks import NotNegative
 from pipeline.fitting import SklearnRegressor, Spec
-from pipeline.schema import NotNegative
 
 
 def build(spec: Spec, *, ridge: NotNegative) -> SklearnRegressor:

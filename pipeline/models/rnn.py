@@ -3,13 +3,13 @@
 import torch
 from torch import nn
 
-from pipeline.fitting import Spec, TorchRegressor, Training
-from pipeline.schema import EarlyStopping, Layers, Width
+from pipeline.blocks import EarlyStopping, Layers, Width
+from pipeline.fitting import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, layers: Layers, hidden: Width, training: EarlyStopping) -> TorchRegressor:
     """LSTM 2 x 128 on (8, 25), linear 128-400: 263,056 parameters."""
-    return TorchRegressor(lambda: _Lstm(spec, layers, hidden), spec, Training(**training))
+    return TorchRegressor(lambda: _Lstm(spec, layers, hidden), spec, training)
 
 
 class _Lstm(nn.Module):

@@ -2,10 +2,10 @@
 
 from torch import nn
 
+from pipeline.blocks import AugmentedTraining, Reduction
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, ImageTraining
+from pipeline.image_fitting import ImageClassifier
 from pipeline.residual import separable_network
-from pipeline.schema import AugmentedTraining, Reduction
 
 
 def build(spec: Spec, *, reduction: Reduction, training: AugmentedTraining) -> ImageClassifier:
@@ -16,7 +16,7 @@ def build(spec: Spec, *, reduction: Reduction, training: AugmentedTraining) -> I
     (16.332e6 multiply-accumulates, 3.26e5 parameters) come out: the attention as Hou et al. 2021 define it gives
     12.7e6 to 14.7e6 and 2.26e5 to 3.42e5 (reduction 16 to 1). As many classes as there are objects.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs, reduction), spec, ImageTraining(**training))
+    return ImageClassifier(lambda: network(1, spec.outputs, reduction), spec, training)
 
 
 def network(channels: int, classes: int, reduction: int) -> nn.Sequential:

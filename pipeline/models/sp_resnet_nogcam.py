@@ -2,10 +2,10 @@
 
 from torch import nn
 
+from pipeline.blocks import AugmentedTraining
 from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier, ImageTraining
+from pipeline.image_fitting import ImageClassifier
 from pipeline.residual import separable_network
-from pipeline.schema import AugmentedTraining
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
@@ -13,7 +13,7 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
 
     Differs from paper: as many classes as there are objects; figure 11a and the printed counts have 1000.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs), spec, ImageTraining(**training))
+    return ImageClassifier(lambda: network(1, spec.outputs), spec, training)
 
 
 def network(channels: int, classes: int) -> nn.Sequential:

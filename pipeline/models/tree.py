@@ -2,8 +2,8 @@
 
 from sklearn.tree import DecisionTreeRegressor
 
+from pipeline.blocks import Count, Share
 from pipeline.fitting import SklearnRegressor, Spec
-from pipeline.schema import Count, Share
 
 
 def build(spec: Spec, *, min_samples_leaf: Count, max_features: Share) -> SklearnRegressor:

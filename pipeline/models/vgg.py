@@ -3,9 +3,9 @@
 import torch
 from torch import nn
 
+from pipeline.blocks import EarlyStopping, Widths
 from pipeline.errors import InputError
-from pipeline.fitting import Spec, TorchRegressor, Training
-from pipeline.schema import EarlyStopping, Widths
+from pipeline.fitting import Spec, TorchRegressor
 
 CONVOLUTIONS = (2, 2, 3, 3, 3)  # a stage; 13 of the 16 layers
 
@@ -19,7 +19,7 @@ def build(spec: Spec, *, channels: Widths, training: EarlyStopping) -> TorchRegr
     """
     if len(channels) != len(CONVOLUTIONS):
         raise InputError(f"vgg: channels must give {len(CONVOLUTIONS)} widths, not {channels!r}")
-    return TorchRegressor(lambda: _network(spec, channels), spec, Training(**training))
+    return TorchRegressor(lambda: _network(spec, channels), spec, training)
 
 
 def _network(spec: Spec, channels: list[int]) -> nn.Sequential:

@@ -215,13 +215,14 @@ def sp_resnet_epoch_plain(_, images: float):
     import torch
     from benchmarks import peers
 
-    from pipeline.image_fitting import ImageTraining, augmented
+    from pipeline.blocks import AugmentedTraining
+    from pipeline.image_fitting import augmented
     from pipeline.models import sp_resnet
 
     block, x, y, _ = _images(images)
     network, order = sp_resnet.network(1, 16, block["reduction"]), torch.Generator().manual_seed(0)
     shaped, labels = torch.from_numpy(x / 255).view(-1, 1, 32, 32), torch.from_numpy(y)
-    training = ImageTraining(**block["training"])
+    training = AugmentedTraining(**block["training"])
     return _twice(
         lambda: peers.image_epoch(
             network, shaped, labels, training.batch_size, lambda batch: augmented(batch, training, order)

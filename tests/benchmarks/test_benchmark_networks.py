@@ -8,9 +8,10 @@ from torch import nn
 from tqdm import tqdm
 
 from pipeline import params, paths, series, tables, trained, workers
+from pipeline.blocks import SequenceTraining
 from pipeline.fitting import Spec, TorchRegressor
 from pipeline.models import esn, lstm_transfer_ridge
-from pipeline.series_fitting import LstmRegressor, Recipe
+from pipeline.series_fitting import LstmRegressor
 from pipeline.series_fitting import spec_of as spec_of_series
 
 WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
@@ -187,7 +188,7 @@ def test_strain_transfer(race, record, sizes, transfer):
     ours = lstm_transfer_ridge.build(spec, **settings["models"]["lstm_transfer_ridge"])
     block = settings["models"]["lstm_transfer"]["training"] | {"max_epochs": sizes.epochs}
     seconds_of_fit = lambda: ours.fit(records, seed=0, device="cpu", base=base)  # noqa: E731
-    cached = LstmRegressor(spec, 50, Recipe(**block), transfer=True)
+    cached = LstmRegressor(spec, 50, SequenceTraining(**block), transfer=True)
     cached.fit(records, seed=0, device="cpu", base=base)
     seconds_of_fit()
 

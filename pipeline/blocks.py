@@ -1,0 +1,717 @@
+"""What params.yaml may say: one pydantic model per block, and the kinds that a model's `build` is annotated with.
+
+The limits keep a slip of the pen from asking for more memory or time than a machine has; each is ten times or more what
+any setting here has.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+
+class Block(BaseModel):
+    """A block of settings: every key known, none missing, no value of another kind, no NaN."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+def whole(low: int, high: int = 1_000_000) -> Any:
+    """Return the kind of whole numbers from `low` to `high`."""
+    return Annotated[int, Field(ge=low, le=high)]
+
+
+def real(low: float, high: float) -> Any:
+    """Return the kind of numbers from `low` to `high`."""
+    return Annotated[float, Field(ge=low, le=high)]
+
+
+def listed(kind: Any) -> Any:
+    """Return the kind of lists of 1 to 1000 entries of `kind`."""
+    return Annotated[list[kind], Field(min_length=1, max_length=1000)]
+
+
+def distinct(kind: Any) -> Any:
+    """Return the kind of lists of 1 to 1000 entries of `kind`, all different."""
+    return Annotated[listed(kind), AfterValidator(_without_repeats)]
+
+
+def _without_repeats(entries: list) -> list:
+    if len(set(entries)) < len(entries):
+        raise ValueError("should be a list without repeats")
+    return entries
+
+
+Text = Annotated[str, Field(min_length=1)]
+Fraction = real(0, 1)
+Number = real(-1e6, 1e6)
+NotNegative = real(0, 1e12)
+Positive = real(1e-12, 1e12)
+RateHz = real(1e-3, 1e5)
+Seed = whole(0, 2**15 - 1)  # predictions keep seeds in 16 bits
+
+# Kinds of settings of models.
+Count = whole(1, 100_000)
+Width = whole(1, 8192)  # units of a layer
+Widths = listed(Width)
+Layers = whole(1, 32)
+Degree = whole(1, 5)
+Taps = whole(2, 100)  # a filter without a constant needs 2
+Neighbours = Literal[4, 8]
+Reduction = whole(1, 64)
+Share = real(1e-6, 1)
+LearningRate = real(1e-9, 10)
+
+
+class EarlyStopping(Block):
+    """Training until the validation loss no longer falls, see `training.Plateau`."""
+
+    learning_rate: LearningRate
+    batch_size: whole(1)
+    max_epochs: whole(1)
+    patience: whole(1)
+    plateau: whole(1)
+    drop: Share  # 1 keeps the learning rate
+
+
+class SequenceTraining(Block):
+    """How the latent-space paper trains (its authors' script): Adam on the whole series as one sequence.
+
+    The learning rate is multiplied by `drop` after `drop_epoch` epochs; gradients are clipped to norm `clip`.
+    `streams`: into how many pieces of equal length, each from a zero state, the series is cut; `batch`: how many of
+    them, drawn anew in every epoch, an update sees side by side. 1 and 1 in the paper; more are faster and give more
+    updates, but forget what lies before a piece.
+    """
+
+    learning_rate: LearningRate
+    max_epochs: whole(1)
+    drop_epoch: whole(1)
+    drop: Share
+    clip: Positive
+    streams: whole(1)
+    batch: whole(1)
+
+
+class StretchTraining(Block):
+    """Adam on random stretches of `length` samples, each from a zero state and without its first `warm_up` samples
+    in the loss; the learning rate rises to `learning_rate` and falls again over the epochs (one cycle, Smith 2018).
+
+    An epoch is as many stretches as cover the training part once; gradients are clipped to norm `clip`.
+    """
+
+    learning_rate: LearningRate
+    max_epochs: whole(1)
+    batch: whole(1)
+    length: whole(1)
+    warm_up: whole(0)
+    clip: Positive
+
+    @model_validator(mode="after")
+    def _something_counts(self) -> "StretchTraining":
+        if self.warm_up >= self.length:
+            raise ValueError("warm_up should be less than length, or nothing counts")
+        return self
+
+
+class AugmentedTraining(Block):
+    """Training on images altered anew in every epoch, see `images.ImageClassifier`.
+
+    `learning_rate` is the highest of one cycle over `max_epochs` (Smith 2018); flip, affine: probability per image;
+    noise: standard deviation, images being scaled to 0 .. 1.
+    """
+
+    learning_rate: LearningRate
+    batch_size: whole(1)
+    max_epochs: whole(1)
+    flip: Fraction
+    noise: Fraction
+    affine: Fraction
+
+
+# Blocks that several experiments have.
+Models = Annotated[dict[Any, Any], Field(min_length=1)]  # held against the models' own files by `settings.check_models`
+
+
+class Seeds(Block):
+    seeds: distinct(Seed)
+
+
+class Split(Block):
+    train: Fraction
+    validation: Fraction  # share of the training part, its end
+
+
+class SplitInThree(Block):
+    train: Fraction
+    validation: Fraction  # share of all, as `train`; the rest is the test part
+
+    @model_validator(mode="after")
+    def _leaves_a_test_part(self) -> "SplitInThree":
+        if self.train + self.validation >= 1:
+            raise ValueError("train and validation leave nothing to test on")
+        return self
+
+
+class Yardstick(Block):
+    model: Text
+    condition: Text
+    metric: Text
+    published: Positive
+
+
+class Window(Block):
+    frames: whole(1, 10_000)
+    frame_step: whole(1, 10_000)
+    stride: whole(1)
+    contact_threshold_n: Positive
+
+
+class LookBack(Block):
+    frames: whole(1, 10_000)
+
+
+class Latency(Block):
+    batches: distinct(whole(1, 65536))
+    threads: whole(1, 1024)
+    warm_up: whole(0)
+    calls: whole(1)
+
+
+class LineFaults(Block):
+    torn: Fraction
+    duplicated: Fraction
+    missing: Fraction
+    out_of_range: Fraction
+    out_of_order: Fraction
+
+
+class RejectLimit(Block):
+    max_reject_fraction: Fraction
+
+
+class Stress(Block):
+    protocols: distinct(Text)
+    perturbations: Annotated[dict[Text, distinct(Number)], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _no_zero(self) -> "Stress":
+        for name, severities in self.perturbations.items():
+            if 0 in severities:
+                raise ValueError(f"{name} should not list severity 0, which is always done")
+        return self
+
+
+class SeededStress(Stress):
+    seeds: distinct(Seed)
+
+
+class Ablation(Block):
+    floor_seeds: distinct(Seed)
+    effect_seeds: distinct(Seed)
+    scene: Annotated[dict[Any, Any], Field(min_length=1)]  # held against the experiment's block where it is used
+    models: Models
+
+
+class TouchSensor(Block):
+    rows: whole(1, 256)
+    cols: whole(1, 256)
+    pitch_mm: Positive
+    element_mm: Positive
+
+
+class TouchSimulateSingle(Block):
+    points_per_side: whole(1)
+    depths: whole(1)
+    repetitions: whole(1)
+    presses_per_recording: whole(2)
+
+
+class TouchSimulateDouble(Block):
+    recordings: whole(1)
+    presses_per_recording: whole(2)
+
+
+class TouchSimulateDemonstrations(Block):
+    repetitions: whole(1)
+
+
+class TouchSimulatePressure(Block):
+    lowest_kpa: Positive
+    highest_kpa: Positive
+    location_spread: Fraction
+
+
+class TouchSimulatePress(Block):
+    approach_s: Positive
+    hold_s: Positive
+    release_s: Positive
+    travel_s: Positive
+    timing_spread: Fraction
+
+
+class TouchSimulateHand(Block):
+    slower: Positive
+    shift_mm: NotNegative
+    tilt_deg: real(0, 45)
+
+
+class TouchSimulateContact(Block):
+    silicone_spread_mm: NotNegative
+
+
+class TouchSimulateMaterial(Block):
+    resistance_scale_ohm: Positive
+    gain_spread: NotNegative
+    exponent_spread: NotNegative
+
+
+class TouchSimulateCircuit(Block):
+    supply_v: Positive
+    reference_ohm: Positive
+    adc_levels: whole(2, 2**31)
+    noise_counts: NotNegative
+
+
+class TouchSimulateDevices(Block):
+    array_hz: RateHz
+    load_cell_hz: RateHz
+    cnc_hz: RateHz
+    force_noise_n: NotNegative
+    clock_offset_s: NotNegative
+    clock_drift_ppm: NotNegative
+
+
+class TouchSimulateFaults(LineFaults):
+    resets: whole(0)
+
+
+class TouchSimulateEffects(Block):
+    load_sharing: bool
+    creep: bool
+    hysteresis: bool
+    release: bool
+    element_spread: bool
+    crosstalk: bool
+    noise: bool
+    hand_error: bool
+    line_faults: bool
+
+
+class TouchSimulate(Block):
+    seed: whole(0, 2**31)
+    single: TouchSimulateSingle
+    double: TouchSimulateDouble
+    demonstrations: TouchSimulateDemonstrations
+    pressure: TouchSimulatePressure
+    press: TouchSimulatePress
+    hand: TouchSimulateHand
+    contact: TouchSimulateContact
+    material: TouchSimulateMaterial
+    circuit: TouchSimulateCircuit
+    devices: TouchSimulateDevices
+    faults: TouchSimulateFaults
+    effects: TouchSimulateEffects
+
+
+class TouchIngest(Block):
+    max_reject_fraction: Fraction
+    max_clock_offset_s: Positive
+    min_correlation: Fraction
+    max_touches: whole(1)
+    highest_count: whole(1, 2**31 - 1)
+
+
+class TouchLabel(Block):
+    tip_radius_mm: Positive
+    map_rows: whole(1, 1024)
+    map_cols: whole(1, 1024)
+
+
+class TouchSplit(SplitInThree):
+    seed: Seed
+
+
+class TouchProtocols(Block):
+    press: Seeds
+    random_window: Seeds
+
+
+class Touch(Block):
+    source: Text
+    sensor: TouchSensor
+    yardstick: Yardstick
+    simulate: TouchSimulate
+    ingest: TouchIngest
+    window: Window
+    label: TouchLabel
+    split: TouchSplit
+    protocols: TouchProtocols
+    models: Models
+    latency: Latency
+
+
+class StrainSensor(Block):
+    channels: whole(1, 1024)
+
+
+class StrainSimulateMotion(Block):
+    width_mm: Positive
+    height_mm: Positive
+    depth_mm: Positive
+    sliding_depth_mm: Positive
+    slide_slowest_mm_s: Positive
+    slide_fastest_mm_s: Positive
+    press_slowest_mm_s: Positive
+    press_fastest_mm_s: Positive
+    rest_s: NotNegative
+
+
+class StrainSimulateFinger(Block):
+    stiffness_n_per_mm: Positive
+    normal_n_per_mm: Positive
+    static_friction: NotNegative
+    kinetic_friction: NotNegative
+    press_bending: Number
+    compression: Number
+    lean: Number
+
+
+class StrainSimulateStrand(Block):
+    sensitivity_per_mm: Positive
+    gain_spread: NotNegative
+    angle_spread_deg: NotNegative
+    fast_share: Fraction
+    fast_time_s: Positive
+    slow_share: Fraction
+    slow_time_s: Positive
+    loading_time_s: Positive
+    unloading_time_s: Positive
+
+
+class StrainSimulateDrift(Block):
+    walk_per_root_hour: NotNegative
+    ageing: Number
+    ageing_time_s: Positive
+
+
+class StrainSimulateCircuit(Block):
+    supply_v: Positive
+    reference_share: Positive
+    noise_v: NotNegative
+
+
+class StrainSimulateDevices(Block):
+    daq_hz: RateHz
+    robot_hz: RateHz
+    jitter_s: NotNegative
+    clock_offset_s: NotNegative
+    clock_drift_ppm: NotNegative
+
+
+class StrainSimulateFaults(LineFaults):
+    gaps: whole(0)
+    gap_s: NotNegative
+
+
+class StrainSimulateEffects(Block):
+    relaxation: bool
+    asymmetry: bool
+    drift: bool
+    noise: bool
+    stick_slip: bool
+    jitter: bool
+    line_faults: bool
+
+
+class StrainSimulate(Block):
+    seed: whole(0, 2**31)
+    samples: whole(100, 10000000)
+    motion: StrainSimulateMotion
+    finger: StrainSimulateFinger
+    strand: StrainSimulateStrand
+    drift: StrainSimulateDrift
+    circuit: StrainSimulateCircuit
+    devices: StrainSimulateDevices
+    faults: StrainSimulateFaults
+    effects: StrainSimulateEffects
+
+
+class StrainIngest(Block):
+    rate_hz: RateHz
+    max_reject_fraction: Fraction
+    max_clock_offset_s: Positive
+    min_correlation: Fraction
+    max_gap_s: Positive
+
+
+class StrainProtocols(Block):
+    task_0: Seeds
+    task_1: Seeds
+    task_2: Seeds
+
+
+class StrainStudyCapacityTraining(Block):
+    max_epochs: whole(1)
+    drop_epoch: whole(1)
+    streams: whole(1)
+    batch: whole(1)
+
+
+class StrainStudyCapacity(Block):
+    units: distinct(whole(1, 8192))
+    training: StrainStudyCapacityTraining
+
+
+class StrainStudy(Block):
+    tasks: distinct(Literal["task_1", "task_2"])
+    seeds: distinct(Seed)
+    samples: distinct(whole(2))
+    models: distinct(Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"])
+    capacity: StrainStudyCapacity
+
+
+class Strain(Block):
+    source: Text
+    sensor: StrainSensor
+    yardstick: Yardstick
+    simulate: StrainSimulate
+    ingest: StrainIngest
+    window: LookBack
+    split: Split
+    model_zero: Text
+    protocols: StrainProtocols
+    models: Models
+    study: StrainStudy
+    latency: Latency
+
+
+class StrainRecordedIngest(Block):
+    every: whole(1)
+    max_reject_fraction: Fraction
+
+
+class StrainRecorded(Block):
+    ingest: StrainRecordedIngest
+    window: LookBack
+    split: Split
+    model_zero: Text
+    protocols: dict[Text, Seeds]
+    models: Models
+    latency: Latency
+
+
+class VelostatRecordedSensor(Block):
+    rows: Literal[1]
+    cols: Literal[1]
+
+
+class VelostatRecordedLabel(Block):
+    map_rows: Literal[1]
+    map_cols: Literal[1]
+
+
+class VelostatRecordedSplit(Block):
+    validation: Fraction
+
+
+class VelostatRecordedProtocols(Block):
+    repetition: Seeds
+    pike1: Seeds
+    pike1_force_1: Seeds
+    pike1_force_5: Seeds
+    pike1_force_10: Seeds
+    pike1_force_20: Seeds
+    pike1_force_30: Seeds
+    pike1_force_40: Seeds
+    pike5_force_20: Seeds
+
+
+class VelostatRecorded(Block):
+    sensor: VelostatRecordedSensor
+    label: VelostatRecordedLabel
+    ingest: RejectLimit
+    window: Window
+    split: VelostatRecordedSplit
+    protocols: VelostatRecordedProtocols
+    models: Models
+    latency: Latency
+
+
+class GloveSensor(Block):
+    reference_ohm: Positive
+
+
+class GloveSimulateSession(Block):
+    along_mm: NotNegative
+    across_mm: NotNegative
+    tilt_deg: NotNegative
+    margin: Positive
+    margin_spread: NotNegative
+    share_spread: NotNegative
+    fit_deg: NotNegative
+    least_grip_n: NotNegative
+    wander: NotNegative
+    wander_time_s: Positive
+
+
+class GloveSimulateFilm(Block):
+    rest_ohm: Positive
+    force_scale: Positive
+    gain_spread: NotNegative
+    rest_bend_ohm: Positive
+    bend_gain: NotNegative
+
+
+class GloveSimulateCircuit(Block):
+    supply_v: Positive
+    noise_counts: NotNegative
+
+
+class GloveSimulateEffects(Block):
+    session: bool
+    wander: bool
+    element_spread: bool
+    softness: bool
+    noise: bool
+    line_faults: bool
+
+
+class GloveSimulate(Block):
+    seed: whole(0, 2**31)
+    sessions: whole(1)
+    frames_per_object: whole(1)
+    frame_hz: RateHz
+    session: GloveSimulateSession
+    film: GloveSimulateFilm
+    circuit: GloveSimulateCircuit
+    faults: LineFaults
+    effects: GloveSimulateEffects
+
+
+class RejectLimit(Block):
+    max_reject_fraction: Fraction
+
+
+class GloveWindow(Block):
+    stride: whole(1)
+
+
+class GloveAugmentation(Block):
+    model: Text
+    split: Text
+    seeds: distinct(Seed)
+
+
+class GloveStag(Block):
+    file: Text
+    seeds: distinct(Seed)
+    validation: Fraction
+
+
+class GloveProtocols(Block):
+    session_pressure: Seeds
+    session_strain: Seeds
+    session_combined: Seeds
+    random_frames_pressure: Seeds
+    random_frames_strain: Seeds
+    random_frames_combined: Seeds
+
+
+class Glove(Block):
+    source: Text
+    sensor: GloveSensor
+    yardstick: Yardstick
+    simulate: GloveSimulate
+    ingest: RejectLimit
+    window: GloveWindow
+    split: SplitInThree
+    protocols: GloveProtocols
+    models: Models
+    augmentation: GloveAugmentation
+    stag: GloveStag
+    latency: Latency
+
+
+class GloveRecordedWindow(Block):
+    frames: whole(1)
+    stride: whole(1)
+
+
+class GloveRecorded(Block):
+    ingest: RejectLimit
+    window: GloveRecordedWindow
+    split: SplitInThree
+    protocols: dict[Text, Seeds]
+    models: Models
+    latency: Latency
+
+
+class StressTests(Block):
+    touch: Stress
+    velostat_recorded: Stress
+    strain: Stress
+    strain_recorded: Stress
+    glove: SeededStress
+    glove_recorded: SeededStress
+
+
+class TouchAblation(Ablation):
+    protocols: distinct(Literal["press"])
+
+
+class StrainAblation(Ablation):
+    protocols: distinct(Literal["task_1", "task_2"])
+
+
+class GloveAblation(Ablation):
+    protocols: distinct(Literal["session_pressure", "session_strain", "session_combined"])
+
+
+class Physics(Block):
+    touch: TouchAblation
+    strain: StrainAblation
+    glove: GloveAblation
+
+
+class RightsizeTouchLomp(Seeds):
+    sizes: distinct(whole(1, 8192))
+
+
+class RightsizeTouchWindowTraining(Block):
+    max_epochs: whole(1)
+
+
+class RightsizeTouchWindow(Seeds):
+    sizes: distinct(whole(1))
+    training: RightsizeTouchWindowTraining
+
+
+class RightsizeTouch(Block):
+    lomp: RightsizeTouchLomp
+    window: RightsizeTouchWindow
+
+
+class RightsizeGloveSpResnet(Seeds):
+    sizes: distinct(real(1 / 64, 1.0))
+
+
+class RightsizeGlove(Block):
+    sp_resnet: RightsizeGloveSpResnet
+
+
+class Rightsize(Block):
+    touch: RightsizeTouch
+    glove: RightsizeGlove
+
+
+class Settings(Block):
+    experiments: distinct(Literal["touch", "velostat_recorded", "strain", "strain_recorded", "glove", "glove_recorded"])
+    device: Literal["auto", "cpu", "cuda"]
+    touch: Touch
+    strain: Strain
+    strain_recorded: StrainRecorded
+    velostat_recorded: VelostatRecorded
+    glove: Glove
+    glove_recorded: GloveRecorded
+    stress: StressTests
+    physics: Physics
+    rightsize: Rightsize
