@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import zipfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -278,7 +279,8 @@ class SklearnRegressor:
         try:
             self.estimator = skops.io.load(path, trusted=list(self.trusted))
         except Exception as error:  # skops lets pass what the parts it unpacks raise: some twenty types
-            raise InputError(f"{path}: no model of this kind ({error}); train the model again") from error
+            kind = re.sub(r"\W+", " ", str(error))[:200]  # it may quote the file
+            raise InputError(f"{path}: no model of this kind ({kind}); train the model again") from error
 
     def parameters(self) -> int:
         """Number of fitted numbers (scaling constants not counted, as for networks)."""
@@ -325,7 +327,7 @@ def read_tensors(folder: Path) -> dict[str, torch.Tensor]:
     try:
         return load_file(path)
     except SafetensorError as error:
-        raise InputError(f"{path}: damaged ({error}); train the model again") from error
+        raise InputError(f"{path}: damaged ({str(error)[:200]}); train the model again") from error
 
 
 def _existing(path: Path) -> Path:

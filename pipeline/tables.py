@@ -146,7 +146,7 @@ def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     try:
         table = pyarrow.parquet.read_table(path, columns=columns)
     except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: damaged ({error}); delete it and run `dvc repro`") from error
+        raise InputError(f"{path}: damaged ({str(error)[:200]}); delete it and run `dvc repro`") from error
     return having(table, columns or (), path)
 
 
@@ -222,6 +222,12 @@ class Dataset(NamedTuple):
 def read_dataset(path: Path, frames: int) -> Dataset:
     """The dataset that the stage of that name wrote; `frames` is the number of frames in a window."""
     table = having(read(path), ("x", "y"), path)
+    for name, parts in (("x", frames), ("y", 1)):
+        kind = table[name].type
+        if not pa.types.is_fixed_size_list(kind) or kind.list_size % parts or table[name].null_count:
+            raise InputError(
+                f"{path}: column '{name}' is not what the stage dataset writes; delete it and run `dvc repro`"
+            )
     x = matrix(table["x"]).astype(np.float32)
     return Dataset(x.reshape(len(x), frames, -1), matrix(table["y"]), table.drop_columns(["x", "y"]))
 

@@ -795,6 +795,7 @@ def saved_model(request, tmp_path_factory):
 @given(changes=BYTES, cut=CUT)
 @example(changes=[], cut=0)
 @example(changes=[], cut=500)
+@example(changes=[(266, b"\x00\x00\x00\x00\x03", False)], cut=1000)
 def test_a_damaged_model_is_one_sentence_or_loaded(saved_model, changes, cut, tmp_path):
     name, file, content = saved_model
     (tmp_path / file).write_bytes(overwritten(content, changes, cut))
@@ -819,6 +820,7 @@ def test_a_network_of_another_kind_is_one_sentence(saved_model, tmp_path):
 @given(changes=BYTES, cut=CUT)
 @example(changes=[], cut=0)
 @example(changes=[], cut=500)
+@example(changes=[(1372, b"\x00", False)], cut=1000)
 def test_a_damaged_dataset_is_one_sentence_or_read(changes, cut, tmp_path):
     path = tmp_path / "dataset.parquet"
     columns = {name: tables.lists(np.ones((50, 4)), pa.float32()) for name in "xy"}
