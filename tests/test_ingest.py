@@ -223,8 +223,8 @@ def test_the_same_logs_give_the_same_bytes(root):
 
 
 def test_own_logs_are_read_from_the_named_folder(root):
-    save(root / "my/logs/single/monday", logs_of())
-    frames, _, _ = run(root, SETTINGS | {"source": "my/logs"})
+    save(root / "data/own/logs/single/monday", logs_of())
+    frames, _, _ = run(root, SETTINGS | {"source": "data/own/logs"})
     assert frames["recording"].unique().to_pylist() == ["monday"]
 
 
@@ -273,9 +273,9 @@ def test_missing_folders_are_one_sentence(root):
         run(root)
     with pytest.raises(InputError, match="touch.source: there is no folder nowhere"):
         run(root, SETTINGS | {"source": "nowhere"})
-    (root / "empty").mkdir()
+    (root / "data/own/empty").mkdir(parents=True)
     with pytest.raises(InputError, match="empty: no recordings found"):
-        run(root, SETTINGS | {"source": "empty"})
+        run(root, SETTINGS | {"source": "data/own/empty"})
 
 
 def velostat(root, repetition, seconds=5.0):
