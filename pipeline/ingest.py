@@ -21,7 +21,8 @@ def ingest(experiment: str, settings: dict) -> None:
 
     The logs are a public source's (without it: empty tables and the reason), the simulator's, or those in the
     folder in data/own (relative to the repository) that `<experiment>.source` names. Raises InputError for logs that
-    cannot be read, and for a folder in which DVC would not notice a change.
+    cannot be read, for a public source with a missing or wrong file, and for a folder in which DVC would not notice a
+    change.
     """
     module = params.experiment_module(experiment)
     schema = module.frames_schema(settings)

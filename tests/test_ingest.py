@@ -1,6 +1,8 @@
 """The ingest stage: faults at known lines end up in the rejects table, everything else in the frames."""
 
+import hashlib
 import json
+import re
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -319,11 +321,46 @@ def test_a_velostat_log_without_its_pair_is_refused(root, monkeypatch):
         ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
 
 
-def test_without_recordings_the_stage_says_so(root, monkeypatch):
-    monkeypatch.setattr(sources, "is_complete", lambda name: False)
+def test_without_recordings_the_stage_says_so(root):
+    part = sources.folder("velostat_recorded") / "velostat_data" / "pike1" / "exp_pike1_sensor1_exp1.txt.part"
+    part.parent.mkdir(parents=True)
+    part.write_text("1.0")  # of a download that was interrupted in its first file
     ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
     data = root / "data" / "velostat_recorded"
     assert pq.read_table(data / "frames.parquet").num_rows == 0
     assert pq.read_table(data / "rejects.parquet").schema.equals(tables.REJECTS)
     report = json.loads((data / "ingest.json").read_text())
     assert report["run"] is False and "pipeline.fetch velostat_recorded" in report["reason"]
+
+
+DAMAGES = {
+    "one byte": lambda path: path.write_bytes(b"X" + path.read_bytes()[1:]),
+    "one byte more": lambda path: path.write_bytes(path.read_bytes() + b"\n"),
+    "empty": lambda path: path.write_bytes(b""),
+    "missing": lambda path: path.unlink(),
+    "a folder": lambda path: (path.unlink(), path.mkdir()),
+}
+
+
+@pytest.mark.parametrize("experiment", sources.SOURCES)
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_one_file_of_a_source_that_is_not_right_stops_the_stage(experiment, damage, root, monkeypatch):
+    """What an earlier run wrote stays: DVC would take an empty table for the result."""
+    listed = sources.files(experiment)
+    for path in listed:
+        (sources.folder(experiment) / path).parent.mkdir(parents=True, exist_ok=True)
+        (sources.folder(experiment) / path).write_text(path)
+    digests = {path: hashlib.sha256(path.encode()).hexdigest() for path in listed}
+    monkeypatch.setattr(sources, "files", lambda name: digests)
+    assert sources.is_complete(experiment)
+    report = paths.ingest_report(experiment)
+    report.parent.mkdir(parents=True)
+    report.write_text("of an earlier run")
+    path = sources.folder(experiment) / sorted(listed)[len(listed) // 2]
+    DAMAGES[damage](path)
+    with pytest.raises(
+        InputError, match=rf"^{re.escape(str(path))}: is .*`python -m pipeline\.fetch {experiment}`"
+    ) as error:
+        ingest.ingest(experiment, VELOSTAT_SETTINGS)
+    assert "\n" not in str(error.value) and report.read_text() == "of an earlier run"
+    assert [one.name for one in report.parent.iterdir()] == ["ingest.json"]
