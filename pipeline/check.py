@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline import figures_check, labels, logs, mistakes, own, params, paths, tables
 from pipeline.errors import InputError, run_stage
@@ -90,9 +91,10 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
             problems.append(wrong or str(error))
             continue
         if rejects.num_rows > settings["ingest"]["max_reject_fraction"] * (rows.num_rows + rejects.num_rows):
+            beyond = rejects.filter(pc.equal(rejects["reason"], logs.OUT_OF_RANGE))
             if wrong := (
                 wrong_columns(experiment, path, fmt, settings)
-                or mistakes.out_of_range(path, rejects.to_pylist(), fmt)
+                or mistakes.out_of_range(path, beyond.slice(0, logs.TEXTS).to_pylist(), fmt)
                 or mistakes.unreadable(path, fmt)
             ):
                 problems.append(wrong)
