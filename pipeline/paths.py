@@ -28,7 +28,7 @@ def frames(experiment: str) -> Path:
 
 
 def rejects(experiment: str) -> Path:
-    """Every rejected line with its file, number, reason and text (output of ingest)."""
+    """Every rejected line with its file, number and reason, and the text of the first (output of ingest)."""
     return experiment_folder(experiment) / "rejects.parquet"
 
 

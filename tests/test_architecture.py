@@ -17,7 +17,8 @@ STAGES |= {"agreement", "settings"}
 COMMANDS = {"fetch", "scale", "fit_material", "check", "record"}
 WINDOWING = {f"pipeline/{name}.py" for name in ("check", "physics", "stress_windows")}
 # Modules that find, check, start and write things but cannot change a number: DVC need not watch them.
-PLUMBING = {"availability", "cluster", "errors", "files", "params", "parent", "paths", "runs", "schema", "workers"}
+PLUMBING = {"availability", "cluster", "errors", "files", "own", "params", "parent", "paths"}
+PLUMBING |= {"runs", "schema", "workers"}
 PLUMBING = {f"pipeline/{name}.py" for name in PLUMBING}
 # Reading recordings is ingest's part of an experiment's file: of no concern to the stages after it.
 READERS = {"pipeline/logs.py", "pipeline/alignment.py", "pipeline/matlab.py"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import params, stag, train_stag
+from pipeline import own, params, stag, train_stag
 from pipeline.errors import InputError
 
 FRAMES, OBJECTS = 12, ["mug", "empty hand", "full can"]
@@ -39,6 +39,12 @@ def metadata(**others):
         "batchId": np.zeros((FRAMES, 1), np.uint8),
         "batches": cells(["2018"]),
     } | others
+
+
+@pytest.fixture(autouse=True)
+def anywhere(monkeypatch):
+    """Files of these tests need not lie in data/own."""
+    monkeypatch.setattr(own, "unnoticed", lambda path: None)
 
 
 def save(folder, content, compress=True):
@@ -152,6 +158,13 @@ def test_no_file_another_file_and_a_file_too_large(tmp_path, monkeypatch):
     monkeypatch.setattr(stag, "LARGEST_FILE", 100)
     with pytest.raises(InputError, match="bytes are more than the data can have"):
         stag.read(save(tmp_path, metadata()))
+
+
+def test_a_file_that_dvc_does_not_watch_is_refused(tmp_path, monkeypatch):
+    monkeypatch.undo()
+    path = save(tmp_path, metadata())
+    with pytest.raises(InputError, match=rf"^params\.yaml, glove\.stag\.file: {path} is not in data/own"):
+        stag.read(path)
 
 
 def grasps(frames=9, recordings=4):
