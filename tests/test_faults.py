@@ -831,6 +831,7 @@ def test_a_network_of_another_kind_is_one_sentence(saved_model, tmp_path):
 @example(changes=[], cut=0)
 @example(changes=[], cut=500)
 @example(changes=[(1372, b"\x00", False)], cut=1000)
+@example(changes=[(62982, b"\x80", False)], cut=1000)
 def test_a_damaged_dataset_is_one_sentence_or_read(changes, cut, tmp_path):
     path = tmp_path / "dataset.parquet"
     columns = {name: tables.lists(np.ones((50, 4)), pa.float32()) for name in "xy"}
