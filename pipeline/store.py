@@ -8,6 +8,7 @@ import fcntl
 import hashlib
 import json
 import os
+import re
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -69,9 +70,11 @@ def current_tag() -> str:
 def checkout() -> str:
     """Return the id that tells this checkout from others that use the same store; drawn at the first call."""
     path = folder() / "checkout"
-    if not path.is_file():
-        files.write_text(path, secrets.token_hex(4) + "\n")
-    return path.read_text(encoding="utf-8").strip()
+    text = path.read_text(encoding="utf-8", errors="replace").strip() if path.is_file() else ""
+    if not re.fullmatch("[0-9a-f]{8}", text):
+        text = secrets.token_hex(4)
+        files.write_text(path, text + "\n")
+    return text
 
 
 @contextmanager

@@ -467,8 +467,8 @@ def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit
     }
     if re.fullmatch("[0-9a-f]{40,64}", commit[0]):
         tags["mlflow.source.git.commit"] = commit[0]
-    if store.in_temporary_copy():
-        tags["dvc_experiment"] = os.environ.get("DVC_EXP_NAME", "")
+    if "DVC_EXP_NAME" in os.environ:
+        tags["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
     metrics = {}
     for name, value in run.metrics.items():
         condition, dot, metric = name.rpartition(".")

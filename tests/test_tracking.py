@@ -7,6 +7,7 @@ import re
 import shutil
 import sqlite3
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pandas as pd
@@ -407,6 +408,36 @@ def test_another_store_gets_all_runs_though_nothing_changed(repository, made_onc
     shutil.copy(made_once / "empty.db", tmp_path / "other.db")  # the server lost all
     track.track(PARAMS)
     assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+
+
+def test_one_process_at_a_time_writes(repository, capsys):
+    with ThreadPoolExecutor() as pool:
+        with store.one_at_a_time():
+            waiting = pool.submit(track.track, PARAMS)
+            with pytest.raises(TimeoutError):
+                waiting.result(timeout=1)
+            assert not active_runs()
+        waiting.result(timeout=60)
+    assert "waiting for another `python -m pipeline.track` to end" in capsys.readouterr().out
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+
+
+def test_a_damaged_id_of_the_checkout_is_drawn_anew(repository):
+    first = store.checkout()
+    assert re.fullmatch("[0-9a-f]{8}", first) and store.checkout() == first
+    (repository / "mlruns" / "checkout").write_bytes(b"' or\xff")
+    assert re.fullmatch("[0-9a-f]{8}", store.checkout()) and store.checkout() != first
+
+
+def test_only_a_copy_below_dvcs_folder_is_taken_for_one(repository, monkeypatch, tmp_path_factory):
+    """DVC_ROOT is also set where a stage of another project starts this one."""
+    other = tmp_path_factory.mktemp("other")
+    monkeypatch.setenv("DVC_ROOT", str(other))
+    assert store.workspace() == repository and not store.in_temporary_copy()
+    copied = other / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx"
+    copied.mkdir(parents=True)
+    monkeypatch.setattr(paths, "ROOT", copied)
+    assert store.workspace() == other and store.in_temporary_copy()
 
 
 HOSTILE = ["double (two fingers)", "90°", "a,b", "a;b", "a_b", "größer", "..up", "中文", "007", "NA", "x" * 300, " "]
