@@ -1,6 +1,7 @@
 """The reader of the STAG data set: one MATLAB file in, tactile images with objects and parts out."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -140,6 +141,21 @@ def test_a_file_that_crashes_the_reader_is_one_sentence(tmp_path, monkeypatch):
         with pytest.raises(InputError, match=r"metadata\.mat: not a whole MATLAB file \(it crashes scipy's reader\)"):
             stag.read(path)
     assert len(stag.read(path).label)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="memory is limited on Linux only")
+@pytest.mark.parametrize("name", ["pressure", "objects"])
+def test_a_small_file_that_unpacks_to_a_large_one_is_one_sentence(name, tmp_path, monkeypatch):
+    """40 kB that hold 41 MB, in an array or in a cell."""
+    zeros = np.zeros((20_000, 32, 32), np.uint16)
+    content = {"pressure": zeros} if name == "pressure" else {"objects": cells([zeros])}
+    path = save(tmp_path, metadata(**content))
+    assert path.stat().st_size < 70_000
+    monkeypatch.setattr(stag, "LARGEST_FILE", 8 << 20)
+    with pytest.raises(InputError, match=r"metadata\.mat: takes more than 16 MiB of memory to read, ") as error:
+        stag.read(path)
+    assert "\n" not in str(error.value)
+    assert len(stag.read(save(tmp_path, metadata())).label)  # the next file is read
 
 
 @pytest.mark.parametrize("start", [b"MATLAB 7.3 MAT-file, Platform: GLNXA64", b"\x89HDF\r\n\x1a\n"])
