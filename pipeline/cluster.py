@@ -17,7 +17,6 @@ import sys
 import tempfile
 import threading
 import time
-import traceback
 import uuid
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
@@ -279,11 +278,8 @@ def serve(handle: int) -> None:
                 module, function, arguments = pipe.recv()
             except EOFError:
                 return
-            try:
-                called = getattr(importlib.import_module(module), function)
-                answer = "result", called(*arguments, lambda *numbers: pipe.send(("step", workers.note(numbers))))
-            except Exception as error:
-                if not isinstance(error, InputError):
-                    error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
-                answer = "error", error
-            pipe.send(answer)
+            workers.answer(pipe, _named, (module, function, *arguments))
+
+
+def _named(module: str, function: str, *arguments):
+    return getattr(importlib.import_module(module), function)(*arguments)
