@@ -90,6 +90,11 @@ def called(bar: tqdm, key: Hashable) -> str:
     return f"{bar.desc}, {words}" if bar.desc else words
 
 
+def ended(status: int) -> str:
+    """What messages say of a process that ended without a result."""
+    return f"its process ended with status {status} (-9: killed, as when memory is short)"
+
+
 def note(numbers: tuple) -> str:
     """What the bar shows of `report(epoch, epochs, loss, ...)`."""
     return " ".join(f"{value:.4g}" for value in numbers[2:])
@@ -162,7 +167,7 @@ def _in_processes(
                 _end(worker)
                 if kind == "error" and memory_error(value) is None:
                     raise value
-                said = memory_error(value) if kind == "error" else _ended(worker.process.exitcode)
+                said = memory_error(value) if kind == "error" else ended(worker.process.exitcode)
                 if worker.alone:
                     raise InputError(f"{called(bar, worker.key)}: {said}; {ADVICE}") from value
                 most = max(1, min(most - 1, len(busy)))  # as many as were at work beside it
@@ -176,10 +181,6 @@ def _in_processes(
     finally:
         for worker in (*idle, *busy.values()):
             _end(worker)
-
-
-def _ended(status: int) -> str:
-    return f"its process ended with status {status} (-9: killed, as when memory is short)"
 
 
 def _start() -> Worker:
