@@ -12,6 +12,7 @@ from pipeline.parent import die_with_parent
 
 # What ends a write through no fault of the code.
 STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
+FULL = (errno.ENOSPC, errno.EDQUOT)  # what DVC writes in place is cut, too
 
 # What torch and the system say where Python says MemoryError.
 NO_MEMORY = re.compile(r"can't allocate memory|cannot allocate memory|out of memory|bad_alloc", re.IGNORECASE)
@@ -73,7 +74,8 @@ def storage_error(error: Exception) -> str | None:
     if code not in STORAGE:
         return None
     where = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
+    cut = "; if DVC then calls .dvc/tmp/rwlock corrupted, remove that file" if code in FULL else ""
     return (
         f"{where}{os.strerror(code)}; free or unlock the disk and run the command again "
-        "(an unfinished file is never taken for a result)"
+        f"(an unfinished file is never taken for a result{cut})"
     )
