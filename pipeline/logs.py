@@ -7,9 +7,10 @@ because serial lines carry no checksum: a torn line that still has the right num
 
 import os
 import re
+import unicodedata
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain, islice
@@ -219,6 +220,21 @@ def rejected(path: Path, numbers: np.ndarray, reason: str, name: str | None = No
         pa.concat_arrays([shown, pa.nulls(len(numbers) - len(first), pa.string())]),
     ]
     return pa.table(columns, schema=REJECTS)
+
+
+def check_names(recordings: Iterable[Path]) -> None:
+    """InputError for the first recording whose path `<source>/<condition>/<recording>` is no single line of text.
+
+    Tables and figures show these names. A name with a line break, another control character, or bytes that are no UTF-8
+    cannot stand in them; any other can.
+    """
+    for path in recordings:
+        for name in path.parts[-3:]:
+            if any(unicodedata.category(character) in ("Cc", "Cs", "Zl", "Zp") for character in name):
+                raise InputError(
+                    f"{ascii(str(path))[1:-1]}: the folder name {ascii(name)} has a line break, another control "
+                    "character or bytes that are no UTF-8; rename the folder"
+                )
 
 
 def check_rejects(

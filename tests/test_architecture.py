@@ -198,14 +198,6 @@ def test_scales_set_values_that_params_yaml_accepts(scale, tmp_path):
     assert set(values) == set(laptop), "every scale sets the same keys, so that one undoes the other"
 
 
-def test_readme_names_real_commands():
-    import re
-
-    readme = (ROOT / "README.md").read_text()
-    for name in set(re.findall(r"python -m pipeline\.(\w+)", readme)):
-        assert (ROOT / "pipeline" / f"{name}.py").is_file(), name
-
-
 def test_numbers_in_the_readme_are_those_of_the_reports():
     readme = (ROOT / "README.md").read_text()
     results = readme.split("## Results")[1].split("\n## ")[0]

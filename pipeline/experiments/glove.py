@@ -49,6 +49,7 @@ def recordings(folder: Path) -> list[Path]:
         if not sessions:
             raise InputError(f"{one}: no session of this object; add <session>/{LOG} or remove the folder")
         found += sessions
+    logs.check_names(found)
     return found
 
 

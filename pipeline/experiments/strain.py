@@ -51,6 +51,7 @@ def recordings(folder: Path) -> list[Path]:
     for task in TASKS:
         if (count := sum(path.parent.name == task for path in found)) != 1:
             raise InputError(f"{folder / task}: {count} recordings; each of {', '.join(TASKS)} needs exactly one")
+    logs.check_names(found)
     return found
 
 

@@ -39,10 +39,11 @@ def frames_schema(settings: Mapping) -> pa.Schema:
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The folders `<condition>/<recording>` in `folder`, sorted. InputError where there is none."""
+    """The folders `<condition>/<recording>` in `folder`, sorted. InputError where there is none, or for a name."""
     found = sorted(path for path in folder.glob("*/*") if path.is_dir())
     if not found:
         raise InputError(f"{folder}: no recordings found; expected <condition>/<recording>/array.log in it")
+    logs.check_names(found)
     return found
 
 
