@@ -10,7 +10,6 @@ import logging
 import os
 import platform
 import queue
-import shutil
 import socket
 import subprocess
 import sys
@@ -29,7 +28,7 @@ from urllib.parse import urlsplit
 
 from tqdm import tqdm
 
-from pipeline import paths, workers
+from pipeline import files, paths, workers
 from pipeline.errors import InputError, memory_error
 from pipeline.parent import die_with_parent
 
@@ -205,7 +204,7 @@ def call(job: Job, number: int, task: Task):
 
     for _ in range(ATTEMPTS):
         if task.folder is not None:
-            shutil.rmtree(task.folder, ignore_errors=True)  # of a worker that was lost while it wrote
+            files.remove_folder(task.folder, inside=task.folder.parent)  # of a worker that was lost while it wrote
         process = _process(job)
         kind, value = _outcome(process, job, task, wanted, report)
         if kind == "result":

@@ -32,6 +32,7 @@ from ruamel.yaml.error import YAMLError
 
 from pipeline import paths, store
 from pipeline.errors import InputError, storage_error
+from pipeline.params import training_command
 
 os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"  # read by mlflow when it is imported
 os.environ["MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT"] = "true"  # two lines a run, where a server is used
@@ -117,7 +118,7 @@ def read_runs(experiment: str, params: dict) -> list[TrackedRun]:
             times = _read_csv(
                 paths.training_times(experiment, model),
                 ["protocol", "seed", "train_s"],
-                made_by="dvc repro train",
+                made_by=training_command(experiment, model),
             )
             for seed in replicates["seeds"]:
                 runs.append(_read_run(experiment, params, protocol, model, seed, scores, latency, times))
@@ -234,15 +235,13 @@ def _read_run(
     times: pd.DataFrame,
 ) -> TrackedRun:
     settings = params[experiment]
-    folder = paths.run_folder(experiment, model, protocol, seed)
-    history = _read_csv(folder / "history.csv", ["epoch", *CURVES], made_by="dvc repro train")
-    fit = _read_json(folder / "fit.json", made_by="dvc repro train")
+    folder, made_by = paths.run_folder(experiment, model, protocol, seed), training_command(experiment, model)
+    history = _read_csv(folder / "history.csv", ["epoch", *CURVES], made_by=made_by)
+    fit = _read_json(folder / "fit.json", made_by=made_by)
     if absent := {"stop_reason", "best_epoch", "epochs", "parameters", "macs", "settings"} - fit.keys():
-        raise InputError(f"{_shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `dvc repro train` again")
+        raise InputError(f"{_shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `{made_by}` again")
     if not any(path for pattern in MODEL_FILES for path in folder.glob(pattern)):
-        raise InputError(
-            f"{_shown(folder)}: holds no model file ({' or '.join(MODEL_FILES)}); run `dvc repro train` again"
-        )
+        raise InputError(f"{_shown(folder)}: holds no model file ({' or '.join(MODEL_FILES)}); run `{made_by}` again")
     if fit["settings"] != settings["models"][model]:
         raise InputError(
             f"{_shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
@@ -269,7 +268,7 @@ def _read_run(
         times,
         paths.training_times(experiment, model),
         {"protocol": protocol, "seed": seed},
-        mend="run `dvc repro train` again",
+        mend=f"run `{made_by}` again",
     )
 
     logged = _flatten(fit["settings"]) | {

@@ -4,7 +4,6 @@ import multiprocessing
 import os
 import platform
 import re
-import shutil
 import signal
 import sys
 import traceback
@@ -21,6 +20,7 @@ from types import MappingProxyType
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from pipeline import files
 from pipeline.errors import InputError, memory_error
 from pipeline.parent import die_with_parent
 
@@ -174,7 +174,7 @@ def _in_processes(
                 bar.write(f"{called(bar, worker.key)}: {said}; it starts again, {most} at a time now", sys.stderr)
                 bar.update(-worker.done)
                 if worker.key in folders:
-                    shutil.rmtree(folders[worker.key], ignore_errors=True)
+                    files.remove_folder(folders[worker.key], inside=folders[worker.key].parent)
                 left.append(worker.key)
             while idle and len(idle) + len(busy) > most:  # they hold memory
                 _end(idle.pop())
