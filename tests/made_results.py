@@ -14,7 +14,8 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
     """Files of every run of `params["touch"]`; model and score depend on the model's settings and on the window."""
     settings, touch = params["touch"], root / "data" / "touch"
     runs = [(protocol, seed) for protocol, block in settings["protocols"].items() for seed in block["seeds"]]
-    (touch / "latency").mkdir(parents=True, exist_ok=True)
+    for name in ("latency", "speed"):
+        (touch / name).mkdir(parents=True, exist_ok=True)
     scores = []
     for model, block in settings["models"].items():
         made_from = json.dumps([block, settings.get("window")])
@@ -40,7 +41,7 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
     pd.DataFrame(
         [("touch", model, batch, 1, 0.5, 0.7, 17, 17, 999) for model in settings["models"] for batch in (1, 256)],
         columns="experiment model batch threads p50_ms p95_ms params macs size_bytes".split(),
-    ).to_csv(touch / "latency" / "latency.csv", index=False)
+    ).to_csv(touch / "speed" / "latency.csv", index=False)
     (touch / "ingest.json").write_text('{"run": true}')
 
 

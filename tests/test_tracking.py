@@ -471,7 +471,7 @@ def test_a_name_that_looks_like_a_changed_one_is_changed_too():
     [
         ("data/touch/ingest.json", "data/touch/ingest.json"),
         ("data/touch/scores.csv", "data/touch/scores.csv"),
-        ("data/touch/latency/latency.csv", "data/touch/latency/latency.csv"),
+        ("data/touch/speed/latency.csv", "data/touch/speed/latency.csv"),
         ("data/touch/latency/lomp.train.csv", "data/touch/latency/lomp.train.csv"),
         ("data/touch/models/lomp/press-1/history.csv", "data/touch/models/lomp/press-1/history.csv"),
         ("data/touch/models/lomp/press-1/fit.json", "data/touch/models/lomp/press-1/fit.json"),
@@ -622,7 +622,7 @@ class Tiny:
             shutil.copy(ROOT / name, self.folder)
         entry = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["track"]
         entry["deps"] = [dep for dep in entry["deps"] if not dep.startswith("data/") or dep.startswith("data/touch/")]
-        made = ["scores.csv", "ingest.json", "latency/latency.csv"]
+        made = ["scores.csv", "ingest.json", "speed/latency.csv"]
         made += [path for model in self.LINEAR_AND_TREE for path in (f"models/{model}", f"latency/{model}.train.csv")]
         results = {
             "cmd": "python made_results.py",
