@@ -7,6 +7,7 @@ but data/<experiment>/check.png, a picture of the first recordings. Ends with "r
 thing to mend and status 1.
 """
 
+import os
 import re
 import sys
 from collections import Counter
@@ -16,8 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
-from pipeline import figures_check, labels, logs, mistakes, params, paths, tables
+from pipeline import figures_check, labels, logs, mistakes, own, params, paths, tables
 from pipeline.errors import InputError, run_stage
 from pipeline.window import windows_of
 
@@ -89,9 +91,10 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
             problems.append(wrong or str(error))
             continue
         if rejects.num_rows > settings["ingest"]["max_reject_fraction"] * (rows.num_rows + rejects.num_rows):
+            beyond = rejects.filter(pc.equal(rejects["reason"], logs.OUT_OF_RANGE))
             if wrong := (
                 wrong_columns(experiment, path, fmt, settings)
-                or mistakes.out_of_range(path, rejects.to_pylist(), fmt)
+                or mistakes.out_of_range(path, beyond.slice(0, logs.TEXTS).to_pylist(), fmt)
                 or mistakes.unreadable(path, fmt)
             ):
                 problems.append(wrong)
@@ -459,15 +462,11 @@ def main() -> None:
     experiment, folder = sys.argv[1], Path(sys.argv[2])
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
-    first = check(experiment, folder, params.load())
+    place = Path(os.path.abspath(folder))  # without ..
+    first = check(experiment, folder, params.load()) or own.unnoticed(place)
     if first is not None:
         sys.exit(f"mend first: {first}")
-    own = paths.ROOT / "data" / "own"
-    if folder.resolve().is_relative_to(own):
-        name = folder.resolve().relative_to(paths.ROOT)
-        print(f"ready: set {experiment}.source: {name} in params.yaml, then `dvc repro`")
-    else:
-        print(f"ready: copy it to data/own/{folder.resolve().name} and set {experiment}.source to that in params.yaml")
+    print(f"ready: set {experiment}.source: {own.setting(place)} in params.yaml, then `dvc repro`")
 
 
 if __name__ == "__main__":

@@ -10,17 +10,15 @@ import logging
 import os
 import platform
 import queue
-import shutil
 import socket
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-import traceback
 import uuid
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -30,15 +28,16 @@ from urllib.parse import urlsplit
 
 from tqdm import tqdm
 
-from pipeline import paths, workers
-from pipeline.errors import InputError
+from pipeline import files, paths, workers
+from pipeline.errors import InputError, memory_error
 from pipeline.parent import die_with_parent
 
 CONNECT_S = 10
 NO_WORKER_S = 60  # without a single worker a stage waits this long: one that was lost may come back
 REPORT_S = 0.2  # between two reports of a task, which pass through the scheduler
 IDLE_S = 60  # a process that got no task for so long ends
-ATTEMPTS = 3  # at a task whose process is killed while its worker lives on
+ATTEMPTS = 3  # at a task whose process is killed or hangs while its worker lives on
+STILL_S = 600  # a process that has neither used its core nor reported for so long hangs; an epoch may last hours
 TOPIC = "tactile-reproduction progress"
 NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # whose version may change a result
 SERVE = "import sys; from pipeline import cluster; cluster.serve(int(sys.argv[1]))"
@@ -54,8 +53,12 @@ class Job(NamedTuple):
 
 
 class Task(NamedTuple):
-    """`function` of `module`, called with `arguments`; `folder`: what it makes anew, None where it replaces files."""
+    """`function` of `module`, called with `arguments`; `folder`: what it makes anew, None where it replaces files.
 
+    `called`: what messages call it.
+    """
+
+    called: str
     module: str
     function: str
     arguments: tuple
@@ -81,7 +84,7 @@ def run(
     """As `workers.run`, on the cluster of the Dask scheduler at `address`; a task whose worker is lost starts again.
 
     Raises InputError without the scheduler or any worker, for a worker that does not see the project's folder or has
-    other versions of what computes, and for a task whose workers are lost time and again.
+    other versions of what computes, and for a task whose workers or processes are lost time and again.
     """
     module = sys.modules["__main__"].__spec__.name if function.__module__ == "__main__" else function.__module__
     heard: queue.SimpleQueue = queue.SimpleQueue()
@@ -90,9 +93,9 @@ def run(
         client.subscribe_topic(TOPIC, lambda event: heard.put(event[1]))
         waiting = {}
         for number, (key, arguments) in enumerate(tasks.items()):
-            task = Task(module, function.__qualname__, arguments, folders.get(key))
+            task = Task(workers.called(bar, key), module, function.__qualname__, arguments, folders.get(key))
             future = client.submit(call, job, number, task, key=f"{job.name}-{number}", pure=False)
-            waiting[future] = number, key
+            waiting[future] = number, key, task.called
         done_steps, last_seen = [0] * len(tasks), time.monotonic()
         while waiting:
             time.sleep(0.2)
@@ -101,12 +104,13 @@ def run(
                 last_seen = time.monotonic()
             elif time.monotonic() - last_seen > NO_WORKER_S:
                 raise InputError(
-                    f"{address}: no worker for {NO_WORKER_S} s; start one with `dask worker {address}` "
+                    f"{address}: no worker for {NO_WORKER_S} s; start one with `dask worker {address} "
+                    "--dashboard-address 127.0.0.1:0` "
                     "and run the command again"
                 )
             for future in [future for future in waiting if future.done()]:
-                number, key = waiting.pop(future)
-                result = _result(future, address, key)
+                number, key, called = waiting.pop(future)
+                result = _result(future, address, called)
                 bar.update(steps - done_steps[number])
                 done_steps[number] = None
                 yield key, result
@@ -134,7 +138,8 @@ def _connected(address: str) -> Iterator:
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # ValueError: no such port
         raise InputError(
-            f"WORKERS={address}: no Dask scheduler answers there ({error}); start one with `dask scheduler`"
+            f"WORKERS={address}: no Dask scheduler answers there ({error}); start one with "
+            "`dask scheduler --dashboard-address 127.0.0.1:8787`"
         ) from error
     with client:
         yield client
@@ -163,14 +168,14 @@ def _advance(heard: queue.SimpleQueue, job: Job, done_steps: list[int | None], b
             done_steps[number] = done
 
 
-def _result(future, address: str, key: Hashable):
+def _result(future, address: str, called: str):
     from distributed import CancelledError, KilledWorker
 
     try:
         return future.result()
     except KilledWorker as error:
         raise InputError(
-            f"{key}: {error.allowed_failures + 1} workers in turn were lost over this task; look at the log of the "
+            f"{called}: {error.allowed_failures + 1} workers in turn were lost over this task; look at the log of the "
             "last one (too little memory?) and run the command again"
         ) from error
     except CancelledError as error:
@@ -199,15 +204,19 @@ def call(job: Job, number: int, task: Task):
 
     for _ in range(ATTEMPTS):
         if task.folder is not None:
-            shutil.rmtree(task.folder, ignore_errors=True)  # of a worker that was lost while it wrote
+            files.remove_folder(task.folder, inside=task.folder.parent)  # of a worker that was lost while it wrote
         process = _process(job)
-        try:
-            return _outcome(process, job, task, wanted, report)
-        except (EOFError, ConnectionError):
-            code = process.popen.wait()
+        kind, value = _outcome(process, job, task, wanted, report)
+        if kind == "result":
+            return value
+        if kind == "error" and memory_error(value) is not None:
+            raise InputError(f"{task.called}, on {platform.node()}: {memory_error(value)}; {workers.ADVICE}") from value
+        if kind == "error":
+            raise value
+        print(f"{task.called}: {value}", file=sys.stderr)
     raise InputError(
-        f"{worker.address}: the process of a task ended {ATTEMPTS} times without a result, at last with status {code} "
-        "(-9: killed, as when memory is short); look at the worker's log"
+        f"{task.called}, on {platform.node()} ({worker.address}): no result in {ATTEMPTS} attempts, at the last one "
+        f"{value}; look at the worker's log"
     )
 
 
@@ -230,8 +239,7 @@ def _process(job: Job) -> Process:
     last = getattr(_own, "process", None)
     if last is not None and (last.job != job.name or last.popen.poll() is not None):
         last.pipe.close()
-        last.popen.kill()
-        last.popen.wait()
+        _end(last)
         last = None
     if last is None:
         ours, theirs = Pipe()
@@ -247,27 +255,52 @@ def _process(job: Job) -> Process:
     return last
 
 
-def _outcome(process: Process, job: Job, task: Task, wanted: Callable[[], bool], report: Callable[[int, str], None]):
-    """Have the process do the task; raises what the task raises, EOFError or ConnectionError if the process ends."""
-    process.pipe.send((task.module, task.function, task.arguments))
-    done, reported = 0, 0.0
-    while True:
-        if not wanted():
-            Path(job.mark).unlink(missing_ok=True)  # of a stage that was killed
-            process.popen.kill()
-            process.popen.wait()
-            raise RuntimeError("nobody waits for this task any more")
-        if not process.pipe.poll(0.5):
-            continue
-        kind, value = process.pipe.recv()
-        if kind == "result":
-            return value
-        if kind == "error":
-            raise value
-        done += 1
-        if time.monotonic() - reported > REPORT_S:
-            report(done, value)
-            reported = time.monotonic()
+def _end(process: Process) -> None:
+    process.popen.kill()
+    with suppress(subprocess.TimeoutExpired):  # a process that waits for a dead disk ends with it, not before
+        process.popen.wait(timeout=10)
+
+
+def _outcome(
+    process: Process, job: Job, task: Task, wanted: Callable[[], bool], report: Callable[[int, str], None]
+) -> tuple[str, object]:
+    """Have the process do the task: ("result", value), ("error", what it raised) or ("lost", why: it ended or hung)."""
+    done, reported, used_s, alive = 0, 0.0, 0.0, time.monotonic()
+    try:
+        process.pipe.send((task.module, task.function, task.arguments))
+        while True:
+            if not wanted():
+                Path(job.mark).unlink(missing_ok=True)  # of a stage that was killed
+                _end(process)
+                raise RuntimeError("nobody waits for this task any more")
+            if not process.pipe.poll(0.5):
+                if (now_s := _processor_s(process)) > used_s:
+                    used_s, alive = now_s, time.monotonic()
+                elif time.monotonic() - alive > STILL_S:
+                    _end(process)
+                    return "lost", f"its process hung: it neither computed nor reported for {STILL_S} s"
+                continue
+            kind, value = process.pipe.recv()
+            alive = time.monotonic()
+            if kind != "step":
+                return kind, value
+            done += 1
+            if time.monotonic() - reported > REPORT_S:
+                report(done, value)
+                reported = time.monotonic()
+    except (EOFError, ConnectionError):
+        return "lost", workers.ended(process.popen.wait())
+
+
+def _processor_s(process: Process) -> float:
+    """Seconds that the process has computed, by itself and for the system; 0 where it has ended."""
+    import psutil
+
+    try:
+        times = psutil.Process(process.popen.pid).cpu_times()
+    except psutil.Error:
+        return 0.0
+    return times.user + times.system
 
 
 def serve(handle: int) -> None:
@@ -279,11 +312,8 @@ def serve(handle: int) -> None:
                 module, function, arguments = pipe.recv()
             except EOFError:
                 return
-            try:
-                called = getattr(importlib.import_module(module), function)
-                answer = "result", called(*arguments, lambda *numbers: pipe.send(("step", workers.note(numbers))))
-            except Exception as error:
-                if not isinstance(error, InputError):
-                    error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
-                answer = "error", error
-            pipe.send(answer)
+            workers.answer(pipe, _named, (module, function, *arguments))
+
+
+def _named(module: str, function: str, *arguments):
+    return getattr(importlib.import_module(module), function)(*arguments)

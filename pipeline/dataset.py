@@ -18,16 +18,17 @@ def main() -> None:
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "dataset", values)
     module, settings = experiment_module(experiment), values[experiment]
+    made_by = f"python -m pipeline.ingest {experiment}"
     if experiment in params.SERIES:
-        path = paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}")
-        windows = tables.read(path)
+        windows = tables.read(paths.require(paths.frames(experiment), made_by))
         table = windows.rename_columns({"y_mm": "y"})
     elif experiment in params.IMAGES:
-        frames = tables.read(paths.require(paths.frames(experiment), "python -m pipeline.ingest"))
+        frames = tables.read(paths.require(paths.frames(experiment), made_by))
         windows = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
         table = images.dataset_rows(windows, module.images(windows, settings))
     else:
-        table = windows = tables.read(paths.require(paths.windows(experiment), "python -m pipeline.window"))
+        path = paths.require(paths.windows(experiment), f"python -m pipeline.window {experiment}")
+        table = windows = tables.read(path)
     counts = []
     for protocol, seed in params.runs(values, experiment):
         part = module.split(windows, settings, protocol, seed)

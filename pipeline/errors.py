@@ -1,8 +1,9 @@
-"""Bad input ends in one sentence, not in a traceback. So does a disk that is full or must not be written."""
+"""Bad input ends in one sentence, not in a traceback. So does a disk that is full or locked, and a lack of memory."""
 
 import errno
 import os
 import re
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,10 @@ from pipeline.parent import die_with_parent
 
 # What ends a write through no fault of the code.
 STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
+FULL = (errno.ENOSPC, errno.EDQUOT)  # what DVC writes in place is cut, too
+
+# What torch and the system say where Python says MemoryError.
+NO_MEMORY = re.compile(r"can't allocate memory|cannot allocate memory|out of memory|bad_alloc", re.IGNORECASE)
 
 
 class InputError(Exception):
@@ -21,11 +26,11 @@ class InputError(Exception):
 
 
 def run_stage(main: Callable[[], None]) -> None:
-    """Run a stage's `main`; an InputError, or a disk's, becomes its sentence on stderr and exit status 1.
+    """Run a stage's `main`; bad input, a disk and a lack of memory become a sentence on stderr and exit status 1.
 
-    A stage that DVC started ends with it: otherwise the next `dvc repro` would find it still writing. It fails where
-    params.yaml changed while it ran: DVC reads the file after the stage, and would take the results for those of the
-    new values.
+    Ctrl-C says nothing, with the status that a shell gives it. A stage that DVC started ends with it: otherwise the
+    next `dvc repro` would find it still writing. It fails where params.yaml changed while it ran: DVC reads the file
+    after the stage, and would take the results for those of the new values.
     """
     from pipeline import paths  # which needs InputError
 
@@ -39,10 +44,22 @@ def run_stage(main: Callable[[], None]) -> None:
             raise InputError("params.yaml changed while this ran; run `dvc repro` again, for results of the new values")
     except InputError as error:
         sys.exit(f"error: {error}")
+    except KeyboardInterrupt:
+        sys.exit(128 + signal.SIGINT)
     except Exception as error:
-        if storage_error(error) is None:
+        if (sentence := storage_error(error)) is None and (reason := memory_error(error)) is not None:
+            sentence = f"{reason}; free memory or make the settings in params.yaml smaller, and run the command again"
+        if sentence is None:
             raise
-        sys.exit(f"error: {storage_error(error)}")
+        sys.exit(f"error: {sentence}")
+
+
+def memory_error(error: BaseException) -> str | None:
+    """What the system said where a piece of memory was not to be had; None for any other error."""
+    said = isinstance(error, (RuntimeError, OSError)) and NO_MEMORY.search(str(error))
+    if not (isinstance(error, MemoryError) or said):
+        return None
+    return f"not enough memory ({str(error).splitlines()[0] if str(error) else type(error).__name__})"
 
 
 def _content(path: Path) -> bytes | None:
@@ -57,7 +74,8 @@ def storage_error(error: Exception) -> str | None:
     if code not in STORAGE:
         return None
     where = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
+    cut = "; if DVC then calls .dvc/tmp/rwlock corrupted, remove that file" if code in FULL else ""
     return (
         f"{where}{os.strerror(code)}; free or unlock the disk and run the command again "
-        "(an unfinished file is never taken for a result)"
+        f"(an unfinished file is never taken for a result{cut})"
     )

@@ -1,5 +1,6 @@
 """Public recordings: `python -m pipeline.fetch` lists the sources, `python -m pipeline.fetch NAME` gets one.
 
+From a local copy of it: `python -m pipeline.fetch NAME --from FOLDER`.
 Every file is checked against its SHA-256 before it gets its name. An interrupted call is simply repeated: files that
 are right are left alone, and the one that was under way goes on where it stopped.
 """

@@ -78,6 +78,11 @@ def style(model: str) -> Style:
     return Style(model, colours[place % len(colours)], "Xd>8p"[place // 7 % 5], (0, (2, 1)))
 
 
+def literal(name: str) -> str:
+    """Text for matplotlib that shows `name` as it is: `$` does not start a formula."""
+    return name.replace("$", r"\$")
+
+
 def plain_log(axis: matplotlib.axis.Axis) -> None:
     """Plain numbers on a logarithmic axis that has its limits: 1, 2, 5, 10; only decades if it is long."""
     low, high = axis.get_view_interval()

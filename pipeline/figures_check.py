@@ -53,7 +53,7 @@ def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -
     for column, one in enumerate(recordings):
         aligned = bool(one.report)
         note = "" if aligned else "\n(not aligned: each log from its own start)"
-        axes[0, column].set_title(one.name + note, pad=20, fontweight="bold")
+        axes[0, column].set_title(figures.literal(one.name) + note, pad=20, fontweight="bold")
         for ax, (label, files, pattern) in zip(axes[:, column], panels, strict=False):
             signals(ax, one, files, pattern)
             ax.set_ylabel(label)

@@ -70,7 +70,7 @@ def tactile_sequences(path: Path, sequences: Mapping[str, np.ndarray], cells: in
             extent=(0.5, frames + 0.5, sensors + 0.5, 0.5), interpolation="nearest",
         )  # fmt: skip
         ax.axhline(cells + 0.5, color=figures.VERMILION, linewidth=1)
-        ax.set(title=name.replace("_", " "), yticks=[1, cells // 3, 2 * cells // 3, cells])
+        ax.set(title=figures.literal(name.replace("_", " ")), yticks=[1, cells // 3, 2 * cells // 3, cells])
         ax.grid(False)
     for ax in axes.flat[len(sequences) :]:
         ax.set_axis_off()
@@ -91,7 +91,7 @@ def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], tit
     """
     images = counts.sum(axis=1, keepdims=True)
     percent = 100 * np.divide(counts, images, out=np.zeros(counts.shape), where=images > 0)
-    names = [name.replace("_", " ") for name in objects]
+    names = [figures.literal(name.replace("_", " ")) for name in objects]
     side = (0.4 if len(names) <= 20 else 0.335) * len(names)
     figure, ax = plt.subplots(figsize=(side + 2, side + 1.6))
     picture = ax.imshow(percent, cmap="Blues", vmin=0, vmax=100)

@@ -42,8 +42,8 @@ def replacing_folder(path: Path) -> Iterator[Path]:
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> None:
-    """A header and rows, numbers in full precision."""
-    with replacing(path) as draft, open(draft, "w", newline="", encoding="ascii") as file:
+    """A header and rows in UTF-8, numbers in full precision."""
+    with replacing(path) as draft, open(draft, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(rows)

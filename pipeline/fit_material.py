@@ -320,9 +320,7 @@ def above_after_release(recordings: list[Recording], reading: float, within_s: f
 def main() -> None:
     """Fit, score, and write `velostat.json` and `reports/material/`."""
     if not sources.is_complete(SOURCE):
-        raise InputError(
-            f"data/sources/{SOURCE}: recordings missing or changed; run `python -m pipeline.fetch {SOURCE}`"
-        )
+        raise InputError(f"data/sources/{SOURCE}: no recordings; run `python -m pipeline.fetch {SOURCE}`")
     folder = sources.folder(SOURCE)
     began = time.perf_counter()
 

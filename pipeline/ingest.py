@@ -12,7 +12,7 @@ from pathlib import Path
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import files, params, paths, sources, tables
+from pipeline import files, own, params, paths, sources, tables
 from pipeline.errors import InputError, run_stage
 
 
@@ -20,7 +20,9 @@ def ingest(experiment: str, settings: dict) -> None:
     """Frames, rejects and report of an experiment; `settings` is its block of params.yaml.
 
     The logs are a public source's (without it: empty tables and the reason), the simulator's, or those in the
-    folder (relative to the repository) that `<experiment>.source` names.
+    folder in data/own (relative to the repository) that `<experiment>.source` names. Raises InputError for logs that
+    cannot be read, for a public source with a missing or wrong file, and for a folder in which DVC would not notice a
+    change.
     """
     module = params.experiment_module(experiment)
     schema = module.frames_schema(settings)
@@ -39,6 +41,8 @@ def ingest(experiment: str, settings: dict) -> None:
             raise InputError(
                 f"params.yaml, {experiment}.source: there is no folder {settings['source']}; name one or `simulated`"
             )
+        if problem := own.unnoticed(folder):
+            raise InputError(f"params.yaml, {experiment}.source: {problem}")
     try:
         read = getattr(module, "read_in_parts", module.read_recording)
         _ingest(experiment, module.recordings(folder), schema, read, settings)

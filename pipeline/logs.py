@@ -7,13 +7,15 @@ because serial lines carry no checksum: a torn line that still has the right num
 
 import os
 import re
+import unicodedata
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -37,9 +39,12 @@ REASONS = (
 REJECTS = pa.schema([("file", pa.string()), ("line", pa.int64()), ("reason", pa.string()), ("text", pa.string())])
 
 TEXT_LENGTH = 200  # characters of a rejected line that are kept
+TEXTS = 1000  # rejected lines of each reason whose text is kept; of all others the number and the reason
 PIECE = 1 << 22  # bytes parsed at once; 4 MiB was the fastest of 1 to 8 MiB
 LONGEST_LINE = 64 << 20  # bytes; a file without line ends must not fill the memory
 HOPELESS = 100_000  # lines rejected before the first good one: no log, stop reading
+MOST_KNOWN = 1000  # different lines whose reason is remembered: a device that is stuck repeats itself
+BLOCK = 1 << 18  # rows out of order that are looked at together
 MOST_RESETS = 1000  # a device that starts more often does not run
 LONGEST_S = 1e5  # 28 hours; one wrong time at the end must not make a log last years
 MOST_NOTED = 1000  # lines of a piece that are noted because the clock does not rise; others are read again
@@ -83,40 +88,106 @@ class Format:
         return self.separator.join(self.names)
 
 
-def read_log(path: Path, fmt: Format, name: str | None = None) -> tuple[pa.Table, pa.Table]:
+class _Rejects:
+    """Rejected lines by column: 10 million of them take 50 MB."""
+
+    def __init__(self):
+        self.numbers: list[np.ndarray] = []  # int32, from 1, rising within an array
+        self.codes: list[np.ndarray] = []  # int8, places in REASONS
+        self.texts: dict[int, str] = {}  # of the first TEXTS lines of each reason, by number
+        self.counts = np.zeros(len(REASONS), np.int64)
+
+    def add(self, numbers: np.ndarray, codes: np.ndarray) -> list[int]:
+        """Take lines (n,) with their reasons (n,); returns the numbers of those whose text is to be kept."""
+        self.numbers.append(numbers.astype(np.int32))
+        self.codes.append(codes)
+        wanted = numbers[_first_of_each(codes, self.counts)].tolist()
+        self.counts += np.bincount(codes, minlength=len(REASONS))
+        return wanted
+
+    def reasons(self) -> dict[str, int]:
+        """How many lines were rejected, by reason."""
+        return {reason: count for reason, count in zip(REASONS, self.counts.tolist(), strict=True) if count}
+
+    def lines(self, reason: str) -> np.ndarray:
+        """The numbers of the lines rejected for one reason, int32."""
+        some = [
+            numbers[codes == REASONS.index(reason)] for numbers, codes in zip(self.numbers, self.codes, strict=True)
+        ]
+        return np.concatenate([np.zeros(0, np.int32), *some])
+
+    def table(self, name: str) -> pa.Table:
+        """Everything as REJECTS, in the order of the lines, with `name` as file; null stands for a text not kept."""
+        if not self.numbers:
+            return REJECTS.empty_table()
+        numbers, codes = np.concatenate(self.numbers), np.concatenate(self.codes)
+        rising = np.argsort(numbers, kind="stable")  # quick where they rise already
+        numbers, codes = numbers[rising], codes[rising]
+        kept = np.array(sorted(self.texts), np.int32)
+        place = np.searchsorted(kept, numbers).clip(max=len(kept) - 1)
+        shown = pa.array([self.texts[number] for number in kept.tolist()], pa.string())
+        columns = [
+            pa.repeat(name, len(numbers)),
+            numbers.astype(np.int64),
+            pa.array(REASONS).take(pa.array(codes)),
+            shown.take(pa.array(place, mask=kept[place] != numbers)),
+        ]
+        return pa.table(columns, schema=REJECTS)
+
+
+def _first_of_each(codes: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Places, rising, of the first lines of each reason whose text is kept; before: lines of each reason so far."""
+    places = [np.flatnonzero(codes == code)[: max(0, TEXTS - before[code])] for code in np.unique(codes)]
+    return np.sort(np.concatenate([np.zeros(0, np.int64), *places]))
+
+
+def read_log(
+    path: Path, fmt: Format, name: str | None = None, limit: float = 1.0, key: str = ""
+) -> tuple[pa.Table, pa.Table]:
     """Read a log: `(rows, rejects)`; rows + rejects (+ 1 if line 1 is the header) = lines of the file.
 
     `rows` has the format's columns, `line` (int32, from 1) and `segment` (int16, from 0; a new one after each
     reset of the device); its time rises strictly within a segment. `rejects` has the columns of `REJECTS` in
-    the order of the lines, with `name` (default: the file's name) as its file.
+    the order of the lines, with `name` (default: the file's name) as its file; the text of a line is null after the
+    first `TEXTS` of its reason.
 
-    Raises InputError when the file is missing, empty, has no line of this format, lasts more than `LONGEST_S`, or is
-    of a device that was reset more than `MOST_RESETS` times.
+    Raises InputError when the file is missing, empty, has no line of this format, lasts more than `LONGEST_S`, is of a
+    device that was reset more than `MOST_RESETS` times, or (as soon as that is certain) more than the share `limit` of
+    its lines is rejected; `key`: what params.yaml calls that limit.
     """
     if not path.is_file():
         raise InputError(f"{path}: log not found; check the folder named in params.yaml")
-    name = path.name if name is None else name
-    pieces, rejects, lines, noted = _parse_file(path, fmt)
+    pieces, rejects, lines, noted = _parse_file(path, fmt, limit, key)
     if not pieces:
         raise InputError(_nothing_parsed(path, fmt, lines))
 
     time = np.concatenate([piece[fmt.time].to_numpy() for piece in pieces])
     line = np.concatenate([piece["line"].to_numpy() for piece in pieces])
-    text_lines = np.array([number for number, reason, _ in rejects if reason == TEXT], dtype=np.int64)
-    keep, segment = order(time, line, text_lines)
+    lines = len(line) + sum(rejects.reasons().values())  # without the header
+    back = np.count_nonzero(time[1:] <= time[:-1])
+    if back > HOPELESS:  # each is a reset or a line lost, but to find out which takes minutes
+        lost = {f"{DUPLICATE} or {OUT_OF_ORDER}": int(back) - MOST_RESETS}
+        check_rejects(path, lines, rejects.reasons() | lost, limit, key)
+    keep, segment = order(time, line, rejects.lines(TEXT))
     _check_clock(path, fmt, time[keep], line[keep], segment[keep])
+    wanted = []
     if not keep.all():
-        rejects += _order_rejects(path, pa.concat_tables(pieces), fmt, time, line, keep, segment, noted)
-        rejects.sort()
+        dropped = np.flatnonzero(~keep)
+        blocks = np.split(dropped, range(BLOCK, len(dropped), BLOCK))  # what is computed of a row takes 100 bytes
+        codes = np.concatenate([_order_codes(pieces, fmt, time, block, keep, segment) for block in blocks])
+        wanted = rejects.add(line[dropped], codes)
+    check_rejects(path, lines, rejects.reasons(), limit, key)
+    unknown = [number for number in wanted if number not in noted]
+    known = noted | dict(zip(unknown, texts(path, unknown) if unknown else [], strict=True))
+    rejects.texts |= {number: known[number] for number in wanted}
+    del time, line  # a third of what is in memory
     start = 0
     for index, piece in enumerate(pieces):  # one by one, so that the log is never in memory twice
         rows = slice(start, start + piece.num_rows)
         start = rows.stop
         piece = piece.append_column("segment", pa.array(segment[rows], pa.int16()))
         pieces[index] = piece if keep[rows].all() else piece.filter(pa.array(keep[rows]))
-    numbers, reasons, texts = zip(*rejects, strict=True) if rejects else ((), (), ())
-    columns = [[name] * len(rejects), numbers, reasons, texts]
-    return pa.concat_tables(pieces), pa.table([pa.array(c) for c in columns] if rejects else columns, REJECTS)
+    return pa.concat_tables(pieces), rejects.table(path.name if name is None else name)
 
 
 def texts(path: Path, numbers: list[int]) -> list[str]:
@@ -135,13 +206,50 @@ def texts(path: Path, numbers: list[int]) -> list[str]:
     return found
 
 
-def check_rejects(path: Path, lines: int, reasons: Mapping[str, int], limit: float, key: str) -> None:
-    """InputError when more than the share `limit` of the lines is rejected; `reasons`: rejects by reason."""
+def rejected(path: Path, numbers: np.ndarray, reason: str, name: str | None = None) -> pa.Table:
+    """Rows of a log that cannot be used for a reason of the experiment's, as `read_log` has its rejects.
+
+    numbers: (n,), rising, of their lines; `name` (default: the file's name) is what REJECTS has as their file.
+    """
+    first = numbers[:TEXTS].tolist()
+    shown = pa.array(texts(path, first) if first else [], pa.string())
+    columns = [
+        pa.repeat(path.name if name is None else name, len(numbers)),
+        numbers.astype(np.int64),
+        pa.repeat(reason, len(numbers)),
+        pa.concat_arrays([shown, pa.nulls(len(numbers) - len(first), pa.string())]),
+    ]
+    return pa.table(columns, schema=REJECTS)
+
+
+def check_names(recordings: Iterable[Path]) -> None:
+    """InputError for the first recording whose path `<source>/<condition>/<recording>` is no single line of text.
+
+    Tables and figures show these names. A name with a line break, another control character, or bytes that are no UTF-8
+    cannot stand in them; any other can.
+    """
+    for path in recordings:
+        for name in path.parts[-3:]:
+            if any(unicodedata.category(character) in ("Cc", "Cs", "Zl", "Zp") for character in name):
+                raise InputError(
+                    f"{ascii(str(path))[1:-1]}: the folder name {ascii(name)} has a line break, another control "
+                    "character or bytes that are no UTF-8; rename the folder"
+                )
+
+
+def check_rejects(
+    path: Path, lines: int, reasons: Mapping[str, int], limit: float, key: str, following: int = 0
+) -> None:
+    """InputError when more than the share `limit` of the lines is rejected; `reasons`: rejects by reason.
+
+    following: how many more lines the file may have; if it has them, all of them are good.
+    """
     count = sum(reasons.values())
-    if count > limit * lines:
+    if count > limit * (lines + following):
         reason = max(sorted(reasons), key=reasons.get)
+        of = f"the first {lines}" if following else f"the {lines}"
         raise InputError(
-            f"{path}: {count / lines:.1%} of the {lines} lines cannot be used, most often '{reason}' "
+            f"{path}: {count / lines:.1%} of {of} lines cannot be used, most often '{reason}' "
             f"({reasons[reason]} lines), and the limit is {limit:.1%}; mend or remove the recording, "
             f"or raise {key} in params.yaml"
         )
@@ -214,14 +322,29 @@ def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, se
         )
 
 
-def _parse_file(path: Path, fmt: Format) -> tuple[list[pa.Table], list[tuple[int, str, str]], int, dict[int, str]]:
-    """Typed tables with a `line` column, rejects as (line, reason, text), the number of lines read, and lines noted.
+class _Piece(NamedTuple):
+    """What `_parse_piece` finds; lines are numbered from 0 in the piece."""
 
-    Noted are the texts of lines whose time does not rise, by number: as a rule these will be rejected later.
+    rows: pa.Table  # typed, with `line` (int32)
+    bad: np.ndarray  # (rejects,) lines, rising
+    codes: np.ndarray  # (rejects,) int8, places in REASONS
+    texts: dict[int, str]  # of the first TEXTS lines of each reason
+    noted: dict[int, str]  # texts of the first MOST_NOTED rows whose time does not rise
+    lines: int
+    size: int  # bytes
+
+
+def _parse_file(
+    path: Path, fmt: Format, limit: float, key: str
+) -> tuple[list[pa.Table], _Rejects, int, dict[int, str]]:
+    """Typed tables with a `line` column, rejects, the number of lines read, and lines noted.
+
+    Noted are the texts of lines whose time does not rise, by number: as a rule these will be rejected later. Raises
+    InputError once more lines are rejected than the rest of the file can make up for.
     """
     tables: list[pa.Table] = []
-    rejects: list[tuple[int, str, str]] = []
-    lines, noted = 0, {}
+    rejects = _Rejects()
+    lines, noted, left = 0, {}, path.stat().st_size
     pieces = _pieces(path)
     first = next(pieces, b"")
     header, _, rest = first.partition(b"\n")
@@ -229,19 +352,26 @@ def _parse_file(path: Path, fmt: Format) -> tuple[list[pa.Table], list[tuple[int
         first, lines = rest, 1
     pieces = chain([first] if first else [], pieces)
     workers = os.cpu_count() or 1
-    with ThreadPoolExecutor(workers) as pool:
+    pool = ThreadPoolExecutor(workers)
+    try:
         waiting = deque(pool.submit(_parse_piece, piece, fmt) for piece in islice(pieces, 2 * workers))
         while waiting:
-            table, bad, count, odd = waiting.popleft().result()
-            waiting.extend(pool.submit(_parse_piece, piece, fmt) for piece in islice(pieces, 1))
-            if table.num_rows:
-                number = pa.array(table["line"].to_numpy() + np.int32(lines + 1))
-                tables.append(table.set_column(table.num_columns - 1, "line", number))
-            rejects += [(lines + 1 + index, reason, text) for index, reason, text in bad]
-            noted |= {lines + 1 + index: text for index, text in odd}
-            lines += count
-            if not tables and len(rejects) > HOPELESS:
+            piece = waiting.popleft().result()
+            waiting.extend(pool.submit(_parse_piece, following, fmt) for following in islice(pieces, 1))
+            if piece.rows.num_rows:
+                number = pa.array(piece.rows["line"].to_numpy() + np.int32(lines + 1))
+                tables.append(piece.rows.set_column(piece.rows.num_columns - 1, "line", number))
+            for wanted in rejects.add(piece.bad + lines + 1, piece.codes) if len(piece.bad) else ():
+                rejects.texts[wanted] = piece.texts[wanted - lines - 1]
+            noted |= {lines + 1 + index: text for index, text in piece.noted.items()}
+            lines, left = lines + piece.lines, left - piece.size
+            if waiting and tables:
+                shortest = 2 * len(fmt.columns)  # bytes of a good line: a digit a column, separators, the line's end
+                check_rejects(path, lines, rejects.reasons(), limit, key, following=(left + 1) // shortest)
+            elif not tables and sum(rejects.reasons().values()) > HOPELESS:
                 break
+    finally:
+        pool.shutdown(cancel_futures=True)
     return tables, rejects, lines, noted
 
 
@@ -267,8 +397,8 @@ def _pieces(path: Path) -> Iterator[bytes]:
         yield last
 
 
-def _parse_piece(piece: bytes, fmt: Format) -> tuple[pa.Table, list[tuple[int, str, str]], int, list[tuple[int, str]]]:
-    """Rows with `line` (int32, from 0 in this piece), rejects as (line, reason, text), number of lines, lines noted.
+def _parse_piece(piece: bytes, fmt: Format) -> _Piece:
+    """Rows and rejects of whole lines.
 
     Three passes, each dearer than the one before and seldom needed: without the lines that are too short,
     without those with an empty field or a byte that no number has, without those that `_reason` refuses.
@@ -302,16 +432,31 @@ def _parse_piece(piece: bytes, fmt: Format) -> tuple[pa.Table, list[tuple[int, s
         table, line = table.filter(pa.array(possible)), line[possible]
     # From wide to the smallest types; nothing to do otherwise.
     table = table.cast(pa.schema([(column.name, column.type) for column in fmt.columns]))
-    bad = np.ones(len(ends), dtype=bool)
-    bad[line] = False
-    rejects = []
-    for index in np.flatnonzero(bad).tolist():
-        raw = piece[starts[index] : ends[index]]
-        rejects.append((index, _reason(raw, fmt), _shown(raw)))
+    is_bad = np.ones(len(ends), dtype=bool)
+    is_bad[line] = False
+    bad = np.flatnonzero(is_bad)
+    codes = _codes(piece, starts[bad], ends[bad], fmt)
+    shown = bad[_first_of_each(codes, np.zeros(len(REASONS), np.int64))]
     time = table[fmt.time].to_numpy()
-    noted = line[1:][time[1:] <= time[:-1]][:MOST_NOTED].tolist()
-    noted = [(index, _shown(piece[starts[index] : ends[index]])) for index in noted]
-    return table.append_column("line", pa.array(line.astype(np.int32))), rejects, len(ends), noted
+    noted = line[1:][time[1:] <= time[:-1]][:MOST_NOTED]
+    texts, noted = ({k: _shown(piece[starts[k] : ends[k]]) for k in some.tolist()} for some in (shown, noted))
+    rows = table.append_column("line", pa.array(line.astype(np.int32)))
+    return _Piece(rows, bad, codes, texts, noted, len(ends), len(piece))
+
+
+def _codes(piece: bytes, starts: np.ndarray, ends: np.ndarray, fmt: Format) -> np.ndarray:
+    """Places in REASONS, (n,) int8, of lines that are no rows; starts, ends: (n,), their bytes in the piece."""
+    known: dict[bytes, int] = {}
+
+    def code(start: int, end: int) -> int:
+        raw = piece[start:end]
+        if raw not in known:
+            if len(known) == MOST_KNOWN:
+                known.clear()
+            known[raw] = REASONS.index(_reason(raw, fmt))
+        return known[raw]
+
+    return np.fromiter(map(code, starts, ends), np.int8, len(starts))
 
 
 def _typed(
@@ -411,42 +556,29 @@ def _shown(raw: bytes) -> str:
     return "".join(shown)[:TEXT_LENGTH]
 
 
-def _order_rejects(
-    path: Path,
-    rows: pa.Table,
-    fmt: Format,
-    time: np.ndarray,
-    line: np.ndarray,
-    keep: np.ndarray,
-    segment: np.ndarray,
-    noted: Mapping[int, str],
-) -> list[tuple[int, str, str]]:
-    """The rows that are not kept as (line, reason, text): a duplicate equals a kept row of its segment.
+def _order_codes(
+    pieces: list[pa.Table], fmt: Format, time: np.ndarray, dropped: np.ndarray, keep: np.ndarray, segment: np.ndarray
+) -> np.ndarray:
+    """Places in REASONS, int8, of the rows `dropped` (places, rising): a duplicate equals a kept row of its segment.
 
-    noted: texts that are known already, by line.
+    pieces: all rows of the log; time, keep, segment: (rows,), where `keep` is False for all that are dropped.
     """
-    dropped = np.flatnonzero(~keep)
+    rows = pa.concat_tables(pieces)
     twin = np.full(len(dropped), -1)
     for number in np.unique(segment[dropped]):
-        kept = np.flatnonzero(keep & (segment == number))
+        first, stop = np.searchsorted(segment, [number, number + 1])
+        kept = first + np.flatnonzero(keep[first:stop])
         if not len(kept):
             continue
-        mine = np.flatnonzero(segment[dropped] == number)
-        found = kept[np.minimum(np.searchsorted(time[kept], time[dropped[mine]]), len(kept) - 1)]
-        twin[mine] = np.where(time[found] == time[dropped[mine]], found, -1)
-    same = twin >= 0
-    ours, theirs = rows.take(pa.array(dropped[same])), rows.take(pa.array(twin[same]))
-    equal = np.ones(same.sum(), dtype=bool)
+        mine = slice(*np.searchsorted(dropped, [first, stop]))
+        near = kept[np.searchsorted(time[kept], time[dropped[mine]]).clip(max=len(kept) - 1)]
+        twin[mine] = np.where(time[near] == time[dropped[mine]], near, -1)
+    equal = twin >= 0
     for column in fmt.columns:
-        equal &= ours[column.name].to_numpy() == theirs[column.name].to_numpy()
-    duplicate = np.zeros(len(dropped), dtype=bool)
-    duplicate[same] = equal
-
-    numbers = line[dropped].tolist()
-    reasons = np.where(duplicate, DUPLICATE, OUT_OF_ORDER).tolist()
-    unknown = [number for number in numbers if number not in noted]
-    shown = {**noted, **dict(zip(unknown, texts(path, unknown) if unknown else [], strict=True))}
-    return [(number, reason, shown[number]) for number, reason in zip(numbers, reasons, strict=True)]
+        some = np.flatnonzero(equal)
+        ours, theirs = (rows[column.name].take(pa.array(at[some])).to_numpy() for at in (dropped, twin))
+        equal[some] = ours == theirs
+    return np.where(equal, np.int8(REASONS.index(DUPLICATE)), np.int8(REASONS.index(OUT_OF_ORDER)))
 
 
 def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:

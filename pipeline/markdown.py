@@ -1,5 +1,6 @@
 """Tables and numbers in Markdown that also read well as raw text. Scores are rounded here, nowhere else."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,7 +9,8 @@ from pipeline.results import Estimate
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table with padded columns: the first to the left, the others to the right."""
+    """A table with padded columns: the first to the left, the others to the right; `|` in a cell is no border."""
+    header, *rows = ([cell.replace("|", r"\|") for cell in row] for row in [header, *rows])
     widths = [max(len(row[k]) for row in [header, *rows]) for k in range(len(header))]
     dashes = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
     lines = []
@@ -19,6 +21,18 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         )
         lines.append("| " + " | ".join([first, *others]) + " |")
     return "\n".join(lines) + "\n"
+
+
+def literal(name: str) -> str:
+    """A name that a user chose, as it is: none of its characters has a meaning in Markdown. For a line's middle."""
+    return re.sub(r"([\\`*_\[\]<>&$~])", r"\\\1", name)
+
+
+def code(name: str) -> str:
+    """A name that a user chose, as a code span, whatever backquotes are in it."""
+    fence = "`" * (1 + max(map(len, re.findall("`+", name)), default=0))
+    space = " " if "`" in name else ""
+    return f"{fence}{space}{name}{space}{fence}"
 
 
 def number(value: float, digits: int = 2) -> str:

@@ -1,12 +1,12 @@
 """MATLAB files of other people's recordings: only the variables asked for are decoded.
 
 MATLAB objects are data to scipy; nothing in a file is executed. scipy reads in a process of its own, because some
-damaged files crash it, with the process that it is in.
+damaged files crash it, with the process that it is in, and because a file of a megabyte may unpack to all memory.
 """
 
 import functools
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -21,8 +21,8 @@ from pipeline.parent import die_with_parent
 def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray]:
     """The variables `names` of a file of MATLAB's versions 4 to 7.
 
-    Raises InputError for a file of more than `largest` bytes, of version 7.3, that is cut or damaged, or that lacks a
-    variable.
+    Raises InputError for a file of more than `largest` bytes, or that takes more than twice as much memory to read (on
+    Linux; three times what the variables hold), of version 7.3, that is cut or damaged, or that lacks a variable.
     """
     size = path.stat().st_size
     if size > largest:
@@ -32,7 +32,13 @@ def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray
     if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
     try:
-        found = _process().submit(scipy.io.loadmat, path, variable_names=list(names)).result()
+        found = _process().submit(_within, 2 * largest, scipy.io.loadmat, path, variable_names=list(names)).result()
+    except MemoryError as error:
+        _process.cache_clear()  # what it has taken goes back with it
+        raise InputError(
+            f"{path}: takes more than {2 * largest >> 20} MiB of memory to read, and the data cannot need that; "
+            "get the file again"
+        ) from error
     except BrokenProcessPool as error:
         _process.cache_clear()
         raise InputError(f"{path}: not a whole MATLAB file (it crashes scipy's reader); get it again") from error
@@ -42,6 +48,18 @@ def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray
         if not isinstance(found.get(name), np.ndarray):
             raise InputError(f"{path}: has no variable '{name}'; it must hold {', '.join(names)}")
     return found
+
+
+def _within(memory: int, function: Callable, *arguments, **named):
+    """What `function` returns; on Linux it may take `memory` bytes more than the process has, else MemoryError."""
+    size = Path("/proc/self/statm")
+    if size.is_file():
+        import resource  # there is none on Windows
+
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        wanted = int(size.read_text().split()[0]) * resource.getpagesize() + memory
+        resource.setrlimit(resource.RLIMIT_AS, (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most))
+    return function(*arguments, **named)
 
 
 @functools.cache

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import (
+    figures,
     figures_glove,
     files,
     images,
@@ -72,7 +73,7 @@ def write_glove(settings: dict, target: Path) -> None:
     pictures = {
         dataset: tables.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in images.MODALITIES
     }
-    title = f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}"
+    title = figures.literal(f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}")
     figures_glove.tactile_images(accuracy / "figure10.png", pictures, glove.STRAIN, title)
     sequences = _sequences(settings, objects)
     title = f"Figure 13: the last {SEQUENCE_FRAMES} frames of each object's last session; below the line, joint means"

@@ -28,7 +28,7 @@ def frames(experiment: str) -> Path:
 
 
 def rejects(experiment: str) -> Path:
-    """Every rejected line with its file, number, reason and text (output of ingest)."""
+    """Every rejected line with its file, number and reason, and the text of the first (output of ingest)."""
     return experiment_folder(experiment) / "rejects.parquet"
 
 
@@ -68,13 +68,16 @@ def run_folder(experiment: str, model: str, protocol: str, seed: int) -> Path:
 
 
 def training_times(experiment: str, model: str) -> Path:
-    """Measured training seconds, apart from the model because they differ from run to run."""
+    """Measured training seconds, apart from the model because they differ from run to run.
+
+    Nothing else is in their folder: the stage latency, which joins those of all models, depends on it.
+    """
     return experiment_folder(experiment) / "latency" / f"{model}.train.csv"
 
 
 def latency(experiment: str) -> Path:
     """Measured inference times (output of latency)."""
-    return experiment_folder(experiment) / "latency" / "latency.csv"
+    return experiment_folder(experiment) / "speed" / "latency.csv"
 
 
 def predictions(experiment: str) -> Path:

@@ -1,12 +1,14 @@
 """Record what a device prints on a serial port, as it comes: `python -m pipeline.record PORT FILE [--baud N]`.
 
-Bytes are written unchanged, whole lines at a time, so that the file can be read while it grows and a power cut costs
-one line. The device may vanish and come back: recording goes on when the port does, and what it had printed of a line
-when it vanished becomes a line of its own, which ingest rejects. Ctrl-C ends the recording after the line that is
-arriving; if it does not end within LAST_LINE_S, it is kept as it came.
+Bytes are written unchanged, whole lines at a time, so that the file can be read while it grows. If this program is
+killed, that costs the line that is arriving; if the computer loses its power, the lines of the last SYNC_S as well: the
+disk has all lines before. The device may vanish and come back: recording goes on when the port does, and what it had
+printed of a line when it vanished becomes a line of its own, which ingest rejects. Ctrl-C ends the recording after the
+line that is arriving; if it does not end within LAST_LINE_S, it is kept as it came.
 """
 
 import argparse
+import os
 import signal
 import sys
 import time
@@ -18,6 +20,7 @@ BAUD = 115200
 WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen
 RETRY_S = 0.3  # between two attempts to open a port that vanished
 LAST_LINE_S = 0.5  # after Ctrl-C, for what is under way and for the rest of a line, each
+SYNC_S = 1.0  # between two times that the disk is made to have all lines, which takes it milliseconds
 SILENT_S = 5.0  # nothing for so long is worth a word
 
 
@@ -41,6 +44,7 @@ class Log:
 
     def __init__(self, path: Path):
         self.path, self.lines, self.rest = path, 0, b""
+        self.safe, self.synced = 0, time.monotonic()  # lines that the disk has, and since when it has them
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.file = path.open("xb")
@@ -50,30 +54,43 @@ class Log:
             raise InputError(f"{path}: cannot be written ({error.strerror}); give another place") from error
 
     def add(self, data: bytes) -> None:
-        """Write all lines that are whole with these bytes; keep the rest for the next time."""
+        """Write all lines that are whole with these bytes (or none: for the disk's sake); keep the rest."""
         whole, end, self.rest = (self.rest + data).rpartition(b"\n")
         self._write(whole + end)
+        if self.lines > self.safe and time.monotonic() - self.synced >= SYNC_S:
+            self.sync()
 
     def tear(self) -> None:
         """End a line that will never be whole, so that it does not become one with the next."""
         if self.rest:
             self._write(self.rest + b"\n")
             self.rest = b""
+        self.sync()
 
     def close(self) -> None:
         """Write the last, partial line as it came."""
         self._write(self.rest)
+        self.sync()
         self.file.close()
+
+    def sync(self) -> None:
+        """Wait until the disk has all that was written."""
+        try:
+            os.fsync(self.file.fileno())
+        except OSError as error:
+            raise self._cannot(error) from error
+        self.safe, self.synced = self.lines, time.monotonic()
 
     def _write(self, data: bytes) -> None:
         try:
             self.file.write(data)
             self.file.flush()
         except OSError as error:
-            raise InputError(
-                f"{self.path}: cannot be written ({error.strerror}); its first {self.lines} lines are safe"
-            ) from error
+            raise self._cannot(error) from error
         self.lines += data.count(b"\n")
+
+    def _cannot(self, error: OSError) -> InputError:
+        return InputError(f"{self.path}: cannot be written ({error.strerror}); its first {self.safe} lines are safe")
 
 
 def record(port: str, target: Path, baud: int, stop: Stop) -> int:

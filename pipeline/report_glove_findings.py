@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline import sentences
 from pipeline.figures import style
 from pipeline.images import MODALITIES
-from pipeline.markdown import interval, number, size
+from pipeline.markdown import code, interval, number, size
 from pipeline.report_glove import (
     METHODS,
     METRICS,
@@ -430,7 +430,8 @@ def confused_sentences(confusions: Mapping[str, np.ndarray], objects: Sequence[s
         total = counts.sum(axis=0)
         shares = pair_shares(total) if len(counts) else np.zeros((len(objects),) * 2)
         order = [pair for pair in ranked_pairs(total) if shares[pair] > 0] if len(counts) else []
-        named = [f"`{objects[i]}` and `{objects[j]}` {number(shares[i, j])} %" for i, j in order[:MOST_CONFUSED]]
+        quoted = [code(name) for name in objects]
+        named = [f"{quoted[i]} and {quoted[j]} {number(shares[i, j])} %" for i, j in order[:MOST_CONFUSED]]
         lines.append(
             f"- Most confused, {dataset} (images of both given the other's name): {', '.join(named) or 'no pair'}."
         )

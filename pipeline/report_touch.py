@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline import sentences
 from pipeline.figures import style
-from pipeline.markdown import interval, number, size, table
+from pipeline.markdown import interval, literal, number, size, table
 from pipeline.results import Estimate, Fit, Scores, published
 
 # Models as the paper prints them; a model that is not listed has no published number.
@@ -100,7 +100,7 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
                 ]
                 for model in settings["models"]
             ]
-            text.append(table(["Model", *others], rows))
+            text.append(table(["Model", *map(literal, others)], rows))
     absent = [name for name in TABLE_CONDITIONS if name not in conditions]
     if absent:
         text.append(f"There are no recordings of: {', '.join(absent)} touch.\n")

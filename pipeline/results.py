@@ -16,6 +16,7 @@ from pipeline.errors import InputError
 
 PUBLISHED = Path(__file__).with_name("published.csv")
 CONFIDENCE = 0.95
+MISSING = ("", "nan")  # how the stages write a value that there is not
 
 
 class Estimate(NamedTuple):
@@ -54,7 +55,9 @@ def shown(path: Path) -> str:
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
     """A CSV table that has at least `columns`. Raises InputError otherwise."""
     try:
-        table = pd.read_csv(paths.require(path, made_by))
+        # A condition is named by its folder, and a folder may be called NA or 001: it is never missing, nor a number.
+        missing = {name: MISSING for name in pd.read_csv(paths.require(path, made_by), nrows=0) if name != "condition"}
+        table = pd.read_csv(path, dtype={"condition": str}, keep_default_na=False, na_values=missing)
     except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
         raise InputError(f"{shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
     for column in columns:

@@ -78,6 +78,19 @@ def sha256(path: Path) -> str:
 
 
 def is_complete(name: str, at: Path | None = None) -> bool:
-    """True if every file of the source is there and right, in `at` (default: `folder(name)`)."""
-    at = folder(name) if at is None else at
-    return all((at / path).is_file() and sha256(at / path) == digest for path, digest in files(name).items())
+    """True if every file of the source is there and right, in `at` (default: `folder(name)`), False if none is there.
+
+    Raises InputError that names the first file that is missing beside others, or is not the expected one.
+    """
+    at, listed = folder(name) if at is None else at, files(name)
+    there = [path for path in listed if (at / path).is_file()]
+    if not there:
+        return False
+    for path, digest in listed.items():
+        if path not in there or sha256(at / path) != digest:
+            wrong = "is not the recorded file (its SHA-256 differs)" if path in there else "is missing"
+            raise InputError(
+                f"{at / path}: {wrong}; run `python -m pipeline.fetch {name}`, which gets what is missing or wrong, "
+                f"or remove all of {at} to go on without these recordings"
+            )
+    return True

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline import matlab
+from pipeline import matlab, own
 from pipeline.errors import InputError
 from pipeline.images import HIGHEST, SIDE
 
@@ -38,11 +38,13 @@ def read(path: Path, balanced: bool = True) -> Stag:
     """Read `metadata.mat`, saved by MATLAB as version 5 to 7.
 
     `balanced`: only the frames that the authors picked so that every object has as many. Raises InputError for a file
-    that is missing, cut, of version 7.3, lacks a variable, whose variables do not belong together, or of which no
-    frame is left.
+    that is missing, outside data/own, cut, of version 7.3, lacks a variable, whose variables do not belong together, or
+    of which no frame is left.
     """
     if not path.is_file():
         raise InputError(f"{path}: not found; download the classification data of STAG and name its metadata.mat")
+    if problem := own.unnoticed(path):
+        raise InputError(f"params.yaml, glove.stag.file: {problem}")
     found = matlab.read(path, VARIABLES, LARGEST_FILE)
     pressure = found["pressure"]
     if pressure.ndim != 3 or pressure.shape[1:] != (SIDE, SIDE) or pressure.dtype.kind not in "fiu":

@@ -141,18 +141,18 @@ def write(path: Path, schema: pa.Schema, parts: Iterable[pa.Table]) -> None:
             writer.write_table(part.select(schema.names).cast(schema), row_group_size=GROUP_ROWS)
 
 
-def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+def read(path: Path, columns: Sequence[str] = ()) -> pa.Table:
     """Return a Parquet file of another stage, or these columns of it; InputError where it is damaged or lacks one."""
     try:
-        table = pyarrow.parquet.read_table(path, columns=columns)
-    except (pa.ArrowException, OSError) as error:
+        return having(pyarrow.parquet.read_table(path, columns=list(columns) or None), columns, path)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # the last one: names are decoded when used
         raise InputError(f"{path}: damaged ({str(error)[:200]}); delete it and run `dvc repro`") from error
-    return having(table, columns or (), path)
 
 
 def having(table: pa.Table, columns: Sequence[str], path: Path) -> pa.Table:
     """Return the table that was read from `path`; InputError where it lacks one of the columns."""
-    if absent := [name for name in columns if name not in table.column_names]:
+    names = table.column_names
+    if absent := [name for name in columns if name not in names]:
         raise InputError(f"{path}: has no column '{absent[0]}'; delete it and run `dvc repro`")
     return table
 

@@ -1,10 +1,12 @@
 """Stage: every result of the pipeline as a run in MLflow. `python -m pipeline.track`
 
 A second call adds nothing; see `tracking.py` for what one run holds. The store is `mlruns/mlflow.db`, or the
-server that MLFLOW_TRACKING_URI names.
+server that MLFLOW_TRACKING_URI names. DVC runs this at every `dvc repro`, so it looks at a receipt first.
 """
 
-from pipeline import files, tracking
+import os
+
+from pipeline import store
 from pipeline.availability import why_not_run
 from pipeline.errors import run_stage
 from pipeline.params import load
@@ -13,20 +15,51 @@ from pipeline.params import load
 def track(params: dict) -> None:
     """Bring the store in line with the files of all `params["experiments"]` and write the receipt.
 
-    Raises InputError if a file is missing (nothing is logged then) or the store cannot be used.
+    Raises InputError if a file is missing or was made with other settings (nothing is logged then), or the store
+    cannot be used.
     """
-    runs = []
+    with store.one_at_a_time():
+        origin = store.origin(params)
+        rows = None if store.in_temporary_copy() else store.known_rows(origin)
+        if rows is not None and not store.server() and store.is_untouched(rows):
+            print(f"MLflow: {len(rows)} runs, nothing changed since they were tracked; {_search_for()}")
+            return
+        rows = _track(params, rows)
+        if not store.in_temporary_copy():
+            store.write_receipt(origin, rows)
+
+
+def _track(params: dict, known: list[dict[str, str]] | None) -> list[dict[str, str]]:
+    """The receipt's rows; `known`: those of an earlier call, if all that it tracked is unchanged."""
+    from pipeline import tracking  # MLflow takes 3 s to import
+
+    if known is not None and tracking.holds(known):
+        print(f"MLflow: {len(known)} runs, all found in the store; {_search_for()}")
+        return known
+    ran = []
     for experiment in params["experiments"]:
         reason = why_not_run(experiment)
-        if reason is not None:
+        if reason is None:
+            ran.append(experiment)
+        else:
             print(f"{experiment}: not run, so nothing to track ({reason})")
-            continue
-        found = tracking.read_runs(experiment, params)
-        print(f"{experiment}: {len(found)} runs")
-        runs += found
-    table, logged, deleted = tracking.synchronise(runs)
-    files.write_table(tracking.receipt(), table)
-    print(f"MLflow: {logged} runs logged, {len(table) - logged} unchanged, {deleted} superseded")
+    tracking.check_settings(ran, params)
+    runs = []
+    for experiment in ran:
+        runs += tracking.read_runs(experiment, params)
+    done = tracking.synchronise(runs)
+    print(
+        f"MLflow: {done.logged} runs logged, {len(runs) - done.logged} found again (of them {done.restored} restored, "
+        f"{done.measured} with new times), {done.former} no longer current; {_search_for()}"
+    )
+    return done.rows
+
+
+def _search_for() -> str:
+    """What to type into MLflow's search to see what was tracked."""
+    if store.in_temporary_copy():
+        return f"search for tags.dvc_experiment = '{os.environ.get('DVC_EXP_NAME', '')}'"
+    return f"the present results: tags.`{store.current_tag()}` = 'true'"
 
 
 def main() -> None:

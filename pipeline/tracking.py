@@ -1,25 +1,38 @@
 """How the files of one trained model become one MLflow run.
 
-The stages only write files. This module reads what they wrote for every (protocol, model, seed) of an
-experiment, and makes the store hold exactly one active run for each, found again by a hash of its content.
-The store can therefore be deleted at any time: the next call fills it again from the files.
+The stages only write files. This module reads what they wrote for every (protocol, model, seed) of an experiment,
+and sees to it that the store holds a run of that content, found again by a hash of settings, curves, scores and model
+files. No run is ever deleted, and none changes its params, scores or files; a run that somebody deleted is restored
+when its content is wanted again. Two checkouts with the same content share the run. What does change:
+
+* the tag `current.<checkout>`, "true" on the runs of a checkout's present results and "false" on its former ones;
+* times measured anew: further points of `train_s` and `latency.*`, by the checkout that logged the run.
+
+The store can be deleted at any time: the next call fills it again from the files.
 """
 
 import hashlib
 import json
 import logging
 import os
+import re
 import subprocess
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
-from pipeline import paths
-from pipeline.errors import InputError
+from pipeline import paths, store
+from pipeline.errors import InputError, storage_error
+from pipeline.params import training_command
 
 os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"  # read by mlflow when it is imported
 os.environ["MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT"] = "true"  # two lines a run, where a server is used
@@ -28,15 +41,22 @@ os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "2")  # 7 retries of a 
 from mlflow import MlflowClient
 from mlflow.entities import Metric, Param, Run, ViewType
 from mlflow.exceptions import MlflowException
+from mlflow.store.db.db_types import DATABASE_ENGINES
 from sqlalchemy.exc import SQLAlchemyError
 
 WRITER = "pipeline.track"  # the tag `written_by`: runs without it belong to the user and are never touched
 MODEL_FILES = ("*.safetensors", "*.skops")
 CURVES = ("train_loss", "validation_loss", "learning_rate")
 METRICS_PER_CALL = 1000  # the limit of MLflow's log_batch
+PARAMS_PER_CALL = 100  # the same
+LONGEST_PARAM = 6000  # characters; MLflow cuts what is longer
+LONGEST_NAME = 100  # of a condition, in a metric's name; MLflow takes 250 characters for both
+NAME = re.compile(r"\w[\w.\- ]*")  # what MLflow takes as a metric's name on every system, and no path but itself
+DIGEST = re.compile(r" [0-9a-f]{8}$")  # how a name ends that MLflow would not have taken
 
 logging.getLogger("alembic").setLevel(logging.CRITICAL)
 logging.getLogger("mlflow").setLevel(logging.CRITICAL)  # its errors reach the user as one InputError
+logging.getLogger("urllib3").setLevel(logging.CRITICAL)  # shows addresses with all that is secret in them
 
 
 @dataclass(frozen=True)
@@ -47,9 +67,10 @@ class TrackedRun:
     protocol: str
     model: str
     seed: int
-    settings: dict[str, str]  # MLflow params
+    settings: dict[str, str]  # MLflow params: the model's own settings, and what came out of fitting it
+    block: dict[str, str]  # MLflow params: what the run was made with, as params.yaml names it (`touch.window.frames`)
     curves: dict[str, list[tuple[int, float]]]  # name -> (epoch, value)
-    metrics: dict[str, float]  # scores and counts, the same on every machine up to rounding
+    metrics: dict[str, float]  # scores (`<condition>.<metric>`) and counts, the same on every machine up to rounding
     timings: dict[str, float]  # measured wall times: logged, but not part of the content
     params_hash: str
     folder: Path
@@ -61,27 +82,30 @@ class TrackedRun:
         return self.experiment, self.protocol, self.model, str(self.seed)
 
 
-def store_folder() -> Path:
-    """`mlruns`: the default store `mlflow.db`, its `artifacts`, and the receipt `tracked.csv`."""
-    return paths.ROOT / "mlruns"
+class Outcome(NamedTuple):
+    """What `synchronise` did."""
 
-
-def receipt() -> Path:
-    """`mlruns/tracked.csv`: experiment, protocol, model, seed, content, run_id; one row a run."""
-    return store_folder() / "tracked.csv"
+    rows: list[dict[str, str]]  # a row a run, with store.COLUMNS
+    logged: int
+    restored: int  # of those found, the runs that somebody had deleted
+    measured: int  # of those found, the runs whose times were measured anew
+    former: int  # runs that no longer belong to the present results
 
 
 def read_runs(experiment: str, params: dict) -> list[TrackedRun]:
     """Every run that `params[experiment]` lists, in its order: protocol, then model, then seed.
 
     `params` is the whole of params.yaml as nested dicts. Raises InputError that names the first file, column
-    or row that is missing: a run is complete or it is not tracked.
+    or row that is missing: a run is complete or it is not tracked. So it does if a model has other settings.
     """
     settings = params[experiment]
     scores = _read_csv(
         paths.scores(experiment),
         ["protocol", "condition", "model", "seed", "metric", "value"],
         made_by="dvc repro evaluate",
+        dtype=dict.fromkeys(["protocol", "condition", "model", "metric"], str),  # a condition may be named 007 or NA
+        keep_default_na=False,
+        na_values={"value": ["", "nan"]},
     )
     latency = _read_csv(
         paths.latency(experiment),
@@ -94,34 +118,90 @@ def read_runs(experiment: str, params: dict) -> list[TrackedRun]:
             times = _read_csv(
                 paths.training_times(experiment, model),
                 ["protocol", "seed", "train_s"],
-                made_by="dvc repro train",
+                made_by=training_command(experiment, model),
             )
             for seed in replicates["seeds"]:
-                runs.append(_read_run(experiment, settings, protocol, model, seed, scores, latency, times))
+                runs.append(_read_run(experiment, params, protocol, model, seed, scores, latency, times))
     return runs
 
 
-def synchronise(runs: list[TrackedRun]) -> tuple[pd.DataFrame, int, int]:
-    """Make the store hold exactly `runs`: log the missing ones, delete those that are superseded or unlisted.
+def check_settings(experiments: Iterable[str], params: dict) -> None:
+    """Raise InputError if DVC made the results of `experiments` with other settings than `params`.
 
-    Returns the receipt (experiment, protocol, model, seed, content, run_id; a row a run), the number of runs
-    logged and the number deleted. "Deleted" is MLflow's lifecycle stage: `mlflow gc` removes them for good,
-    and only runs that this function wrote are ever deleted. Raises InputError if the store is unreachable,
-    locked, or was made by a copy of the repository in another folder.
+    What dvc.lock does not know, such as stages that were run by hand, cannot be checked.
     """
-    uri = os.environ.get("MLFLOW_TRACKING_URI")
+    path = paths.ROOT / "dvc.lock"
+    if not path.is_file():
+        return
     try:
-        if uri:
-            return _synchronise(MlflowClient(tracking_uri=uri), runs, artifacts=None)
-        store_folder().mkdir(exist_ok=True)
-        client = MlflowClient(tracking_uri=f"sqlite:///{store_folder() / 'mlflow.db'}")
-        return _synchronise(client, runs, artifacts=store_folder() / "artifacts")
-    except (MlflowException, SQLAlchemyError, OSError) as error:
-        reason = str(error).strip().splitlines()[0].rstrip(".")
-        raise InputError(
-            f"{uri or 'mlruns/mlflow.db'}: the MLflow store cannot be used ({reason}); all results are "
-            "safe in data/, so free or start the store and run `python -m pipeline.track` again"
-        ) from error
+        stages = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["stages"].values()
+        made_with = {
+            out["path"]: dict(stage.get("params", {}).get("params.yaml", {}))
+            for stage in stages
+            for out in stage.get("outs", [])
+        }
+    except (YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError("dvc.lock: was cut short or damaged; delete it and run `dvc repro`") from error
+    for experiment in experiments:
+        models = [paths.model_folder(experiment, model) for model in params[experiment]["models"]]
+        for output in (paths.scores(experiment), *models):
+            for dotted, value in made_with.get(_shown(output).as_posix(), {}).items():
+                wanted = params
+                for key in dotted.split("."):
+                    wanted = wanted.get(key) if isinstance(wanted, Mapping) else None
+                if key := _difference(value, wanted, dotted):
+                    raise InputError(
+                        f"params.yaml, {key}: {_shown(output)} was made with another value, says dvc.lock; "
+                        "run `dvc repro`"
+                    )
+
+
+def synchronise(runs: list[TrackedRun]) -> Outcome:
+    """Make the store hold every one of `runs`: find its content again, restore it or log it; then move `current`.
+
+    In the temporary copy of an experiment no run becomes a current one. Raises InputError if the store is
+    unreachable, locked, refuses a value, or was made by a copy of the repository in another folder.
+    """
+    with _opened() as client:
+        experiments = _open_experiments(client, {run.experiment for run in runs})
+        _end_interrupted(client, experiments.values())
+        marked = _marked(client, experiments.values())
+        by_content = {
+            run.data.tags["content"]: run
+            for run in sorted(marked, key=_preference, reverse=True)
+            if run.info.status == "FINISHED"
+        }
+        commit, rows, counts = git_state(), [], dict.fromkeys(("logged", "restored", "measured"), 0)
+        for run in runs:
+            match = by_content.get(run.content) or _find(client, experiments[run.experiment], run.content)
+            if match is None:
+                run_id = _write_run(client, experiments[run.experiment], run, commit)
+                counts["logged"] += 1
+            else:
+                run_id = match.info.run_id
+                counts["restored"] += _restore(client, match, run)
+                counts["measured"] += _log_new_times(client, match, run)
+            if not store.in_temporary_copy() and (match is None or match.data.tags.get(store.current_tag()) != "true"):
+                client.set_tag(run_id, store.current_tag(), "true")
+            rows.append(dict(zip(store.COLUMNS, (*run.key, run.content, run_id), strict=True)))
+        former = {run.info.run_id for run in marked} - {row["run_id"] for row in rows}
+        if store.in_temporary_copy():
+            former = set()
+        for run_id in sorted(former):  # after the new ones are complete
+            client.set_tag(run_id, store.current_tag(), "false")
+    return Outcome(rows, former=len(former), **counts)
+
+
+def holds(rows: list[dict[str, str]]) -> bool:
+    """Tell whether exactly `rows` of a receipt are the current runs of this checkout in the store, and complete."""
+    with _opened() as client:
+        experiments = _open_experiments(client, set())
+        complete = {
+            (run.info.run_id, run.data.tags["content"])
+            for run in _marked(client, experiments.values())
+            if run.info.lifecycle_stage == "active" and run.info.status == "FINISHED" and not _lacks_files(run)
+        }
+    return complete == {(row["run_id"], row["content"]) for row in rows}
 
 
 def git_state() -> tuple[str, str]:
@@ -146,7 +226,7 @@ def _git(*arguments: str) -> str:
 
 def _read_run(
     experiment: str,
-    settings: dict,
+    params: dict,
     protocol: str,
     model: str,
     seed: int,
@@ -154,14 +234,18 @@ def _read_run(
     latency: pd.DataFrame,
     times: pd.DataFrame,
 ) -> TrackedRun:
-    folder = paths.run_folder(experiment, model, protocol, seed)
-    history = _read_csv(folder / "history.csv", ["epoch", *CURVES], made_by="dvc repro train")
-    fit = _read_json(folder / "fit.json", made_by="dvc repro train")
+    settings = params[experiment]
+    folder, made_by = paths.run_folder(experiment, model, protocol, seed), training_command(experiment, model)
+    history = _read_csv(folder / "history.csv", ["epoch", *CURVES], made_by=made_by)
+    fit = _read_json(folder / "fit.json", made_by=made_by)
     if absent := {"stop_reason", "best_epoch", "epochs", "parameters", "macs", "settings"} - fit.keys():
-        raise InputError(f"{_shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `dvc repro train` again")
+        raise InputError(f"{_shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `{made_by}` again")
     if not any(path for pattern in MODEL_FILES for path in folder.glob(pattern)):
+        raise InputError(f"{_shown(folder)}: holds no model file ({' or '.join(MODEL_FILES)}); run `{made_by}` again")
+    if fit["settings"] != settings["models"][model]:
         raise InputError(
-            f"{_shown(folder)}: holds no model file ({' or '.join(MODEL_FILES)}); run `dvc repro train` again"
+            f"{_shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
+            "params.yaml; run `dvc repro`"
         )
 
     this_run = f"protocol {protocol}, model {model}, seed {seed}"
@@ -184,7 +268,7 @@ def _read_run(
         times,
         paths.training_times(experiment, model),
         {"protocol": protocol, "seed": seed},
-        mend="run `dvc repro train` again",
+        mend=f"run `{made_by}` again",
     )
 
     logged = _flatten(fit["settings"]) | {
@@ -207,13 +291,8 @@ def _read_run(
     # What in params.yaml decides this run: not the other models or seeds, nor how inference is timed.
     others = ("models", "protocols", "latency")
     decisive = {name: value for name, value in settings.items() if name not in others}
-    params_hash = _hash(
-        [
-            decisive,
-            settings["models"][model],
-            {name: value for name, value in settings["protocols"][protocol].items() if name != "seeds"},
-        ]
-    )
+    split = {name: value for name, value in settings["protocols"][protocol].items() if name != "seeds"}
+    params_hash = _hash([decisive, settings["models"][model], split])
     files = {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
@@ -225,6 +304,7 @@ def _read_run(
         model,
         seed,
         settings=logged,
+        block={"device": str(params["device"])} | _flatten({experiment: decisive | {"protocols": {protocol: split}}}),
         curves=curves,
         metrics=metrics,
         timings={
@@ -238,40 +318,69 @@ def _read_run(
     )
 
 
-def _synchronise(client: MlflowClient, runs: list[TrackedRun], artifacts: Path | None) -> tuple[pd.DataFrame, int, int]:
-    """`artifacts` is the folder for the files of the runs, or None if a server decides."""
-    experiments = _open_experiments(client, {run.experiment for run in runs}, artifacts)
-    wanted = {run.key: run for run in runs}
-    kept: dict[tuple[str, ...], str] = {}
-    outdated = []
-    for old in _written_runs(client, experiments.values()):
-        key = tuple(old.data.tags.get(name, "") for name in ("experiment", "protocol", "model", "seed"))
-        unchanged = (
-            key in wanted
-            and key not in kept
-            and old.data.tags.get("content") == wanted[key].content
-            and old.info.status == "FINISHED"  # an interrupted call leaves a run that is still "RUNNING"
-            and (artifacts is None or (Path(old.info.artifact_uri) / "model").is_dir())
-        )
-        if unchanged:
-            kept[key] = old.info.run_id
-        else:
-            outdated.append(old.info.run_id)
-
-    logged = [run for key, run in wanted.items() if key not in kept]
-    commit = git_state()
-    for run in logged:
-        kept[run.key] = _write_run(client, experiments[run.experiment], run, commit)
-    for run_id in outdated:  # after the new ones are complete: an interruption loses nothing
-        client.delete_run(run_id)
-
-    rows = [(*key, run.content, kept[key]) for key, run in wanted.items()]
-    columns = ["experiment", "protocol", "model", "seed", "content", "run_id"]
-    return pd.DataFrame(rows, columns=columns), len(logged), len(outdated)
+@contextmanager
+def _opened() -> Iterator[MlflowClient]:
+    """A client of the store; what the store says no to in the block becomes one sentence, without a password."""
+    uri = store.server()
+    try:
+        client = MlflowClient(tracking_uri=uri or f"sqlite:///{store.database()}")
+        client.search_experiments(max_results=1)
+    except (MlflowException, SQLAlchemyError, OSError, ValueError, ImportError) as error:  # or a driver is missing
+        raise InputError(_sentence(error, uri)) from error
+    try:
+        yield client
+    except (MlflowException, SQLAlchemyError, OSError) as error:
+        raise InputError(_sentence(error, uri, refused=("INVALID_PARAMETER_VALUE", "BAD_REQUEST"))) from error
 
 
-def _open_experiments(client: MlflowClient, names: set[str], artifacts: Path | None) -> dict[str, str]:
+def _sentence(error: Exception, uri: str | None, refused: Sequence[str] = ()) -> str:
+    """What went wrong with a store and what to do; `refused`: MLflow's error codes that blame what it was sent."""
+    if storage_error(error):
+        return storage_error(error)
+    reason = (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".")
+    for secret in _secrets(uri or ""):
+        reason = reason.replace(secret, "***")
+    code = getattr(error, "error_code", "")
+    problem = "the MLflow store cannot be used"
+    if "locked" in reason:
+        advice = "close what else uses it (`mlflow ui`, another `dvc repro`)"
+    elif re.search("not a database|malformed", reason):
+        advice = "move the damaged file away (the store is filled again from the results)"
+    elif re.search("disk is full|readonly database|unable to open", reason):
+        advice = "free or unlock the disk"
+    elif re.search("database schema|Can't locate revision", reason):
+        advice = "install the version of MLflow that wrote it, or upgrade it with `mlflow db upgrade`"
+    elif code in ("UNAUTHENTICATED", "CUSTOMER_UNAUTHORIZED", "PERMISSION_DENIED"):
+        advice = "set MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD to an account that may write to it"
+    elif code in refused:
+        problem = "the MLflow store refuses what it was asked"
+        advice = "change the name or value that the reason names"
+    elif uri:
+        advice = "start the server or mend MLFLOW_TRACKING_URI"
+    else:
+        advice = "free it"
+    return (
+        f"{_public(uri) if uri else 'mlruns/mlflow.db'}: {problem} ({reason}); all results are safe in data/, so "
+        f"{advice} and run `python -m pipeline.track` again"
+    )
+
+
+def _public(uri: str) -> str:
+    """A tracking URI without user, password and query."""
+    return re.sub(r"\?.*", "", re.sub(r"//.*@", "//", uri))
+
+
+def _secrets(uri: str) -> list[str]:
+    """What of a tracking URI is never shown, longest first: user, password and query, as written and decoded."""
+    account = re.search(r"//(.*)@", uri)
+    texts = [account[1], account[1].partition(":")[2]] if account else []
+    texts += [uri.partition("@")[2].partition("?")[2]] if account else [uri.partition("?")[2]]
+    return sorted({form for text in texts if text for form in (text, unquote(text))}, key=len, reverse=True)
+
+
+def _open_experiments(client: MlflowClient, names: set[str]) -> dict[str, str]:
     """Name -> MLflow id of all experiments that this module ever wrote to; creates those of `names`."""
+    uri = store.server()
     known = {
         experiment.name: experiment
         for experiment in client.search_experiments(view_type=ViewType.ALL)
@@ -279,10 +388,10 @@ def _open_experiments(client: MlflowClient, names: set[str], artifacts: Path | N
     }
     ids = {}
     for name, experiment in known.items():
-        if artifacts is not None and Path(experiment.artifact_location) != artifacts / name:
+        if not uri and Path(experiment.artifact_location) != store.artifacts() / name:
             raise InputError(
                 f"mlruns/mlflow.db: keeps the files of experiment {name!r} in {experiment.artifact_location} "
-                f"instead of {artifacts / name} (was the repository moved or copied?); delete the folder "
+                f"instead of {store.artifacts() / name} (was the repository moved or copied?); delete the folder "
                 "mlruns and run `python -m pipeline.track`, which fills it again from the results"
             )
         if experiment.lifecycle_stage == "deleted" and name in names:
@@ -291,28 +400,51 @@ def _open_experiments(client: MlflowClient, names: set[str], artifacts: Path | N
             client.set_experiment_tag(experiment.experiment_id, "written_by", WRITER)
         ids[name] = experiment.experiment_id
     for name in sorted(names - known.keys()):
-        location = None if artifacts is None else str(artifacts / name)
+        # A server knows where; a database alone would have them below the working folder, which may be a copy's.
+        is_database = not uri or uri.partition(":")[0].partition("+")[0] in DATABASE_ENGINES
+        location = str(store.artifacts() / name) if is_database else None
         ids[name] = client.create_experiment(name, location, tags={"written_by": WRITER})
     return ids
 
 
-def _written_runs(client: MlflowClient, experiment_ids: Iterable[str]) -> list[Run]:
-    """All active runs that this module wrote, newest first."""
+def _search(client: MlflowClient, experiment_ids: Iterable[str], condition: str) -> list[Run]:
+    """All runs that this module wrote and that meet a condition, deleted ones as well."""
     ids = list(experiment_ids)
-    found: list[Run] = []
+    runs: list[Run] = []
     token = None
     while ids:
-        page = client.search_runs(
-            ids,
-            filter_string=f"tags.written_by = '{WRITER}'",
-            order_by=["attributes.start_time DESC"],
-            page_token=token,
-        )
-        found.extend(page)
+        page = client.search_runs(ids, f"tags.written_by = '{WRITER}' and {condition}", ViewType.ALL, page_token=token)
+        runs.extend(page)
         token = page.token
         if not token:
             break
-    return found
+    return runs
+
+
+def _marked(client: MlflowClient, experiment_ids: Iterable[str]) -> list[Run]:
+    """The runs with this checkout's tag `current`."""
+    return _search(client, experiment_ids, f"tags.`{store.current_tag()}` = 'true'")
+
+
+def _find(client: MlflowClient, experiment_id: str, content: str) -> Run | None:
+    """The run of a content, or None; where two checkouts logged it at the same moment, one that is not deleted."""
+    matches = _search(client, [experiment_id], f"tags.content = '{content}' and attributes.status = 'FINISHED'")
+    return min(matches, key=_preference, default=None)
+
+
+def _preference(run: Run) -> tuple:
+    """Smallest for the run to take among those of one content: the same one at every call."""
+    deleted, of_others = run.info.lifecycle_stage != "active", run.data.tags.get("checkout") != store.checkout()
+    return deleted, of_others, run.info.start_time, run.info.run_id
+
+
+def _end_interrupted(client: MlflowClient, experiment_ids: Iterable[str]) -> None:
+    """Mark what a killed call of this checkout left half-way; its content is logged anew, by a run of its own."""
+    for run in _search(
+        client, experiment_ids, f"attributes.status = 'RUNNING' and tags.checkout = '{store.checkout()}'"
+    ):
+        if run.info.lifecycle_stage == "active":
+            client.set_terminated(run.info.run_id, "KILLED")
 
 
 def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit: tuple[str, str]) -> str:
@@ -328,7 +460,20 @@ def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit
         "params_hash": run.params_hash,
         "content": run.content,
         "written_by": WRITER,
+        "checkout": store.checkout(),
+        "mlflow.source.name": "dvc repro",
+        "mlflow.source.type": "LOCAL",
     }
+    if re.fullmatch("[0-9a-f]{40,64}", commit[0]):
+        tags["mlflow.source.git.commit"] = commit[0]
+    if "DVC_EXP_NAME" in os.environ:
+        tags["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
+    metrics = {}
+    for name, value in run.metrics.items():
+        condition, dot, metric = name.rpartition(".")
+        if condition and condition != _allowed(condition):
+            tags[f"condition.{_allowed(condition)}"] = condition
+        metrics[f"{_allowed(condition)}{dot}{metric}"] = value
     created = client.create_run(
         experiment_id,
         start_time=now - round(run.timings["train_s"] * 1000),  # so that MLflow's "Duration" is the training's
@@ -337,14 +482,82 @@ def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit
     )
     run_id = created.info.run_id
     points = [Metric(name, value, now, epoch) for name, curve in run.curves.items() for epoch, value in curve] + [
-        Metric(name, value, now, 0) for name, value in (run.metrics | run.timings).items()
+        Metric(name, value, now, 0) for name, value in (metrics | run.timings).items()
     ]
-    client.log_batch(run_id, params=[Param(name, value) for name, value in run.settings.items()])
+    params = [Param(name, _shortened(value)) for name, value in (run.block | run.settings).items()]
+    for start in range(0, len(params), PARAMS_PER_CALL):
+        client.log_batch(run_id, params=params[start : start + PARAMS_PER_CALL])
     for start in range(0, len(points), METRICS_PER_CALL):
         client.log_batch(run_id, metrics=points[start : start + METRICS_PER_CALL])
-    client.log_artifacts(run_id, str(run.folder), "model")
+    _log_files(client, run_id, run)
     client.set_terminated(run_id, end_time=now)
     return run_id
+
+
+def _log_files(client: MlflowClient, run_id: str, run: TrackedRun) -> None:
+    client.log_artifact(run_id, str(paths.ROOT / "params.yaml"))
+    client.log_artifacts(run_id, str(run.folder), "model")
+
+
+def _restore(client: MlflowClient, match: Run, run: TrackedRun) -> bool:
+    """Bring back what somebody deleted of the run `match`: the run itself (True if so), or its files."""
+    deleted = match.info.lifecycle_stage != "active"
+    if deleted:
+        client.restore_run(match.info.run_id)
+    if _lacks_files(match):
+        _log_files(client, match.info.run_id, run)
+    return deleted
+
+
+def _lacks_files(run: Run) -> bool:
+    """Whether a run of the default store has lost its files; a server is not asked."""
+    return not store.server() and not (Path(run.info.artifact_uri) / "model").is_dir()
+
+
+def _log_new_times(client: MlflowClient, match: Run, run: TrackedRun) -> bool:
+    """Log the times that were measured anew, as a further step, so that MLflow's last value is that of the files.
+
+    Only the checkout that logged a run does so: the times of another machine would say nothing about the first.
+    A run of unknown origin becomes this checkout's. Returns whether there were any.
+    """
+    owner = match.data.tags.get("checkout")
+    if store.in_temporary_copy() or owner not in (None, store.checkout()):
+        return False
+    if owner is None:
+        client.set_tag(match.info.run_id, "checkout", store.checkout())
+    new = {name: value for name, value in run.timings.items() if match.data.metrics.get(name) != value}
+    points = []
+    for name, value in new.items():
+        steps = [point.step for point in client.get_metric_history(match.info.run_id, name)]
+        points.append(Metric(name, value, int(time.time() * 1000), max(steps, default=-1) + 1))
+    if points:
+        client.log_batch(match.info.run_id, metrics=points)
+    return bool(points)
+
+
+def _allowed(name: str) -> str:
+    """A condition's name in the letters that MLflow takes; those with others get a digest, so that no two meet."""
+    if not name or (NAME.fullmatch(name) and len(name) <= LONGEST_NAME and not DIGEST.search(name)):
+        return name
+    taken = re.sub(r"^\W|[^\w.\- ]", "_", name)[:LONGEST_NAME]
+    return f"{taken} {_hash(name)[:8]}"
+
+
+def _shortened(value: str) -> str:
+    """A param's value, or its beginning and digest where it is longer than MLflow takes; params.yaml has all of it."""
+    return value if len(value) <= LONGEST_PARAM else f"{value[: LONGEST_PARAM - 20]}... {_hash(value)[:8]}"
+
+
+def _difference(made_with, wanted, where: str) -> str | None:
+    """The dotted key of the first setting in which two blocks differ, None if there is none."""
+    if isinstance(made_with, Mapping) and isinstance(wanted, Mapping):
+        for key in [*made_with, *wanted]:
+            if key not in made_with or key not in wanted:
+                return f"{where}.{key}"
+            if deeper := _difference(made_with[key], wanted[key], f"{where}.{key}"):
+                return deeper
+        return None
+    return None if made_with == wanted else where
 
 
 def _flatten(settings: dict, prefix: str = "") -> dict[str, str]:
@@ -376,9 +589,9 @@ def _read_json(path: Path, made_by: str) -> dict:
     return content
 
 
-def _read_csv(path: Path, columns: list[str], made_by: str) -> pd.DataFrame:
+def _read_csv(path: Path, columns: list[str], made_by: str, **options) -> pd.DataFrame:
     try:
-        table = pd.read_csv(paths.require(path, made_by))
+        table = pd.read_csv(paths.require(path, made_by), **options)
     except ValueError as error:  # no table, or no text
         raise InputError(f"{_shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
     for column in columns:

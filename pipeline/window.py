@@ -87,7 +87,7 @@ def main() -> None:
     experiment = params.experiment_argument(sys.argv, "window", values)
     if experiment in (*params.SERIES, *params.IMAGES):
         raise InputError(f"{experiment}: its models see no windows; run `python -m pipeline.dataset {experiment}`")
-    frames = tables.read(paths.require(paths.frames(experiment), "python -m pipeline.ingest"))
+    frames = tables.read(paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}"))
     windows = windows_of(frames, values[experiment]["window"])
     tables.write(paths.windows(experiment), windows.schema, [windows])
     presses_found = len(np.unique(windows["press"].to_numpy()))

@@ -2,17 +2,26 @@
 
 import multiprocessing
 import os
-import queue
+import platform
 import re
+import signal
+import sys
+import traceback
+from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from types import MappingProxyType
 
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from pipeline.errors import InputError
+from pipeline import files
+from pipeline.errors import InputError, memory_error
 from pipeline.parent import die_with_parent
 
 # glibc's allocator: large pieces of memory are kept and lie in huge pages. Fresh memory costs a page fault each 4 kB,
@@ -23,7 +32,18 @@ KEEP_MEMORY += ":glibc.malloc.top_pad=67108864"
 # For a process's environment before its first import of numpy and torch: their thread pools are sized when they load.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
-_progress = None  # in a worker process: where its reports go
+ADVICE = "free memory or make its settings smaller, and run the command again"
+
+
+@dataclass
+class Worker:
+    """A local process, the end of the pipe to it, and the task that it is at."""
+
+    process: BaseProcess
+    pipe: Connection
+    key: Hashable = None
+    done: int = 0  # steps of the task that it has reported
+    alone: bool = False  # no other task was begun beside this one, nor will be
 
 
 def count() -> int | str:
@@ -50,41 +70,48 @@ def run(
     Results come as they finish. `bar` moves by one for every call of `report` in a task and, at a task's end,
     by what is left of its `steps` (early stopping). An InputError of a task is raised here. Where one process is
     enough, it is this one: to start another takes 3 s. `folders`: the new folder that a task makes, if it makes one;
-    a cluster removes what a lost worker left of it.
+    what a lost process left of it is removed. A task whose process is killed, or gets no memory, starts again beside
+    one task fewer; InputError names it if that happens where it is alone.
     """
     processes = count()
     if isinstance(processes, str):
         from pipeline import cluster
 
         yield from cluster.run(processes, function, tasks, bar, steps, folders)
-        return
-    if min(processes, len(tasks)) == 1:
+    elif min(processes, len(tasks)) == 1:
         yield from _in_turn(function, tasks, bar, steps)
-        return
-    context = multiprocessing.get_context("spawn")
-    os.environ.setdefault("GLIBC_TUNABLES", KEEP_MEMORY)  # read where a process starts
-    progress = context.Queue()
-    with ProcessPoolExecutor(min(processes, len(tasks)), context, initializer=_start, initargs=(progress,)) as pool:
-        futures = {
-            pool.submit(_call, function, arguments, number): (number, key)
-            for number, (key, arguments) in enumerate(tasks.items())
-        }
-        done_steps = [0] * len(tasks)
-        waiting = set(futures)
-        try:
-            while waiting:
-                finished, waiting = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
-                _advance(progress, done_steps, bar)
-                for future in finished:
-                    number, key = futures[future]
-                    result = future.result()
-                    bar.update(steps - done_steps[number])
-                    yield key, result
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children():
-                process.terminate()
-            raise
+    else:
+        yield from _in_processes(min(processes, len(tasks)), function, tasks, bar, steps, folders)
+
+
+def called(bar: tqdm, key: Hashable) -> str:
+    """What messages call a task: the words of the bar and the key."""
+    words = " ".join(map(str, key)) if isinstance(key, tuple) else str(key)
+    return f"{bar.desc}, {words}" if bar.desc else words
+
+
+def ended(status: int) -> str:
+    """What messages say of a process that ended without a result."""
+    return f"its process ended with status {status} (-9: killed, as when memory is short)"
+
+
+def note(numbers: tuple) -> str:
+    """What the bar shows of `report(epoch, epochs, loss, ...)`."""
+    return " ".join(f"{value:.4g}" for value in numbers[2:])
+
+
+def answer(pipe: Connection, function: Callable, arguments: tuple) -> None:
+    """Do a task: send ("step", note) for every report, at last ("result", value) or ("error", exception)."""
+    try:
+        reply = "result", function(*arguments, lambda *numbers: pipe.send(("step", note(numbers))))
+    except Exception as error:
+        if not isinstance(error, InputError):
+            error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
+        reply = "error", error
+    try:
+        pipe.send(reply)
+    except Exception as error:  # of its kind: no process can have a lock or an open file of another
+        pipe.send(("error", RuntimeError(f"{error}: {reply[1]!r}")))
 
 
 def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: int) -> Iterator[tuple[Hashable, object]]:
@@ -98,36 +125,92 @@ def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: int) -> Itera
                 bar.set_postfix_str(note(numbers), refresh=False)
                 bar.update(1)
 
-            result = function(*arguments, report)
+            try:
+                result = function(*arguments, report)
+            except Exception as error:
+                if memory_error(error) is None:
+                    raise
+                raise InputError(f"{called(bar, key)}: {memory_error(error)}; {ADVICE}") from error
             bar.update(steps - done)
             yield key, result
 
 
-def note(numbers: tuple) -> str:
-    """What the bar shows of `report(epoch, epochs, loss, ...)`."""
-    return " ".join(f"{value:.4g}" for value in numbers[2:])
+def _in_processes(
+    most: int, function: Callable, tasks: Mapping, bar: tqdm, steps: int, folders: Mapping
+) -> Iterator[tuple[Hashable, object]]:
+    left, idle, busy = deque(tasks), [], {}
+    try:
+        while left or busy:
+            while left and len(busy) < most:
+                worker = idle.pop() if idle else _start()
+                worker.key, worker.done, worker.alone = left.popleft(), 0, most == 1
+                with suppress(ConnectionError):  # it has ended: its pipe says so below
+                    worker.pipe.send((function, tasks[worker.key]))
+                busy[worker.pipe] = worker
+            for pipe in wait(busy):
+                worker = busy[pipe]
+                try:
+                    kind, value = pipe.recv()
+                except (EOFError, ConnectionError):
+                    kind, value = "lost", None
+                if kind == "step":
+                    worker.done += 1
+                    bar.set_postfix_str(value, refresh=False)
+                    bar.update(1)
+                    continue
+                del busy[pipe]
+                if kind == "result":
+                    idle.append(worker)
+                    bar.update(steps - worker.done)
+                    yield worker.key, value
+                    continue
+                _end(worker)
+                if kind == "error" and memory_error(value) is None:
+                    raise value
+                said = memory_error(value) if kind == "error" else ended(worker.process.exitcode)
+                if worker.alone:
+                    raise InputError(f"{called(bar, worker.key)}: {said}; {ADVICE}") from value
+                most = max(1, min(most - 1, len(busy)))  # as many as were at work beside it
+                bar.write(f"{called(bar, worker.key)}: {said}; it starts again, {most} at a time now", sys.stderr)
+                bar.update(-worker.done)
+                if worker.key in folders:
+                    files.remove_folder(folders[worker.key], inside=folders[worker.key].parent)
+                left.append(worker.key)
+            while idle and len(idle) + len(busy) > most:  # they hold memory
+                _end(idle.pop())
+    finally:
+        for worker in (*idle, *busy.values()):
+            _end(worker)
 
 
-def _advance(progress, done_steps: list[int], bar: tqdm) -> None:
-    while True:
-        try:
-            number, note = progress.get_nowait()
-        except queue.Empty:
-            return
-        done_steps[number] += 1
-        bar.set_postfix_str(note, refresh=False)
-        bar.update(1)
+def _start() -> Worker:
+    """A process that does tasks, one after the other. A terminal's Ctrl-C is not for it, but for the stage."""
+    context = multiprocessing.get_context("spawn")
+    os.environ.setdefault("GLIBC_TUNABLES", KEEP_MEMORY)  # read where a process starts
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(theirs,))
+    ensure_running()  # of Python's own helper, whose start would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # what it inherits
+    try:
+        process.start()
+    finally:
+        theirs.close()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return Worker(process, ours)
 
 
-def _start(reports) -> None:
-    global _progress
-    _progress = reports
+def _end(worker: Worker) -> None:
+    worker.process.kill()
+    worker.process.join()
+    worker.pipe.close()
+
+
+def _serve(pipe: Connection) -> None:
     die_with_parent()
     os.environ |= ONE_THREAD
-
-
-def _call(function: Callable, arguments: tuple, number: int):
-    def report(*numbers) -> None:
-        _progress.put((number, note(numbers)))
-
-    return function(*arguments, report)
+    while True:
+        try:
+            function, arguments = pipe.recv()
+        except EOFError:
+            return
+        answer(pipe, function, arguments)

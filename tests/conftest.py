@@ -75,12 +75,23 @@ HALVES = (
 
 
 def run_miniature(folder: Path) -> Project:
-    """The whole pipeline, run once in `folder` at miniature scale."""
+    """The whole pipeline, run once in `folder` at miniature scale; `folder`/opened tells what each stage opened."""
     project = Project(folder)
+    quiet = project.environment
+    project.environment = noting_opened(project)
     with ThreadPoolExecutor() as pool:
         list(pool.map(lambda targets: project.dvc("--wait-for-lock", "repro", *targets), HALVES))
     project.dvc("repro")
+    project.environment = quiet
     return project
+
+
+def noting_opened(project: Project) -> dict[str, str]:
+    """The environment in which the stages of a project note what they open, see opened/sitecustomize.py."""
+    notes = project.folder.parent / "opened"
+    notes.mkdir()
+    path = f"{ROOT / 'tests' / 'opened'}{os.pathsep}{project.environment['PYTHONPATH']}"
+    return project.environment | {"OPENED": str(notes), "PYTHONPATH": path}
 
 
 @pytest.fixture(scope="session", autouse=True)

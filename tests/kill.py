@@ -64,7 +64,7 @@ def cut_short(project: Project) -> bool:
         return False
     try:
         stages = yaml.safe_load(path.read_text())["stages"]
-        return not all(len(out["md5"]) >= 32 for stage in stages.values() for out in stage["outs"])
+        return not all(len(out["md5"]) >= 32 for stage in stages.values() for out in stage.get("outs", []))
     except (yaml.YAMLError, KeyError, TypeError, AttributeError):
         return True
 

@@ -3,11 +3,20 @@
 Nothing here comes from the scenes: the pressing, the elements' answer and the devices' clocks are made up anew.
 """
 
+import os
 from pathlib import Path
 
 import numpy as np
 
 BANNER = "tactile array v2 ready"
+# Names of folders that README allows: letters beyond ASCII; what CSV, Markdown, HTML, YAML and formulas of matplotlib
+# give a meaning to; what pandas takes for a missing number, or for a number.
+NAMES = ("$5_{ or $x", "zwei Finger größer", "90°", "double (two fingers)", "a,b", "NA", "001", "-rf #1: {c}")
+NAMES += (
+    "双指 👍",
+    'a|b *c* <d> `e` [f](g.png) "h" \\',
+)
+UNPRINTABLE = ("two\nlines", "\x1b[31mred", os.fsdecode(b"gr\xf6\xdfer"))  # refused
 
 
 def stamped(time_s, values, pattern, start_us=0, drift_ppm=0.0):
@@ -45,10 +54,23 @@ def pressing(seconds, width, height, rng):
 
 
 def touch(
-    folder: Path, rows, cols, array_hz, pitch_mm=10.0, highest=1023, seconds=60.0, recordings=2, double=True, seed=0
+    folder: Path,
+    rows,
+    cols,
+    array_hz,
+    pitch_mm=10.0,
+    highest=1023,
+    seconds=60.0,
+    recordings=2,
+    conditions=("double",),
+    seed=0,
 ):
-    """`<condition>/<recording>/*.log` of an array of rows x cols elements with its own load cell and CNC."""
-    plan = [("single", f"day1_{k}", 1) for k in range(recordings)] + [("double", "day2", 2)] * double
+    """`<condition>/<recording>/*.log` of an array of rows x cols elements with its own load cell and CNC.
+
+    conditions: those beside `single`, of one recording each; `double` has two touches at a time.
+    """
+    plan = [("single", f"day1_{k}", 1) for k in range(recordings)]
+    plan += [(name, f"day 2, {name}", 2 if name == "double" else 1) for name in conditions]
     width, height = cols * pitch_mm, rows * pitch_mm
     centre_x = (np.arange(rows * cols) % cols + 0.5) * pitch_mm
     centre_y = (np.arange(rows * cols) // cols + 0.5) * pitch_mm
@@ -91,7 +113,7 @@ def strain(folder: Path, channels, rate_hz, seconds=240.0, seed=0):
         grid = np.arange(0, seconds + 4, 0.02)
         knots = np.concatenate([[0], np.cumsum(rng.uniform(0.8, 2.5, int(seconds)))])
         place = np.column_stack([np.interp(grid, knots, rng.uniform(-1, 1, len(knots))) for _ in range(3)]) * moves
-        target = folder / task / "first"
+        target = folder / task / NAMES[number]
         target.mkdir(parents=True)
         at = np.arange(1.2, seconds, 1 / rate_hz) + rng.uniform(-0.2, 0.2) / rate_hz
         at = np.delete(at, slice(len(at) // 3, len(at) // 3 + round(5 * rate_hz)))  # silent for 5 s
@@ -107,13 +129,13 @@ def strain(folder: Path, channels, rate_hz, seconds=240.0, seed=0):
         (target / "robot.log").write_text("\n".join(spoiled(lines, rng)) + "\n")
 
 
-def glove(folder: Path, objects=("ball", "cup"), sessions=3, frames=25, seed=0):
+def glove(folder: Path, objects=("ball", "cup"), sessions=("grasp0", "grasp1", "grasp2"), frames=25, seed=0):
     """`<object>/<session>/scanner.log`: each object presses its own cells, dead: p0 and s134."""
     rng = np.random.default_rng(seed)
     for one in objects:
         pattern = rng.uniform(50, 600, 405) * (rng.random(405) < 0.4)
-        for session in range(sessions):
-            target = folder / one / f"grasp{session}"
+        for session in sessions:
+            target = folder / one / session
             target.mkdir(parents=True)
             counts = np.rint(pattern * rng.uniform(0.7, 1.3, (frames, 1)) + rng.uniform(0, 20, (frames, 405)))
             counts[:, [0, -1]] = 7

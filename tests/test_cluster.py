@@ -1,7 +1,10 @@
 """Training on a Dask cluster gives the files of local cores to the byte, with a worker lost in the middle too."""
 
+import builtins
+import importlib
 import os
 import queue
+import re
 import shutil
 import signal
 import socket
@@ -13,7 +16,7 @@ from pathlib import Path
 import distributed
 import psutil
 import pytest
-from conftest import Project
+from conftest import ROOT, Project
 from tqdm import tqdm
 
 from pipeline import cluster, paths, workers
@@ -36,6 +39,7 @@ for stage, *model in ((simulate,), (ingest,), (dataset,), (train_series, "model_
 """
 # Tasks that do nothing, for what can go wrong; as a command, two that never end.
 TASKS = """
+import builtins
 import os
 import signal
 import time
@@ -58,6 +62,32 @@ def killed(place, report):
     if tries < int(place.name):
         os.kill(os.getpid(), signal.SIGKILL)
     return tries
+
+def stopped(place, report):
+    tries = len(list(place.parent.iterdir()))
+    (place.parent / f"try{tries}").touch()
+    place.mkdir()
+    if tries < int(place.name):
+        os.kill(os.getpid(), signal.SIGSTOP)
+    return tries
+
+def computes(seconds, report):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        pass
+    return "done"
+
+def sleeps(seconds, report):
+    for _ in range(4 * seconds):
+        time.sleep(0.25)
+        report()
+    return "done"
+
+def fails(name, report):
+    raise getattr(builtins, name)("of the task")
+
+def greedy(size, report):
+    return bytearray(size)
 
 def endless(number, report):
     while True:
@@ -206,8 +236,51 @@ def test_a_process_that_is_killed_starts_again_from_nothing(run, tmp_path):
 
 def test_a_process_that_is_killed_every_time_is_one_sentence(run, tmp_path):
     place = tmp_path / "9"
-    with pytest.raises(InputError, match=r"ended 3 times without a result, at last with status -9 \(-9: killed"):
+    words = (
+        r"^a, on \S+ \(tcp://127.0.0.1:\d+\): no result in 3 attempts, at the last one its process ended with status -9"
+    )
+    with pytest.raises(InputError, match=words):
         run("killed", {"a": (place,)}, folders={"a": place})
+
+
+@pytest.fixture
+def impatient(client):
+    """Workers for which a process hangs after two seconds."""
+
+    def wait(seconds):
+        client.run(lambda: setattr(importlib.import_module("pipeline.cluster"), "STILL_S", seconds))
+
+    wait(2)
+    yield
+    wait(cluster.STILL_S)
+
+
+def test_a_process_that_hangs_is_killed_and_starts_again(run, impatient, tmp_path):
+    place = tmp_path / "1"
+    assert run("stopped", {"a": (place,)}, folders={"a": place}) == {"a": 1}
+
+
+def test_a_process_that_hangs_every_time_is_one_sentence(run, impatient, tmp_path):
+    place = tmp_path / "9"
+    words = r"^a, on .* 3 attempts, at the last one its process hung: it neither computed nor reported for 2 s; look at"
+    with pytest.raises(InputError, match=words):
+        run("stopped", {"a": (place,)}, folders={"a": place})
+
+
+@pytest.mark.parametrize("name", ["computes", "sleeps"])
+def test_a_long_task_that_computes_or_reports_does_not_hang(run, impatient, name):
+    assert run(name, {"a": (6,)}) == {"a": "done"}
+
+
+@pytest.mark.parametrize("name", ["EOFError", "ConnectionResetError"])
+def test_an_error_of_a_task_is_not_taken_for_a_lost_process(run, name):
+    with pytest.raises(getattr(builtins, name), match="of the task"):
+        run("fails", {"a": (name,)})
+
+
+def test_a_task_without_memory_is_named(run):
+    with pytest.raises(InputError, match=r"^press 0, on \S+: not enough memory \(.*; free memory"):
+        run("greedy", {("press", 0): (1 << 60,)})
 
 
 def test_bad_input_of_a_task_is_its_own_sentence(run):
@@ -255,3 +328,31 @@ def test_a_wrong_setting_is_one_sentence(given, monkeypatch):
     monkeypatch.setenv("WORKERS", given)
     with pytest.raises(InputError, match=f"WORKERS={given}: expected a whole number of 1 or more, or a Dask scheduler"):
         workers.count()
+
+
+def test_the_documented_commands_listen_to_nobody_else():
+    """README's commands with loopback for HOST: every port that they open, their dashboards' too, is loopback's."""
+    lines = [line.partition("#")[0] for line in (ROOT / "README.md").read_text().splitlines()]
+    commands = [line.split() for line in lines if line.startswith("dask ")]
+    assert [command[1] for command in commands] == ["scheduler", "worker"]
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(free.getsockname()[1])
+    loopback = {"HOST": "127.0.0.1", "MACHINE": "127.0.0.1", "8786": port, ":8787": ":0"}
+    started = []
+    try:
+        for command, more in zip(commands, (["--port", port], ["--nthreads", "1"]), strict=True):
+            words = [re.sub("|".join(loopback), lambda found: loopback[found[0]], word) for word in command]
+            started.append(subprocess.Popen([sys.executable, "-m", *words, *more], stderr=subprocess.DEVNULL))
+        with distributed.Client(f"tcp://127.0.0.1:{port}", timeout=60) as client:
+            client.wait_for_workers(1, timeout=60)
+            processes = [psutil.Process(popen.pid) for popen in started]
+            processes += [child for process in processes for child in process.children(recursive=True)]
+            ports = [one.laddr for process in processes for one in process.net_connections() if one.status == "LISTEN"]
+            dashboards = [client.scheduler_info()["services"]["dashboard"]]
+            dashboards += [worker["services"]["dashboard"] for worker in client.scheduler_info()["workers"].values()]
+    finally:
+        for popen in reversed(started):
+            popen.terminate()
+            popen.wait(timeout=60)
+    assert {int(port), *dashboards} <= {address.port for address in ports}
+    assert {address.ip for address in ports} == {"127.0.0.1"}, ports

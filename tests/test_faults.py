@@ -14,6 +14,7 @@ import math
 import os
 import re
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import availability, blocks, logs, params, paths, results, series, stag, tables, tracking
+from pipeline import availability, blocks, logs, own, params, paths, results, series, stag, tables, tracking
 from pipeline.errors import InputError
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
 from pipeline.fitting import Spec
@@ -282,7 +283,11 @@ def held_to_its_promise(content: bytes, fmt: logs.Format, path: Path, pieces: in
     assert sorted(rows["line"].to_pylist() + numbers) == list(range(1 + header, len(lines) + 1))
     assert numbers == sorted(numbers)
     assert set(rejects["reason"].to_pylist()) <= set(logs.REASONS)
-    assert all(len(text) <= logs.TEXT_LENGTH and "\n" not in text for text in rejects["text"].to_pylist())
+    texts, kept = rejects["text"].to_pylist(), Counter()
+    for reason, text in zip(rejects["reason"].to_pylist(), texts, strict=True):
+        kept[reason] += 1
+        assert (text is None) == (kept[reason] > logs.TEXTS)
+    assert all(len(text) <= logs.TEXT_LENGTH and "\n" not in text for text in texts if text is not None)
     printed = [lines[number - 1].split(fmt.separator.encode()) for number in rows["line"].to_pylist()]
     for k, column in enumerate(fmt.columns):
         values = rows[column.name].to_pylist()
@@ -295,6 +300,12 @@ def held_to_its_promise(content: bytes, fmt: logs.Format, path: Path, pieces: in
         patch.setattr(logs, "PIECE", len(content) // pieces + 1)
         for one, other in zip((rows, rejects), logs.read_log(path, fmt), strict=True):
             assert one.to_pydict() == other.to_pydict()
+        try:
+            logs.read_log(path, fmt, limit=0.1, key="a.limit")
+        except InputError as error:
+            assert "cannot be used" in one_sentence(error) and rejects.num_rows > 0.1 * len(lines[header:])
+        else:
+            assert rejects.num_rows <= 0.1 * len(lines[header:])
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -547,7 +558,8 @@ def read_strain_recorded(path: Path) -> None:
 
 def read_stag(path: Path) -> None:
     try:
-        with in_time():
+        with in_time(), pytest.MonkeyPatch.context() as patch:
+            patch.setattr(own, "unnoticed", lambda path: None)  # it need not lie in data/own here
             found = stag.read(path, balanced=False)
     except InputError as error:
         assert path.name in one_sentence(error)
@@ -821,6 +833,7 @@ def test_a_network_of_another_kind_is_one_sentence(saved_model, tmp_path):
 @example(changes=[], cut=0)
 @example(changes=[], cut=500)
 @example(changes=[(1372, b"\x00", False)], cut=1000)
+@example(changes=[(62982, b"\x80", False)], cut=1000)
 def test_a_damaged_dataset_is_one_sentence_or_read(changes, cut, tmp_path):
     path = tmp_path / "dataset.parquet"
     columns = {name: tables.lists(np.ones((50, 4)), pa.float32()) for name in "xy"}

@@ -1,6 +1,7 @@
 """Models that stand in one chart can be told apart, and nothing is cut off."""
 
 import matplotlib.pyplot as plt
+import own_logs
 import pytest
 
 from pipeline import figures, params
@@ -23,3 +24,13 @@ def test_a_figure_is_as_wide_as_its_title(title, tmp_path):
     figures.save(figure, tmp_path / "figure.png")
     width = plt.imread(tmp_path / "figure.png").shape[1]
     assert width == 3 * figures.DPI if not title else width > 4.5 * figures.DPI
+
+
+@pytest.mark.filterwarnings("ignore:Glyph")  # the font has no Chinese letters
+@pytest.mark.parametrize("name", [*own_logs.NAMES, "$x^2$", r"a\$b$", r"$\frac{1}{2}$"], ids=ascii)
+def test_a_name_is_drawn_as_it_is(name, tmp_path):
+    for path, text, formula in (("name.png", figures.literal(name), True), ("wanted.png", name, False)):
+        figure, ax = plt.subplots(figsize=(3, 2))
+        ax.set_title(text, parse_math=formula)
+        figures.save(figure, tmp_path / path)
+    assert (tmp_path / "name.png").read_bytes() == (tmp_path / "wanted.png").read_bytes()

@@ -102,7 +102,8 @@ def write_experiment(experiment, settings):
         speed += [(experiment, model, batch, 1, place + 0.1, place + 0.2, 45, 40, 6.5, 999) for batch in (1, 4)]
     pd.DataFrame(scores, columns=COLUMNS).to_csv(paths.scores(experiment), index=False)
     names = ["experiment", "model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes"]
-    paths.latency(experiment).parent.mkdir()
+    for path in (paths.latency(experiment), paths.training_times(experiment, "any")):
+        path.parent.mkdir(exist_ok=True)
     pd.DataFrame(speed, columns=names).to_csv(paths.latency(experiment), index=False)
     for place, model in enumerate(settings["models"]):
         times = pd.DataFrame([(*run, 0.1 + place) for run in runs(settings)], columns=["protocol", "seed", "train_s"])

@@ -1,6 +1,8 @@
 """The ingest stage: faults at known lines end up in the rejects table, everything else in the frames."""
 
+import hashlib
 import json
+import re
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -223,8 +225,8 @@ def test_the_same_logs_give_the_same_bytes(root):
 
 
 def test_own_logs_are_read_from_the_named_folder(root):
-    save(root / "my/logs/single/monday", logs_of())
-    frames, _, _ = run(root, SETTINGS | {"source": "my/logs"})
+    save(root / "data/own/logs/single/monday", logs_of())
+    frames, _, _ = run(root, SETTINGS | {"source": "data/own/logs"})
     assert frames["recording"].unique().to_pylist() == ["monday"]
 
 
@@ -273,9 +275,9 @@ def test_missing_folders_are_one_sentence(root):
         run(root)
     with pytest.raises(InputError, match="touch.source: there is no folder nowhere"):
         run(root, SETTINGS | {"source": "nowhere"})
-    (root / "empty").mkdir()
+    (root / "data/own/empty").mkdir(parents=True)
     with pytest.raises(InputError, match="empty: no recordings found"):
-        run(root, SETTINGS | {"source": "empty"})
+        run(root, SETTINGS | {"source": "data/own/empty"})
 
 
 def velostat(root, repetition, seconds=5.0):
@@ -319,11 +321,46 @@ def test_a_velostat_log_without_its_pair_is_refused(root, monkeypatch):
         ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
 
 
-def test_without_recordings_the_stage_says_so(root, monkeypatch):
-    monkeypatch.setattr(sources, "is_complete", lambda name: False)
+def test_without_recordings_the_stage_says_so(root):
+    part = sources.folder("velostat_recorded") / "velostat_data" / "pike1" / "exp_pike1_sensor1_exp1.txt.part"
+    part.parent.mkdir(parents=True)
+    part.write_text("1.0")  # of a download that was interrupted in its first file
     ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
     data = root / "data" / "velostat_recorded"
     assert pq.read_table(data / "frames.parquet").num_rows == 0
     assert pq.read_table(data / "rejects.parquet").schema.equals(tables.REJECTS)
     report = json.loads((data / "ingest.json").read_text())
     assert report["run"] is False and "pipeline.fetch velostat_recorded" in report["reason"]
+
+
+DAMAGES = {
+    "one byte": lambda path: path.write_bytes(b"X" + path.read_bytes()[1:]),
+    "one byte more": lambda path: path.write_bytes(path.read_bytes() + b"\n"),
+    "empty": lambda path: path.write_bytes(b""),
+    "missing": lambda path: path.unlink(),
+    "a folder": lambda path: (path.unlink(), path.mkdir()),
+}
+
+
+@pytest.mark.parametrize("experiment", sources.SOURCES)
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_one_file_of_a_source_that_is_not_right_stops_the_stage(experiment, damage, root, monkeypatch):
+    """What an earlier run wrote stays: DVC would take an empty table for the result."""
+    listed = sources.files(experiment)
+    for path in listed:
+        (sources.folder(experiment) / path).parent.mkdir(parents=True, exist_ok=True)
+        (sources.folder(experiment) / path).write_text(path)
+    digests = {path: hashlib.sha256(path.encode()).hexdigest() for path in listed}
+    monkeypatch.setattr(sources, "files", lambda name: digests)
+    assert sources.is_complete(experiment)
+    report = paths.ingest_report(experiment)
+    report.parent.mkdir(parents=True)
+    report.write_text("of an earlier run")
+    path = sources.folder(experiment) / sorted(listed)[len(listed) // 2]
+    DAMAGES[damage](path)
+    with pytest.raises(
+        InputError, match=rf"^{re.escape(str(path))}: is .*`python -m pipeline\.fetch {experiment}`"
+    ) as error:
+        ingest.ingest(experiment, VELOSTAT_SETTINGS)
+    assert "\n" not in str(error.value) and report.read_text() == "of an earlier run"
+    assert [one.name for one in report.parent.iterdir()] == ["ingest.json"]

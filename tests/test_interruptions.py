@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -239,6 +240,29 @@ def test_a_second_repro_says_why_it_does_not_start_and_harms_nothing(one_stage):
     assert "is busy" in second.stdout or "Unable to acquire lock" in second.stdout, second.stdout
     third = subprocess.run([sys.executable, "-m", "dvc", "repro"], **dvc)
     assert third.returncode == 0 and "didn't change" in third.stdout
+
+
+# What a full disk leaves of DVC's own files.
+
+
+@pytest.mark.parametrize("size", [0, 4096])
+def test_the_documented_recovery_from_a_cut_rwlock(one_stage, size):
+    folder, dvc = one_stage
+    (folder / "go").touch()
+    whole = {"read": {f"data/file{n}": [{"pid": 1, "cmd": "repro"}] for n in range(200)}, "write": {}}
+    (folder / ".dvc" / "tmp" / "rwlock").write_text(json.dumps(whole)[:size])
+    repro = [sys.executable, "-m", "dvc", "repro"]
+    refused = subprocess.run(repro, **dvc)
+    assert refused.returncode != 0 and "Unable to read RWLock-file '.dvc/tmp/rwlock'" in refused.stdout
+    (command,) = set(re.findall(r"`(rm [^`]*rwlock)`", (ROOT / "README.md").read_text()))
+    subprocess.run(command, shell=True, check=True, **dvc)
+    again = subprocess.run(repro, **dvc)
+    assert again.returncode == 0 and (folder / "out").read_text() == "done", again.stdout
+
+
+def test_a_full_disk_says_what_it_does_to_dvc():
+    assert "if DVC then calls .dvc/tmp/rwlock corrupted, remove that file" in errors.storage_error(OSError(28, "x"))
+    assert "rwlock" not in errors.storage_error(PermissionError(errno.EACCES, "x", "data"))
 
 
 # File names from outside.

@@ -1,5 +1,8 @@
 """Raw logs: every line becomes a row or a reject with the right number and reason."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,7 @@ from pipeline import logs
 from pipeline.errors import InputError
 from pipeline.logs import Column, Format, read_log
 
-CLOCK = Column("t_us", "us", 0, 1e12, integer=True)
+CLOCK = Column("t_us", "us", 0, 1e6 * logs.LONGEST_S, integer=True)  # no time is too late for a log
 COUNTS = Format((CLOCK, Column("v0", "counts", 0, 1023, True), Column("v1", "counts", 0, 1023, True)), "t_us")
 SPACED = Format((Column("reading", "1", 0, 1e5), Column("unix_s", "s", 1e9, 4e9)), "unix_s", separator=" ")
 
@@ -225,6 +228,138 @@ LINE = st.one_of(
 FILE = st.lists(st.tuples(LINE, st.sampled_from([b"\n", b"\r\n", b"\r", b""]))).map(
     lambda lines: b"".join(text + end for text, end in lines)
 )
+
+
+def test_all_rejects_have_number_and_reason_and_the_first_their_text(tmp_path, monkeypatch):
+    faults = [line for line, _ in FAULTS.values()]
+    content = b"".join(frame(3 * k) + faults[k % len(faults)] + frame(3 * k + 2) * 2 for k in range(200))
+    path = write(tmp_path, content)
+    _, whole = read_log(path, COUNTS)
+    monkeypatch.setattr(logs, "TEXTS", 7)
+    for piece in (logs.PIECE, 300):
+        monkeypatch.setattr(logs, "PIECE", piece)
+        _, rejects = read_log(path, COUNTS)
+        assert rejects.drop_columns("text").equals(whole.drop_columns("text"))
+        for reason in whole["reason"].unique().to_pylist():
+            full, cut = (
+                [row["text"] for row in table.to_pylist() if row["reason"] == reason] for table in (whole, rejects)
+            )
+            assert None not in full and cut == full[:7] + [None] * len(full[7:])
+
+
+def test_rows_rejected_by_an_experiment_have_the_first_texts_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(logs, "TEXTS", 2)
+    path = write(tmp_path, b"a\nb\nc\nd\n")
+    found = logs.rejected(path, np.array([1, 3, 4], np.int32), "of no use", "x/device.log")
+    assert found.schema.equals(logs.REJECTS) and logs.rejected(path, np.zeros(0, np.int32), "of no use").num_rows == 0
+    assert found.to_pylist() == [
+        {"file": "x/device.log", "line": line, "reason": "of no use", "text": text}
+        for line, text in ((1, "a"), (3, "c"), (4, None))
+    ]
+
+
+def test_a_log_that_will_be_refused_is_not_read_to_its_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(logs, "PIECE", 1000)
+    parsed, parse = [], logs._parse_piece
+    monkeypatch.setattr(logs, "_parse_piece", lambda *a: parsed.append(1) or parse(*a))
+    path = write(tmp_path, b"".join(map(frame, range(20))) + b"torn\n" * 20_000)
+    words = (
+        r"device\.log: 9\d\.\d% of the first \d+ lines cannot be used, most often 'banner or text' .* raise x\.limit"
+    )
+    with pytest.raises(InputError, match=words):
+        read_log(path, COUNTS, limit=0.02, key="x.limit")
+    assert len(parsed) < 30
+    path.write_bytes(b"torn\n" * 300 + b"".join(map(frame, range(20_000))))  # a bad start is made up for
+    assert read_log(path, COUNTS, limit=0.02, key="x.limit")[0].num_rows == 20_000
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    start=st.lists(st.one_of(st.integers(0, 40).map(frame), LINE.map(lambda line: line + b"\n")), max_size=60),
+    good=st.integers(0, 300),
+    limit=st.sampled_from([0.0, 0.02, 0.3, 0.9, 1.0]),
+)
+def test_a_log_is_refused_early_if_and_only_if_it_would_be_at_its_end(start, good, limit, tmp_path):
+    content = frame(41) + b"".join(start) + b"".join(map(frame, range(50, 50 + good)))
+    path = write(tmp_path, content)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(logs, "MOST_RESETS", 3)
+        try:
+            rows, rejects = read_log(path, COUNTS)
+            refused = rejects.num_rows > limit * (rows.num_rows + rejects.num_rows)
+        except InputError:
+            refused = True
+        for piece, hopeless in ((logs.PIECE, 0), (50, 10**6)):
+            patch.setattr(logs, "PIECE", piece)
+            patch.setattr(logs, "HOPELESS", hopeless)
+            try:
+                again = read_log(path, COUNTS, limit=limit, key="x.limit")
+            except InputError as error:
+                assert refused, error
+            else:
+                assert not refused and again[0].equals(rows) and again[1].equals(rejects)
+
+
+LINES = 1_000_000
+FLOODS = {  # a stuck logger, line after line, behind a good one
+    "the same line": (b"20000,1,2\n", 1),
+    "two lines in turn": (b"40000,1,2\n60000,1,2\n", 2),
+    "out of range": (b"20000,1,5000\n", 1),
+    "empty lines": (b"\n", 1),
+    "every other line torn": (None, 2),
+}
+
+
+def flood(path: Path, name: str | None) -> Path:
+    """A log of LINES lines; None: a clean one."""
+    if name is None or FLOODS[name][0] is None:
+        torn = b"" if name is None else b"xx7yz\n"
+        count = LINES if name is None else LINES // 2
+        path.write_bytes(b"".join(b"%d,%d,5\n%s" % (1000 * k, k % 1000, torn) for k in range(count)))
+    else:
+        line, count = FLOODS[name]
+        path.write_bytes(frame(0) + line * (LINES // count))
+    return path
+
+
+def peak_and_time(path: Path, limit: float) -> tuple[float, float]:
+    """MB above the imports and s of processor time that reading takes in a process of its own."""
+    source = f"""
+import time
+from benchmarks.measure import _memory_mb
+from pathlib import Path
+from pipeline import logs
+from pipeline.errors import InputError
+from test_logs import COUNTS
+memory, started = _memory_mb("VmRSS"), time.process_time()
+try:
+    logs.read_log(Path({str(path)!r}), COUNTS, limit={limit}, key="x.limit")
+except InputError:
+    pass
+print(_memory_mb("VmHWM") - memory, time.process_time() - started)
+"""
+    here = Path(__file__).parent
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (here.parent, here)))}
+    done = subprocess.run([sys.executable, "-c", source], env=environment, check=True, capture_output=True, text=True)
+    return tuple(map(float, done.stdout.split()))
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory):
+    """MB and s of a clean log of LINES lines."""
+    if not Path("/proc/self/status").is_file():
+        pytest.skip("the largest memory of a process is read from /proc")
+    return peak_and_time(flood(tmp_path_factory.mktemp("clean") / "device.log", None), 0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [(name, limit) for name in FLOODS for limit in (0.02, 1.0) if (name, limit) != ("two lines in turn", 1.0)],  # 8 s
+)
+def test_a_flood_of_rejects_costs_about_what_a_clean_log_does(name, limit, clean, tmp_path):
+    """It cost up to five times the memory and fifty times the time. No more than 2 times on an idle machine."""
+    mb, seconds = peak_and_time(flood(tmp_path / "device.log", name), limit)
+    assert mb < 2 * clean[0] and seconds < 4 * clean[1]
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

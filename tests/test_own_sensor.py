@@ -6,6 +6,7 @@ import resource
 import shutil
 import subprocess
 import sys
+from html import escape
 
 import numpy as np
 import own_logs
@@ -17,6 +18,7 @@ from conftest import ROOT, Project
 
 from pipeline import check, figures_check, ingest, params, paths, tables
 from pipeline.errors import InputError
+from pipeline.hypertext import Pages
 from pipeline.window import windows_of
 
 ARRAYS = {  # rows, cols, frames a second, highest count, and a map in params.yaml that is a multiple of the array
@@ -217,7 +219,7 @@ MISTAKES = {  # the files of which every whole line is edited, how, and what che
 def small(tmp_path_factory):
     """Logs of 2 x 3 elements, and their settings: one recording, quickly read."""
     folder = tmp_path_factory.mktemp("small")
-    own_logs.touch(folder, 2, 3, 40.0, seconds=40.0, recordings=1, double=False)
+    own_logs.touch(folder, 2, 3, 40.0, seconds=40.0, recordings=1, conditions=())
     values = params.load()
     values["touch"]["sensor"] = {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0}
     values["touch"]["label"] |= {"map_rows": 8, "map_cols": 9}
@@ -361,3 +363,71 @@ def test_own_strain_sensor_end_to_end(written, tmp_path):
     project.stages("ingest strain", "dataset strain", *train, *then)
     error = tables_and_figures(project, "strain", "task 2", "figure6.png")
     assert error["task_1", "ridge"] < error["task_1", "constant"] / 2
+
+
+@pytest.mark.parametrize("name", own_logs.UNPRINTABLE, ids=ascii)
+@pytest.mark.parametrize("place", ["condition", "recording", "source"])
+def test_a_name_that_is_no_line_of_text_is_one_sentence(root, small, undrawn, name, place):
+    folder, values = small
+    logs = root / "data" / "own" / (name if place == "source" else "sensor")
+    shutil.copytree(folder, logs)
+    if place != "source":
+        recording = logs / "single" / "day1_0"
+        recording.rename(logs / "single" / name) if place == "recording" else (logs / "single").rename(logs / name)
+    words = r"has a line break, another control character or bytes that are no UTF-8; rename the folder"
+    with pytest.raises(InputError, match=words) as refused:
+        check.check("touch", logs, values)
+    assert str(refused.value).isascii() and ascii(name) in str(refused.value)
+    with pytest.raises(InputError, match=words):
+        ingest.ingest("touch", values["touch"] | {"source": f"data/own/{logs.name}"})
+
+
+@pytest.mark.parametrize("experiment", ["strain", "glove"])
+def test_names_of_every_experiment_are_looked_at(written, tmp_path, experiment):
+    shutil.copytree(written / experiment, tmp_path / "logs")
+    recordings = params.experiment_module(experiment).recordings
+    last = recordings(tmp_path / "logs")[-1]
+    last.rename(last.with_name(own_logs.UNPRINTABLE[0]))
+    with pytest.raises(InputError, match="rename the folder"):
+        recordings(tmp_path / "logs")
+
+
+def test_any_name_of_a_touch_condition(tmp_path):
+    """Conditions and recordings of all NAMES, stage by stage, and the files that name them."""
+    project = Project(tmp_path)
+    logs = project.folder / "data" / "own" / "sensor"
+    own_logs.touch(logs, 2, 3, 40.0, seconds=40.0, recordings=1, conditions=own_logs.NAMES)
+    values = touch_values("3x7")["touch"]
+    project.set({f"touch.{key}": values[key] for key in ("source", "ingest")})
+    project.set({"touch.sensor": values["sensor"] | {"rows": 2, "cols": 3}})
+    project.set({"touch.label": values["label"] | {"map_rows": 8, "map_cols": 9}})
+    project.set({"touch.models": {"constant": {}, "linear": {}}})
+    project.set({"stress.touch.perturbations": {"noise": [0.01]}})
+    assert "ready" in project.run("-m", "pipeline.check", "touch", str(logs)).stdout
+    then = ("evaluate touch", "latency touch", "stress touch", "render touch")
+    project.dvc("repro", "ingest_touch")
+    project.stages("window touch", "dataset touch", "train touch constant", "train touch linear", *then)
+    accuracy = project.folder / "reports" / "touch" / "accuracy"
+    for table in (project.folder / "data" / "touch" / "scores.csv", accuracy / "table1.csv"):
+        rows = pd.read_csv(table, dtype=str, keep_default_na=False, encoding="utf-8")
+        assert set(rows["condition"]) == {"single", *own_logs.NAMES}
+    html = Pages(()).render((accuracy / "table1.md").read_text(encoding="utf-8"), "touch/accuracy", 1, "Table 1")
+    heads = re.findall("<th[^>]*>(.*?)</th>", html)
+    assert [escape(name) for name in sorted(own_logs.NAMES)] == heads[-len(own_logs.NAMES) :]
+
+
+def test_any_name_of_a_glove_object(tmp_path):
+    """Objects and sessions of all NAMES, stage by stage."""
+    project = Project(tmp_path)
+    logs = project.folder / "data" / "own" / "sensor"
+    own_logs.glove(logs, own_logs.NAMES, own_logs.NAMES[-3:], frames=10)
+    project.set({"glove.source": "data/own/sensor", "glove.augmentation.seeds": [0]})
+    models = ("constant", "sp_resnet")
+    project.set({"glove.models": {key: MODELS["glove.models"][key] for key in models}})
+    assert "ready" in project.run("-m", "pipeline.check", "glove", str(logs)).stdout
+    train = [f"train_images glove {model}" for model in models]
+    then = ("augment glove", "train_stag glove", "count", "evaluate glove", "latency glove", "render glove")
+    project.stages("ingest glove", "dataset glove", *train, *then)
+    accuracy = project.folder / "reports" / "glove" / "accuracy"
+    for name in ("figure10.png", "figure13.png", "figure14_combined.png"):
+        assert (accuracy / name).stat().st_size > 20_000

@@ -1,5 +1,6 @@
 """The recorder, against a pseudo-terminal in place of a device."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -9,6 +10,9 @@ import tty
 from pathlib import Path
 
 import pytest
+
+from pipeline import record
+from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 WAIT_S = 20
@@ -153,3 +157,52 @@ def test_existing_file_and_missing_port_are_one_sentence(device, tmp_path):
         assert done.returncode == 1 and words in done.stderr and "Traceback" not in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
     assert old.read_bytes() == b"kept" and not (tmp_path / "new.log").exists()
+
+
+class Disk:
+    """In place of time and of fsync: `now`, and the bytes that the disk has for certain."""
+
+    def __init__(self, monkeypatch):
+        self.now, self.has, self.waits, self.broken = 100.0, 0, 0, False
+        monkeypatch.setattr(record.time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(record.os, "fsync", self.sync)
+
+    def sync(self, number):
+        if self.broken:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        self.has, self.waits = os.fstat(number).st_size, self.waits + 1
+
+
+def test_the_disk_has_every_line_that_is_older_than_a_second(tmp_path, monkeypatch):
+    """A power cut is no kill: what the system has not written to the disk is lost."""
+    disk = Disk(monkeypatch)
+    log, sizes = record.Log(tmp_path / "log"), []
+    for k in range(4000):  # 200 lines a second for 10 s, then the device is silent for 10 s
+        log.add(numbered(k, k + 1) if k < 2000 else b"")
+        sizes.append((tmp_path / "log").stat().st_size)
+        disk.now += 0.005
+        before = k - round(record.SYNC_S / 0.005) - 1
+        assert before < 0 or disk.has >= sizes[before]
+    assert disk.has == sizes[-1] == len(numbered(0, 2000)) and disk.waits <= 11
+    log.add(b"1,2\n3,")
+    log.close()
+    assert disk.has == (tmp_path / "log").stat().st_size == sizes[-1] + len(b"1,2\n3,")
+
+
+def test_the_disk_has_a_torn_line_before_the_device_is_waited_for(tmp_path, monkeypatch):
+    disk, log = Disk(monkeypatch), record.Log(tmp_path / "log")
+    log.add(b"1,2\n3,")
+    log.tear()
+    assert disk.has == len(b"1,2\n3,\n")
+
+
+def test_a_disk_that_fails_is_one_sentence_with_the_lines_it_has(tmp_path, monkeypatch):
+    disk, log = Disk(monkeypatch), record.Log(tmp_path / "log")
+    log.add(b"1,2\n3,4\n")
+    disk.now += record.SYNC_S
+    log.add(b"5,6\n7,8\n")
+    log.add(b"9,10\n")  # within the second after
+    disk.now += record.SYNC_S
+    disk.broken = True
+    with pytest.raises(InputError, match=r"log: cannot be written \(.*\); its first 4 lines are safe$"):
+        log.add(b"11,12\n")

@@ -141,7 +141,8 @@ def write_tables(experiment, scores, speed):
     columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
     pd.DataFrame(scores, columns=columns).to_csv(paths.scores(experiment), index=False)
     columns = ["experiment", "model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s"]
-    paths.latency(experiment).parent.mkdir()
+    for path in (paths.latency(experiment), paths.training_times(experiment, "any")):
+        path.parent.mkdir(exist_ok=True)
     pd.DataFrame(speed, columns=[*columns, "size_bytes"]).to_csv(paths.latency(experiment), index=False)
     protocols = sorted({(row[1], row[4]) for row in scores})
     for model in {row[1] for row in speed}:
@@ -268,7 +269,7 @@ def test_a_missing_score_is_named(root, settings, monkeypatch, drop, named):
         "scores.csv",
         "frames.parquet",
         "dataset.parquet",
-        "latency/latency.csv",
+        "speed/latency.csv",
         "predictions/rnn.parquet",
         "models/rnn/press-1/fit.json",
         "models/rnn/press-1/history.csv",

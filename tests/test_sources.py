@@ -60,7 +60,8 @@ def test_copy_from_folder_then_nothing_left_to_do(small):
 def test_resumes_and_repairs(small):
     fetch.fetch("velostat_recorded", small)
     (sources.folder("velostat_recorded") / "a/one.txt").write_bytes(b"damaged")
-    assert not sources.is_complete("velostat_recorded")
+    with pytest.raises(InputError, match=r"a/one\.txt: is not the recorded file"):
+        sources.is_complete("velostat_recorded")
     assert fetch.fetch("velostat_recorded", small) == (1, 1)
     assert sources.is_complete("velostat_recorded")
 
@@ -70,7 +71,10 @@ def test_wrong_file_is_refused_and_not_put_in_place(small):
     with pytest.raises(InputError, match=r"two words\.txt: SHA-256 is .* expected"):
         fetch.fetch("velostat_recorded", small)
     assert [p.name for p in sources.folder("velostat_recorded").rglob("*") if p.is_file()] == ["one.txt"]
-    assert not sources.is_complete("velostat_recorded")
+    with pytest.raises(
+        InputError, match=r"two words\.txt: is missing; run `python -m pipeline\.fetch velostat_recorded`"
+    ):
+        sources.is_complete("velostat_recorded")
 
 
 def test_missing_file_folder_and_name_are_one_sentence(small, tmp_path):

@@ -50,7 +50,8 @@ def measured(tmp_path, monkeypatch):
         for seed in (0, 1)
     ]
     names = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    paths.latency("glove").parent.mkdir(parents=True)
+    for path in (paths.latency("glove"), paths.training_times("glove", "any")):
+        path.parent.mkdir(parents=True)
     pd.DataFrame(rows, columns=names).to_csv(paths.scores("glove"), index=False)
     for place, model in enumerate(right):
         taken = [("session_strain", 0, 1.0 + place), ("session_strain", 1, 3.0 + place)]

@@ -1,12 +1,13 @@
 """The reader of the STAG data set: one MATLAB file in, tactile images with objects and parts out."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import params, stag, train_stag
+from pipeline import own, params, stag, train_stag
 from pipeline.errors import InputError
 
 FRAMES, OBJECTS = 12, ["mug", "empty hand", "full can"]
@@ -39,6 +40,12 @@ def metadata(**others):
         "batchId": np.zeros((FRAMES, 1), np.uint8),
         "batches": cells(["2018"]),
     } | others
+
+
+@pytest.fixture(autouse=True)
+def anywhere(monkeypatch):
+    """Files of these tests need not lie in data/own."""
+    monkeypatch.setattr(own, "unnoticed", lambda path: None)
 
 
 def save(folder, content, compress=True):
@@ -136,6 +143,21 @@ def test_a_file_that_crashes_the_reader_is_one_sentence(tmp_path, monkeypatch):
     assert len(stag.read(path).label)
 
 
+@pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="memory is limited on Linux only")
+@pytest.mark.parametrize("name", ["pressure", "objects"])
+def test_a_small_file_that_unpacks_to_a_large_one_is_one_sentence(name, tmp_path, monkeypatch):
+    """40 kB that hold 41 MB, in an array or in a cell."""
+    zeros = np.zeros((20_000, 32, 32), np.uint16)
+    content = {"pressure": zeros} if name == "pressure" else {"objects": cells([zeros])}
+    path = save(tmp_path, metadata(**content))
+    assert path.stat().st_size < 70_000
+    monkeypatch.setattr(stag, "LARGEST_FILE", 8 << 20)
+    with pytest.raises(InputError, match=r"metadata\.mat: takes more than 16 MiB of memory to read, ") as error:
+        stag.read(path)
+    assert "\n" not in str(error.value)
+    assert len(stag.read(save(tmp_path, metadata())).label)  # the next file is read
+
+
 @pytest.mark.parametrize("start", [b"MATLAB 7.3 MAT-file, Platform: GLNXA64", b"\x89HDF\r\n\x1a\n"])
 def test_version_7_3_says_what_to_do(start, tmp_path):
     (tmp_path / "metadata.mat").write_bytes(start + bytes(4096))
@@ -152,6 +174,13 @@ def test_no_file_another_file_and_a_file_too_large(tmp_path, monkeypatch):
     monkeypatch.setattr(stag, "LARGEST_FILE", 100)
     with pytest.raises(InputError, match="bytes are more than the data can have"):
         stag.read(save(tmp_path, metadata()))
+
+
+def test_a_file_that_dvc_does_not_watch_is_refused(tmp_path, monkeypatch):
+    monkeypatch.undo()
+    path = save(tmp_path, metadata())
+    with pytest.raises(InputError, match=rf"^params\.yaml, glove\.stag\.file: {path} is not in data/own"):
+        stag.read(path)
 
 
 def grasps(frames=9, recordings=4):

@@ -1,20 +1,28 @@
-"""The store must mirror the files: one active run per protocol, model and seed, and nothing added twice."""
+"""The store must mirror the files: one current run per protocol, model and seed, nothing twice, and nothing lost."""
 
+import copy
 import json
 import os
+import re
 import shutil
+import sqlite3
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
+from conftest import ROOT, Project
+from made_results import EPOCHS, write_results
+from mlflow.exceptions import INVALID_PARAMETER_VALUE, UNAUTHENTICATED, MlflowException
 
-from pipeline import paths, track, tracking
-from pipeline.errors import InputError
+from pipeline import paths, store, track, tracking
+from pipeline.errors import InputError, run_stage
 
-EPOCHS = 5
 PARAMS = {
     "experiments": ["touch", "velostat_recorded"],
+    "device": "auto",
     "touch": {
         "label": {"map_rows": 20},
         "protocols": {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}},
@@ -28,50 +36,19 @@ RUNS = {
     for model in ("linear", "lomp")
     for protocol, seed in (("press", "0"), ("press", "1"), ("random_window", "0"))
 }
+LINEAR = ("touch", "press", "linear", "0")
 
 
-def write_results(root: Path) -> None:
-    """What the stages before `track` leave behind, with made-up numbers."""
-    touch = root / "data" / "touch"
-    (touch / "latency").mkdir(parents=True)
-    scores, times = [], []
-    for model in ("linear", "lomp"):
-        for protocol, seed in (("press", 0), ("press", 1), ("random_window", 0)):
-            folder = touch / "models" / model / f"{protocol}-{seed}"
-            folder.mkdir(parents=True)
-            rows = range(1, 2 if model == "linear" else EPOCHS + 1)
-            pd.DataFrame(
-                {
-                    "epoch": rows,
-                    "train_loss": [9.0 / row for row in rows],
-                    "validation_loss": [10.0 / row for row in rows],
-                    "learning_rate": 1.0e-3,
-                }
-            ).to_csv(folder / "history.csv", index=False)
-            fit = {
-                "stop_reason": "closed_form",
-                "best_epoch": len(rows),
-                "epochs": len(rows),
-                "parameters": 17,
-                "macs": None,
-                "settings": PARAMS["touch"]["models"][model],
-            }
-            (folder / "fit.json").write_text(json.dumps(fit))
-            (folder / "model.skops").write_bytes(f"{model} {protocol} {seed}".encode())
-            scores += [("touch", protocol, "single", model, seed, "rmse", "kPa", 8.5 + seed, 40)]
-            times += [(model, protocol, seed, 2.0)]
-    columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    pd.DataFrame(scores, columns=columns).to_csv(touch / "scores.csv", index=False)
-    for model, table in pd.DataFrame(times, columns=["model", "protocol", "seed", "train_s"]).groupby("model"):
-        table.drop(columns="model").to_csv(touch / "latency" / f"{model}.train.csv", index=False)
-    pd.DataFrame(
-        [("touch", model, batch, 1, 0.5, 0.7, 17, 17, 999) for model in ("linear", "lomp") for batch in (1, 256)],
-        columns="experiment model batch threads p50_ms p95_ms params macs size_bytes".split(),
-    ).to_csv(touch / "latency" / "latency.csv", index=False)
-    (touch / "ingest.json").write_text('{"run": true}')
+def make_repository(root: Path, database: Path | None = None) -> None:
+    """Results of PARAMS in `root`, and an empty store, if one is given to copy."""
+    write_results(root, PARAMS)
     absent = root / "data" / "velostat_recorded"
     absent.mkdir()
     (absent / "ingest.json").write_text(json.dumps({"run": False, "reason": "recordings not downloaded"}))
+    (root / "params.yaml").write_text(yaml.safe_dump(PARAMS))
+    if database:
+        (root / "mlruns").mkdir()
+        shutil.copy(database, root / "mlruns" / "mlflow.db")
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +58,7 @@ def made_once(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paths, "ROOT", root)
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        write_results(root)
+        make_repository(root)
         (root / "mlruns").mkdir()
         client()
         shutil.copy(root / "mlruns" / "mlflow.db", root / "empty.db")
@@ -94,43 +71,78 @@ def repository(made_once, tmp_path, monkeypatch):
     """A fresh copy of the results beside an empty store."""
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    shutil.copytree(made_once / "data", tmp_path / "data")
-    (tmp_path / "mlruns").mkdir()
-    shutil.copy(made_once / "empty.db", tmp_path / "mlruns" / "mlflow.db")
+    make_repository(tmp_path, made_once / "empty.db")
     return tmp_path
 
 
 def client() -> tracking.MlflowClient:
-    return tracking.MlflowClient(tracking_uri=f"sqlite:///{tracking.store_folder() / 'mlflow.db'}")
+    return tracking.MlflowClient(tracking_uri=os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{store.database()}")
 
 
-def active_runs() -> dict:
-    """(experiment, protocol, model, seed) -> the active runs with these tags."""
-    store = client()
-    found: dict = {}
-    for experiment in store.search_experiments():
-        for run in store.search_runs([experiment.experiment_id]):
-            tags = run.data.tags
-            key = tuple(tags.get(name) for name in ("experiment", "protocol", "model", "seed"))
-            found.setdefault(key, []).append(run)
-    return found
+def all_runs(tracking_uri: str | None = None) -> list:
+    """Every run of the store, deleted ones as well."""
+    source = tracking.MlflowClient(tracking_uri=tracking_uri) if tracking_uri else client()
+    experiments = [experiment.experiment_id for experiment in source.search_experiments()]
+    return list(source.search_runs(experiments, run_view_type=tracking.ViewType.ALL)) if experiments else []
+
+
+def active_runs(only_current: bool = False) -> dict:
+    """(experiment, protocol, model, seed) -> active runs with these tags; all, or those of the present results."""
+    by_key: dict = {}
+    for run in all_runs():
+        tags = run.data.tags
+        wanted = not only_current or tags.get(store.current_tag()) == "true"
+        if run.info.lifecycle_stage == "active" and wanted:
+            by_key.setdefault(tuple(tags.get(name) for name in store.COLUMNS[:4]), []).append(run)
+    return by_key
+
+
+def counted(runs: dict) -> dict:
+    return {key: len(of_key) for key, of_key in runs.items()}
+
+
+def logged(runs: list) -> dict:
+    """Run id -> all that must never change: params, every point of every metric, and every file."""
+    source = client()
+    return {
+        run.info.run_id: (
+            run.data.params,
+            {
+                name: [(p.step, p.value) for p in source.get_metric_history(run.info.run_id, name)]
+                for name in run.data.metrics
+            },
+            {file: file.read_bytes() for file in sorted(Path(run.info.artifact_uri).rglob("*")) if file.is_file()},
+        )
+        for run in runs
+    }
 
 
 def receipt() -> pd.DataFrame:
-    return pd.read_csv(tracking.receipt(), dtype=str)
+    return pd.DataFrame(json.loads(store.receipt().read_text())["runs"])
 
 
-def change_score(root: Path) -> None:
-    """A different value in the first row of scores.csv: touch, press, linear, seed 0."""
-    file = root / "data" / "touch" / "scores.csv"
+def change_score(root: Path, by: float = 0.25) -> None:
+    """A different value in the first row of scores.csv: that of LINEAR."""
+    change(paths.scores("touch"), "value", lambda value: value + by, rows=[0])
+
+
+def change(file: Path, column: str, by, rows=slice(None)) -> None:
+    """Apply `by` to a column of a table."""
     table = pd.read_csv(file)
-    table.loc[0, "value"] += 0.25
+    table.loc[rows, column] = by(table.loc[rows, column])
     table.to_csv(file, index=False)
+
+
+def params_with(**models) -> dict:
+    """PARAMS with other settings of its models."""
+    params = copy.deepcopy(PARAMS)
+    params["touch"]["models"] |= models
+    return params
 
 
 def test_one_run_per_model_and_seed_with_curves_and_metrics(made_once):
     runs = active_runs()
-    assert {key: len(found) for key, found in runs.items()} == dict.fromkeys(RUNS, 1)
+    assert counted(runs) == counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
     run = runs["touch", "press", "lomp", "1"][0]
     assert run.info.run_name == "lomp press seed 1"
     assert run.info.status == "FINISHED"
@@ -142,19 +154,57 @@ def test_one_run_per_model_and_seed_with_curves_and_metrics(made_once):
     assert run.data.tags["git_commit"].startswith("unknown")
     history = client().get_metric_history(run.info.run_id, "validation_loss")
     assert [(point.step, point.value) for point in history] == [(n, 10.0 / n) for n in range(1, EPOCHS + 1)]
-    logged = {file.path for file in client().list_artifacts(run.info.run_id, "model")}
-    assert logged == {"model/history.csv", "model/fit.json", "model/model.skops"}
+    files = {file.path for file in client().list_artifacts(run.info.run_id, "model")}
+    assert files == {"model/history.csv", "model/fit.json", "model/model.skops"}
 
 
-def test_second_call_adds_nothing(made_once, capsys):
-    database = tracking.store_folder() / "mlflow.db"
-    before = database.read_bytes(), tracking.receipt().read_bytes()
+def test_a_run_says_what_made_it(made_once):
+    (run,) = active_runs()["touch", "press", "lomp", "1"]
+    assert (Path(run.info.artifact_uri) / "params.yaml").read_text() == (made_once / "params.yaml").read_text()
+    assert run.data.params["touch.label.map_rows"] == "20" and run.data.params["device"] == "auto"
+    assert run.data.params["hidden"] == "8"
+    assert not [name for name in run.data.params if "models" in name or "velostat" in name or "latency" in name]
+
+
+def test_many_and_long_settings_are_logged(repository):
+    params = params_with()
+    params["touch"]["simulate"] = {f"setting_{k}": k for k in range(250)} | {"places": list(range(3000))}
+    track.track(params)
+    (run,) = active_runs()[LINEAR]
+    assert {run.data.params[f"touch.simulate.setting_{k}"] for k in range(250)} == {str(k) for k in range(250)}
+    short = run.data.params["touch.simulate.places"]
+    assert len(short) <= 6000 and short.startswith("[0, 1, 2,") and re.search(r"\.\.\. [0-9a-f]{8}$", short)
+
+
+def test_second_call_adds_nothing(made_once, capsys, monkeypatch):
+    before = store.database().read_bytes(), store.receipt().read_bytes()
+    monkeypatch.delattr(track, "_track")  # all that would import MLflow
     track.track(PARAMS)
-    assert (database.read_bytes(), tracking.receipt().read_bytes()) == before
-    assert "0 runs logged, 6 unchanged, 0 superseded" in capsys.readouterr().out
+    assert (store.database().read_bytes(), store.receipt().read_bytes()) == before
+    assert "6 runs, nothing changed since they were tracked" in capsys.readouterr().out
 
 
-def test_an_experiment_that_was_not_run_is_one_line(made_once, capsys):
+def test_a_store_that_others_wrote_to_is_looked_through_without_reading_results(repository, capsys, monkeypatch):
+    track.track(PARAMS)
+    own = client().create_run(client().get_experiment_by_name("touch").experiment_id, run_name="my own").info.run_id
+    before = logged(all_runs())
+    with monkeypatch.context() as patch:
+        patch.delattr(tracking, "read_runs")
+        track.track(PARAMS)
+    assert logged(all_runs()) == before and own in before
+    assert "6 runs, all found in the store" in capsys.readouterr().out
+
+
+def test_a_damaged_receipt_is_written_anew(repository, capsys):
+    track.track(PARAMS)
+    for content in ("", "[]", "{}", '{"runs": [1]}', '{"runs": [{}], "origin": 1}', "[" * 100_000):
+        store.receipt().write_text(content)
+        track.track(PARAMS)
+        assert "0 runs logged, 6 found again" in capsys.readouterr().out
+        assert len(receipt()) == 6
+
+
+def test_an_experiment_that_was_not_run_is_one_line(repository, capsys):
     track.track(PARAMS)
     lines = [line for line in capsys.readouterr().out.splitlines() if "velostat_recorded" in line]
     assert len(lines) == 1 and "recordings not downloaded" in lines[0]
@@ -162,23 +212,78 @@ def test_an_experiment_that_was_not_run_is_one_line(made_once, capsys):
 
 def test_a_lost_database_is_filled_again_with_the_same_contents(made_once, repository):
     track.track(PARAMS)
-    first = pd.read_csv(made_once / "mlruns" / "tracked.csv", dtype=str)
+    first = pd.DataFrame(json.loads((made_once / "mlruns" / "tracked.json").read_text())["runs"])
     shared = ["experiment", "protocol", "model", "seed", "content"]
     assert receipt()[shared].equals(first[shared])
     assert set(receipt()["run_id"]).isdisjoint(first["run_id"])
     assert receipt()["content"].nunique() == len(RUNS)
-
-
-def test_changed_score_replaces_exactly_that_run(repository):
+    store.database().unlink()
     track.track(PARAMS)
-    before = receipt()
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+
+
+def test_another_result_is_another_run_and_the_first_stays_as_it_was(repository):
+    track.track(PARAMS)
+    first, before = receipt(), logged(all_runs())
     change_score(repository)
     track.track(PARAMS)
-    changed = before["run_id"] != receipt()["run_id"]
-    assert before[changed][["protocol", "model", "seed"]].to_numpy().tolist() == [["press", "linear", "0"]]
-    runs = active_runs()
-    assert {key: len(found) for key, found in runs.items()} == dict.fromkeys(RUNS, 1)
-    assert runs["touch", "press", "linear", "0"][0].data.metrics["single.rmse"] == 8.75
+    assert logged(all_runs()).items() >= before.items()
+    (new,) = active_runs(only_current=True)[LINEAR]
+    (old,) = (run for run in active_runs()[LINEAR] if run.info.run_id != new.info.run_id)
+    assert old.info.run_id in set(first["run_id"]) and old.data.tags[store.current_tag()] == "false"
+    assert (new.data.metrics["single.rmse"], old.data.metrics["single.rmse"]) == (8.75, 8.5)
+    assert counted(active_runs()) == {key: 1 + (key == LINEAR) for key in RUNS}
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+
+
+def test_old_settings_find_their_runs_again(repository):
+    track.track(PARAMS)
+    first = receipt()
+    other = params_with(lomp={"hidden": 16, "training": {"learning_rate": 1.0e-3}})
+    write_results(repository, other)
+    track.track(other)
+    both = logged(all_runs())
+    assert len(both) == 9  # three of lomp are new
+    is_lomp = first["model"] == "lomp"
+    assert ((first["run_id"] != receipt()["run_id"]) == is_lomp).all()
+    write_results(repository, PARAMS)
+    track.track(PARAMS)
+    assert receipt().equals(first) and logged(all_runs()) == both
+    assert {run.info.run_id for found in active_runs(only_current=True).values() for run in found} == set(
+        first["run_id"]
+    )
+
+
+def test_a_deleted_run_is_restored(repository, capsys):
+    track.track(PARAMS)
+    first, before = receipt(), logged(all_runs())
+    client().delete_run(first["run_id"][0])
+    track.track(PARAMS)
+    assert receipt().equals(first) and logged(all_runs()) == before
+    assert counted(active_runs()) == dict.fromkeys(RUNS, 1)
+    assert "0 runs logged, 6 found again (of them 1 restored" in capsys.readouterr().out
+
+
+def test_runs_that_former_versions_deleted_are_restored(repository):
+    """They have no tag of a checkout."""
+    track.track(PARAMS)
+    first = receipt()
+    for run in all_runs():
+        client().delete_tag(run.info.run_id, store.current_tag())
+        client().delete_tag(run.info.run_id, "checkout")
+        client().delete_run(run.info.run_id)
+    track.track(PARAMS)
+    assert receipt().equals(first)
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+
+
+def test_a_deleted_experiment_comes_back(repository):
+    track.track(PARAMS)
+    first = receipt()
+    client().delete_experiment(client().get_experiment_by_name("touch").experiment_id)
+    track.track(PARAMS)
+    assert receipt().equals(first)
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
 
 
 def test_retrained_model_file_changes_the_content_of_its_run_only(repository):
@@ -189,25 +294,28 @@ def test_retrained_model_file_changes_the_content_of_its_run_only(repository):
     assert changed == [("touch", "press", "lomp", "1")]
 
 
-def test_a_run_whose_files_were_deleted_is_logged_again(repository):
+def test_a_run_whose_files_were_deleted_gets_them_again(repository):
     track.track(PARAMS)
-    lost = active_runs()["touch", "press", "lomp", "0"][0].info
-    shutil.rmtree(lost.artifact_uri)
+    before = logged(all_runs())
+    (lossy,) = active_runs()["touch", "press", "lomp", "0"]
+    shutil.rmtree(lossy.info.artifact_uri)
     track.track(PARAMS)
-    (found,) = active_runs()["touch", "press", "lomp", "0"]
-    assert found.info.run_id != lost.run_id
-    assert (Path(found.info.artifact_uri) / "model" / "model.skops").is_file()
+    assert logged(all_runs()) == before
 
 
-def test_wall_times_alone_change_nothing(repository):
-    before = tracking.read_runs("touch", PARAMS)
-    file = paths.latency("touch")
-    table = pd.read_csv(file)
-    table["p50_ms"] *= 2
-    table.to_csv(file, index=False)
-    after = tracking.read_runs("touch", PARAMS)
-    assert [run.content for run in before] == [run.content for run in after]
-    assert before[0].timings != after[0].timings
+def test_times_measured_anew_are_a_further_point_of_the_same_run(repository, capsys):
+    track.track(PARAMS)
+    first = receipt()
+    for factor in (2, 2):
+        change(paths.latency("touch"), "p50_ms", lambda value, factor=factor: value * factor)
+        track.track(PARAMS)
+    assert "(of them 0 restored, 6 with new times)" in capsys.readouterr().out
+    assert receipt().equals(first)
+    (run,) = active_runs()[LINEAR]
+    assert run.data.metrics["latency.p50_ms"] == pd.read_csv(paths.latency("touch"))["p50_ms"][0] == 2.0
+    points = client().get_metric_history(run.info.run_id, "latency.p50_ms")
+    assert [(point.step, point.value) for point in points] == [(0, 0.5), (1, 1.0), (2, 2.0)]
+    assert [point.value for point in client().get_metric_history(run.info.run_id, "train_s")] == [2.0]
 
 
 @pytest.mark.parametrize(
@@ -220,34 +328,142 @@ def test_wall_times_alone_change_nothing(repository):
 )
 def test_params_hash_covers_what_decides_the_run(repository, change, different):
     before = tracking.read_runs("touch", PARAMS)
-    params = json.loads(json.dumps(PARAMS))
+    params = params_with()
     change(params["touch"])
+    write_results(repository, params)
     after = tracking.read_runs("touch", params)
     assert {
         old.model for old, new in zip(before, after, strict=True) if old.params_hash != new.params_hash
     } == different
 
 
-def test_unlisted_models_and_interrupted_runs_are_retired_but_the_users_own_runs_stay(repository):
+def test_unlisted_models_and_experiments_are_no_longer_current(repository):
     track.track(PARAMS)
-    store = client()
-    experiment = store.get_experiment_by_name("touch").experiment_id
-    own = store.create_run(experiment, run_name="my own").info.run_id
-    unfinished = active_runs()["touch", "press", "lomp", "0"][0].info.run_id
-    store.update_run(unfinished, status="RUNNING")  # as a call leaves it that is killed half-way
-    fewer = {**PARAMS, "touch": {**PARAMS["touch"], "models": {"lomp": PARAMS["touch"]["models"]["lomp"]}}}
+    before = logged(all_runs())
+    own = client().create_run(client().get_experiment_by_name("touch").experiment_id, run_name="my own").info.run_id
+    fewer = params_with()
+    del fewer["touch"]["models"]["linear"]
     track.track(fewer)
-    runs = active_runs()
-    assert [run.info.run_id for run in runs.pop((None, None, None, None))] == [own]
-    assert {key: len(found) for key, found in runs.items()} == {key: 1 for key in RUNS if key[2] == "lomp"}
-    assert runs["touch", "press", "lomp", "0"][0].info.run_id != unfinished
-
-
-def test_runs_of_an_unlisted_experiment_are_retired(repository):
-    track.track(PARAMS)
+    assert counted(active_runs(only_current=True)) == {key: 1 for key in RUNS if key[2] == "lomp"}
     track.track({**PARAMS, "experiments": ["velostat_recorded"]})
-    assert not active_runs()
-    assert receipt().empty
+    assert not active_runs(only_current=True) and receipt().empty
+    assert [run.info.run_id for run in active_runs().pop((None, None, None, None))] == [own]
+    assert {run: content for run, content in logged(all_runs()).items() if run != own} == before
+
+
+def test_an_interrupted_run_is_marked_and_logged_anew(repository):
+    track.track(PARAMS)
+    (unfinished,) = active_runs()[LINEAR]
+    client().update_run(unfinished.info.run_id, status="RUNNING")  # as a call leaves it that is killed half-way
+    track.track(PARAMS)
+    assert client().get_run(unfinished.info.run_id).info.status == "KILLED"
+    (new,) = active_runs(only_current=True)[LINEAR]
+    assert new.info.run_id != unfinished.info.run_id and new.info.status == "FINISHED"
+
+
+@pytest.fixture
+def two_checkouts(made_once, tmp_path, monkeypatch):
+    """A function that makes one of two checkouts, which use one store, the present one."""
+    shutil.copy(made_once / "empty.db", tmp_path / "shared.db")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'shared.db'}")
+    for name in ("first", "second"):
+        make_repository(tmp_path / name)
+    return lambda name: monkeypatch.setattr(paths, "ROOT", tmp_path / name)
+
+
+def test_checkouts_share_a_store_and_leave_each_others_runs_alone(two_checkouts):
+    two_checkouts("first")
+    track.track(PARAMS)
+    before, tags, of_first = logged(all_runs()), {store.current_tag()}, receipt()
+
+    two_checkouts("second")
+    other = params_with(lomp={"hidden": 16, "training": {"learning_rate": 1.0e-3}})
+    write_results(paths.ROOT, other)
+    change(paths.latency("touch"), "p50_ms", lambda value: value * 3)
+    track.track(other)
+    after = logged(all_runs())
+    assert after.items() >= before.items() and len(after) == 9
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+    shared = set(of_first["run_id"]) & set(receipt()["run_id"])
+    assert len(shared) == 3  # linear's: the same content
+    track.track({**other, "experiments": ["velostat_recorded"]})  # a clone without these results
+    assert not active_runs(only_current=True)
+
+    two_checkouts("first")
+    tags.add(store.current_tag())
+    assert len(tags) == 1
+    assert {run.info.run_id for found in active_runs(only_current=True).values() for run in found} == set(
+        of_first["run_id"]
+    )
+    track.track(PARAMS)
+    assert logged(all_runs()) == after and receipt().equals(of_first)
+
+
+def test_another_store_gets_all_runs_though_nothing_changed(repository, made_once, monkeypatch, tmp_path):
+    track.track(PARAMS)
+    shutil.copy(made_once / "empty.db", tmp_path / "other.db")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'other.db'}")
+    track.track(PARAMS)
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+    shutil.copy(made_once / "empty.db", tmp_path / "other.db")  # the server lost all
+    track.track(PARAMS)
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+
+
+def test_one_process_at_a_time_writes(repository, capsys):
+    with ThreadPoolExecutor() as pool:
+        with store.one_at_a_time():
+            waiting = pool.submit(track.track, PARAMS)
+            with pytest.raises(TimeoutError):
+                waiting.result(timeout=1)
+            assert not active_runs()
+        waiting.result(timeout=60)
+    assert "waiting for another `python -m pipeline.track` to end" in capsys.readouterr().out
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+
+
+def test_a_damaged_id_of_the_checkout_is_drawn_anew(repository):
+    first = store.checkout()
+    assert re.fullmatch("[0-9a-f]{8}", first) and store.checkout() == first
+    (repository / "mlruns" / "checkout").write_bytes(b"' or\xff")
+    assert re.fullmatch("[0-9a-f]{8}", store.checkout()) and store.checkout() != first
+
+
+def test_only_a_copy_below_dvcs_folder_is_taken_for_one(repository, monkeypatch, tmp_path_factory):
+    """DVC_ROOT is also set where a stage of another project starts this one."""
+    other = tmp_path_factory.mktemp("other")
+    monkeypatch.setenv("DVC_ROOT", str(other))
+    assert store.workspace() == repository and not store.in_temporary_copy()
+    copied = other / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx"
+    copied.mkdir(parents=True)
+    monkeypatch.setattr(paths, "ROOT", copied)
+    assert store.workspace() == other and store.in_temporary_copy()
+
+
+HOSTILE = ["double (two fingers)", "90°", "a,b", "a;b", "a_b", "größer", "..up", "中文", "007", "NA", "x" * 300, " "]
+
+
+def test_conditions_of_any_name_are_logged_apart(repository):
+    table = pd.read_csv(paths.scores("touch"))
+    linear = (table["model"] == "linear") & (table["protocol"] == "press") & (table["seed"] == 0)
+    rows = [table[linear].assign(condition=name, value=float(k)) for k, name in enumerate(HOSTILE)]
+    pd.concat([table, *rows]).to_csv(paths.scores("touch"), index=False)
+    track.track(PARAMS)
+    (run,) = active_runs()[LINEAR]
+    given = {name.removesuffix(".rmse"): value for name, value in run.data.metrics.items() if name.endswith(".rmse")}
+    true_names = {name: run.data.tags.get(f"condition.{name}", name) for name in given}
+    assert {true_names[name]: value for name, value in given.items()} == {
+        "single": 8.5,
+        **{name: float(k) for k, name in enumerate(HOSTILE)},
+    }
+    assert all(re.fullmatch(r"\w[\w.\- ]*", name) for name in given)
+    assert {"a_b", "größer", "中文", "007", "NA"} <= set(given)  # MLflow takes these as they are
+
+
+def test_a_name_that_looks_like_a_changed_one_is_changed_too():
+    changed = tracking._allowed("a,b")
+    assert changed != "a,b" and tracking._allowed(changed) != changed
+    assert len({tracking._allowed(name) for name in (*HOSTILE, changed)}) == len(HOSTILE) + 1
 
 
 @pytest.mark.parametrize(
@@ -255,7 +471,7 @@ def test_runs_of_an_unlisted_experiment_are_retired(repository):
     [
         ("data/touch/ingest.json", "data/touch/ingest.json"),
         ("data/touch/scores.csv", "data/touch/scores.csv"),
-        ("data/touch/latency/latency.csv", "data/touch/latency/latency.csv"),
+        ("data/touch/speed/latency.csv", "data/touch/speed/latency.csv"),
         ("data/touch/latency/lomp.train.csv", "data/touch/latency/lomp.train.csv"),
         ("data/touch/models/lomp/press-1/history.csv", "data/touch/models/lomp/press-1/history.csv"),
         ("data/touch/models/lomp/press-1/fit.json", "data/touch/models/lomp/press-1/fit.json"),
@@ -267,7 +483,7 @@ def test_missing_file_is_named_and_nothing_is_logged(repository, file, named):
     with pytest.raises(InputError, match=named):
         track.track(PARAMS)
     assert not active_runs()
-    assert not tracking.receipt().exists()
+    assert not store.receipt().exists()
 
 
 def test_missing_rows_and_keys_are_named(repository):
@@ -283,6 +499,24 @@ def test_missing_rows_and_keys_are_named(repository):
         tracking.read_runs("touch", PARAMS)
 
 
+def test_results_of_other_settings_are_refused(repository):
+    with pytest.raises(InputError, match="fit.json: was made with other settings than touch.models.lomp"):
+        track.track(params_with(lomp={"hidden": 16, "training": {"learning_rate": 1.0e-3}}))
+    made_with = {"device": "auto", "touch": {**PARAMS["touch"], "label": {"map_rows": 20}}}
+    stage = {"outs": [{"path": "data/touch/scores.csv"}], "params": {"params.yaml": made_with}}
+    (repository / "dvc.lock").write_text(yaml.safe_dump({"stages": {"evaluate@touch": stage}}))
+    track.track(PARAMS)
+    changed = params_with()
+    changed["touch"]["label"]["map_rows"] = 10
+    with pytest.raises(InputError, match=r"^params.yaml, touch.label.map_rows: data/touch/scores.csv was made with"):
+        track.track(changed)
+    with pytest.raises(InputError, match=r"^params.yaml, device: data/touch/scores.csv was made with another value"):
+        track.track({**PARAMS, "device": "cpu"})
+    (repository / "dvc.lock").write_text("stages: {evaluate@touch: {outs: [{pa")
+    with pytest.raises(InputError, match="^dvc.lock: was cut short or damaged"):
+        track.track({**PARAMS, "device": "cpu"})
+
+
 def test_moved_repository_is_one_sentence(made_once, tmp_path, monkeypatch):
     shutil.copytree(made_once, tmp_path / "moved")
     monkeypatch.setattr(paths, "ROOT", tmp_path / "moved")
@@ -296,23 +530,71 @@ def test_unusable_store_is_one_sentence(repository, monkeypatch):
     with pytest.raises(InputError, match="^http://127.0.0.1:9: the MLflow store cannot be used") as caught:
         track.track(PARAMS)
     assert "\n" not in str(caught.value)
-    assert "python -m pipeline.track" in str(caught.value)
+    assert "start the server" in str(caught.value) and "python -m pipeline.track" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "http://reviewer:s3cret@127.0.0.1:9",
+        "http://reviewer:s3cret%2F1@127.0.0.1:9",
+        "http://reviewer:s3cret/1@127.0.0.1:9",
+        "http://reviewer:s3cret?1@127.0.0.1:9",
+        "http://s3cret@127.0.0.1:9/path",
+        "http://reviewer:s3cret@127.0.0.1:port",
+        "http://127.0.0.1:9/?password=s3cret",
+        "postgresql://reviewer:s3cret@127.0.0.1:9/runs",
+        "sqlit://reviewer:s3cret@host/runs",
+    ],
+)
+def test_a_password_is_never_shown(repository, uri, monkeypatch, capfd, caplog):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "1")
+    with pytest.raises(SystemExit) as ended:
+        run_stage(lambda: track.track(PARAMS))
+    message = str(ended.value)
+    assert message.startswith("error: ") and "MLFLOW_TRACKING_URI" in message and "\n" not in message
+    assert "s3cret" not in message + "".join(capfd.readouterr()) + caplog.text
+    assert not [
+        path for path in (repository / "mlruns").rglob("*") if path.is_file() and b"s3cret" in path.read_bytes()
+    ]
 
 
 def test_file_that_is_no_database_is_one_sentence(repository):
-    (repository / "mlruns" / "mlflow.db").write_text("not a database" * 100)
+    store.database().write_text("not a database" * 100)
     with pytest.raises(InputError, match="^mlruns/mlflow.db: the MLflow store cannot be used") as caught:
         track.track(PARAMS)
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(caught.value) and "move the damaged file away" in str(caught.value)
 
 
-def test_a_store_that_locks_half_way_is_one_sentence_and_loses_nothing(repository, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "uri", "advice"),
+    [
+        (MlflowException("(sqlite3.OperationalError) database is locked\n[SQL: INSERT]"), None, "close what else uses"),
+        (MlflowException("Detected out-of-date database schema (found)"), None, "`mlflow db upgrade`"),
+        (MlflowException("(sqlite3.OperationalError) attempt to write a readonly database"), None, "unlock the disk"),
+        (OSError(28, "No space left on device", "mlruns/artifacts"), None, "free or unlock the disk"),
+        (MlflowException("Invalid value", error_code=INVALID_PARAMETER_VALUE), None, "change the name or value"),
+        (MlflowException("", error_code=UNAUTHENTICATED), "http://host", "set MLFLOW_TRACKING_USERNAME and"),
+        (MlflowException("no answer"), "http://host", "start the server or mend MLFLOW_TRACKING_URI"),
+    ],
+)
+def test_the_advice_is_for_the_cause(repository, monkeypatch, error, uri, advice):
+    if uri:
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+        monkeypatch.setattr(tracking.MlflowClient, "search_experiments", lambda self, **_: None)
+    with pytest.raises(InputError, match=advice) as caught, tracking._opened():
+        raise error
+    assert "\n" not in str(caught.value) and "()" not in str(caught.value)
+
+
+def test_a_store_that_fails_half_way_loses_nothing(repository, monkeypatch):
     calls = []
 
     def log_artifacts(self, *arguments, original=tracking.MlflowClient.log_artifacts):
         calls.append(arguments)
         if len(calls) == 3:
-            raise tracking.MlflowException("(sqlite3.OperationalError) database is locked\n[SQL: INSERT]")
+            raise MlflowException("(sqlite3.OperationalError) database is locked\n[SQL: INSERT]")
         return original(self, *arguments)
 
     with monkeypatch.context() as patch:
@@ -320,9 +602,147 @@ def test_a_store_that_locks_half_way_is_one_sentence_and_loses_nothing(repositor
         with pytest.raises(InputError, match="database is locked.*run `python -m pipeline.track` again") as caught:
             track.track(PARAMS)
     assert "\n" not in str(caught.value)
-    assert not tracking.receipt().exists()
+    assert not store.receipt().exists()
     track.track(PARAMS)
-    assert {key: len(found) for key, found in active_runs().items()} == dict.fromkeys(RUNS, 1)
+    finished = [run for found in active_runs().values() for run in found if run.info.status == "FINISHED"]
+    assert len(finished) == len(RUNS) and len(all_runs()) == len(RUNS) + 1
+    assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
+
+
+class Tiny:
+    """A repository in which DVC runs a stage of made-up results and `track`."""
+
+    LINEAR_AND_TREE = {"linear": {}, "tree": {"min_samples_leaf": 5, "max_features": 1.0}}
+
+    def __init__(self, folder: Path):
+        self.project = Project(folder)
+        self.folder, self.environment = self.project.folder, self.project.environment
+        self.project.set({"experiments": ["touch"], "touch.models": self.LINEAR_AND_TREE})
+        for name in (".gitignore", "tests/made_results.py"):
+            shutil.copy(ROOT / name, self.folder)
+        entry = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["track"]
+        entry["deps"] = [dep for dep in entry["deps"] if not dep.startswith("data/") or dep.startswith("data/touch/")]
+        made = ["scores.csv", "ingest.json", "speed/latency.csv"]
+        made += [path for model in self.LINEAR_AND_TREE for path in (f"models/{model}", f"latency/{model}.train.csv")]
+        results = {
+            "cmd": "python made_results.py",
+            "deps": ["made_results.py"],
+            "params": ["device", "touch"],
+            "outs": [f"data/touch/{path}" for path in made],
+        }
+        (self.folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": {"results": results, "track": entry}}))
+        for name in [name for name in self.environment if name.startswith("GIT_")]:
+            del self.environment[name]
+        shutil.rmtree(self.folder / ".dvc")  # that of a project without git
+        self.git("init", "-q")
+        self.git("config", "user.name", "test")
+        self.git("config", "user.email", "test@example.org")
+        self.project.dvc("init", "--quiet")
+        self.repro()
+
+    def git(self, *arguments: str) -> str:
+        command = ["git", *arguments]
+        return subprocess.run(
+            command, cwd=self.folder, env=self.environment, check=True, capture_output=True, text=True
+        ).stdout
+
+    def repro(self, **environment: str) -> subprocess.CompletedProcess:
+        """`dvc repro`, then a commit of what it wrote."""
+        before = dict(self.environment)
+        self.environment.update(environment)
+        done = self.project.dvc("repro")
+        self.environment.clear()
+        self.environment.update(before)
+        self.git("add", "-A")
+        self.git("commit", "-q", "--allow-empty", "-m", "results")
+        return done
+
+    def tree(self, leaf: int) -> None:
+        self.project.set({"touch.models.tree.min_samples_leaf": leaf})
+
+    def runs(self, filter_string: str = "", database: str = "mlruns/mlflow.db") -> dict[str, str]:
+        """Run id -> smallest leaf of the tree, of the tree's runs on the split by press with seed 0."""
+        source = tracking.MlflowClient(tracking_uri=f"sqlite:///{self.folder / database}")
+        wanted = " and ".join(
+            ["tags.model = 'tree' and tags.protocol = 'press' and tags.seed = '0'", *filter(None, [filter_string])]
+        )
+        found = source.search_runs([source.get_experiment_by_name("touch").experiment_id], wanted)
+        return {run.info.run_id: run.data.params["min_samples_leaf"] for run in found}
+
+    def marked(self, database: Path) -> int:
+        """The number of current runs; read without MLflow, which goes on with a database that was deleted."""
+        with sqlite3.connect(database) as source:
+            rows = source.execute("select count(*) from tags where key = ? and value = 'true'", [self.current_tag()])
+            return rows.fetchone()[0]
+
+    def current_tag(self) -> str:
+        return f"current.{(self.folder / 'mlruns' / 'checkout').read_text().strip()}"
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    return Tiny(tmp_path_factory.mktemp("tiny"))
+
+
+def test_repro_with_other_settings_leaves_both_sets_of_runs_and_git_clean(tiny):
+    tiny.tree(5)
+    tiny.repro()
+    first = tiny.runs("params.min_samples_leaf = '5'")
+    assert len(first) == 1
+    tiny.tree(9)
+    done = tiny.repro()
+    assert "3 runs logged, 3 found again" in done.stdout, done.stdout
+    assert set(tiny.runs().values()) >= {"5", "9"} and tiny.runs().items() >= first.items()
+    current = f"tags.`{tiny.current_tag()}`"
+    assert set(tiny.runs(f"{current} = 'true'").values()) == {"9"}
+    assert first.items() <= tiny.runs(f"{current} = 'false'").items()
+    tiny.tree(5)
+    tiny.repro()  # the results come back from DVC's run-cache
+    assert tiny.runs(f"{current} = 'true'") == first
+    lock = (tiny.folder / "dvc.lock").read_bytes()
+    tiny.project.dvc("repro")
+    assert (tiny.folder / "dvc.lock").read_bytes() == lock and b"mlruns" not in lock
+    assert tiny.git("status", "--porcelain") == ""
+
+
+def test_repro_with_nothing_to_do_imports_no_mlflow(tiny):
+    tiny.repro()
+    done = tiny.repro(PYTHONPROFILEIMPORTTIME="1")
+    assert "nothing changed since they were tracked" in done.stdout
+    assert "pipeline.store" in done.stderr and not re.search(r"\| +(mlflow|pandas)\b", done.stderr)
+
+
+def test_runs_of_queued_experiments_survive_in_the_checkouts_store(tiny):
+    tiny.tree(5)
+    tiny.repro()
+    before = tiny.runs()
+    names = {}
+    for leaf in ("11", "13"):
+        tiny.project.dvc(
+            "exp", "run", "--queue", "-n", f"leaf-{leaf}", "-S", f"touch.models.tree.min_samples_leaf={leaf}"
+        )
+    tiny.project.dvc("exp", "run", "--run-all", "-j", "2")
+    for leaf in ("11", "13"):
+        names[leaf] = tiny.runs(f"tags.dvc_experiment = 'leaf-{leaf}'")
+        assert list(names[leaf].values()) == [leaf]
+    assert tiny.runs().items() > before.items()
+    assert set(tiny.runs(f"tags.`{tiny.current_tag()}` = 'true'").values()) == {"5"}
+    tiny.project.dvc("exp", "apply", "leaf-11")
+    tiny.repro()
+    assert tiny.runs(f"tags.`{tiny.current_tag()}` = 'true'") == names["11"]
+
+
+def test_an_up_to_date_repro_fills_a_lost_store_and_another_one(tiny):
+    tiny.repro()
+    shutil.rmtree(tiny.folder / "mlruns")
+    done = tiny.repro()
+    assert "Stage 'results' didn't change" in done.stdout
+    expected = tiny.marked(tiny.folder / "mlruns" / "mlflow.db")
+    assert expected > 0
+    other = tiny.folder.parent / "other.db"
+    done = tiny.repro(MLFLOW_TRACKING_URI=f"sqlite:///{other}")
+    assert "Stage 'results' didn't change" in done.stdout
+    assert tiny.marked(other) == expected
 
 
 def test_git_state_reports_commit_and_changes(tmp_path, monkeypatch):

@@ -49,6 +49,7 @@ def recordings(folder: Path) -> list[Path]:
         if not sessions:
             raise InputError(f"{one}: no session of this object; add <session>/{LOG} or remove the folder")
         found += sessions
+    logs.check_names(found)
     return found
 
 
@@ -58,18 +59,15 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     frames: a table of SCHEMA. Lines of the file = accepted + rejected (+ header). Raises InputError for a missing
     log, too many rejects, or a session without a usable frame.
     """
-    rows, rejects = logs.read_log(folder / LOG, FORMAT)
+    limit, key = settings["ingest"]["max_reject_fraction"], "glove.ingest.max_reject_fraction"
+    rows, rejects = logs.read_log(folder / LOG, FORMAT, limit=limit, key=key)
     cells = np.column_stack([rows[name].to_numpy() for name in FORMAT.names[1:]])
     pressure, strain = cells[:, :PRESSURE_CELLS], cells[:, PRESSURE_CELLS:]
     constant = (np.ptp(pressure, axis=1) == 0) | (np.ptp(strain, axis=1) == 0)
-    numbers = rows["line"].to_numpy()[constant].tolist()
-    texts = logs.texts(folder / LOG, numbers) if numbers else []
-    columns = [[LOG] * len(numbers), numbers, [CONSTANT] * len(numbers), texts]
-    rejects = pa.concat_tables([rejects, pa.table(columns, logs.REJECTS)]).sort_by("line")
-    reasons = Counter(rejects["reason"].to_pylist())
-    lines = rejects.num_rows + int((~constant).sum())
-    limit = settings["ingest"]["max_reject_fraction"]
-    logs.check_rejects(folder / LOG, lines, reasons, limit, "glove.ingest.max_reject_fraction")
+    reasons = Counter(rejects["reason"].to_pylist()) + Counter({CONSTANT: int(constant.sum())})
+    logs.check_rejects(folder / LOG, rejects.num_rows + rows.num_rows, reasons, limit, key)
+    alike = logs.rejected(folder / LOG, rows["line"].to_numpy()[constant], CONSTANT)
+    rejects = pa.concat_tables([rejects, alike]).sort_by("line")
     kept = np.flatnonzero(~constant)
     if not len(kept):
         raise InputError(f"{folder / LOG}: no usable frame is left, most often '{max(reasons, key=reasons.get)}'")

@@ -1,6 +1,5 @@
 """Strain experiment (latent-space paper): what DAQ and robot print, and one recording as samples at a uniform rate."""
 
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -52,6 +51,7 @@ def recordings(folder: Path) -> list[Path]:
     for task in TASKS:
         if (count := sum(path.parent.name == task for path in found)) != 1:
             raise InputError(f"{folder / task}: {count} recordings; each of {', '.join(TASKS)} needs exactly one")
+    logs.check_names(found)
     return found
 
 
@@ -66,12 +66,8 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     ingest, who = settings["ingest"], f"{folder.parent.name}/{folder.name}"
     rows, rejects = {}, {}
     for name, fmt in formats(settings).items():
-        rows[name], rejects[name] = logs.read_log(folder / name, fmt)
-        reasons = Counter(rejects[name]["reason"].to_pylist())
-        lines = rows[name].num_rows + rejects[name].num_rows
-        logs.check_rejects(
-            folder / name, lines, reasons, ingest["max_reject_fraction"], "strain.ingest.max_reject_fraction"
-        )
+        limit, key = ingest["max_reject_fraction"], "strain.ingest.max_reject_fraction"
+        rows[name], rejects[name] = logs.read_log(folder / name, fmt, limit=limit, key=key)
         if rows[name]["segment"][-1].as_py() > 0:
             raise InputError(f"{folder / name}: the time steps back for good; the clock was set, record again")
         lasts, least = np.ptp(rows[name]["t_s"].to_numpy()), _shortest_s(ingest)
@@ -88,10 +84,8 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         raise InputError(
             f"{folder / 'robot.log'}: covers {100 * known.mean():.0f} % of the DAQ's log; it ended early, record again"
         )
-    numbers = daq["line"].to_numpy()[~known].tolist()
-    texts = logs.texts(folder / "daq.log", numbers) if numbers else []
-    columns = [["daq.log"] * len(numbers), numbers, [NO_GROUND_TRUTH] * len(numbers), texts]
-    rejects["daq.log"] = pa.concat_tables([rejects["daq.log"], pa.table(columns, logs.REJECTS)]).sort_by("line")
+    unknown = logs.rejected(folder / "daq.log", daq["line"].to_numpy()[~known], NO_GROUND_TRUTH)
+    rejects["daq.log"] = pa.concat_tables([rejects["daq.log"], unknown]).sort_by("line")
 
     frames = resampled(folder.parent.name, folder.name, at[known], volts[known], truth[known], ingest)
     report = {}

@@ -1,6 +1,5 @@
 """Touch experiment (LoMP paper): what the devices print, and one recording as frames with ground truth."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -20,6 +19,7 @@ CNC = Format((CLOCK, *(Column(name, "mm", -2e3, 2e3) for name in ("x_mm", "y_mm"
 
 NO_GROUND_TRUTH = "no ground truth at this time"
 TOO_SHORT = "segment too short to align"
+LIMIT = "touch.ingest.max_reject_fraction"
 PART = 1 << 18  # frames made at once: an hour of a recording at 70 Hz
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
 
@@ -39,10 +39,11 @@ def frames_schema(settings: Mapping) -> pa.Schema:
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The folders `<condition>/<recording>` in `folder`, sorted. InputError where there is none."""
+    """The folders `<condition>/<recording>` in `folder`, sorted. InputError where there is none, or for a name."""
     found = sorted(path for path in folder.glob("*/*") if path.is_dir())
     if not found:
         raise InputError(f"{folder}: no recordings found; expected <condition>/<recording>/array.log in it")
+    logs.check_names(found)
     return found
 
 
@@ -69,28 +70,28 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         formats |= {f"load_cell{suffix}.log": LOAD_CELL, f"cnc{suffix}.log": CNC}
     rows, rejects = {}, {}
     for name, fmt in formats.items():
-        rows[name], bad = logs.read_log(folder / name, fmt)
+        rows[name], bad = logs.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
         rejects[name] = [bad]
-        lines = rows[name].num_rows + bad.num_rows
-        _check(folder / name, lines, bad["reason"].to_pylist(), ingest)
 
     clocks = _clocks(rows, touches, ingest, f"{folder.parent.name}/{folder.name}")
     time = {}
     for name in formats:
         placed = np.array([clock is not None for clock in clocks[name]])[rows[name]["segment"].to_numpy()]
         if not placed.all():
-            rejects[name].append(_rejected(folder / name, rows[name], ~placed, TOO_SHORT))
+            unplaced = rows[name]["line"].to_numpy()[~placed]
+            rejects[name].append(logs.rejected(folder / name, unplaced, TOO_SHORT))
             rows[name] = rows[name].filter(pa.array(placed))
         time[name] = _reference_time(rows[name], clocks[name])
 
     array, at = rows["array.log"], time["array.log"]
     truth, known = _ground_truth(rows, time, touches)
-    rejects["array.log"].append(_rejected(folder / "array.log", array, ~known, NO_GROUND_TRUTH))
     if not known.any():
         raise InputError(f"{folder}: no frame falls into the time of load cell and CNC; record again")
     # The devices start and stop up to max_clock_offset_s apart, so frames without truth are expected there.
     inner = (at > at[0] + ingest["max_clock_offset_s"]) & (at < at[-1] - ingest["max_clock_offset_s"])
-    _check(folder / "array.log", len(at), [NO_GROUND_TRUTH] * int((inner & ~known).sum()), ingest)
+    missed = {NO_GROUND_TRUTH: int((inner & ~known).sum())}
+    logs.check_rejects(folder / "array.log", len(at), missed, ingest["max_reject_fraction"], LIMIT)
+    rejects["array.log"].append(logs.rejected(folder / "array.log", array["line"].to_numpy()[~known], NO_GROUND_TRUTH))
 
     segment = array["segment"].to_numpy()
     gap_before = np.empty(len(at), dtype=bool)
@@ -278,19 +279,6 @@ def _reference_time(rows: pa.Table, clocks: list[alignment.Clock | None]) -> np.
 def _matrix(rows: pa.Table, columns: list[str]) -> np.ndarray:
     """Columns of one type as (n, columns)."""
     return np.column_stack([rows[name].to_numpy() for name in columns])
-
-
-def _rejected(path: Path, rows: pa.Table, which: np.ndarray, reason: str) -> pa.Table:
-    """The rows of a log that `which` (n,) marks, as rejects."""
-    numbers = rows["line"].to_numpy()[which].tolist()
-    texts = logs.texts(path, numbers) if numbers else []
-    count = len(numbers)
-    return pa.table([[path.name] * count, numbers, [reason] * count, texts], logs.REJECTS)
-
-
-def _check(path: Path, lines: int, reasons: list[str], ingest: Mapping) -> None:
-    """InputError when the rejects of a file exceed touch.ingest.max_reject_fraction."""
-    logs.check_rejects(path, lines, Counter(reasons), ingest["max_reject_fraction"], "touch.ingest.max_reject_fraction")
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Recorded Velostat taxel and load cell: two serial logs with the host's clock, see pipeline/sources.py."""
 
 import re
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -55,18 +54,14 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     limit, key = settings["ingest"]["max_reject_fraction"], "velostat_recorded.ingest.max_reject_fraction"
     rows, rejects = {}, {}
     for name, (file, fmt) in pair.items():
-        rows[name], rejects[name] = logs.read_log(file, fmt, name)
-        lines = rows[name].num_rows + rejects[name].num_rows
-        logs.check_rejects(file, lines, Counter(rejects[name]["reason"].to_pylist()), limit, key)
+        rows[name], rejects[name] = logs.read_log(file, fmt, name, limit, key)
         if rows[name]["segment"][-1].as_py() > 0:
             raise InputError(f"{file}: the time steps back for good; the host's clock was set during the recording")
     taxel, cell = rows
     at, segment = rows[taxel]["unix_time_s"].to_numpy(), rows[taxel]["segment"].to_numpy()
     force, known = alignment.interpolated(at, rows[cell]["unix_time_s"].to_numpy(), rows[cell]["fz_n"].to_numpy())
-    numbers = rows[taxel]["line"].to_numpy()[~known].tolist()
-    texts = logs.texts(path, numbers) if numbers else []
-    columns = [[taxel] * len(numbers), numbers, [NO_GROUND_TRUTH] * len(numbers), texts]
-    rejects[taxel] = pa.concat_tables([rejects[taxel], pa.table(columns, logs.REJECTS)]).sort_by("line")
+    missed = logs.rejected(path, rows[taxel]["line"].to_numpy()[~known], NO_GROUND_TRUTH, taxel)
+    rejects[taxel] = pa.concat_tables([rejects[taxel], missed]).sort_by("line")
     if not known.any():
         raise InputError(
             f"{path}: no reading falls into the time of the load cell's log; the two do not belong together"

@@ -1,0 +1,155 @@
+"""Where this checkout's MLflow store lies, and what it was last known to hold: all that can be said without MLflow.
+
+Importing MLflow and reading the model files takes seconds, and `track` is part of every `dvc repro`. So a receipt in
+`mlruns/tracked.json` says for which files, settings and code the store was found complete.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+import re
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pipeline import files, paths
+
+CODE = ("store.py", "track.py", "tracking.py")  # what decides how files become runs
+COLUMNS = ("experiment", "protocol", "model", "seed", "content", "run_id")  # of a receipt's rows
+
+
+def workspace() -> Path:
+    """Return the checkout that the store belongs to: this one, or the one that DVC copied it from.
+
+    `dvc exp run --queue` and `--temp` run in a copy of the checkout below its `.dvc/tmp/exps`, which DVC removes
+    afterwards; to the stages there it says in DVC_ROOT where the copy comes from.
+    """
+    origin = os.environ.get("DVC_ROOT")
+    if origin and paths.ROOT.resolve().is_relative_to(Path(origin).resolve() / ".dvc" / "tmp" / "exps"):
+        return Path(origin).resolve()
+    return paths.ROOT
+
+
+def in_temporary_copy() -> bool:
+    """Tell whether this is a copy that DVC made for an experiment: its results are not those of the checkout."""
+    return workspace() != paths.ROOT
+
+
+def server() -> str | None:
+    """Return the address in MLFLOW_TRACKING_URI, a server's or a database's; None for the default store."""
+    return os.environ.get("MLFLOW_TRACKING_URI") or None
+
+
+def folder() -> Path:
+    """Return `mlruns`: the default store `mlflow.db`, its `artifacts`, the receipt and the checkout's id."""
+    return workspace() / "mlruns"
+
+
+def database() -> Path:
+    """Return `mlruns/mlflow.db`, the default store."""
+    return folder() / "mlflow.db"
+
+
+def artifacts() -> Path:
+    """Return `mlruns/artifacts`: the files of the runs in the default store, a folder an experiment."""
+    return folder() / "artifacts"
+
+
+def receipt() -> Path:
+    """Return `mlruns/tracked.json`: digest of what was tracked, state of the default store, and a row a run."""
+    return folder() / "tracked.json"
+
+
+def current_tag() -> str:
+    """Return the name of the tag that says which runs are of this checkout's present results."""
+    return f"current.{checkout()}"
+
+
+def checkout() -> str:
+    """Return the id that tells this checkout from others that use the same store; drawn at the first call."""
+    path = folder() / "checkout"
+    text = path.read_text(encoding="utf-8", errors="replace").strip() if path.is_file() else ""
+    if not re.fullmatch("[0-9a-f]{8}", text):
+        text = secrets.token_hex(4)
+        files.write_text(path, text + "\n")
+    return text
+
+
+@contextmanager
+def one_at_a_time() -> Iterator[None]:
+    """Let one process at a time write runs for this checkout: queued experiments may end at the same moment."""
+    folder().mkdir(parents=True, exist_ok=True)
+    with open(folder() / "lock", "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print("MLflow: waiting for another `python -m pipeline.track` to end", flush=True)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def origin(params: dict) -> str:
+    """Return a digest of all that the runs are made from: settings, code, and name, size and time of each file.
+
+    No file of a result is read: DVC has compared their contents already, and writes a file anew when it changes. The
+    folder counts, since the store does not work in a copy.
+    """
+    rows = [str(workspace()), json.dumps(params, sort_keys=True)]
+    rows += [hashlib.sha256((Path(__file__).parent / name).read_bytes()).hexdigest() for name in CODE]
+    for path in _inputs(params):
+        state = _state(path)
+        rows.append(f"{path.relative_to(paths.ROOT).as_posix()} {state}")
+    return hashlib.sha256("\n".join(rows).encode()).hexdigest()
+
+
+def write_receipt(origin: str, rows: list[dict[str, str]]) -> None:
+    """Note that the store holds `rows` (COLUMNS, a row a run), made from what has the digest `origin`."""
+    content = {"origin": origin, "database": _state(database()), "runs": rows}
+    files.write_text(receipt(), json.dumps(content, indent=1) + "\n")
+
+
+def known_rows(origin: str) -> list[dict[str, str]] | None:
+    """Return the rows of the receipt if it is of the same origin, else None; a receipt that is damaged is none."""
+    content = _read_receipt()
+    return content["runs"] if content.get("origin") == origin else None
+
+
+def is_untouched(rows: list[dict[str, str]]) -> bool:
+    """Tell whether the default store is as the receipt left it, and holds the files of all `rows`."""
+    state = _state(database())
+    return (
+        state is not None
+        and state == _read_receipt().get("database")
+        and all((artifacts() / row["experiment"] / row["run_id"] / "artifacts" / "model").is_dir() for row in rows)
+    )
+
+
+def _read_receipt() -> dict:
+    try:
+        content = json.loads(receipt().read_text(encoding="utf-8"))
+        complete = all(set(row) == set(COLUMNS) for row in content["runs"])
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return {}
+    return content if complete else {}
+
+
+def _inputs(params: dict) -> Iterator[Path]:
+    """Every file that tracking reads or logs, listed or found; some may not exist."""
+    for experiment in params["experiments"]:
+        yield paths.ingest_report(experiment)
+        yield paths.scores(experiment)
+        yield paths.latency(experiment)
+        for model in params[experiment]["models"]:
+            yield paths.training_times(experiment, model)
+            yield from sorted(paths.model_folder(experiment, model).rglob("*"))
+
+
+def _state(path: Path) -> list[int] | None:
+    """Size in bytes and time of the last change in ns; None for a file that is not there."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return None
+    return [status.st_size, status.st_mtime_ns]

@@ -1,0 +1,49 @@
+"""What the stages before `track` leave behind for touch, with made-up numbers. `python made_results.py`, as a stage."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+EPOCHS = 5
+SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
+
+
+def write_results(root: Path, params: dict, condition: str = "single") -> None:
+    """Files of every run of `params["touch"]`; model and score depend on the model's settings and on the window."""
+    settings, touch = params["touch"], root / "data" / "touch"
+    runs = [(protocol, seed) for protocol, block in settings["protocols"].items() for seed in block["seeds"]]
+    for name in ("latency", "speed"):
+        (touch / name).mkdir(parents=True, exist_ok=True)
+    scores = []
+    for model, block in settings["models"].items():
+        made_from = json.dumps([block, settings.get("window")])
+        for protocol, seed in runs:
+            folder = touch / "models" / model / f"{protocol}-{seed}"
+            folder.mkdir(parents=True, exist_ok=True)
+            epochs = range(1, EPOCHS + 1 if "training" in block else 2)
+            history = {
+                "epoch": epochs,
+                "train_loss": [9.0 / epoch for epoch in epochs],
+                "validation_loss": [10.0 / epoch for epoch in epochs],
+                "learning_rate": 1.0e-3,
+            }
+            pd.DataFrame(history).to_csv(folder / "history.csv", index=False)
+            fit = {"stop_reason": "closed_form", "best_epoch": len(epochs), "epochs": len(epochs), "parameters": 17}
+            (folder / "fit.json").write_text(json.dumps(fit | {"macs": None, "settings": block}))
+            (folder / "model.skops").write_bytes(f"{model} {protocol} {seed} {made_from}".encode())
+            value = 8.5 + seed + block.get("min_samples_leaf", 0) / 100
+            scores.append(("touch", protocol, condition, model, seed, "rmse", "kPa", value, 40))
+        times = pd.DataFrame([(*run, 2.0) for run in runs], columns=["protocol", "seed", "train_s"])
+        times.to_csv(touch / "latency" / f"{model}.train.csv", index=False)
+    pd.DataFrame(scores, columns=SCORES).to_csv(touch / "scores.csv", index=False)
+    pd.DataFrame(
+        [("touch", model, batch, 1, 0.5, 0.7, 17, 17, 999) for model in settings["models"] for batch in (1, 256)],
+        columns="experiment model batch threads p50_ms p95_ms params macs size_bytes".split(),
+    ).to_csv(touch / "speed" / "latency.csv", index=False)
+    (touch / "ingest.json").write_text('{"run": true}')
+
+
+if __name__ == "__main__":
+    write_results(Path.cwd(), yaml.safe_load(Path("params.yaml").read_text()))

@@ -1,0 +1,172 @@
+"""Your own files: what DVC does with links, and the refusal of places where it would not notice a change."""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from pipeline import check, ingest, own, params, paths
+from pipeline.errors import InputError
+
+LOG = "finger/single/run000/array.log"
+
+
+def put(folder):
+    """A log in `folder`, which is made."""
+    log = folder / LOG
+    log.parent.mkdir(parents=True)
+    log.write_text("1,2\n")
+    return folder / "finger"
+
+
+def plain(place, elsewhere):
+    put(place)
+
+
+def hard_link(place, elsewhere):
+    put(elsewhere)
+    (place / LOG).parent.mkdir(parents=True)
+    os.link(elsewhere / LOG, place / LOG)
+
+
+def links_to_files(place, elsewhere):
+    put(elsewhere)
+    (place / LOG).parent.mkdir(parents=True)
+    (place / LOG).symlink_to(elsewhere / LOG)
+
+
+def own_is_a_link(place, elsewhere):
+    put(elsewhere)
+    place.symlink_to(elsewhere)
+
+
+def link_to_a_folder(place, elsewhere):
+    place.mkdir()
+    (place / "finger").symlink_to(put(elsewhere))
+
+
+def link_to_a_folder_below(place, elsewhere):
+    put(elsewhere)
+    (place / "finger" / "single").mkdir(parents=True)
+    (place / "finger" / "single" / "run000").symlink_to((elsewhere / LOG).parent)
+
+
+NOTICED = (plain, hard_link, links_to_files, own_is_a_link)
+UNNOTICED = (link_to_a_folder, link_to_a_folder_below)
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A repository root with nothing in data/own; there is room beside it."""
+    monkeypatch.setattr(paths, "ROOT", tmp_path / "project")
+    (tmp_path / "project" / "data" / "own").mkdir(parents=True)
+    return tmp_path / "project"
+
+
+def test_dvc_notices_a_change_wherever_we_say_so(tmp_path):
+    """Each way to put a log into a folder, a stage that depends on the folder, and a change of the log."""
+    environment = os.environ | {"DVC_NO_ANALYTICS": "1"}
+    for name in ("GLOBAL_CONFIG", "SYSTEM_CONFIG", "SITE_CACHE"):
+        environment[f"DVC_{name}_DIR"] = str(tmp_path / name)
+    ways, stages = (*NOTICED, *UNNOTICED), {}
+    project = tmp_path / "project"
+    project.mkdir()
+    for way in ways:
+        place = project / way.__name__
+        way(place, tmp_path / "elsewhere" / way.__name__)
+        stages[way.__name__] = {"cmd": "python --version", "deps": [way.__name__]}
+    (project / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}))
+
+    def dvc(*arguments):
+        command = [sys.executable, "-m", "dvc", *arguments]
+        return subprocess.run(command, cwd=project, env=environment, check=True, capture_output=True, text=True).stdout
+
+    dvc("init", "--no-scm", "--quiet")
+    dvc("commit", "--force", "--quiet")
+    assert yaml.safe_load(dvc("status", "--json")) == {}
+    for way in ways:
+        (project / way.__name__ / LOG).write_text("1,3\n")  # of the same size
+    assert set(yaml.safe_load(dvc("status", "--json"))) == {way.__name__ for way in NOTICED}
+
+
+@pytest.mark.parametrize("way", NOTICED)
+def test_logs_that_dvc_watches_are_taken(way, root, tmp_path):
+    place = root / "data" / "own"
+    place.rmdir()
+    way(place, tmp_path / "elsewhere")
+    assert own.unnoticed(place / "finger") is None and own.unnoticed(place / LOG) is None
+    assert own.setting(place / "finger") == "data/own/finger"
+
+
+@pytest.mark.parametrize("way", UNNOTICED)
+def test_a_link_to_a_folder_is_refused_with_the_command_that_mends_it(way, root, tmp_path):
+    place = root / "data" / "own"
+    place.rmdir()
+    way(place, tmp_path / "elsewhere" / "it's here")
+    said = own.unnoticed(place / "finger")
+    link = place / "finger" if way is link_to_a_folder else (place / LOG).parent
+    assert said.startswith(f"{link} is a link to a folder, in which `dvc repro` would not notice a change; ")
+    assert "\n" not in said
+    if way is link_to_a_folder:
+        assert own.unnoticed(place / LOG) == said  # so for glove.stag.file
+    command = said.split("`")[-2]
+    assert shlex.split(command)[:2] == ["rm", str(link)]
+    if shutil.which("cp") and subprocess.run(command, shell=True, capture_output=True).returncode == 0:  # GNU's cp
+        assert own.unnoticed(place / "finger") is None and (place / LOG).read_text() == "1,2\n"
+
+
+def test_a_link_within_is_refused_too(root):
+    """It could be made to lead elsewhere, which DVC would not see either."""
+    put(root / "data" / "own" / "store")
+    (root / "data" / "own" / "now").symlink_to("store")
+    assert "data/own/now is a link to a folder" in own.unnoticed(root / "data" / "own" / "now")
+    assert "data/own/now is a link to a folder" in own.unnoticed(root / "data" / "own" / "now" / "finger")
+    (root / "data" / "own" / "store" / "loop").symlink_to("..")
+    assert "data/own/store/loop is a link to a folder" in own.unnoticed(root / "data" / "own" / "store")
+
+
+def test_a_link_that_leads_to_nothing_is_refused(root):
+    (put(root / "data" / "own") / "gone.log").symlink_to("nowhere.log")
+    said = own.unnoticed(root / "data" / "own" / "finger")
+    assert said.endswith("gone.log is a link that leads to nothing, where `dvc repro` stops; mend or remove it")
+
+
+@pytest.mark.parametrize("source", ["../ext/finger", "data/own/../../../ext/finger", "{outside}"])
+def test_ingest_refuses_logs_outside(source, root):
+    outside = put(root.parent / "ext")
+    with pytest.raises(InputError) as error:
+        ingest.ingest("touch", params.load()["touch"] | {"source": source.format(outside=outside)})
+    said, named = str(error.value), root / source.format(outside=outside)
+    assert said.startswith(f"params.yaml, touch.source: {named} is not in data/own, so `dvc repro` would not notice ")
+    assert said.endswith(f"`cp -rs {outside} {root / 'data' / 'own' / 'finger'}`") and "\n" not in said
+    assert not paths.frames("touch").exists()
+
+
+@pytest.mark.parametrize("experiment", check.EXPERIMENTS)
+def test_ingest_refuses_a_link_to_a_folder(experiment, root, tmp_path):
+    link_to_a_folder(root / "data" / "own" / "it", tmp_path / "elsewhere")
+    settings = params.load()[experiment] | {"source": "data/own/it/finger"}
+    with pytest.raises(InputError, match=rf"^params\.yaml, {experiment}\.source: .*/finger is a link to a folder, "):
+        ingest.ingest(experiment, settings)
+
+
+def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
+    """`ready` is said only of a folder that ingest takes."""
+    outside = put(tmp_path / "elsewhere")
+    link = root / "data" / "own" / "finger"
+    link.symlink_to(outside)
+    monkeypatch.setattr(check, "check", lambda *arguments: None)  # all else is right
+    for folder, words in ((outside, "is not in data/own, so"), (link, "is a link to a folder, in which")):
+        monkeypatch.setattr(sys, "argv", ["check", "touch", str(folder)])
+        with pytest.raises(SystemExit, match=f"^mend first: {folder} {words}"):
+            check.main()
+    link.unlink()
+    put(root / "data" / "own")
+    monkeypatch.chdir(link)
+    monkeypatch.setattr(sys, "argv", ["check", "touch", "."])
+    check.main()
+    assert capsys.readouterr().out == "ready: set touch.source: data/own/finger in params.yaml, then `dvc repro`\n"

@@ -1,0 +1,204 @@
+"""Local processes: one that is killed, or gets no memory, costs its own task a second try and nothing else."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import psutil
+import pytest
+from conftest import ROOT
+from tqdm import tqdm
+
+from pipeline import errors, workers
+from pipeline.errors import InputError
+
+ABSURD = 1 << 50  # bytes: more than any machine has
+
+
+def square(number, report):
+    report(1, 1, 0.5)
+    return number * number, os.environ["OMP_NUM_THREADS"]
+
+
+def killed(folder, times, report):
+    """Fill the new `folder` and be killed, for so many times; `<folder>.tries` has a line a try."""
+    folder.mkdir()  # must not be there
+    with open(folder.with_suffix(".tries"), "a+") as tries:
+        tries.write(f"{os.getpid()}\n")
+        tries.seek(0)
+        number = len(tries.readlines())
+    report(1, 3, 0.5)
+    if number <= times:
+        os.kill(os.getpid(), signal.SIGKILL)
+    report(2, 3, 0.5)
+    report(3, 3, 0.5)
+    return number
+
+
+def meeting(folder, report):
+    """Be killed once another process is in `folder`, or after 2 s."""
+    (folder / str(os.getpid())).touch()
+    deadline = time.monotonic() + 2
+    while len(list(folder.iterdir())) % 2 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def greedy(kind, folder, report):
+    """Ask for ABSURD memory; numpy, torch and pyarrow each refuse it in words of their own."""
+    with open(folder / "tries", "a") as tries:
+        tries.write(f"{os.getpid()}\n")
+    if kind == "numpy":
+        np.empty(ABSURD, np.uint8)
+    elif kind == "torch":
+        import torch
+
+        torch.empty(ABSURD, dtype=torch.uint8)
+    else:
+        import pyarrow
+
+        pyarrow.allocate_buffer(ABSURD)
+
+
+def wrong(number, report):
+    return {}[number]
+
+
+def unsendable(number, report):
+    return threading.Lock()
+
+
+def slow(folder, report):
+    (folder / str(os.getpid())).touch()
+    time.sleep(60)
+
+
+@pytest.fixture
+def run(monkeypatch):
+    """`run(function, {key: arguments}, processes)`: the results and the bar."""
+
+    def results(function, tasks: dict, processes: int = 2, **more) -> tuple[dict, tqdm]:
+        monkeypatch.setenv("WORKERS", str(processes))
+        with tqdm(total=len(tasks) * more.get("steps", 1), desc="train it") as bar:
+            return dict(workers.run(function, tasks, bar, **more)), bar
+
+    return results
+
+
+def test_tasks_run_with_one_thread_and_give_what_they_return(run):
+    found, bar = run(square, {key: (key,) for key in range(5)})
+    assert found == {key: (key * key, "1") for key in range(5)} and bar.n == 5
+
+
+def test_a_killed_process_costs_its_own_task_a_second_try(run, tmp_path, capfd):
+    times = {"first": 0, "second": 1, "third": 0, "fourth": 0, "fifth": 0}
+    folders = {key: tmp_path / key for key in times}
+    tasks = {key: (folders[key], count) for key, count in times.items()}
+    found, bar = run(killed, tasks, 3, steps=3, folders=folders)
+    assert found == {key: count + 1 for key, count in times.items()}
+    assert {key: len((tmp_path / f"{key}.tries").read_text().split()) for key in times} == found
+    assert bar.n == 3 * len(times)
+    said = capfd.readouterr().err
+    assert "train it, second: its process ended with status -9 (-9: killed, as when memory is short); it st" in said
+
+
+def test_a_process_that_is_killed_alone_too_is_one_sentence(run, tmp_path):
+    folders = {key: tmp_path / key for key in ("good", "bad")}
+    with pytest.raises(InputError) as lost:
+        run(killed, {"good": (folders["good"], 0), "bad": (folders["bad"], 99)}, folders=folders)
+    said = str(lost.value)
+    assert said.startswith("train it, bad: its process ended with status -9 (-9: killed, as when memory is short)")
+    assert "free memory" in said and "run the command again" in said
+    assert len((tmp_path / "bad.tries").read_text().split()) == 2
+
+
+def test_two_that_are_killed_together_are_both_tried_alone(run, tmp_path):
+    with pytest.raises(InputError, match=r"^train it, (press 0|press 1): its process ended"):
+        run(meeting, {("press", seed): (tmp_path,) for seed in (0, 1)})
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize("kind, processes", [("numpy", 1), ("torch", 1), ("pyarrow", 1), ("torch", 2)])
+def test_a_task_without_memory_is_one_sentence(run, tmp_path, kind, processes):
+    with pytest.raises(InputError, match=r"^train it, (press|slide) 0: not enough memory \(.*; free memory"):
+        run(greedy, {(name, 0): (kind, tmp_path) for name in ("press", "slide")}, processes)
+    tries = (tmp_path / "tries").read_text().split()
+    assert len(tries) == (1 if processes == 1 else 3)  # both, then one of them alone
+    if processes == 2:
+        assert not any(psutil.pid_exists(int(pid)) for pid in tries)
+
+
+def test_a_stage_without_memory_is_one_sentence():
+    with pytest.raises(SystemExit) as end:
+        errors.run_stage(lambda: np.empty(ABSURD, np.uint8))
+    assert end.value.code.startswith("error: not enough memory (Unable to allocate 1.00 PiB for an array")
+
+
+def test_other_errors_say_nothing_of_memory():
+    for error in (RuntimeError("mat1 and mat2 shapes cannot be multiplied"), OSError(28, "No space left"), KeyError(1)):
+        assert errors.memory_error(error) is None
+
+
+def test_an_error_of_the_code_says_where_it_happened(run):
+    with pytest.raises(KeyError) as error:
+        run(wrong, {"a": (1,), "b": (2,)})
+    assert "return {}[number]" in error.value.__notes__[0]
+
+
+def test_a_result_that_cannot_be_sent_is_an_error(run):
+    with pytest.raises(RuntimeError, match="cannot pickle '_thread.lock' object"):
+        run(unsendable, {"a": (1,), "b": (2,)})
+
+
+def test_no_process_is_left_where_one_task_fails(run, tmp_path):
+    tasks = {key: (tmp_path,) for key in "ab"}
+    tasks["c"] = (tmp_path, "one argument too many")
+    with pytest.raises(TypeError):
+        run(slow, tasks, 3)
+    assert not any(psutil.pid_exists(int(path.name)) for path in tmp_path.iterdir())
+
+
+STAGE = """
+import os
+import sys
+import time
+from pathlib import Path
+from tqdm import tqdm
+from test_workers import slow
+from pipeline import workers
+from pipeline.errors import run_stage
+
+def main():
+    with tqdm(total=2) as bar:
+        list(workers.run(slow, {key: (Path(sys.argv[1]),) for key in "ab"}, bar))
+
+if __name__ == "__main__":
+    run_stage(main)
+elif len(sys.argv) == 3:  # a process that starts, which imports the stage for seconds
+    Path(sys.argv[1], str(os.getpid())).touch()
+    time.sleep(float(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("processes, importing", [(1, []), (2, []), (2, ["5"])], ids=["one", "two", "two that start"])
+def test_ctrl_c_ends_a_stage_quietly(tmp_path, processes, importing):
+    """As a terminal does it: SIGINT to the stage and all of its processes."""
+    (tmp_path / "stage.py").write_text(STAGE)
+    started = tmp_path / "started"
+    started.mkdir()
+    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}", "WORKERS": str(processes)}
+    command = [sys.executable, str(tmp_path / "stage.py"), str(started), *importing]
+    stage = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    deadline = time.monotonic() + 60
+    while len(list(started.iterdir())) < processes:
+        assert time.monotonic() < deadline and stage.poll() is None
+        time.sleep(0.05)
+    os.killpg(stage.pid, signal.SIGINT)
+    _, said = stage.communicate(timeout=20)
+    assert stage.returncode == 130
+    assert "Traceback" not in said and "Error" not in said and "Interrupt" not in said, said
+    assert not any(psutil.pid_exists(int(path.name)) for path in started.iterdir())
