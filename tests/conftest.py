@@ -87,7 +87,6 @@ HALVES = (
     ["render_strain", "render_glove", "render_glove_recorded", "rightsize_strain", "rightsize_glove", "stress@strain"]
     + ["stress@glove", "stress@glove_recorded", "physics_glove"],
 )
-ATTEMPTS = 5  # of one half, where the other is at the same stage; each takes seconds
 
 
 def run_miniature(folder: Path) -> Project:
@@ -98,20 +97,12 @@ def run_miniature(folder: Path) -> Project:
     project = Project(folder)
     quiet = project.environment
     project.environment = noting_opened(project)
+    project.dvc("repro", "settings")  # which both halves need: two DVCs at one stage stop one of them
     with ThreadPoolExecutor() as pool:
-        list(pool.map(lambda targets: run_half(project, targets), HALVES))
+        list(pool.map(lambda targets: project.dvc("--wait-for-lock", "repro", *targets), HALVES))
     project.dvc("repro")
     project.environment = quiet
     return project
-
-
-def run_half(project: Project, targets: list[str]) -> None:
-    """Run stages beside another DVC in the same project, which may be at the stage that both need."""
-    for _ in range(ATTEMPTS):
-        done = project.dvc("--wait-for-lock", "repro", *targets, check=False)
-        if "is busy" not in done.stderr:
-            break
-    assert done.returncode == 0, f"{targets}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
 
 
 def noting_opened(project: Project) -> dict[str, str]:
