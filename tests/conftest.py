@@ -1,19 +1,34 @@
 """A scratch copy of the project in which the pipeline can run without touching the checkout."""
 
+import functools
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 import yaml
 
+from pipeline import sources
+
 ROOT = Path(__file__).resolve().parent.parent
 PARTS = ("pipeline", "data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
 PARTS += ("constraints.txt", "dvc.yaml", "params.yaml", "scales")
+
+
+def leaves(block: dict, path: str = "") -> Iterator[str]:
+    """Dotted names of all settings but those of models, which are held against the signature of `build`."""
+    for key, value in block.items():
+        if key in ("models", "training"):
+            continue
+        if isinstance(value, dict) and value:
+            yield from leaves(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}"
 
 
 class Project:
@@ -65,7 +80,7 @@ class Project:
         return done
 
 
-# Two halves of the pipeline that share no stage: run side by side, they take half as long.
+# Two halves of the pipeline that share no stage but `settings`: run side by side, they take half as long.
 HALVES = (
     ["render@touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
     + ["stress@velostat_recorded", "stress@strain_recorded", "physics_touch", "physics_strain"],
@@ -75,10 +90,14 @@ HALVES = (
 
 
 def run_miniature(folder: Path) -> Project:
-    """The whole pipeline, run once in `folder` at miniature scale; `folder`/opened tells what each stage opened."""
+    """The whole pipeline, run once in `folder` at miniature scale.
+
+    `folder`/opened tells what each stage opened, `folder`/settings.txt which settings were read.
+    """
     project = Project(folder)
     quiet = project.environment
     project.environment = noting_opened(project)
+    project.dvc("repro", "settings")  # which both halves need: two DVCs at one stage stop one of them
     with ThreadPoolExecutor() as pool:
         list(pool.map(lambda targets: project.dvc("--wait-for-lock", "repro", *targets), HALVES))
     project.dvc("repro")
@@ -87,11 +106,15 @@ def run_miniature(folder: Path) -> Project:
 
 
 def noting_opened(project: Project) -> dict[str, str]:
-    """The environment in which the stages of a project note what they open, see opened/sitecustomize.py."""
+    """The environment in which the stages of a project note what they open and which settings they read.
+
+    See opened/sitecustomize.py and opened/noted.py.
+    """
     notes = project.folder.parent / "opened"
     notes.mkdir()
     path = f"{ROOT / 'tests' / 'opened'}{os.pathsep}{project.environment['PYTHONPATH']}"
-    return project.environment | {"OPENED": str(notes), "PYTHONPATH": path}
+    settings = str(project.folder.parent / "settings.txt")
+    return project.environment | {"OPENED": str(notes), "SETTINGS_READ": settings, "PYTHONPATH": path}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -106,3 +129,32 @@ def miniature_under_way(request, tmp_path_factory):
 def miniature(miniature_under_way) -> Project:
     """The whole pipeline, run once at miniature scale with `dvc repro`."""
     return miniature_under_way.result()
+
+
+@pytest.fixture(scope="session")
+def recordings(tmp_path_factory):
+    """`recordings(source)`: the folder of a source's recordings, laid out as `fetch` does it; a skip without them.
+
+    They are looked for where `fetch` puts them, and in <TACTILE_RECORDINGS>/<source>, there also side by side without
+    their folders. A folder that holds some but not all of them as they should be is an error, never a skip.
+    """
+
+    def find(name: str) -> Path:
+        listed, elsewhere = sources.files(name), os.environ.get("TACTILE_RECORDINGS")
+        for folder in [sources.folder(name), *([Path(elsewhere) / name] if elsewhere else [])]:
+            places = {path: (folder / path, folder / Path(path).name) for path in listed}
+            present = {path: next(filter(Path.is_file, two), None) for path, two in places.items()}
+            if not any(present.values()):
+                continue
+            wrong = [path for path, file in present.items() if file is None or sources.sha256(file) != listed[path]]
+            assert not wrong, (
+                f"{folder}: {len(wrong)} of {len(listed)} recordings are missing or changed, as {wrong[0]}"
+            )
+            linked = tmp_path_factory.mktemp(name)
+            for path, file in present.items():
+                (linked / path).parent.mkdir(parents=True, exist_ok=True)
+                (linked / path).symlink_to(file.resolve())
+            return linked
+        pytest.skip(f"recordings not here: run `python -m pipeline.fetch {name}` or set TACTILE_RECORDINGS")
+
+    return functools.cache(find)

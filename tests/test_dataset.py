@@ -89,6 +89,20 @@ def test_split_is_eight_one_one_by_press_and_changes_with_the_seed(settings):
     assert sum(sizes.values()) == len(set(press))
 
 
+@pytest.mark.parametrize("protocol", ["press", "random_window"])
+def test_only_single_touches_are_trained_on(settings, protocol):
+    conditions = ["single"] * 40 + ["double"] * 20 + ["slide", "three", "tape"] * 10
+    windows = pa.table(
+        {
+            "condition": pa.array(conditions).dictionary_encode(),
+            "press": pa.array(np.arange(len(conditions), dtype=np.int32)),
+        }
+    )
+    part = touch.split(windows, settings, protocol, 0)
+    assert (part[40:] == "test").all()
+    assert [int((part == name).sum()) for name in ("train", "validation", "test")] == [32, 4, 54]
+
+
 def test_recorded_split_tests_on_the_other_repetition():
     windows = pa.table(
         {"recording": ["a/exp1"] * 10 + ["a/exp2"] * 4, "press": np.repeat(np.arange(7), 2).astype(np.int32)}
@@ -127,6 +141,31 @@ def test_touch_metrics_of_known_predictions(settings):
     assert off["location_error"] == pytest.approx(3.0)
     assert off["peak_error"] == pytest.approx(truth.max() / 2, rel=1e-3)
     assert off["rmse"] == pytest.approx(np.sqrt(np.mean((shifted - truth.astype(float)) ** 2)), rel=1e-6)
+
+
+@pytest.mark.parametrize(("away_mm", "found_mm"), [(9.0, 9.0), (12.0, 12.0), (15.0, 3.0)])
+def test_a_touch_is_searched_within_one_pitch_of_its_place(settings, away_mm, found_mm):
+    """A map of two peaks: 3 mm from the touch, and a larger one further away, which counts as far as one pitch."""
+    assert settings["sensor"]["pitch_mm"] == 12.0
+    table = windows_of(
+        frames(press_force(1), x=31.5, y=31.5), {"frames": 8, "frame_step": 1, "stride": 1, "contact_threshold_n": 0.5}
+    )
+    truth = touch.labels(table, settings)
+    maps = np.zeros((len(truth), 20, 20), np.float32)
+    maps[:, 10, 11], maps[:, 10, 10 + round(away_mm / 3)] = 40.0, 50.0
+    found = {name: value for name, _, value, _ in metrics.touch(table, truth, maps.reshape(truth.shape), settings)}
+    assert found["location_error"] == pytest.approx(found_mm)
+
+
+def test_r2_is_the_share_of_the_variance_around_the_mean():
+    truth = np.random.default_rng(0).uniform(50, 60, (40, 3)).astype(np.float32)
+    for guess, r2 in (
+        (truth, 1.0),
+        (np.full_like(truth, truth.mean(dtype=float)), 0.0),
+        (2 * truth.mean() - truth, -3.0),
+    ):
+        found = {name: value for name, _, value, _ in metrics.overall(truth, guess, "kPa")}
+        assert found["r2"] == pytest.approx(r2, abs=1e-4)
 
 
 def test_peaks_are_counted():

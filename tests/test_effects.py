@@ -72,6 +72,13 @@ def test_the_floor_is_the_spread_between_seeds():
     assert change.floor == pytest.approx(4.3027 * np.std(np.log([7.35, 7.5, 9.0]), ddof=1), rel=1e-4)
 
 
+@pytest.mark.parametrize(("seeds", "share"), [((0,), 2**0.5), ((0, 1), 1.0), ((0, 1, 2), (2 / 3) ** 0.5)])
+def test_the_floor_is_narrower_for_means_of_more_seeds(seeds, share):
+    found = assess("touch", touch_scores(seeds=seeds)).effects[0]
+    change = next(one for one in found.changes if one[:2] == ("single", "tree"))
+    assert change.floor == pytest.approx(FLOOR * share, rel=1e-3)
+
+
 def test_a_model_whose_seeds_agree_by_luck_gets_the_median_floor():
     scores = touch_scores({("tree", "single"): 1 + 0.9 * FLOOR})
     lucky = (scores.effect == NONE) & (scores.model == "tree") & (scores.condition == "single")

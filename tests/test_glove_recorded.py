@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 
 from pipeline import images as tactile
-from pipeline import logs, sources, tables
+from pipeline import logs, paths, probe, sources, tables
 from pipeline.errors import InputError
 from pipeline.experiments import glove_recorded
 from pipeline.experiments.glove_recorded import CELLS, JOINTS, MATRICES, read_recording
@@ -370,6 +370,26 @@ def test_impossible_splits_are_one_sentence():
     assert Counter(three) == {"train": 20, "validation": 20, "test": 20}
 
 
+@pytest.mark.parametrize(("tells", "low", "high"), [(True, 1.0, 1.0), (False, 0.0, 0.7)])
+def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(tells, low, high, tmp_path, monkeypatch):
+    """Angles of a grasp that say which object it is, or nothing: then training knows them by heart, a test cannot."""
+    frames, rng = several(("ball", "mug", "pen"), grasps=20, contact=3), np.random.default_rng(0)
+    objects = tables.names(frames["condition"])
+    units = objects if tells else np.char.add(objects, tables.names(frames["recording"]))
+    _, place = np.unique(units, return_inverse=True)
+    angles = rng.uniform(-90, 90, (place.max() + 1, JOINTS))[place]
+    column = frames.schema.get_field_index("strain")
+    frames = frames.set_column(column, "strain", tables.lists(angles, pa.float32())).cast(glove_recorded.SCHEMA)
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(probe, "TREES", 20)
+    tables.write(paths.frames("glove_recorded"), frames.schema, [frames])
+    found = probe.probe(SETTINGS | {"protocols": {"grasp_strain": {"seeds": [0, 1]}}})
+    assert [row[:2] for row in found] == [(name, seed) for name in probe.inputs(angles) for seed in (0, 1)]
+    assert all(low <= accuracy <= high for *_, accuracy, _ in found), found
+    frames_of_a_grasp = len(glove_recorded.chosen(frames, SETTINGS)) / 60
+    assert {row[-1] for row in found} == {3 * 4 * frames_of_a_grasp}  # 4 of the 20 grasps of every object
+
+
 def test_without_recordings_everything_is_empty():
     frames = glove_recorded.SCHEMA.empty_table()
     rows = glove_recorded.chosen(frames, SETTINGS)
@@ -390,20 +410,18 @@ def test_source_is_pinned_to_856_grasps():
     )
 
 
-def test_recorded_grasps():
+def test_recorded_grasps(recordings):
     """Every 20th of the real recordings."""
-    if not sources.is_complete("glove_recorded"):
-        pytest.skip("recordings not here: run `python -m pipeline.fetch glove_recorded`")
-    paths = glove_recorded.recordings(sources.folder("glove_recorded"))
-    assert len(paths) == 856
+    grasps = glove_recorded.recordings(recordings("glove_recorded"))
+    assert len(grasps) == 856
     settings = SETTINGS | {"ingest": {"max_reject_fraction": 0.1}}
-    found = [read_recording(path, settings) for path in paths[::20]]
+    found = [read_recording(path, settings) for path in grasps[::20]]
     frames = pa.concat_tables([one[0] for one in found]).unify_dictionaries()
     assert {reason for one in found for reason in one[1]["reason"].to_pylist()} == {
         "constant frame",
         "no joint angles at this time",
     }
-    assert all(25 < report[path.name]["rate_hz"] < 36 for path, (_, _, report) in zip(paths[::20], found, strict=True))
+    assert all(25 < report[path.name]["rate_hz"] < 36 for path, (_, _, report) in zip(grasps[::20], found, strict=True))
     rows = glove_recorded.chosen(frames, SETTINGS)
     assert len(rows) == 3 * len(found)
     pressure, strain = (tables.matrix(frames.take(pa.array(rows))[name]) for name in ("pressure", "strain"))

@@ -198,7 +198,8 @@ def test_a_segment_too_short_to_align_is_rejected_whole(root):
 
 @pytest.mark.parametrize("shared", [True, False])
 def test_further_touches_fill_their_columns(root, shared):
-    save(root / "data/touch/logs/double/run000", logs_of(seconds=60, touches=2, shared=shared))
+    logs = logs_of(seconds=60, touches=2, shared=shared)
+    save(root / "data/touch/logs/double/run000", logs)
     frames, _, report = run(root)
     true = frames["t_s"].to_numpy() - 7.5
     force, x = (np.array(frames[name].to_pylist()) for name in ("force_n", "x_mm"))
@@ -206,6 +207,8 @@ def test_further_touches_fill_their_columns(root, shared):
     assert np.sqrt(np.mean((force[:, 1] - np.interp(true, grid, expected)) ** 2)) < 2.0
     # Targets are held until the next one, 20 ms later.
     assert np.abs(x[:, 1] / 2 - true).max() < 0.04
+    targets = [float(line.split(",")[1]) for line in logs["cnc_2.log"]]
+    assert np.isin(np.round(x[:, 1].astype(float), 3), np.round(targets, 3)).all()
     assert np.isnan(force[:, 2]).all()
     clocks = {name: file["clocks"] for name, file in report["recordings"]["double/run000"]["files"].items()}
     assert (clocks["load_cell_2.log"] == clocks["load_cell.log"]) == shared

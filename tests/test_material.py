@@ -2,13 +2,11 @@
 
 import dataclasses
 import json
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipeline import fit_material, sources
+from pipeline import fit_material
 from pipeline.errors import InputError
 from pipeline.scenes import material
 from pipeline.scenes.material import FITTED, load_material, log_resistance
@@ -192,19 +190,8 @@ def test_recordings_are_read_on_one_clock(tmp_path):
         fit_material.load_recording(tmp_path, "made", 2, 0.0)
 
 
-def recordings():
-    """The folder with the recordings, or a skip that says how to get them."""
-    elsewhere = os.environ.get("TACTILE_RECORDINGS")
-    folders = [sources.folder(fit_material.SOURCE)]
-    folders += [Path(elsewhere) / fit_material.SOURCE] if elsewhere else []
-    for folder in folders:
-        if sources.is_complete(fit_material.SOURCE, folder):
-            return folder
-    pytest.skip("recordings not here: run `python -m pipeline.fetch velostat_recorded` or set TACTILE_RECORDINGS")
-
-
-def test_committed_set_predicts_the_held_back_repetition():
-    folder, fitted = recordings(), json.loads(FITTED.read_text())["fit"]
+def test_committed_set_predicts_the_held_back_repetition(recordings):
+    folder, fitted = recordings(fit_material.SOURCE), json.loads(FITTED.read_text())["fit"]
     assert fitted["fitted_on"] == ["pike1_force_5", "pike1_force_10", "pike1_force_20", "pike1_force_40"]
     for name in fitted["fitted_on"]:
         r = fit_material.load_recording(folder, name, 2, fitted["clock_lag_s"])
@@ -214,9 +201,9 @@ def test_committed_set_predicts_the_held_back_repetition():
         assert r2 == pytest.approx(fitted["recordings"][name]["one_set"]["exp2"], abs=1e-6)
 
 
-def test_presses_of_a_recording_are_found():
+def test_presses_of_a_recording_are_found(recordings):
     lag = json.loads(FITTED.read_text())["fit"]["clock_lag_s"]
-    r = fit_material.load_recording(recordings(), "pike1_force_20", 2, lag)
+    r = fit_material.load_recording(recordings(fit_material.SOURCE), "pike1_force_20", 2, lag)
     spans = fit_material.presses(r.force)
     assert len(spans) == 16
     assert max(end - start for start, end in spans) * DT == pytest.approx(27, abs=1)

@@ -10,7 +10,7 @@ import torch
 from sklearn.naive_bayes import GaussianNB
 from torch import nn
 
-from pipeline import counting
+from pipeline import counting, params
 from pipeline.count import count
 from pipeline.errors import InputError
 from pipeline.fitting import Spec
@@ -240,8 +240,8 @@ def test_naive_bayes_gives_no_chance_to_an_object_it_never_saw():
 
 
 def test_naive_bayes_needs_smoothing():
-    with pytest.raises(InputError, match="smoothing must be above 0"):
-        build("naive_bayes", smoothing=0.0)
+    with pytest.raises(InputError, match="glove.models.naive_bayes.smoothing: expected a number from 1e-12"):
+        params.check_model("naive_bayes", {"smoothing": 0.0}, "glove.models.naive_bayes")
 
 
 @pytest.mark.parametrize("key", SETTINGS)

@@ -51,6 +51,18 @@ def test_the_readings_given_stay_as_they_were_and_a_seed_repeats(name):
     assert np.array_equal(first, perturbed(name, 1, x))
 
 
+def test_noise_and_drift_have_the_spread_that_the_severity_names():
+    x, rng = np.full((200, 5, 400), 50.0), generator(0, "spread")
+    noise = perturbations.noise(x, 0.1, rng, span=100.0) - x
+    assert noise.std() == pytest.approx(10, rel=0.02) and noise.std(axis=(0, 1)).mean() == pytest.approx(10, rel=0.02)
+    offset = perturbations.offset_drift(x, 0.1, rng, span=100.0) - x
+    assert offset[0, 0].std() == pytest.approx(10, rel=0.1) and np.ptp(offset, axis=(0, 1)).max() == 0
+    gain = (perturbations.gain_drift(x, 0.1, rng, rest=np.full(400, 5.0)) - 5) / (x - 5)
+    assert np.log(gain[0, 0]).std() == pytest.approx(0.1, rel=0.1) and np.ptp(gain, axis=(0, 1)).max() < 1e-12
+    number = np.arange(1e5).reshape(1, -1, 1)
+    assert np.mean(perturbations.lost_frames(number, 0.3, rng) != number) == pytest.approx(0.3, abs=0.01)
+
+
 @pytest.mark.parametrize("name", ["noise", "offset_drift"])
 def test_a_higher_severity_is_the_same_draw_scaled(name):
     x = readings()

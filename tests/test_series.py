@@ -151,6 +151,59 @@ def test_training_never_gets_the_test_part():
     assert len(series.seen_in_training([piece, untouched])) == 1
 
 
+# Models that nothing but the training part may reach, with one epoch: then there is none to choose by validation.
+HIGHPASS = {"learning_rate": 1e-2, "max_epochs": 1, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
+TRAINING_ALONE = {name: BLOCKS[name] for name in ("constant", "ridge", "esn")} | {
+    "lstm_highpass": {"filters": 5, "taps": 4, "units": 8, "training": HIGHPASS},
+    "press_difference": {"press": 2, "trees": 3, "min_samples_leaf": 2},
+}
+
+
+@pytest.mark.parametrize("name", TRAINING_ALONE)
+def test_what_the_validation_part_holds_is_not_fitted(name):
+    data = record()
+    held = ~data.training
+    other = data._replace(
+        x=np.where(held[:, None], 5 - 3 * data.x, data.x), y=np.where(held[:, None], 20 - data.y, data.y)
+    )
+    models = [build(name, spec(2), TRAINING_ALONE[name]) for _ in range(2)]
+    losses = [
+        model.fit([one], seed=0, device="cpu", base=None)[0] for model, one in zip(models, (data, other), strict=True)
+    ]
+    assert losses[0]["validation_loss"] != losses[1]["validation_loss"]
+    assert losses[0]["train_loss"] == losses[1]["train_loss"]
+    predicted = [model.predict(data.x) for model in models]
+    assert np.array_equal(*predicted) and np.isfinite(predicted).all()
+
+
+@pytest.mark.parametrize("name", ["esn", "lstm_direct", "lstm_transfer_ridge", "lstm_highpass"])
+def test_inputs_and_outputs_are_scaled_by_the_training_part_alone(name, model_zero):
+    data = record()
+    counted = np.arange(400) % 3 > 0
+    model = build(name, spec(2), TRAINING_ALONE.get(name))
+    model.fit([data._replace(counted=counted)], seed=0, device="cpu", base=model_zero)
+    expected = {"x": data.x[data.training], "y": data.y[data.training & counted]}
+    for column, values in expected.items():
+        np.testing.assert_allclose(model.scaling.tensors[f"{column}_mean"], values.mean(0, dtype=float), rtol=1e-6)
+        np.testing.assert_allclose(model.scaling.tensors[f"{column}_spread"], values.std(0, dtype=float), rtol=1e-6)
+
+
+def test_highpass_keeps_the_epoch_that_validation_likes_best():
+    """In the validation part all is the other way round: the better the fit, the worse there."""
+    data = record()
+    data = data._replace(y=np.where(data.training[:, None], data.y, 2 * data.y[data.training].mean(0) - data.y))
+    training = HIGHPASS | {"max_epochs": 12}
+    model = build("lstm_highpass", spec(2), TRAINING_ALONE["lstm_highpass"] | {"training": training})
+    history = model.fit([data], seed=0, device="cpu", base=None)
+    losses = [row["validation_loss"] for row in history]
+    assert model.summary.best_epoch == 1 + int(np.argmin(losses)) < 12
+    length, spread = HIGHPASS["length"], model.scaling.tensors["y_spread"].numpy()
+    first = int(np.argmin(data.training)) - length  # the state builds up before the validation part
+    off = (model.predict(data.x[first:]) - data.y[first:])[length:] / spread
+    assert np.square(off).mean() * model.scaling.squared_mm() == pytest.approx(min(losses), rel=1e-4)
+    assert losses[-1] > 1.05 * min(losses)
+
+
 def test_scores_of_known_predictions():
     truth = np.array([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0], [9.0, 12.0]], np.float32)
     flags = np.ones(4, dtype=bool)
@@ -174,6 +227,26 @@ def test_decoder_reads_what_is_there_and_nothing_else():
     seen = np.column_stack([2 * drift + 0.01 * rng.normal(size=(6000, 1)), rng.normal(size=(6000, 3))])
     assert decoded(seen, drift, time) > 0.95
     assert decoded(seen[:, 1:], drift, time) < 0.1
+
+
+@pytest.mark.parametrize("inputs", [20, 200])
+def test_decoder_is_tested_on_blocks_that_it_has_not_seen(inputs):
+    """A decoder with as many inputs as samples in a block, or more, knows noise by heart where it is fitted."""
+    rng, samples = np.random.default_rng(0), 400
+    given, noise, time = rng.normal(size=(samples, inputs)), rng.normal(size=(samples, 1)), np.arange(samples) / 5
+    assert decoded(given, noise, time) < 0
+    drift = np.cumsum(rng.normal(size=(samples, 1)), axis=0)
+    assert decoded(given, rng.permutation(drift), time) < 0
+    everywhere = given @ np.linalg.lstsq(given, noise, rcond=None)[0]  # fitted on the blocks that it is tested on
+    assert 1 - np.square(everywhere - noise).sum() / np.square(noise).sum() > 0.04
+
+
+def test_decoder_knows_nothing_of_the_fifth_of_the_blocks_that_it_is_tested_on():
+    time = np.arange(9000) / 5  # half an hour: 15 blocks of two minutes, 3 in each fifth
+    fifth = (time // 120).astype(int) % 5
+    assert decoded(np.eye(5)[fifth], fifth[:, None].astype(float), time) < 0
+    sixth = (time // 120).astype(int) % 6  # of which every fifth has seen some
+    assert decoded(np.eye(6)[sixth], sixth[:, None].astype(float), time) > 0.9
 
 
 def test_ridge_weights_are_the_minimum():

@@ -7,7 +7,6 @@ import re
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 from urllib.parse import quote, unquote
 
 import pytest
@@ -232,12 +231,6 @@ def test_command_line(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("name", sources.SOURCES)
-def test_size_is_that_of_the_recordings(name):
-    elsewhere = os.environ.get("TACTILE_RECORDINGS")
-    for folder in [sources.folder(name), *([Path(elsewhere) / name] if elsewhere else [])]:
-        if folder.is_dir() and any(path.name != "README.md" for path in folder.iterdir()):
-            found = [folder / path for path in sources.files(name)]
-            flat = [path if path.is_file() else folder / path.name for path in found]  # all in one folder
-            assert sum(path.stat().st_size for path in flat) == fetch.SIZES[name]
-            return
-    pytest.skip(f"recordings not here: run `python -m pipeline.fetch {name}` or set TACTILE_RECORDINGS")
+def test_size_is_that_of_the_recordings(name, recordings):
+    folder = recordings(name)
+    assert sum((folder / path).stat().st_size for path in sources.files(name)) == fetch.SIZES[name]

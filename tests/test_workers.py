@@ -192,7 +192,14 @@ def test_ctrl_c_ends_a_stage_quietly(tmp_path, processes, importing):
     started.mkdir()
     environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}", "WORKERS": str(processes)}
     command = [sys.executable, str(tmp_path / "stage.py"), str(started), *importing]
-    stage = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    stage = subprocess.Popen(
+        command,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background ignore it
+    )
     deadline = time.monotonic() + 60
     while len(list(started.iterdir())) < processes:
         assert time.monotonic() < deadline and stage.poll() is None

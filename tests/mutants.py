@@ -1,0 +1,718 @@
+"""Faults put into the code on purpose: does a fast test see each of them?
+
+Run by hand: `python tests/mutants.py` for all, `python tests/mutants.py NAME ...` for some. Every mutant is applied in
+a temporary copy of the tracked files, and the tests that should see it are run there, two mutants at a time. Survivors
+are listed, with exit status 1. A mutant that no test can see has a reason in `survives`; today none has.
+"""
+
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+from typing import NamedTuple
+
+from tqdm import tqdm
+
+ROOT = Path(__file__).resolve().parent.parent
+PROCESSES = 2
+LIMIT_S = 300  # of one mutant's tests, which take some seconds; of those of all mutants as the code is, four times that
+PASSED, FAILED = 0, 1  # exit statuses of pytest; others: it could not run
+
+
+class Mutant(NamedTuple):
+    """One fault: `text`, which occurs once in `file`, becomes `fault`; `tests`, files or node ids, should fail."""
+
+    name: str
+    file: str
+    text: str
+    fault: str
+    tests: str  # separated by spaces, without `tests/`
+    survives: str = ""  # why no test can see it
+
+
+class Wrong(Exception):
+    """Why the list of mutants cannot be used as it stands."""
+
+
+SELECTION, CLAIMS = "test_selection.py", "test_claims.py"
+
+MUTANTS = [
+    # What chooses the epoch of a network, and what is fitted.
+    Mutant(
+        "touch-stops-on-test",
+        "pipeline/train.py",
+        'regressor.streams) for name in ("train", "validation"))',
+        'regressor.streams) for name in ("train", "test"))',
+        SELECTION,
+    ),
+    Mutant(
+        "images-stop-on-test",
+        "pipeline/train_images.py",
+        'for name in ("train", "validation"))',
+        'for name in ("train", "test"))',
+        SELECTION,
+    ),
+    Mutant(
+        "augmentation-stops-on-test",
+        "pipeline/augment.py",
+        "classifier.fit(train, validation,",
+        "classifier.fit(train, test,",
+        SELECTION,
+    ),
+    Mutant(
+        "augmentation-none-keeps-all",
+        "pipeline/augment.py",
+        "off = {name: 0.0 for name in SETTINGS if name not in METHODS[method]}",
+        "off = {name: 0.0 for name in SETTINGS if METHODS[method] and name not in METHODS[method]}",
+        SELECTION,
+    ),
+    Mutant(
+        "size-ladder-of-touch-stops-on-test",
+        "pipeline/rightsize.py",
+        'for name in ("train", "validation"))',
+        'for name in ("train", "test"))',
+        SELECTION,
+    ),
+    Mutant(
+        "size-ladder-of-glove-stops-on-test",
+        "pipeline/rightsize.py",
+        "classifier.fit(train, validation,",
+        "classifier.fit(train, test,",
+        SELECTION,
+    ),
+    Mutant(
+        "ablation-of-touch-stops-on-test",
+        "pipeline/physics.py",
+        'for name in ("train", "validation"))',
+        'for name in ("train", "test"))',
+        SELECTION,
+    ),
+    Mutant(
+        "ablation-of-glove-stops-on-test",
+        "pipeline/physics.py",
+        "regressor.fit(train, validation, seed=seed, device=device)\n            found = classification",
+        "regressor.fit(train, test, seed=seed, device=device)\n            found = classification",
+        SELECTION,
+    ),
+    Mutant(
+        "stag-stops-on-test",
+        "pipeline/train_stag.py",
+        'for name in ("train", "validation"))',
+        'for name in ("train", "test"))',
+        SELECTION,
+    ),
+    Mutant(
+        "networks-of-windows-keep-the-last-epoch",
+        "pipeline/fitting.py",
+        "        network.load_state_dict(best_weights)",
+        "        pass",
+        "test_fitting.py",
+    ),
+    Mutant(
+        "networks-of-images-keep-the-last-epoch",
+        "pipeline/image_fitting.py",
+        "            network.load_state_dict(best_weights)",
+        "            pass",
+        "test_image_fitting.py",
+    ),
+    Mutant(
+        "highpass-keeps-the-last-epoch",
+        "pipeline/models/lstm_highpass.py",
+        "            self.network.load_state_dict(kept)",
+        "            pass",
+        "test_series.py::test_highpass_keeps_the_epoch_that_validation_likes_best",
+    ),
+    Mutant(
+        "patience-waits-an-epoch-more",
+        "pipeline/fitting.py",
+        "if waited >= training.patience:",
+        "if waited > training.patience:",
+        "test_fitting.py",
+    ),
+    Mutant(
+        "windows-are-scaled-over-validation",
+        "pipeline/fitting.py",
+        "mean, spread = input_scale(train[0])",
+        "mean, spread = input_scale(np.concatenate([train[0], validation[0]]))",
+        "test_fitting.py",
+    ),
+    Mutant(
+        "esn-fits-validation",
+        "pipeline/series_fitting.py",
+        "chosen = [record.training & record.counted for *_, record in parts]",
+        "chosen = [record.counted for *_, record in parts]",
+        "test_series.py::test_what_the_validation_part_holds_is_not_fitted",
+    ),
+    Mutant(
+        "ridge-fits-validation",
+        "pipeline/series_fitting.py",
+        "masks = [(record.counted & record.training, ",
+        "masks = [(record.counted, ",
+        "test_series.py::test_what_the_validation_part_holds_is_not_fitted",
+    ),
+    Mutant(
+        "highpass-fits-validation",
+        "pipeline/models/lstm_highpass.py",
+        "starts = torch.from_numpy(_starts(training, t.length))",
+        "starts = torch.from_numpy(_starts(training | True, t.length))",
+        "test_series.py::test_what_the_validation_part_holds_is_not_fitted",
+    ),
+    Mutant(
+        "inputs-of-series-are-scaled-over-validation",
+        "pipeline/series_fitting.py",
+        "[record.x[record.training] for record in records]",
+        "[record.x for record in records]",
+        "test_series.py::test_inputs_and_outputs_are_scaled_by_the_training_part_alone",
+    ),
+    Mutant(
+        "outputs-of-series-are-scaled-over-validation",
+        "pipeline/series_fitting.py",
+        "[record.y[record.training & record.counted] for record in records]",
+        "[record.y[record.counted] for record in records]",
+        "test_series.py::test_inputs_and_outputs_are_scaled_by_the_training_part_alone",
+    ),
+    Mutant(
+        "transfer-counts-the-recurrent-part",
+        "pipeline/series_fitting.py",
+        "            self.network.lstm.requires_grad_(False)",
+        "            self.network.lstm.requires_grad_(True)",
+        "test_series.py::test_published_numbers_of_parameters",
+    ),
+    Mutant(
+        "series-see-the-test-part",
+        "pipeline/series.py",
+        "records.append(Record(*(column[: own[-1] + 1] for column in piece.record)))",
+        "records.append(Record(*(column[:] for column in piece.record)))",
+        "test_series.py::test_training_never_gets_the_test_part",
+    ),
+    Mutant(
+        "series-stage-hands-over-the-test-part",
+        "pipeline/train_series.py",
+        "records = series.seen_in_training(series.read(paths.dataset(experiment), task, protocol, seed))",
+        "records = [piece.record for piece in series.read(paths.dataset(experiment), task, protocol, seed)]",
+        SELECTION,
+    ),
+    # The studies of the latent space, and the probe.
+    Mutant(
+        "study-scored-on-training",
+        "pipeline/study.py",
+        'test = piece.part == "test"',
+        'test = piece.part == "train"',
+        "test_study.py",
+    ),
+    Mutant(
+        "study-takes-first-samples",
+        "pipeline/study.py",
+        "column[-samples:]",
+        "column[:samples]",
+        "test_study.py",
+    ),
+    Mutant(
+        "decoder-fits-its-held-out-blocks",
+        "pipeline/study.py",
+        "own, held = block != fold, block == fold",
+        "own, held = block >= 0, block == fold",
+        "test_series.py::test_decoder_is_tested_on_blocks_that_it_has_not_seen",
+    ),
+    Mutant(
+        "probe-scored-on-training-grasps",
+        "pipeline/probe.py",
+        'train, test = part == "train", part == "test"',
+        'train, test = part == "train", part == "train"',
+        "test_glove_recorded.py::test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen",
+    ),
+    # Splits and labels.
+    Mutant(
+        "press-is-on-two-sides",
+        "pipeline/experiments/touch.py",
+        'windows["press"].to_numpy() if protocol == "press" else',
+        'windows["press"].to_numpy() if protocol == "recording" else',
+        "test_dataset.py",
+    ),
+    Mutant(
+        "one-window-is-on-the-other-side",
+        "pipeline/experiments/touch.py",
+        "    return part\n",
+        '    part[np.flatnonzero(part == "test")[:1]] = "train"\n    return part\n',
+        "test_dataset.py",
+    ),
+    Mutant(
+        "double-touches-are-trained-on",
+        "pipeline/experiments/touch.py",
+        'single = tables.names(windows["condition"]) == "single"',
+        'single = tables.names(windows["condition"]) != "tape"',
+        "test_dataset.py",
+    ),
+    Mutant(
+        "second-day's-places-are-trained-on",
+        "pipeline/experiments/strain_recorded.py",
+        'if name == "new_places":',
+        'if name == "old_places":',
+        "test_strain_recorded.py::test_new_places_trains_on_no_place_of_the_second_day",
+    ),
+    Mutant(
+        "session-is-on-two-sides",
+        "pipeline/experiments/glove.py",
+        "    return part\n",
+        '    part[np.flatnonzero(part == "test")[:1]] = "train"\n    return part\n',
+        "test_glove.py",
+    ),
+    Mutant(
+        "stag-recording-is-on-two-sides",
+        "pipeline/train_stag.py",
+        'part[(part == "train") & np.isin(data.recording, kept)]',
+        'part[(part == "train") & (np.arange(len(part)) % 10 == 0)]',
+        "test_stag.py::test_validation_takes_whole_training_recordings",
+    ),
+    Mutant(
+        "validation-comes-before-training",
+        "pipeline/series.py",
+        'np.repeat(["train", "validation", "test"], np.diff',
+        'np.repeat(["validation", "train", "test"], np.diff',
+        "test_series.py::test_training_never_gets_the_test_part",
+    ),
+    Mutant(
+        "first-repetition-is-the-test",
+        "pipeline/experiments/velostat_recorded.py",
+        'if not name.endswith("exp1"):',
+        'if not name.endswith("exp2"):',
+        "test_dataset.py",
+    ),
+    Mutant(
+        "map-axes-swapped",
+        "pipeline/labels.py",
+        '"ntr,ntc->nrc"',
+        '"ntr,ntc->ncr"',
+        "test_dataset.py",
+    ),
+    Mutant(
+        "sigma-is-the-radius",
+        "pipeline/labels.py",
+        'sigma = label["tip_radius_mm"] / 2',
+        'sigma = label["tip_radius_mm"]',
+        "test_dataset.py",
+    ),
+    Mutant(
+        "label-is-the-first-frame's",
+        "pipeline/tables.py",
+        "    last = rows[:, -1]\n",
+        "    last = rows[:, 0]\n",
+        "test_dataset.py",
+    ),
+    Mutant(
+        "window-is-one-frame-too-long",
+        "pipeline/window.py",
+        "stop - span + 1, stride)",
+        "stop - span + 2, stride)",
+        "test_dataset.py",
+    ),
+    Mutant(
+        "hand-held-touch-moves-between-places",
+        "pipeline/experiments/touch.py",
+        "place, held=k > 0)",
+        "place, held=False)",
+        "test_ingest.py",
+    ),
+    Mutant(
+        "joints-in-reverse",
+        "pipeline/experiments/glove.py",
+        "JOINT, cols // JOINT, JOINT).mean(axis=(2, 4))",
+        "JOINT, cols // JOINT, JOINT).mean(axis=(2, 4))[:, ::-1]",
+        "test_glove.py",
+    ),
+    Mutant(
+        "image-does-not-use-the-whole-range",
+        "pipeline/images.py",
+        "np.round(HIGHEST * (matrix - low) / (high - low))",
+        "np.round(HIGHEST * matrix / high)",
+        "test_glove.py",
+    ),
+    Mutant(
+        "rejects-dropped",
+        "pipeline/ingest.py",
+        "            rejects.append(bad)",
+        "            pass",
+        "test_ingest.py",
+    ),
+    # Physics and models.
+    Mutant(
+        "crosstalk-by-row",
+        "pipeline/scenes/readout.py",
+        "conductance.sum(axis=1, keepdims=True) if",
+        "conductance.sum(axis=2, keepdims=True) if",
+        "test_scene.py",
+    ),
+    Mutant(
+        "crosstalk-without-the-element-itself",
+        "pipeline/scenes/readout.py",
+        "conductance.sum(axis=1, keepdims=True) if",
+        "conductance.sum(axis=1, keepdims=True) - conductance if",
+        "test_scene.py",
+    ),
+    Mutant(
+        "ablation-without-seed",
+        "pipeline/physics.py",
+        '{"seed": scene["seed"] + seed, ',
+        '{"seed": scene["seed"], ',
+        "test_effects.py::test_settings_switch_one_effect_and_move_the_seed",
+    ),
+    Mutant(
+        "lomp-without-one-neighbour",
+        "pipeline/message_passing.py",
+        "    return (distance == 1).float()",
+        "    return ((distance == 1) & (index[:, None] - index != 1)).float()",
+        "test_lomp.py::test_neighbours_of_corner_edge_and_centre",
+    ),
+    Mutant(
+        "lomp-without-alpha",
+        "pipeline/message_passing.py",
+        "s.view(cells, -1), alpha=alpha, out",
+        "s.view(cells, -1), alpha=1.0, out",
+        "test_lomp.py::test_outputs_and_all_gradients_equal_a_loop_over_modules",
+    ),
+    Mutant(
+        "gcam-without-sigmoid",
+        "pipeline/residual.py",
+        "self.row_weights = nn.Sequential(nn.Conv2d(narrow, channels, 1), nn.Sigmoid())",
+        "self.row_weights = nn.Sequential(nn.Conv2d(narrow, channels, 1), nn.Identity())",
+        "test_networks.py::test_attention_weighs_rows_and_columns",
+    ),
+    Mutant(
+        "gcam-without-columns",
+        "pipeline/residual.py",
+        "return x * rows * columns",
+        "return x * rows",
+        "test_networks.py::test_attention_weighs_rows_and_columns",
+    ),
+    Mutant(
+        "noise-is-never-drawn",
+        "pipeline/image_fitting.py",
+        "images = images + training.noise * torch.randn",
+        "images = images + 0 * torch.randn",
+        "test_image_fitting.py",
+    ),
+    # Scores, times and statistics.
+    Mutant(
+        "location-searched-in-half-the-radius",
+        "pipeline/metrics.py",
+        'away <= sensor["pitch_mm"],',
+        'away <= sensor["pitch_mm"] / 2,',
+        "test_dataset.py",
+    ),
+    Mutant(
+        "press-scored-from-its-start",
+        "pipeline/metrics.py",
+        "slice(start + count // 2, start + count)",
+        "slice(start, start + count)",
+        "test_series.py::test_scores_of_known_predictions",
+    ),
+    Mutant(
+        "r2-against-zero",
+        "pipeline/metrics.py",
+        "total = np.square(truth - truth.mean(dtype=np.float64), dtype=np.float64).sum()",
+        "total = np.square(truth, dtype=np.float64).sum()",
+        "test_dataset.py",
+    ),
+    Mutant(
+        "failed-run-keeps-its-scores",
+        "pipeline/metrics.py",
+        'float("nan") if failed else value, n)',
+        "value, n)",
+        "test_trained.py",
+    ),
+    Mutant(
+        "recall-for-precision",
+        "pipeline/classification.py",
+        "np.diag(table), table.sum(axis=0)",
+        "np.diag(table), table.sum(axis=1)",
+        "test_glove.py",
+    ),
+    Mutant(
+        "latency-without-warm-up",
+        "pipeline/latency.py",
+        "return np.array(taken[warm_up:])",
+        "return np.array(taken[:calls])",
+        "test_latency.py",
+    ),
+    Mutant(
+        "latency-with-two-threads-of-torch",
+        "pipeline/latency.py",
+        'torch.set_num_threads(settings["threads"])',
+        "torch.set_num_threads(2)",
+        "test_latency.py",
+    ),
+    Mutant(
+        "latency-with-two-threads-of-numpy",
+        "pipeline/latency.py",
+        'with threadpool_limits(settings["threads"]):',
+        "with threadpool_limits(2):",
+        "test_latency.py",
+    ),
+    Mutant(
+        "fastest-training-in-place-of-the-median",
+        "pipeline/latency.py",
+        "return statistics.median(",
+        "return min(",
+        "test_latency.py",
+    ),
+    Mutant(
+        "ddof-0",
+        "pipeline/results.py",
+        "good.std(ddof=1)",
+        "good.std(ddof=0)",
+        "test_render.py::test_estimate_and_numbers",
+    ),
+    Mutant(
+        "t-with-n",
+        "pipeline/results.py",
+        "stdtrit(n - 1, ",
+        "stdtrit(n, ",
+        "test_render.py::test_estimate_and_numbers",
+    ),
+    Mutant(
+        "standard-deviation-for-standard-error",
+        "pipeline/enough.py",
+        "runs.std(ddof=1) / np.sqrt(len(runs))",
+        "runs.std(ddof=1)",
+        "test_rightsize.py::test_smallest_within_one_standard_error_of_the_best",
+    ),
+    Mutant(
+        "floor-without-root",
+        "pipeline/effects.py",
+        "np.sqrt(2 / size)",
+        "(2 / size)",
+        "test_effects.py::test_the_floor_is_narrower_for_means_of_more_seeds",
+    ),
+    Mutant(
+        "tolerance-of-agreement-is-two-percent-alone",
+        "pipeline/agreement.py",
+        "np.maximum(spread, LEAST * ",
+        "np.maximum(0 * spread, LEAST * ",
+        "test_agreement.py",
+    ),
+    # Stress.
+    Mutant(
+        "half-the-noise",
+        "pipeline/perturbations.py",
+        "readings + severity * span * rng.standard_normal(readings.shape))",
+        "readings + severity * span / 2 * rng.standard_normal(readings.shape))",
+        "test_perturbations.py",
+    ),
+    Mutant(
+        "failure-at-three-times-the-clean-error",
+        "pipeline/report_stability.py",
+        "TIMES = 2.0 ",
+        "TIMES = 3.0 ",
+        "test_stability_report.py",
+    ),
+    Mutant(
+        "growth-of-the-truth-dropped",
+        "pipeline/report_stability.py",
+        "TIMES * clean * growth:",
+        "TIMES * clean:",
+        "test_stability_report.py",
+    ),
+    # Verdicts.
+    Mutant(
+        "tolerance-20-percent",
+        "pipeline/claims.py",
+        "TOLERANCE = 0.1 ",
+        "TOLERANCE = 0.2 ",
+        CLAIMS,
+    ),
+    Mutant(
+        "undecided-is-reproduced",
+        "pipeline/claims.py",
+        'return "" if low > 0 else',
+        'return "" if high > 0 else',
+        CLAIMS,
+    ),
+    Mutant(
+        "margin-of-strain-25-percent",
+        "pipeline/claims_strain.py",
+        "SAME = 0.1 ",
+        "SAME = 0.25 ",
+        CLAIMS,
+    ),
+    Mutant(
+        "margin-of-drift-0.45",
+        "pipeline/claims_strain.py",
+        "FREE_R2 = 0.1 ",
+        "FREE_R2 = 0.45 ",
+        CLAIMS,
+    ),
+    Mutant(
+        "margin-of-noise-3-points",
+        "pipeline/claims_glove.py",
+        "SMALLEST_GAIN = 0.5 ",
+        "SMALLEST_GAIN = 3 ",
+        CLAIMS,
+    ),
+    Mutant(
+        "margin-of-lomp-like-rnn-0.5",
+        "pipeline/claims_touch.py",
+        'score(e, "rnn") - 1, 0.1)',
+        'score(e, "rnn") - 1, 0.5)',
+        CLAIMS,
+    ),
+    Mutant(
+        "margin-of-places-6-mm",
+        "pipeline/claims_touch.py",
+        "label[m]: 3 - score(",
+        "label[m]: 6 - score(",
+        CLAIMS,
+    ),
+    Mutant(
+        "recognised-in-a-third",
+        "pipeline/claims_touch.py",
+        "MOST = 0.5 ",
+        "MOST = 0.3 ",
+        CLAIMS,
+    ),
+    Mutant(
+        "high-pressure-on-all-rows",
+        "pipeline/claims_touch.py",
+        'rows = high & (tables.names(table[tables.split_column(protocol, seed)]) == "test")',
+        "rows = high",
+        CLAIMS,
+    ),
+    Mutant(
+        "high-pressure-above-100-kpa",
+        "pipeline/claims_touch.py",
+        "HIGH_KPA = 200.0 ",
+        "HIGH_KPA = 100.0 ",
+        CLAIMS,
+    ),
+    Mutant(
+        "growth-reversed",
+        "pipeline/claims_touch.py",
+        'return score(e, model, "double") / score(e, model)',
+        'return score(e, model) / score(e, model, "double")',
+        CLAIMS,
+    ),
+    Mutant(
+        "attention-reversed",
+        "pipeline/claims_glove.py",
+        'positive(above(e, "sp_resnet", "sp_resnet_nogcam", dataset)), dataset=dataset',
+        'positive(above(e, "sp_resnet_nogcam", "sp_resnet", dataset)), dataset=dataset',
+        CLAIMS,
+    ),
+    Mutant(
+        "published-number-changed",
+        "pipeline/published.csv",
+        "lomp,Table I,LoMP,double touch,RMSE,7.49,kPa",
+        "lomp,Table I,LoMP,double touch,RMSE,9.49,kPa",
+        CLAIMS,
+    ),
+]
+
+
+def check(mutants: Sequence[Mutant]) -> None:
+    """Raise Wrong where a name is not unique, or a text does not occur exactly once in its file."""
+    names = [mutant.name for mutant in mutants]
+    if repeated := sorted({name for name in names if names.count(name) > 1}):
+        raise Wrong(f"two mutants are called {repeated[0]}")
+    for mutant in mutants:
+        if (times := (ROOT / mutant.file).read_text(encoding="utf-8").count(mutant.text)) != 1:
+            raise Wrong(f"{mutant.name}: its text occurs {times} times in {mutant.file}, not once; bring it up to date")
+
+
+def chosen(names: Sequence[str]) -> list[Mutant]:
+    """Return the mutants of these names, or all."""
+    if unknown := set(names) - {mutant.name for mutant in MUTANTS}:
+        raise Wrong(f"there is no mutant {sorted(unknown)[0]}; the names are in {Path(__file__).name}")
+    return [mutant for mutant in MUTANTS if not names or mutant.name in names]
+
+
+def copy_to(folder: Path) -> Path:
+    """Copy the tracked files, as they are now, to the new `folder`."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    for name in filter(None, listed.split("\0")):
+        target = folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, target, follow_symlinks=False)
+    return folder
+
+
+def run(folder: Path, tests: Sequence[str], limit_s: float = LIMIT_S) -> tuple[int, str]:
+    """Run tests in a copy until the first that fails; pytest's exit status and what it printed."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        *(f"tests/{name}" for name in tests),
+    ]
+    try:
+        done = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=limit_s, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return -1, f"not finished after {limit_s} s"
+    return done.returncode, done.stdout + done.stderr
+
+
+def survives(folder: Path, mutant: Mutant) -> str:
+    """Return what is wrong with a mutant, or nothing where its tests see it; `folder`: a copy, left as it was."""
+    file = folder / mutant.file
+    source = file.read_text(encoding="utf-8")
+    file.write_text(source.replace(mutant.text, mutant.fault), encoding="utf-8")
+    try:
+        status, said = run(folder, mutant.tests.split())
+    finally:
+        file.write_text(source, encoding="utf-8")
+    if status == FAILED:
+        return f"{mutant.name}: is seen, so it needs no reason to survive" if mutant.survives else ""
+    if status == PASSED:
+        return f"{mutant.name}: survives {mutant.tests}" + f" ({mutant.survives})" * bool(mutant.survives)
+    return f"{mutant.name}: its tests could not run (pytest: {status})\n{said[-2000:]}"
+
+
+def main(names: Sequence[str]) -> int:
+    """Apply the named mutants, or all; 1 where one survives without a reason."""
+    mutants = chosen(names)
+    check(MUTANTS)
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(PROCESSES) as pool:
+        copies: queue.SimpleQueue = queue.SimpleQueue()
+        for k in range(PROCESSES):
+            copies.put(copy_to(Path(name) / str(k)))
+
+        def in_a_copy(function, *arguments):
+            folder = copies.get()
+            try:
+                return function(folder, *arguments)
+            finally:
+                copies.put(folder)
+
+        tests = sorted({test for mutant in mutants for test in mutant.tests.split()})
+        halves = [half for half in (tests[::2], tests[1::2]) if half]
+        for status, said in pool.map(lambda half: in_a_copy(run, half, 4 * LIMIT_S), halves):
+            if status != PASSED:
+                raise Wrong(f"the tests do not pass as the code is:\n{said[-4000:]}")
+        found = []
+        with tqdm(total=len(mutants), desc="mutants", unit="mutant") as bar:
+            for future in as_completed([pool.submit(in_a_copy, survives, mutant) for mutant in mutants]):
+                if wrong := future.result():
+                    found.append(wrong)
+                    bar.write(wrong)
+                bar.update()
+    explained = {mutant.name for mutant in mutants if mutant.survives}
+    bad = [wrong for wrong in found if not (wrong.split(":")[0] in explained and ": survives " in wrong)]
+    print(f"{len(mutants)} mutants, {len(mutants) - len(found)} seen, {len(bad)} to look at", *bad, sep="\n")
+    return int(bool(bad))
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except Wrong as error:
+        sys.exit(f"error: {error}")

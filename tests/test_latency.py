@@ -1,0 +1,112 @@
+"""Times of a prediction: after the warm-up, on the threads that are stated; medians of training."""
+
+import os
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline import latency, params, paths
+
+SETTINGS = {"warm_up": 3, "calls": 4}
+
+
+class Clock:
+    """Stands in for the module `time` of the stage; predictions move it."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def perf_counter(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(latency, "time", clock)
+    return clock
+
+
+def slow_at_first(clock, slow: int, seen: list):
+    """A prediction that takes 1 s in its first `slow` calls, then 1 ms, 2 ms, 3 ms and so on."""
+
+    def predict(x):
+        clock.now += 1.0 if len(seen) < slow else 1e-3 * (len(seen) - slow + 1)
+        seen.append(x)
+
+    return predict
+
+
+@pytest.mark.parametrize(("batch", "warm_up", "calls"), [(1, 3, 4), (16, 1, 1)])
+def test_calls_of_the_warm_up_are_made_and_not_counted(clock, batch, warm_up, calls):
+    seen = []
+    times = latency.prediction_times(slow_at_first(clock, warm_up, seen), np.zeros((20, 2, 3)), batch, SETTINGS)
+    assert times == pytest.approx(np.arange(1, calls + 1))  # ms
+    assert len(seen) == warm_up + calls and all(x.shape == (batch, 2, 3) for x in seen)
+
+
+def test_every_call_gets_the_next_windows_from_the_start_again_at_the_end(clock):
+    seen = []
+    x = np.arange(5.0)[:, None]
+    latency.prediction_times(slow_at_first(clock, 0, seen), x, 1, {"warm_up": 2, "calls": 5})
+    assert [float(windows[0, 0]) for windows in seen] == [0, 1, 2, 3, 4, 0, 1]
+
+
+def write_times(model: str, seconds: dict) -> None:
+    """The training times of a model of touch: protocol -> seconds by seed."""
+    path = paths.training_times("touch", model)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = [f"{protocol},{seed},{s}" for protocol, own in seconds.items() for seed, s in enumerate(own)]
+    path.write_text("\n".join(["protocol,seed,train_s", *rows]) + "\n")
+
+
+def test_training_time_is_the_median_of_the_protocols_seeds(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    write_times("linear", {"press": [1.0, 2.0, 30.0], "random_window": [500.0]})
+    assert latency.training_seconds("touch", "linear", "press") == 2.0
+
+
+def test_times_are_of_the_threads_that_the_table_names(tmp_path, monkeypatch, clock):
+    """The stage on a model of one matrix product: threads of torch and of numpy's library while it predicts."""
+    import torch
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    before, threads, seen = torch.get_num_threads(), [], []
+    predict = slow_at_first(clock, SETTINGS["warm_up"], seen)
+
+    def watched(x):
+        mkl = re.findall(r"mkl_get_max_threads\(\) : (\d+)", torch.__config__.parallel_info())
+        threads.append({torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info()), *map(int, mkl)})
+        predict(x)
+
+    values = params.load()
+    values["touch"] |= {"models": {"linear": {}}, "latency": SETTINGS | {"batches": [1], "threads": 1}}
+    model = SimpleNamespace(predict=watched, streams=False, parameters=lambda: 5, macs=lambda: 6)
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(params, "load", lambda: values)
+    monkeypatch.setattr("sys.argv", ["latency", "touch"])
+    monkeypatch.setattr(latency, "why_not_run", lambda experiment: None)
+    monkeypatch.setattr(latency, "_windows", lambda *arguments: (None, np.zeros((4, 2, 3))))
+    monkeypatch.setattr(latency.trained, "load", lambda *arguments: SimpleNamespace(model=model))
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        monkeypatch.setenv(name, "2")  # the stage must not depend on it
+    protocol, seed = params.runs(values, "touch")[0]
+    folder = paths.run_folder("touch", "linear", protocol, seed)
+    folder.mkdir(parents=True)
+    for name, size in {"estimator.skops": 100, "fit.json": 7, "history.csv": 7}.items():
+        (folder / name).write_bytes(b"x" * size)
+    write_times("linear", {protocol: [1.0, 2.0, 30.0]})
+    try:
+        torch.set_num_threads(2)
+        with threadpool_limits(2):
+            latency.main()
+    finally:
+        torch.set_num_threads(before)
+    assert len(threads) == 7 and set.union(*threads) == {1} and os.environ["OMP_NUM_THREADS"] == "1"
+    ((_, row),) = pd.read_csv(paths.latency("touch")).iterrows()
+    assert tuple(row[["experiment", "model", "batch", "threads"]]) == ("touch", "linear", 1, 1)
+    assert row["p50_ms"] == pytest.approx(2.5) and row["p95_ms"] == pytest.approx(np.percentile([1, 2, 3, 4], 95))
+    assert tuple(row[["params", "macs", "train_s", "size_bytes"]]) == (5, 6, 2.0, 100)

@@ -1,0 +1,240 @@
+"""No stage lets the test part choose the epoch of a network, nor anything but the validation part."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from torch import nn
+
+from pipeline import augment, images, metrics, narrow, params, paths, physics, rightsize, runs, series, stag, tables
+from pipeline import train as train_stage
+from pipeline import train_images as images_stage
+from pipeline import train_series as series_stage
+from pipeline import train_stag as stag_stage
+from pipeline.fitting import FitSummary, TorchRegressor, Training
+from pipeline.image_fitting import ImageClassifier, ImageTraining
+
+EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
+PART = np.repeat(["train", "validation", "test"], [80, 20, 20])
+TRAINING = {"learning_rate": 1e-3, "batch_size": 16, "max_epochs": EPOCHS}
+CNN = {"channels": [4], "hidden": [16], "training": TRAINING | {"patience": EPOCHS, "plateau": EPOCHS, "drop": 1.0}}
+SP_RESNET = {"reduction": 16, "training": TRAINING | {"flip": 0.0, "noise": 0.0, "affine": 0.0}}
+
+
+def linear(spec, *, training: dict, **others) -> TorchRegressor:
+    """In place of every network: one layer, whose loss falls in every epoch where the labels are right."""
+    make = ImageClassifier if "flip" in training else TorchRegressor
+    settings = ImageTraining(**training) if "flip" in training else Training(**training)
+    return make(
+        lambda: nn.Sequential(nn.Flatten(), nn.Linear(spec.frames * spec.elements, spec.outputs)), spec, settings
+    )
+
+
+def nothing(*numbers) -> None:
+    """In place of a progress bar."""
+
+
+def names(values) -> pa.Array:
+    return pa.array(values).dictionary_encode().cast(tables.NAME)
+
+
+def windows_dataset(path, wrong: str) -> None:
+    """Labels are a linear function of the last frame; in the part `wrong` they are the other way round."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 1000, (len(PART), FRAMES * ELEMENTS)).astype(np.float32)
+    y = 0.1 * (x[:, -ELEMENTS:] - 500) @ rng.uniform(-1, 1, (ELEMENTS, OUTPUTS))
+    y[PART == wrong] *= -1
+    table = pa.table(
+        {
+            "condition": names(["single"] * len(PART)),
+            "previous": pa.array(np.full(len(PART), -1, np.int32)),
+            tables.split_column("press", 0): names(PART),
+            "x": tables.lists(x, pa.float32()),
+            "y": tables.lists(y.astype(np.float32), pa.float32()),
+        }
+    )
+    tables.write(path, table.schema, [table])
+
+
+def halves(label) -> np.ndarray:
+    """Images (n, pixels) of two objects, each of which lights its own half, on a background of noise."""
+    x = np.random.default_rng(0).integers(0, 60, (len(label), images.SIDE**2)).astype(np.uint8)
+    for one in (0, 1):
+        x[np.ix_(label == one, np.arange(images.SIDE**2 // 2) + one * images.SIDE**2 // 2)] += 190
+    return x
+
+
+def images_dataset(path, wrong: str) -> None:
+    """Images of two objects, which have each other's names in the part `wrong`."""
+    label = np.arange(len(PART)) % 2
+    table = pa.table(
+        {
+            "condition": names(np.where(label, "b", "a")),
+            "label": pa.array(np.where(PART == wrong, 1 - label, label).astype(np.int16)),
+            "pressure": tables.lists(halves(label), pa.uint8()),
+            tables.split_column("session_pressure", 0): names(PART),
+        }
+    )
+    tables.write(path, table.schema, [table])
+
+
+def stag_data(wrong: str, validation: float) -> stag.Stag:
+    """Six recordings, of which the stage takes one or more of the training part for the validation."""
+    label, part = np.arange(120) % 2, np.repeat(["train", "test"], [80, 40])
+    recording = np.array([f"r{k // 20}" for k in range(120)])
+    data = stag.Stag(halves(label)[:, None].astype(np.float32), label, ["a", "b"], recording, part)
+    chosen = stag_stage.parts(data, validation, 0)
+    return data._replace(label=np.where(chosen == wrong, 1 - label, label))
+
+
+@pytest.fixture
+def values(tmp_path, monkeypatch):
+    """params.yaml with one network for each kind of input, its data in a folder of its own."""
+    values = params.load()
+    values["device"] = "cpu"
+    touch, glove = values["touch"], values["glove"]
+    touch["window"] |= {"frames": FRAMES}
+    touch["sensor"] |= {"rows": 1, "cols": ELEMENTS}
+    touch["label"] |= {"map_rows": 2, "map_cols": OUTPUTS // 2}
+    touch["models"], glove["models"] = {"cnn": CNN}, {"sp_resnet": SP_RESNET}
+    values["rightsize"]["touch"]["window"] |= {"training": {"max_epochs": EPOCHS}}
+    values["physics"]["touch"] |= {"protocols": ["press"], "models": {"cnn": CNN}}
+    values["physics"]["glove"] |= {"protocols": ["session_pressure"], "models": {"sp_resnet": SP_RESNET}}
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(metrics, "touch", lambda *arguments: [("rmse", "kPa", 1.0, 1)])
+    monkeypatch.setattr(params, "build_model", lambda key, spec, block, where: linear(spec, **block))
+    monkeypatch.setattr(narrow, "build", linear)
+    return values
+
+
+@pytest.fixture
+def best_epochs(monkeypatch):
+    """Best epoch of every network that is fitted from now on."""
+    noted = []
+    for kind in (TorchRegressor, ImageClassifier):
+
+        def fit(self, *arguments, fit=kind.fit, **settings):
+            history = fit(self, *arguments, **settings)
+            assert len(history) == EPOCHS
+            noted.append(self.summary.best_epoch)
+            return history
+
+        monkeypatch.setattr(kind, "fit", fit)
+    return noted
+
+
+def of_train(values, wrong, folder):
+    windows_dataset(paths.dataset("touch"), wrong)
+    train_stage.train_run(values, "touch", "cnn", "press", 0, folder / "run", nothing)
+
+
+def of_train_images(values, wrong, folder):
+    images_dataset(paths.dataset("glove"), wrong)
+    images_stage.train_run(values, "glove", "sp_resnet", "session_pressure", 0, folder / "run", nothing)
+
+
+def of_augment(values, wrong, folder):
+    images_dataset(paths.dataset("glove"), wrong)
+    augment.train_run(values, "glove", "none", "session_pressure", 0, nothing)
+
+
+def of_rightsize_touch(values, wrong, folder):
+    windows_dataset(paths.dataset("touch"), wrong)
+    rightsize.touch_run(values, "window", 1, 0, nothing)
+
+
+def of_rightsize_glove(values, wrong, folder):
+    images_dataset(paths.dataset("glove"), wrong)
+    rightsize.glove_run(values, "pressure", 0.25, 0, nothing)
+
+
+def of_physics_touch(values, wrong, folder):
+    windows_dataset(physics.dataset_of(folder), wrong)
+    list(physics.touch_scores(values["touch"], values["physics"]["touch"], 0, folder, "cpu"))
+
+
+def of_physics_glove(values, wrong, folder):
+    images_dataset(physics.dataset_of(folder), wrong)
+    list(physics.glove_scores(values["glove"], values["physics"]["glove"], 0, folder, "cpu"))
+
+
+def of_train_stag(values, wrong, folder):
+    data = stag_data(wrong, values["glove"]["stag"]["validation"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stag, "read", lambda path: data)
+        stag_stage.train_run(values, "glove", "sp_resnet", 0, "metadata.mat", nothing)
+
+
+STAGES = (of_train, of_train_images, of_augment, of_rightsize_touch, of_rightsize_glove)
+STAGES += (of_physics_touch, of_physics_glove, of_train_stag)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize(("wrong", "best"), [("validation", 1), ("test", EPOCHS)])
+def test_the_best_epoch_is_that_of_the_validation_part(stage, wrong, best, values, best_epochs, tmp_path):
+    """What is learned does harm where the labels are wrong: in the validation part from the first epoch on."""
+    stage(values, wrong, tmp_path)
+    assert best_epochs == [best]
+
+
+@pytest.mark.parametrize(("method", "on"), [("none", ()), ("A", ("flip",)), ("B", ("noise",)), ("C", ("affine",))])
+def test_an_augmentation_method_is_on_alone_and_the_others_off(method, on, values, monkeypatch):
+    images_dataset(paths.dataset("glove"), "nowhere")
+    usual = {"flip": 0.3, "noise": 0.02, "affine": 0.3}
+    values["glove"]["models"]["sp_resnet"] = SP_RESNET | {"training": SP_RESNET["training"] | usual}
+    used = []
+    monkeypatch.setattr(
+        params, "build_model", lambda key, spec, block, where: used.append(block) or linear(spec, **block)
+    )
+    augment.train_run(values, "glove", method, "session_pressure", 0, nothing)
+    ((training, reduction),) = [(block["training"], block["reduction"]) for block in used]
+    assert training == TRAINING | {name: usual[name] if name in on else 0.0 for name in usual} and reduction == 16
+
+
+class Noting:
+    """A model of series that notes the records that it is fitted on."""
+
+    summary = FitSummary("closed_form", 1)
+
+    def __init__(self):
+        self.records = []
+
+    def fit(self, records, **settings):
+        self.records += records
+
+    def predict(self, x):
+        return np.zeros((len(x), 1), np.float32)
+
+    def step(self, x):
+        """Makes it a model of series."""
+
+    def save(self, folder):
+        """Nothing to save."""
+
+
+def of_train_series(values, folder):
+    series_stage.train_run(values, "strain", "ridge", "task_1", 0, folder / "run", nothing)
+
+
+def of_model_zero(values, folder):
+    series_stage.model_zero_run(values, "strain", "lstm_direct", "task_0", 0, folder / "run", nothing)
+
+
+def of_physics_strain(values, folder):
+    chosen = values["physics"]["strain"] | {"protocols": ["task_1"]}
+    list(physics.strain_scores(values["strain"], chosen, 0, folder, "cpu"))
+
+
+@pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])
+def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(stage, tmp_path, monkeypatch):
+    part = series.chronological(100, 0.8, 0.125)
+    x, y = np.arange(100.0)[:, None], np.arange(100.0)[:, None]
+    record = series.Record(x, y, np.ones(100, bool), part == "train", np.full(100, -1))
+    piece, model = series.Piece("task_1", np.arange(100), part, np.arange(100) / 5, record), Noting()
+    monkeypatch.setattr(params, "build_model", lambda *arguments: model)
+    monkeypatch.setattr(series, "read", lambda *arguments: [piece])
+    monkeypatch.setattr(metrics, "series", lambda *arguments: [("error", "mm", 1.0, 20)])
+    monkeypatch.setattr(runs, "save", lambda *arguments: None)
+    stage(params.load(), tmp_path)
+    assert model.records
+    for seen in model.records:
+        assert seen.x[:, 0].tolist() == list(range(80)) and seen.training.tolist() == [True] * 70 + [False] * 10

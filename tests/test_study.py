@@ -1,0 +1,65 @@
+"""The study of strain: what its networks are trained on, and on what they are scored."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pipeline import params, series, study
+
+SAMPLES = 100
+
+
+class Noting:
+    """A regressor that notes what it is given; 3 mm off in the test part, 1000 mm off everywhere else."""
+
+    def __init__(self, piece: series.Piece):
+        self.piece, self.records = piece, []
+
+    def fit(self, records, **settings):
+        self.records += records
+
+    def predict(self, x):
+        assert np.array_equal(x, self.piece.record.x)  # the whole recording: the state builds up before the test part
+        return self.piece.record.y + np.where(self.piece.part == "test", 3.0, 1000.0)[:, None]
+
+    def parameters(self):
+        return 7
+
+
+@pytest.fixture
+def regressor(monkeypatch):
+    """What `train_with` builds in place of a network; its recording has parts of 70, 10 and 20 samples."""
+    x, y = np.arange(SAMPLES * 6.0).reshape(SAMPLES, 6), -np.arange(SAMPLES * 1.0)[:, None]
+    part = series.chronological(SAMPLES, 0.8, 0.125)
+    record = series.Record(x, y, np.ones(SAMPLES, bool), part == "train", np.full(SAMPLES, -1))
+    noting = Noting(series.Piece("task_1", np.arange(SAMPLES), part, np.arange(SAMPLES) / 5, record))
+    task = SimpleNamespace(outputs=(2,), channels={"task_1": list(range(6))}, base="task_0", pressed_only=False)
+    monkeypatch.setattr(params, "experiment_module", lambda name: SimpleNamespace(task=lambda *arguments: task))
+    monkeypatch.setattr(params, "build_model", lambda *arguments: noting)
+    monkeypatch.setattr(series, "read", lambda *arguments: [noting.piece])
+    return noting
+
+
+def trained(samples):
+    values = {"strain": {"window": {"frames": 10}}, "device": "cpu"}
+    return study.train_with(values, "lstm_direct", {}, "task_1", 0, samples)
+
+
+@pytest.mark.parametrize("samples", [None, 30])
+def test_the_error_is_that_of_the_test_part(regressor, samples):
+    assert trained(samples) == (7, pytest.approx(3.0))
+
+
+def test_few_samples_are_the_last_ones_before_the_test_part(regressor):
+    trained(30)
+    ((x, y, counted, training, press),) = regressor.records
+    expected = regressor.piece.record
+    assert np.array_equal(x, expected.x[50:80]) and np.array_equal(y, expected.y[50:80])
+    assert training.all() and counted.all() and len(training) == len(counted) == len(press) == 30
+
+
+def test_all_samples_end_before_the_test_part_and_keep_their_validation(regressor):
+    trained(None)
+    ((x, _, _, training, _),) = regressor.records
+    assert np.array_equal(x, regressor.piece.record.x[:80]) and training.tolist() == [True] * 70 + [False] * 10
