@@ -17,7 +17,7 @@ from pipeline import sources
 ROOT = Path(__file__).resolve().parent.parent
 PARTS = ("pipeline", "data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
-PARTS += ("constraints.txt", "dvc.yaml", "params.yaml", "scales")
+PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params.yaml", "scales")
 
 
 def leaves(block: dict, path: str = "") -> Iterator[str]:
@@ -52,7 +52,9 @@ class Project:
             "DVC_SYSTEM_CONFIG_DIR": str(folder / "system"),
             "DVC_SITE_CACHE_DIR": str(folder / "site"),
         }
-        self.environment.pop("MLFLOW_TRACKING_URI", None)
+        # As on most machines: a store of its own, and bytecode beside the code, which must change no stage.
+        for variable in ("MLFLOW_TRACKING_URI", "PYTHONDONTWRITEBYTECODE"):
+            self.environment.pop(variable, None)
         self.set(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()))
         self.dvc("init", "--no-scm", "--quiet")
 
@@ -97,12 +99,25 @@ def run_miniature(folder: Path) -> Project:
     project = Project(folder)
     quiet = project.environment
     project.environment = noting_opened(project)
-    project.dvc("repro", "settings")  # which both halves need: two DVCs at one stage stop one of them
+    project.dvc("repro", "settings")  # which both halves need, and which takes seconds
     with ThreadPoolExecutor() as pool:
-        list(pool.map(lambda targets: project.dvc("--wait-for-lock", "repro", *targets), HALVES))
+        list(pool.map(lambda targets: run_half(project, targets), HALVES))
     project.dvc("repro")
     project.environment = quiet
     return project
+
+
+def run_half(project: Project, targets: list[str]) -> None:
+    """Run stages beside another DVC in the same project.
+
+    Both look whether `settings` is up to date. DVC stops what comes to a stage that the other is looking at, even with
+    --wait-for-lock; the other is there for a few hundredths of a second, so a second try does.
+    """
+    first = project.dvc("--wait-for-lock", "repro", *targets, check=False)
+    if first.returncode and "settings.txt' is busy" in first.stderr:
+        project.dvc("--wait-for-lock", "repro", *targets)
+    else:
+        assert first.returncode == 0, f"{targets}\n{first.stdout[-4000:]}\n{first.stderr[-4000:]}"
 
 
 def noting_opened(project: Project) -> dict[str, str]:
