@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 
 from pipeline import figures_check, labels, logs, mistakes, own, params, paths, tables
 from pipeline.errors import InputError, run_stage
-from pipeline.window import windows_of
+from pipeline.windowing import windows_of
 
 EXPERIMENTS = ("touch", "strain", "glove")
 DRAWN = 3  # recordings in the picture

@@ -21,7 +21,7 @@ from tqdm import tqdm
 from pipeline import blocks, classification, files, images, metrics, params, paths, series, tables, trained, workers
 from pipeline.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, DEFAULT, NONE, variants
-from pipeline.window import windows_of
+from pipeline.windowing import windows_of
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
 CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about the others, demonstrations

@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from pipeline import clean_scores, files, metrics, params, paths, perturbations, results, tables, trained, workers
 from pipeline.seeding import generator
-from pipeline.window import windows_of
+from pipeline.windowing import windows_of
 
 READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", "lost_frames", "jitter")
 CONDITIONS = {"touch": ("single", "double"), "velostat_recorded": ("all",)}  # of the test windows

@@ -1,84 +1,15 @@
 """Stage: frames to windows, the inputs of the models.
 
-A window is `frames` frames, `frame_step` apart, of one press; it never spans a gap or a reset of the device.
 Usage: python -m pipeline.window touch|velostat_recorded
 """
 
 import sys
 
 import numpy as np
-import pyarrow as pa
 
 from pipeline import params, paths, tables
 from pipeline.errors import InputError, run_stage
-
-BRIEF_S = 0.1  # contacts closer than this are one press (the finger bounced, or a frame was lost)
-
-
-def presses(total_force_n: np.ndarray, t_s: np.ndarray, threshold_n: float) -> np.ndarray:
-    """Number of the press that each frame of a recording belongs to, (n,) from 0.
-
-    total_force_n: force of all touches, t_s: time, both (n,) in the order of time. A press is a stretch above
-    the threshold with the rest around it: the border between two presses lies in the middle of the rest.
-    """
-    edges = np.diff(np.concatenate([[0], (total_force_n > threshold_n).astype(np.int8), [0]]))
-    starts, stops = t_s[np.flatnonzero(edges == 1)], t_s[np.flatnonzero(edges == -1) - 1]
-    apart = starts[1:] - stops[:-1] > BRIEF_S
-    borders = (stops[:-1][apart] + starts[1:][apart]) / 2
-    return np.searchsorted(borders, t_s, side="right")
-
-
-def window_rows(run: np.ndarray, frames: int, frame_step: int, stride: int) -> np.ndarray:
-    """Frame numbers of every window, (windows, frames).
-
-    run: (n,) a number that is the same for frames which follow one another without a gap in one press.
-    Windows start every `stride` frames from the start of each run.
-    """
-    span = (frames - 1) * frame_step + 1
-    edges = np.flatnonzero(np.diff(run)) + 1
-    starts = [
-        np.arange(first, stop - span + 1, stride) for first, stop in zip([0, *edges], [*edges, len(run)], strict=True)
-    ]
-    return np.concatenate(starts)[:, None] + np.arange(frames) * frame_step
-
-
-def previous_windows(rows: np.ndarray, run: np.ndarray, frame_step: int) -> np.ndarray:
-    """(windows,) number of the window whose last frame comes `frame_step` before the first of each one, else -1.
-
-    rows: (windows, frames) frame numbers, rising; run: as of `window_rows`.
-    """
-    wanted = rows[:, 0] - frame_step
-    before = np.minimum(np.searchsorted(rows[:, -1], wanted), len(rows) - 1)
-    found = (rows[before, -1] == wanted) & (run[rows[before, -1]] == run[rows[:, 0]])
-    return np.where(found, before, -1)
-
-
-def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
-    """The windows table (pipeline/tables.py) of a frames table; settings: `<experiment>.window`.
-
-    Labels belong to a window's last frame, so all other columns are that frame's. InputError if no frame
-    is part of a window.
-    """
-    if frames.num_rows == 0:
-        return tables.windows_rows(frames, np.zeros((0, settings["frames"]), int), *np.zeros((2, 0), int))
-    names = (frames["condition"].combine_chunks(), frames["recording"].combine_chunks())
-    codes = [name.indices.to_numpy() for name in names]
-    recording = np.cumsum(np.concatenate([[0], np.any([np.diff(code) != 0 for code in codes], axis=0)]))
-    t_s = frames["t_s"].to_numpy()
-    force = np.nansum(tables.matrix(frames["force_n"]), axis=1)
-    press = np.empty(len(t_s), dtype=np.int64)
-    first = 0
-    for number in range(recording[-1] + 1):
-        rows = recording == number
-        press[rows] = first + presses(force[rows], t_s[rows], settings["contact_threshold_n"])
-        first = press[rows].max() + 1
-    run = np.cumsum(frames["gap_before"].to_numpy()) + press * (len(t_s) + 1)
-    rows = window_rows(run, settings["frames"], settings["frame_step"], settings["stride"])
-    if not len(rows):
-        raise InputError(
-            f"no window of {settings['frames']} frames fits into any press; record more slowly or lower window.frames"
-        )
-    return tables.windows_rows(frames, rows, press, previous_windows(rows, run, settings["frame_step"]))
+from pipeline.windowing import windows_of
 
 
 def main() -> None:

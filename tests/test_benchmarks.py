@@ -136,10 +136,10 @@ def test_what_one_setting_must_not_run():
 def test_presses_of_made_frames_can_be_told_apart(tmp_path):
     import pyarrow.parquet
 
-    from pipeline import window
+    from pipeline import windowing
 
     settings = made.touch_settings()
     frames = pyarrow.parquet.read_table(made.frames_file(tmp_path / "frames.parquet", 1000, settings))
-    windows = window.windows_of(frames, settings["window"])
+    windows = windowing.windows_of(frames, settings["window"])
     presses = windows["press"].to_numpy()
     assert 15 < len(np.unique(presses)) < 35 and all(a <= b for a, b in itertools.pairwise(presses))

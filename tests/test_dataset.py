@@ -7,7 +7,7 @@ import pytest
 from pipeline import labels, metrics, params, tables
 from pipeline.errors import InputError
 from pipeline.experiments import touch, velostat_recorded
-from pipeline.window import presses, window_rows, windows_of
+from pipeline.windowing import presses, window_rows, windows_of
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from conftest import ROOT, Project
 from pipeline import check, figures_check, ingest, params, paths, tables
 from pipeline.errors import InputError
 from pipeline.hypertext import Pages
-from pipeline.window import windows_of
+from pipeline.windowing import windows_of
 
 ARRAYS = {  # rows, cols, frames a second, highest count, and a map in params.yaml that is a multiple of the array
     "3x7": ((3, 7, 40.0), 1023, (9, 21)),
