@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import files, params, paths, results
-from pipeline.errors import InputError, run_stage
+from pipeline import results
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError, run_stage
 from pipeline.markdown import table
 
 FINGERPRINT = Path(__file__).with_name("fingerprint.csv")

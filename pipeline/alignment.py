@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 ROUGH_S = 0.05  # grid of the rough search, a quarter of what the fine one reaches
 STEP_S = 0.01  # grid on which signals are compared: the interval of the fastest device

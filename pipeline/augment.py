@@ -10,8 +10,9 @@ from collections.abc import Mapping
 
 from tqdm import tqdm
 
-from pipeline import classification, files, images, metrics, params, paths, workers
-from pipeline.errors import InputError, run_stage
+from pipeline import classification, images, metrics
+from pipeline.base import files, params, paths, workers
+from pipeline.base.errors import InputError, run_stage
 
 METHODS = {"none": (), "A": ("flip",), "B": ("noise",), "C": ("affine",)}  # what stays on; the others are set to 0
 SETTINGS = ("flip", "noise", "affine")

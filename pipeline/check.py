@@ -19,8 +19,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline import figures_check, labels, logs, mistakes, own, params, paths, tables
-from pipeline.errors import InputError, run_stage
+from pipeline import figures_check, labels, logs, mistakes, own, tables
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError, run_stage
 from pipeline.windowing import windows_of
 
 EXPERIMENTS = ("touch", "strain", "glove")

@@ -25,8 +25,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline import results
-from pipeline.availability import why_not_run
-from pipeline.errors import InputError
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import InputError
 from pipeline.figures import style
 from pipeline.report_glove import METHODS, read_augmentation, read_counts, read_stag
 from pipeline.report_strain import read_study

@@ -5,7 +5,8 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline import labels, paths, tables
+from pipeline import labels, tables
+from pipeline.base import paths
 from pipeline.claims import (
     Claim,
     Evidence,

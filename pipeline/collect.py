@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import files, params, paths
-from pipeline.errors import InputError, run_stage
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError, run_stage
 
 # Of reports/stress.csv: what others read first.
 STRESS = ("experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition")

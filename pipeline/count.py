@@ -10,8 +10,9 @@ import pandas as pd
 import torch
 from torch import nn
 
-from pipeline import counting, files, params, paths
-from pipeline.errors import run_stage
+from pipeline import counting
+from pipeline.base import files, params, paths
+from pipeline.base.errors import run_stage
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.operations import operations
 from pipeline.results import PUBLISHED

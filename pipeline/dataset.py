@@ -8,9 +8,10 @@ from collections.abc import Iterator, Mapping
 
 import pyarrow as pa
 
-from pipeline import images, params, paths, tables
-from pipeline.errors import run_stage
-from pipeline.params import experiment_module
+from pipeline import images, tables
+from pipeline.base import params, paths
+from pipeline.base.errors import run_stage
+from pipeline.base.params import experiment_module
 
 
 def main() -> None:

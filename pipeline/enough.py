@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import ladders
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.figures import style
 from pipeline.results import estimate, read_csv, shown
 

@@ -12,9 +12,10 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, files, images, metrics, params, paths, series, tables, trained, workers
-from pipeline.availability import why_not_run
-from pipeline.errors import run_stage
+from pipeline import classification, images, metrics, series, tables, trained
+from pipeline.base import files, params, paths, workers
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import run_stage
 
 COLUMNS = ("experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n")
 

@@ -15,7 +15,7 @@ from urllib.request import Request, urlopen
 from tqdm import tqdm
 
 from pipeline import sources
-from pipeline.errors import InputError, run_stage, storage_error
+from pipeline.base.errors import InputError, run_stage, storage_error
 
 TIMEOUT_S = 60
 BLOCK = 1 << 16  # bytes between two moves of the bar

@@ -22,8 +22,9 @@ import matplotlib
 import numpy as np
 from scipy.optimize import least_squares
 
-from pipeline import logs, paths, sources
-from pipeline.errors import InputError, run_stage
+from pipeline import logs, sources
+from pipeline.base import paths
+from pipeline.base.errors import InputError, run_stage
 from pipeline.experiments import velostat_recorded
 from pipeline.scenes.material import FITTED, Material, log_resistance
 

@@ -16,8 +16,8 @@ from threadpoolctl import threadpool_limits
 from torch import nn
 
 from pipeline import counting
-from pipeline.blocks import EarlyStopping
-from pipeline.errors import InputError
+from pipeline.base.blocks import EarlyStopping
+from pipeline.base.errors import InputError
 from pipeline.training import Epoch, FitSummary, Plateau, Progress, device_of, history_row, run_epochs
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from urllib.parse import quote, urlsplit
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from pipeline import paths
-from pipeline.errors import InputError
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 
 # A line of a list that is nothing but a figure and its caption.
 FIGURE = re.compile(r"^- \[[^\]]*\]\((?P<path>[^)\s]+\.png)\): (?P<caption>.+)$")

@@ -8,8 +8,8 @@ import torch
 from scipy.special import softmax
 from torch import nn
 
-from pipeline.blocks import AugmentedTraining
-from pipeline.errors import InputError
+from pipeline.base.blocks import AugmentedTraining
+from pipeline.base.errors import InputError
 from pipeline.fitting import LARGEST_BATCH, Spec, TorchRegressor, Windows
 from pipeline.images import HIGHEST, SIDE
 from pipeline.training import Epoch, Progress, device_of, run_epochs

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import tables
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 SIDE = 32  # pixels of an image's side
 MODALITIES = ("pressure", "strain", "combined")  # the three datasets of the SP-ResNet paper

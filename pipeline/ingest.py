@@ -12,8 +12,9 @@ from pathlib import Path
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import files, own, params, paths, sources, tables
-from pipeline.errors import InputError, run_stage
+from pipeline import own, sources, tables
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError, run_stage
 
 
 def ingest(experiment: str, settings: dict) -> None:

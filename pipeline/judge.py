@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import pandas as pd
 
-from pipeline import claims_glove, claims_strain, claims_touch, files, params, paths
+from pipeline import claims_glove, claims_strain, claims_touch
+from pipeline.base import files, params, paths
 from pipeline.claims import (
     EXPERIMENTS,
     NOT_REPRODUCED,
@@ -22,7 +23,7 @@ from pipeline.claims import (
     Evidence,
     Judgement,
 )
-from pipeline.errors import run_stage
+from pipeline.base.errors import run_stage
 from pipeline.markdown import number, size, table
 
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)

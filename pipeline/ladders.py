@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline import paths
+from pipeline.base import paths
 
 COLUMNS = ("experiment", "condition", "family", "size", "params", "metric", "unit", "seed", "value", "macs")
 METRIC = {"touch": "rmse", "strain": "error", "glove": "macro_precision"}  # of each experiment's ladders

@@ -14,9 +14,10 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import files, images, params, paths, series, tables, trained
-from pipeline.availability import why_not_run
-from pipeline.errors import run_stage
+from pipeline import images, series, tables, trained
+from pipeline.base import files, params, paths
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import run_stage
 
 FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
 

@@ -21,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 EMPTY = "empty line"
 UNREADABLE = "unreadable bytes"  # NUL, control or non-ASCII bytes: noise on the line, a wrong baud rate

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
-from pipeline.errors import InputError
-from pipeline.parent import die_with_parent
+from pipeline.base.errors import InputError
+from pipeline.base.processes import die_with_parent
 
 
 def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray]:

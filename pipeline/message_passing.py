@@ -23,7 +23,7 @@ import torch
 from torch import nn
 from torch.autograd.function import once_differentiable
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.fitting import Spec, TorchRegressor
 
 aten = torch.ops.aten

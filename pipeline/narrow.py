@@ -2,8 +2,8 @@
 
 from torch import nn
 
-from pipeline.blocks import AugmentedTraining
-from pipeline.errors import InputError
+from pipeline.base.blocks import AugmentedTraining
+from pipeline.base.errors import InputError
 from pipeline.fitting import Spec
 from pipeline.image_fitting import ImageClassifier
 from pipeline.residual import separable_network

@@ -8,7 +8,7 @@ import os
 import shlex
 from pathlib import Path
 
-from pipeline import paths
+from pipeline.base import paths
 
 
 def unnoticed(path: Path) -> str | None:

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import hypertext, page_charts, params, paths
-from pipeline.availability import why_not_run
+from pipeline import hypertext, page_charts
+from pipeline.base import params, paths
+from pipeline.base.availability import why_not_run
 from pipeline.claims import EXPERIMENTS, NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED
-from pipeline.errors import InputError, run_stage
+from pipeline.base.errors import InputError, run_stage
 from pipeline.figures import style
 from pipeline.hypertext import Pages, anchor, cell, read, sections, table, title
 from pipeline.markdown import number, size

@@ -5,20 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import (
-    figures,
-    figures_glove,
-    files,
-    images,
-    pages,
-    params,
-    paths,
-    report_glove,
-    report_glove_findings,
-    report_glove_recorded,
-    results,
-    tables,
-)
+from pipeline import figures, figures_glove, images, pages, report_glove, report_glove_findings, report_glove_recorded, results, tables
+from pipeline.base import files, params, paths
 from pipeline.figures import style
 
 GRASPED = "mobile_phone"  # in figure 10

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import figures_strain, files, pages, report_strain, report_strain_recorded, results, tables
+from pipeline import figures_strain, pages, report_strain, report_strain_recorded, results, tables
+from pipeline.base import files
 
 
 def write_strain(settings: dict, target: Path) -> None:

@@ -2,17 +2,8 @@
 
 from pathlib import Path
 
-from pipeline import (
-    figures_touch,
-    figures_velostat,
-    files,
-    pages,
-    paths,
-    report_touch,
-    report_velostat,
-    results,
-    tables,
-)
+from pipeline import figures_touch, figures_velostat, pages, report_touch, report_velostat, results, tables
+from pipeline.base import files, paths
 
 
 def write_touch(settings: dict, target: Path) -> None:

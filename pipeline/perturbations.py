@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pipeline import params
-from pipeline.errors import InputError
+from pipeline.base import params
+from pipeline.base.errors import InputError
 
 
 def planned(

@@ -18,8 +18,9 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import blocks, classification, files, images, metrics, params, paths, series, tables, trained, workers
-from pipeline.errors import InputError, run_stage
+from pipeline import classification, images, metrics, series, tables, trained
+from pipeline.base import blocks, files, params, paths, workers
+from pipeline.base.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, DEFAULT, NONE, variants
 from pipeline.windowing import windows_of
 
@@ -31,7 +32,7 @@ def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dic
     """The experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
 
     `none`: with all of them; `default`: with those that are on in params.yaml. Raises InputError where the result is
-    not what pipeline/blocks.py allows.
+    not what pipeline/base/blocks.py allows.
     """
     settings = _merged(values[experiment], values["physics"][experiment]["scene"])
     params.check_block(

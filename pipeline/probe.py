@@ -11,9 +11,10 @@ import pyarrow as pa
 from sklearn.ensemble import ExtraTreesClassifier
 from tqdm import tqdm
 
-from pipeline import files, params, paths, tables
-from pipeline.availability import why_not_run
-from pipeline.errors import InputError, run_stage
+from pipeline import tables
+from pipeline.base import files, params, paths
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import InputError, run_stage
 from pipeline.experiments import glove_recorded
 
 EXPERIMENT = "glove_recorded"

@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from pipeline.errors import InputError, run_stage
+from pipeline.base.errors import InputError, run_stage
 
 BAUD = 115200
 WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen

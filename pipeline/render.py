@@ -7,9 +7,10 @@ Usage: python -m pipeline.render EXPERIMENT
 
 import sys
 
-from pipeline import files, pages_glove, pages_strain, pages_touch, params, paths
-from pipeline.availability import why_not_run
-from pipeline.errors import run_stage
+from pipeline import pages_glove, pages_strain, pages_touch
+from pipeline.base import files, params, paths
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import run_stage
 
 WRITERS = {
     "touch": pages_touch.write_touch,

@@ -5,8 +5,9 @@ Usage: python -m pipeline.render_physics
 
 import pandas as pd
 
-from pipeline import effects, figures_physics, files, params, paths, report_physics, results
-from pipeline.errors import InputError, run_stage
+from pipeline import effects, figures_physics, report_physics, results
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, variants
 
 

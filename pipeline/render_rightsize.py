@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import enough, figures_rightsize, files, ladders, markdown, params, paths
-from pipeline.errors import run_stage
+from pipeline import enough, figures_rightsize, ladders, markdown
+from pipeline.base import files, params, paths
+from pipeline.base.errors import run_stage
 from pipeline.figures_rightsize import Reference
 from pipeline.results import Estimate, Scores
 

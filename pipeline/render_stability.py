@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import figures_stability, files, params, paths, report_stability
-from pipeline.availability import why_not_run
-from pipeline.errors import InputError, run_stage
+from pipeline import figures_stability, report_stability
+from pipeline.base import files, params, paths
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import InputError, run_stage
 
 
 def main() -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import classification, markdown, paths, tables
-from pipeline.errors import InputError
+from pipeline import classification, markdown, tables
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 from pipeline.figures import style
 from pipeline.images import MODALITIES, classes, modality, split_name
 from pipeline.markdown import interval, number, size

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline import paths, sentences
+from pipeline import sentences
+from pipeline.base import paths
 from pipeline.figures import style
 from pipeline.images import MODALITIES
 from pipeline.markdown import interval, number, table

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.figures import style
 from pipeline.markdown import interval, number, size, table
 from pipeline.results import Estimate, Scores, read_training_times

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline import markdown, paths, results
-from pipeline.errors import InputError
+from pipeline import markdown, results
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 from pipeline.figures import style
 
 FLOOR = "constant"

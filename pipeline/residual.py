@@ -6,7 +6,7 @@ All maps are (n, channels, rows, cols). Every convolution without a bias is foll
 import torch
 from torch import nn
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 
 class BasicBlock(nn.Module):

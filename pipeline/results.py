@@ -11,8 +11,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from scipy.special import stdtrit
 
-from pipeline import params, paths, tables
-from pipeline.errors import InputError
+from pipeline import tables
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 
 PUBLISHED = Path(__file__).with_name("published.csv")
 CONFIDENCE = 0.95

@@ -15,8 +15,9 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, files, images, ladders, metrics, narrow, params, paths, tables, trained, workers
-from pipeline.errors import InputError, run_stage
+from pipeline import classification, images, ladders, metrics, narrow, tables, trained
+from pipeline.base import files, params, paths, workers
+from pipeline.base.errors import InputError, run_stage
 from pipeline.fitting import Spec
 
 CONDITIONS = ("single", "double")  # of touch, as in Table I

@@ -10,8 +10,8 @@ from pathlib import Path
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from pipeline import files, params, paths
-from pipeline.errors import InputError, run_stage
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError, run_stage
 
 
 def set_values(values: dict, params_file: Path) -> None:

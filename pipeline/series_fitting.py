@@ -14,8 +14,8 @@ from safetensors.torch import save_file
 from torch import nn
 
 from pipeline import counting
-from pipeline.blocks import SequenceTraining
-from pipeline.errors import InputError
+from pipeline.base.blocks import SequenceTraining
+from pipeline.base.errors import InputError
 from pipeline.fitting import NETWORK_FILE, SklearnRegressor, Spec, TorchRegressor, read_tensors
 from pipeline.series import Record, Task
 from pipeline.training import Epoch, FitSummary, Progress, device_of, history_row, run_epochs

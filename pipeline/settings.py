@@ -3,8 +3,8 @@
 Usage: python -m pipeline.settings
 """
 
-from pipeline import files, params, paths
-from pipeline.errors import run_stage
+from pipeline.base import files, params, paths
+from pipeline.base.errors import run_stage
 
 
 def main() -> None:

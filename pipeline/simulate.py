@@ -8,8 +8,8 @@ import sys
 
 from tqdm import tqdm
 
-from pipeline import files, params, paths
-from pipeline.errors import InputError, run_stage
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError, run_stage
 
 SCENES = ("touch", "strain", "glove")
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from pipeline import paths
-from pipeline.errors import InputError
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline import matlab, own
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.images import HIGHEST, SIDE
 
 LOWEST_ADC, HIGHEST_ADC = 500, 650  # become 0 and 1 in the authors' own models, clipped beyond

@@ -9,9 +9,9 @@ from types import ModuleType
 
 from tqdm import tqdm
 
-from pipeline import files, params, paths, workers
-from pipeline.availability import why_not_run
-from pipeline.errors import InputError, run_stage
+from pipeline.base import files, params, paths, workers
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import InputError, run_stage
 
 COLUMNS = (
     "experiment",

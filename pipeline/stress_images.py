@@ -29,18 +29,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import (
-    classification,
-    clean_scores,
-    images,
-    metrics,
-    params,
-    paths,
-    perturbations,
-    results,
-    tables,
-    trained,
-)
+from pipeline import classification, clean_scores, images, metrics, perturbations, results, tables, trained
+from pipeline.base import params, paths
 from pipeline.seeding import generator
 
 IN_TIME = ("lost_frames", "jitter")

@@ -27,20 +27,9 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import (
-    alignment,
-    clean_scores,
-    logs,
-    metrics,
-    params,
-    paths,
-    perturbations,
-    results,
-    series,
-    tables,
-    trained,
-)
-from pipeline.errors import InputError
+from pipeline import alignment, clean_scores, logs, metrics, perturbations, results, series, tables, trained
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.seeding import generator
 
 AS_THEY_ARE = ("stuck", "lost_frames", "jitter")

@@ -20,7 +20,8 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import clean_scores, files, metrics, params, paths, perturbations, results, tables, trained, workers
+from pipeline import clean_scores, metrics, perturbations, results, tables, trained
+from pipeline.base import files, params, paths, workers
 from pipeline.seeding import generator
 from pipeline.windowing import windows_of
 

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import files, metrics, params, paths, series, workers
-from pipeline.errors import InputError, run_stage
+from pipeline import metrics, series
+from pipeline.base import files, params, paths, workers
+from pipeline.base.errors import InputError, run_stage
 
 BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
 FOLDS = 5

@@ -6,10 +6,10 @@ server that MLFLOW_TRACKING_URI names. DVC runs this at every `dvc repro`, so it
 
 import os
 
-from pipeline import store
-from pipeline.availability import why_not_run
-from pipeline.errors import run_stage
-from pipeline.params import load
+from pipeline.base import store
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import run_stage
+from pipeline.base.params import load
 
 
 def track(params: dict) -> None:

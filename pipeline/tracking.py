@@ -30,9 +30,9 @@ import pandas as pd
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from pipeline import paths, store
-from pipeline.errors import InputError, storage_error
-from pipeline.params import training_command
+from pipeline.base import paths, store
+from pipeline.base.errors import InputError, storage_error
+from pipeline.base.params import training_command
 
 os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"  # read by mlflow when it is imported
 os.environ["MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT"] = "true"  # two lines a run, where a server is used

@@ -10,8 +10,9 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pipeline import params, paths, runs, tables
-from pipeline.errors import InputError, run_stage
+from pipeline import tables
+from pipeline.base import params, paths, runs
+from pipeline.base.errors import InputError, run_stage
 
 
 def train_run(

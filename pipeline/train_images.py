@@ -9,8 +9,9 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pipeline import images, params, paths, runs
-from pipeline.errors import run_stage
+from pipeline import images
+from pipeline.base import params, paths, runs
+from pipeline.base.errors import run_stage
 
 
 def train_run(

@@ -11,8 +11,9 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pipeline import params, paths, runs, series
-from pipeline.errors import InputError, run_stage
+from pipeline import series
+from pipeline.base import params, paths, runs
+from pipeline.base.errors import InputError, run_stage
 
 
 def train_run(

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import classification, files, metrics, params, paths, seeding, stag, workers
-from pipeline.errors import InputError, run_stage
+from pipeline import classification, metrics, seeding, stag
+from pipeline.base import files, params, paths, workers
+from pipeline.base.errors import InputError, run_stage
 
 COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline import params, paths
-from pipeline.errors import InputError
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.tables import Dataset
 
 

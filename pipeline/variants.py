@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 COLUMNS = ("experiment", "effect", "condition", "model", "seed", "metric", "unit", "value")  # of physics.csv
 NONE = "none"  # no effect is left out

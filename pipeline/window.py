@@ -7,8 +7,9 @@ import sys
 
 import numpy as np
 
-from pipeline import params, paths, tables
-from pipeline.errors import InputError, run_stage
+from pipeline import tables
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError, run_stage
 from pipeline.windowing import windows_of
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import tables
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 BRIEF_S = 0.1  # contacts closer than this are one press (the finger bounced, or a frame was lost)
 

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import agreement, params, paths
+from pipeline import agreement
+from pipeline.base import params, paths
 
 
 def scores(values, models=("linear", "cnn")) -> pd.DataFrame:

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline import alignment
 from pipeline.alignment import Clock, Signal, averager, interpolated, place_all, place_pair
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 LIMITS = {"max_offset_s": 5.0, "min_correlation": 0.5, "who": "single/run000"}
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pipeline import params
+from pipeline.base import params
 from pipeline.scale import set_values
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -189,7 +189,7 @@ def test_numbers_in_the_readme_are_those_of_the_reports():
 
 
 def test_an_unknown_experiment_is_refused():
-    from pipeline.errors import InputError
+    from pipeline.base.errors import InputError
 
     with pytest.raises(InputError, match="usage: python -m pipeline.window touch|velostat_recorded"):
         params.experiment_argument(["window", "tuch"], "window", params.load())

@@ -19,8 +19,8 @@ import pytest
 from conftest import ROOT, Project
 from tqdm import tqdm
 
-from pipeline import cluster, paths, workers
-from pipeline.errors import InputError
+from pipeline.base import cluster, paths, workers
+from pipeline.base.errors import InputError
 
 EPOCHS = 200  # half a second
 RECIPE = {"learning_rate": 5e-3, "max_epochs": EPOCHS, "drop_epoch": 100, "drop": 0.2, "clip": 1.0, "streams": 1}
@@ -43,7 +43,7 @@ import builtins
 import os
 import signal
 import time
-from pipeline.errors import InputError, run_stage
+from pipeline.base.errors import InputError, run_stage
 
 def square(number, report):
     report(1, 1, 0.5)
@@ -248,7 +248,7 @@ def impatient(client):
     """Workers for which a process hangs after two seconds."""
 
     def wait(seconds):
-        client.run(lambda: setattr(importlib.import_module("pipeline.cluster"), "STILL_S", seconds))
+        client.run(lambda: setattr(importlib.import_module("pipeline.base.cluster"), "STILL_S", seconds))
 
     wait(2)
     yield

@@ -16,7 +16,8 @@ from conftest import ROOT
 from dvc.repo import Repo
 from test_architecture import stage_entries
 
-from pipeline import params, sources
+from pipeline import sources
+from pipeline.base import params
 
 VALUES = params.load()
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
@@ -128,7 +129,7 @@ def test_every_command_can_be_given(path):
         "`python -m pipeline.ingest tuch`",
         "`python -m pipeline.train touch esn`",
         "`python -m pipeline.train touch`",
-        "`python -m pipeline.files`",
+        "`python -m pipeline.base.files`",
         "python -m pipeline.scale fulll && dvc repro",
         "run `dvc repro train` again",
         "dvc repro render@tuch      # a comment",

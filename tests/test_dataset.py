@@ -4,8 +4,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline import labels, metrics, params, tables
-from pipeline.errors import InputError
+from pipeline import labels, metrics, tables
+from pipeline.base import params
+from pipeline.base.errors import InputError
 from pipeline.experiments import touch, velostat_recorded
 from pipeline.windowing import presses, window_rows, windows_of
 

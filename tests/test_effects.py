@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import effects, params, paths, physics, render_physics, report_physics
+from pipeline import effects, physics, render_physics, report_physics
+from pipeline.base import params, paths
 from pipeline.effects import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.variants import COLUMNS, DEFAULT, variants
 
 # RMSE in kPa: LoMP is best on double touch, the networks are best on single touch.

@@ -33,8 +33,9 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import availability, blocks, logs, own, params, paths, results, series, stag, tables, tracking
-from pipeline.errors import InputError
+from pipeline import logs, own, results, series, stag, tables, tracking
+from pipeline.base import availability, blocks, params, paths
+from pipeline.base.errors import InputError
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
 from pipeline.fitting import Spec
 from pipeline.scenes import strain as strain_scene

@@ -4,7 +4,8 @@ import matplotlib.pyplot as plt
 import own_logs
 import pytest
 
-from pipeline import figures, params
+from pipeline import figures
+from pipeline.base import params
 
 VALUES = params.load()
 

@@ -7,8 +7,8 @@ from safetensors.torch import load_file
 from torch import nn
 
 from pipeline import counting, fitting
-from pipeline.blocks import EarlyStopping
-from pipeline.errors import InputError
+from pipeline.base.blocks import EarlyStopping
+from pipeline.base.errors import InputError
 from pipeline.fitting import SklearnRegressor, Spec, TorchRegressor, input_scale
 
 SPEC = Spec(2, 1, 3, 2, 2)

@@ -4,8 +4,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline import classification, images, params, tables
-from pipeline.errors import InputError
+from pipeline import classification, images, tables
+from pipeline.base import params
+from pipeline.base.errors import InputError
 from pipeline.experiments import glove
 
 CELLS = glove.PRESSURE_CELLS + glove.STRAIN_CELLS

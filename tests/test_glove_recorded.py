@@ -10,8 +10,9 @@ import pyarrow as pa
 import pytest
 
 from pipeline import images as tactile
-from pipeline import logs, paths, probe, sources, tables
-from pipeline.errors import InputError
+from pipeline import logs, probe, sources, tables
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 from pipeline.experiments import glove_recorded
 from pipeline.experiments.glove_recorded import CELLS, JOINTS, MATRICES, read_recording
 

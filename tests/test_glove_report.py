@@ -12,22 +12,10 @@ import pyarrow.parquet
 import pytest
 from scipy.stats import t as student
 
-from pipeline import (
-    classification,
-    figures,
-    figures_glove,
-    images,
-    pages_glove,
-    paths,
-    render,
-    report_glove,
-    report_glove_findings,
-    report_glove_recorded,
-    results,
-    tables,
-)
-from pipeline.errors import InputError
-from pipeline.params import load
+from pipeline import classification, figures, figures_glove, images, pages_glove, render, report_glove, report_glove_findings, report_glove_recorded, results, tables
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+from pipeline.base.params import load
 
 OBJECTS = ["empty_bottle", "full_bottle_1", "full_bottle_2", "mobile_phone", "paper_roll", "toy"]
 SESSIONS, IMAGES = 5, 3  # of each object, of each session

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline import params
+from pipeline.base import params
 from pipeline.experiments import glove as experiment
 from pipeline.scenes import glove
 

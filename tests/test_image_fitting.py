@@ -5,8 +5,8 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.blocks import AugmentedTraining
-from pipeline.errors import InputError
+from pipeline.base.blocks import AugmentedTraining
+from pipeline.base.errors import InputError
 from pipeline.image_fitting import ImageClassifier, augmented, spec_of
 from pipeline.images import SIDE
 

@@ -8,8 +8,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline import ingest, paths, sources, tables
-from pipeline.errors import InputError
+from pipeline import ingest, sources, tables
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 from pipeline.experiments import touch, velostat_recorded
 
 SETTINGS = {

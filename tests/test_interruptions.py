@@ -15,15 +15,16 @@ import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline import errors, fetch, paths, sources, tables
-from pipeline.errors import InputError
+from pipeline import fetch, sources, tables
+from pipeline.base import errors, paths
+from pipeline.base.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 
 # Runs stages one after the other, each in a fork in which no file can grow beyond its limit, as on a full disk.
 LIMITED = """
 import importlib, json, os, resource, sys
-from pipeline.errors import run_stage
+from pipeline.base.errors import run_stage
 import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
 for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
     heard, said = os.pipe()  # a file's size is limited, a pipe's is not
@@ -170,7 +171,7 @@ def test_an_error_of_the_code_keeps_its_traceback():
 
 ORPHAN = """
 import os, subprocess, sys, time
-stage = "import time; from pipeline.errors import run_stage; run_stage(lambda: print(1, flush=True) or time.sleep(60))"
+stage = "import time; from pipeline.base.errors import run_stage; run_stage(lambda: print(1, flush=True) or time.sleep(60))"
 child = subprocess.Popen([sys.executable, "-c", stage])
 print(child.pid, flush=True)
 child.wait()

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline import logs
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format, read_log
 
 CLOCK = Column("t_us", "us", 0, 1e6 * logs.LONGEST_S, integer=True)  # no time is too late for a log
@@ -329,7 +329,7 @@ import time
 from benchmarks.measure import _memory_mb
 from pathlib import Path
 from pipeline import logs
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from test_logs import COUNTS
 memory, started = _memory_mb("VmRSS"), time.process_time()
 try:

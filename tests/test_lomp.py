@@ -6,7 +6,7 @@ import torch
 from benchmarks.peers import LoopedLomp
 
 from pipeline import message_passing
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.fitting import Spec
 from pipeline.models import lomp
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline import fit_material
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.scenes import material
 from pipeline.scenes.material import FITTED, load_material, log_resistance
 

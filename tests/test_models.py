@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.fitting import Spec
 
 PAPER = Spec(8, 5, 5, 20, 20)

@@ -10,9 +10,10 @@ import torch
 from sklearn.naive_bayes import GaussianNB
 from torch import nn
 
-from pipeline import counting, params
+from pipeline import counting
+from pipeline.base import params
 from pipeline.count import count
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.fitting import Spec
 from pipeline.images import SIDE
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam

@@ -9,8 +9,9 @@ import sys
 import pytest
 import yaml
 
-from pipeline import check, ingest, own, params, paths
-from pipeline.errors import InputError
+from pipeline import check, ingest, own
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 
 LOG = "finger/single/run000/array.log"
 

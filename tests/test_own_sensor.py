@@ -16,8 +16,9 @@ import pytest
 import yaml
 from conftest import ROOT, Project
 
-from pipeline import check, figures_check, ingest, params, paths, tables
-from pipeline.errors import InputError
+from pipeline import check, figures_check, ingest, tables
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.hypertext import Pages
 from pipeline.windowing import windows_of
 

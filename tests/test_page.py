@@ -14,8 +14,9 @@ import pandas as pd
 import pytest
 import yaml
 
-from pipeline import hypertext, page, page_charts, params, paths
-from pipeline.errors import InputError
+from pipeline import hypertext, page, page_charts
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 ABSENT = "glove_recorded"

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pipeline import params, paths
-from pipeline.errors import InputError
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 WHOLE = params.load()
@@ -154,7 +154,7 @@ def test_every_model_says_which_values_its_settings_may_have():
 def test_a_setting_without_a_kind_is_named(tmp_path):
     path = tmp_path / "nearest.py"
     path.write_text("def build(spec, *, k: int):\n    return None\n")
-    with pytest.raises(InputError, match="nearest.py: build's argument 'k' needs a kind of pipeline/blocks.py"):
+    with pytest.raises(InputError, match="nearest.py: build's argument 'k' needs a kind of pipeline/base/blocks.py"):
         params.model_block(path)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline import perturbations
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.seeding import generator
 
 ELEMENTS, FRAMES = 6, 8

@@ -295,7 +295,7 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     shutil.rmtree(copy / "mlruns")
     (copy / "pipeline" / "models" / "nearest.py").write_text(
         "from sklearn.neighbors import KNeighborsRegressor\n\n"
-        "from pipeline.fitting import SklearnRegressor\nfrom pipeline.blocks import Count\n\n\n"
+        "from pipeline.fitting import SklearnRegressor\nfrom pipeline.base.blocks import Count\n\n\n"
         "def build(spec, *, k: Count):\n"
         "    return SklearnRegressor(lambda seed: KNeighborsRegressor(k), spec, count=lambda fitted: 0, macs=None,\n"
         "                            trusted=('sklearn.metrics._dist_metrics.EuclideanDistance64',\n"
@@ -339,7 +339,7 @@ def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words)
     )
     assert done.returncode == 1
     message = done.stderr.strip().splitlines()[-1]
-    assert message.startswith(("error: params.yaml", "pipeline.errors.InputError: params.yaml")), done.stderr
+    assert message.startswith(("error: params.yaml", "pipeline.base.errors.InputError: params.yaml")), done.stderr
     for word in words:
         assert word in message
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import record
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 WAIT_S = 20

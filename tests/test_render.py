@@ -11,11 +11,12 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from pipeline import labels, pages, paths, render, report_touch, results, tables
+from pipeline import labels, pages, render, report_touch, results, tables
+from pipeline.base import paths
 from pipeline.differences import read_differences
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.markdown import interval, number, table
-from pipeline.params import load
+from pipeline.base.params import load
 
 TRAINING = {"training": {"max_epochs": 3}}
 SENSOR = {"rows": 3, "cols": 3, "pitch_mm": 12.0, "element_mm": 11.5}

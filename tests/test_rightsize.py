@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from pipeline import enough, ladders, narrow, render_rightsize, rightsize
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.figures_rightsize import Reference
 from pipeline.models import sp_resnet
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from pipeline import files, params, paths, runs
-from pipeline.errors import InputError
+from pipeline.base import files, params, paths, runs
+from pipeline.base.errors import InputError
 
 RUNS = [("press", 0), ("press", 1), ("random_window", 0)]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline import params
+from pipeline.base import params
 from pipeline.scenes import readout, touch
 from pipeline.scenes.faults import inject
 

@@ -5,7 +5,8 @@ import pyarrow as pa
 import pytest
 from torch import nn
 
-from pipeline import augment, images, metrics, narrow, params, paths, physics, rightsize, runs, series, stag, tables
+from pipeline import augment, images, metrics, narrow, physics, rightsize, series, stag, tables
+from pipeline.base import params, paths, runs
 from pipeline import train as train_stage
 from pipeline import train_images as images_stage
 from pipeline import train_series as series_stage

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline import metrics, params, series
-from pipeline.errors import InputError
+from pipeline import metrics, series
+from pipeline.base import params
+from pipeline.base.errors import InputError
 from pipeline.fitting import Spec
 from pipeline.series_fitting import adapted, ridge_weights, spec_of
 from pipeline.study import decoded

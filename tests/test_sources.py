@@ -11,8 +11,9 @@ from urllib.parse import quote, unquote
 
 import pytest
 
-from pipeline import fetch, paths, sources
-from pipeline.errors import InputError
+from pipeline import fetch, sources
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 
 CONTENT = {"a/one.txt": b"1.0 2.0\n", "b/two words.txt": b"3.0 4.0\n"}
 

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import figures, figures_speed, paths, report_speed, results
-from pipeline.errors import InputError
+from pipeline import figures, figures_speed, report_speed, results
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 
 TIMES = {"constant": 0.007, "linear": 0.22, "poly": 0.38, "tree": 0.083, "rbf": 0.33, "cnn": 0.24, "vgg": 1.7}
 TIMES |= {"convlstm": 0.8, "rnn": 0.334, "lomp": 2.8}

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import collect, figures_stability, params, paths, render_stability, report_stability
-from pipeline.errors import InputError
+from pipeline import collect, figures_stability, render_stability, report_stability
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.report_stability import FAILED, HOLDS, Level, level
 
 MODELS = {"constant": {}, "linear": {}, "lomp": {}}

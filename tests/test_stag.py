@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import own, params, stag, train_stag
-from pipeline.errors import InputError
+from pipeline import own, stag, train_stag
+from pipeline.base import params
+from pipeline.base.errors import InputError
 
 FRAMES, OBJECTS = 12, ["mug", "empty hand", "full can"]
 

@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import params, tables
-from pipeline.errors import InputError
+from pipeline import tables
+from pipeline.base import params
+from pipeline.base.errors import InputError
 from pipeline.experiments import strain
 from pipeline.scenes import strain as scene_of
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import logs, params, series, sources, tables
-from pipeline.errors import InputError
+from pipeline import logs, series, sources, tables
+from pipeline.base import params
+from pipeline.base.errors import InputError
 from pipeline.experiments import strain_recorded
 from pipeline.experiments.strain_recorded import CYCLE, PRESSED, read_recording
 from pipeline.fitting import Spec

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from pipeline import params
+from pipeline.base import params
 from pipeline.scenes import strain
 
 

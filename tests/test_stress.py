@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import dataset, evaluate, ingest, params, paths, simulate, stress, stress_windows, tables, train, window
-from pipeline.errors import InputError
+from pipeline import dataset, evaluate, ingest, simulate, stress, stress_windows, tables, train, window
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.scenes import touch, touch_stress
 from pipeline.seeding import generator
 

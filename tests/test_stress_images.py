@@ -8,8 +8,9 @@ import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline import dataset, evaluate, images, ingest, params, paths, simulate, stress_images, tables, train_images
-from pipeline.errors import InputError
+from pipeline import dataset, evaluate, images, ingest, simulate, stress_images, tables, train_images
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.experiments import glove, glove_recorded
 from pipeline.scale import set_values
 from pipeline.scenes import glove_stress

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline import dataset, evaluate, ingest, params, paths, series, simulate, stress_series, train_series
-from pipeline.errors import InputError
+from pipeline import dataset, evaluate, ingest, series, simulate, stress_series, train_series
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.scale import set_values
 from pipeline.scenes import strain, strain_stress
 from pipeline.stress_series import Levels, Run

@@ -17,8 +17,9 @@ from conftest import ROOT, Project
 from made_results import EPOCHS, write_results
 from mlflow.exceptions import INVALID_PARAMETER_VALUE, UNAUTHENTICATED, MlflowException
 
-from pipeline import paths, store, track, tracking
-from pipeline.errors import InputError, run_stage
+from pipeline import track, tracking
+from pipeline.base import paths, store
+from pipeline.base.errors import InputError, run_stage
 
 PARAMS = {
     "experiments": ["touch", "velostat_recorded"],
@@ -709,7 +710,7 @@ def test_repro_with_nothing_to_do_imports_no_mlflow(tiny):
     tiny.repro()
     done = tiny.repro(PYTHONPROFILEIMPORTTIME="1")
     assert "nothing changed since they were tracked" in done.stdout
-    assert "pipeline.store" in done.stderr and not re.search(r"\| +(mlflow|pandas)\b", done.stderr)
+    assert "pipeline.base.store" in done.stderr and not re.search(r"\| +(mlflow|pandas)\b", done.stderr)
 
 
 def test_runs_of_queued_experiments_survive_in_the_checkouts_store(tiny):

@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import metrics, params, paths, runs, train, train_images, train_series, trained
-from pipeline.errors import InputError
+from pipeline import metrics, train, train_images, train_series, trained
+from pipeline.base import params, paths, runs
+from pipeline.base.errors import InputError
 from pipeline.fitting import Spec
 
 SPEC = Spec(2, 1, 3, 1, 2)

@@ -13,8 +13,8 @@ import pytest
 from conftest import ROOT
 from tqdm import tqdm
 
-from pipeline import errors, workers
-from pipeline.errors import InputError
+from pipeline.base import errors, workers
+from pipeline.base.errors import InputError
 
 ABSURD = 1 << 50  # bytes: more than any machine has
 
@@ -170,7 +170,7 @@ from pathlib import Path
 from tqdm import tqdm
 from test_workers import slow
 from pipeline import workers
-from pipeline.errors import run_stage
+from pipeline.base.errors import run_stage
 
 def main():
     with tqdm(total=2) as bar:

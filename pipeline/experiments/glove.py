@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from pipeline import images as tactile
 from pipeline import logs, tables
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format
 from pipeline.seeding import generator
 

@@ -23,7 +23,7 @@ import pyarrow as pa
 
 from pipeline import images as tactile
 from pipeline import logs, tables
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.seeding import generator
 
 MATRICES = ((14, 6), (13, 6)) * 3  # rows, columns: proximal and distal link of each finger

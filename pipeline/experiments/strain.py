@@ -7,8 +7,9 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import theilslopes
 
-from pipeline import alignment, logs, paths, series, tables
-from pipeline.errors import InputError
+from pipeline import alignment, logs, series, tables
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import logs, matlab, series, tables
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
 FILES = {"day_1": "new_test/para5_long.mat", "day_2": "para5_long_n.mat"}  # 30 and 31 July 2019
 VARIABLES = ("voltage", "tim", "pos", "deformation")  # of the many in the workspace

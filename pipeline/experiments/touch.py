@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from pipeline import alignment, logs, tables
 from pipeline import labels as labels_kpa
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format
 from pipeline.seeding import generator
 

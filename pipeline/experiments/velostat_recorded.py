@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import alignment, logs, tables
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format
 
 CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096

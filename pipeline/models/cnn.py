@@ -2,7 +2,7 @@
 
 from torch import nn
 
-from pipeline.blocks import EarlyStopping, Widths
+from pipeline.base.blocks import EarlyStopping, Widths
 from pipeline.fitting import Spec, TorchRegressor
 
 

@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from pipeline.blocks import EarlyStopping, Width
+from pipeline.base.blocks import EarlyStopping, Width
 from pipeline.fitting import Spec, TorchRegressor
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import sparse
 
-from pipeline.blocks import NotNegative, Positive, Share, Width
+from pipeline.base.blocks import NotNegative, Positive, Share, Width
 from pipeline.fitting import Spec
 from pipeline.seeding import generator
 from pipeline.series_fitting import StateReadout

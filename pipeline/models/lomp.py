@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.blocks import EarlyStopping, Neighbours, Number, Width, Widths
+from pipeline.base.blocks import EarlyStopping, Neighbours, Number, Width, Widths
 from pipeline.fitting import Spec
 from pipeline.message_passing import LompRegressor, maker
 

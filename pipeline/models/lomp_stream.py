@@ -11,7 +11,7 @@ import torch
 from torch import nn
 
 from pipeline import counting
-from pipeline.blocks import EarlyStopping, Neighbours, Number, Width, Widths
+from pipeline.base.blocks import EarlyStopping, Neighbours, Number, Width, Widths
 from pipeline.fitting import LARGEST_BATCH, Spec
 from pipeline.message_passing import LompRegressor, maker
 

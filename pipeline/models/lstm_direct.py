@@ -1,6 +1,6 @@
 """Direct training (latent-space paper, Table I): tanh, LSTM, linear read-out, all of it trained on the task."""
 
-from pipeline.blocks import SequenceTraining, Width
+from pipeline.base.blocks import SequenceTraining, Width
 from pipeline.fitting import Spec
 from pipeline.series_fitting import LstmRegressor
 

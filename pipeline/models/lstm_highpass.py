@@ -22,8 +22,8 @@ from safetensors.torch import save_file
 from torch import nn
 
 from pipeline import counting
-from pipeline.blocks import StretchTraining, Taps, Width
-from pipeline.errors import InputError
+from pipeline.base.blocks import StretchTraining, Taps, Width
+from pipeline.base.errors import InputError
 from pipeline.fitting import NETWORK_FILE, Spec, read_tensors
 from pipeline.series import Record
 from pipeline.series_fitting import Scaling

@@ -2,7 +2,7 @@
 
 import torch
 
-from pipeline.blocks import SequenceTraining
+from pipeline.base.blocks import SequenceTraining
 from pipeline.fitting import Spec
 from pipeline.series import Record
 from pipeline.series_fitting import LstmRegressor

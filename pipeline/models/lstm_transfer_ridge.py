@@ -1,6 +1,6 @@
 """Transfer with the read-out solved in one step: ridge regression on the frozen states of model-0."""
 
-from pipeline.blocks import NotNegative
+from pipeline.base.blocks import NotNegative
 from pipeline.fitting import Spec
 from pipeline.series_fitting import LstmRegressor
 

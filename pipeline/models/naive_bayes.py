@@ -3,7 +3,7 @@
 import numpy as np
 from sklearn.naive_bayes import GaussianNB
 
-from pipeline.blocks import Positive
+from pipeline.base.blocks import Positive
 from pipeline.fitting import SklearnRegressor, Spec
 
 

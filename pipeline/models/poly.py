@@ -6,7 +6,7 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from pipeline.blocks import Degree, NotNegative
+from pipeline.base.blocks import Degree, NotNegative
 from pipeline.fitting import SklearnRegressor, Spec
 
 

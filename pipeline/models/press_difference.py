@@ -14,8 +14,8 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.exceptions import DataConversionWarning
 from sklearn.pipeline import make_pipeline
 
-from pipeline.blocks import Count
-from pipeline.errors import InputError
+from pipeline.base.blocks import Count
+from pipeline.base.errors import InputError
 from pipeline.fitting import SklearnRegressor, Spec
 from pipeline.series import Record
 from pipeline.series_fitting import Windowed

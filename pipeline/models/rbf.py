@@ -7,8 +7,8 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from pipeline.blocks import Count, NotNegative, Positive
-from pipeline.errors import InputError
+from pipeline.base.blocks import Count, NotNegative, Positive
+from pipeline.base.errors import InputError
 from pipeline.fitting import SklearnRegressor, Spec
 
 

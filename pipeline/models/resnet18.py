@@ -2,7 +2,7 @@
 
 from torch import nn
 
-from pipeline.blocks import AugmentedTraining
+from pipeline.base.blocks import AugmentedTraining
 from pipeline.fitting import Spec
 from pipeline.image_fitting import ImageClassifier
 from pipeline.residual import BasicBlock

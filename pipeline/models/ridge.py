@@ -4,7 +4,7 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from pipeline.blocks import NotNegative
+from pipeline.base.blocks import NotNegative
 from pipeline.fitting import SklearnRegressor, Spec
 
 

@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from pipeline.blocks import EarlyStopping, Layers, Width
+from pipeline.base.blocks import EarlyStopping, Layers, Width
 from pipeline.fitting import Spec, TorchRegressor
 
 

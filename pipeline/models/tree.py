@@ -2,7 +2,7 @@
 
 from sklearn.tree import DecisionTreeRegressor
 
-from pipeline.blocks import Count, Share
+from pipeline.base.blocks import Count, Share
 from pipeline.fitting import SklearnRegressor, Spec
 
 

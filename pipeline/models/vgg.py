@@ -3,8 +3,8 @@
 import torch
 from torch import nn
 
-from pipeline.blocks import EarlyStopping, Widths
-from pipeline.errors import InputError
+from pipeline.base.blocks import EarlyStopping, Widths
+from pipeline.base.errors import InputError
 from pipeline.fitting import Spec, TorchRegressor
 
 CONVOLUTIONS = (2, 2, 3, 3, 3)  # a stage; 13 of the 16 layers

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.scenes import glove, readout
 from pipeline.seeding import generator
 

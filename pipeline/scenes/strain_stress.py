@@ -7,7 +7,7 @@ The clocks of DAQ and robot agree.
 
 from collections.abc import Mapping
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.scenes import strain
 from pipeline.scenes.faults import Fault
 

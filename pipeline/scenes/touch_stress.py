@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 from pipeline.scenes import touch
 from pipeline.scenes.touch import Recording
 from pipeline.seeding import generator

@@ -24,7 +24,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from benchmarks import growth, report, rows  # noqa: E402
 
-from pipeline import paths  # noqa: E402
+from pipeline.base import paths  # noqa: E402
 
 
 class Sizes(NamedTuple):

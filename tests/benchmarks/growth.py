@@ -8,7 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullLocator
 
-from pipeline import figures, files
+from pipeline import figures
+from pipeline.base import files
 
 COLUMNS = ("task", "against", "size", "size_unit", "seconds", "mb", "time_exponent", "memory_exponent")
 DATA, ELEMENTS = "data", "elements"

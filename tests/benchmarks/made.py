@@ -7,7 +7,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from pipeline import params, tables
+from pipeline import tables
+from pipeline.base import params
 from pipeline.experiments import touch
 from pipeline.series import Record
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline import paths, workers
+from pipeline.base import paths, workers
 
 HERE = Path(__file__).resolve().parent
 UPDATES, EPOCHS = 5, 3  # of a network, timed together
@@ -84,7 +84,7 @@ def dataset_pandas(folder: Path, _):
     from benchmarks import peers
     from benchmarks.made import touch_settings
 
-    from pipeline import params
+    from pipeline.base import params
 
     settings, runs = touch_settings(), params.runs(params.load(), "touch")
     paths.ROOT = folder
@@ -215,7 +215,7 @@ def sp_resnet_epoch_plain(_, images: float):
     import torch
     from benchmarks import peers
 
-    from pipeline.blocks import AugmentedTraining
+    from pipeline.base.blocks import AugmentedTraining
     from pipeline.image_fitting import augmented
     from pipeline.models import sp_resnet
 
@@ -233,7 +233,7 @@ def sp_resnet_epoch_plain(_, images: float):
 def _images(count: float):
     import numpy as np
 
-    from pipeline import params
+    from pipeline.base import params
     from pipeline.image_fitting import spec_of
 
     block = params.load()["glove"]["models"]["sp_resnet"]
@@ -257,7 +257,7 @@ def lomp(side: int, max_epochs: int):
 
 def lstm(max_epochs: int):
     """The strain experiment's LSTM, directly trained."""
-    from pipeline import params
+    from pipeline.base import params
     from pipeline.fitting import Spec
     from pipeline.models import lstm_direct
 

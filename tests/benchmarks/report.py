@@ -5,7 +5,7 @@ from pathlib import Path
 
 from benchmarks import growth
 
-from pipeline import files
+from pipeline.base import files
 from pipeline.markdown import table
 
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}

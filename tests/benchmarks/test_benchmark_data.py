@@ -9,7 +9,8 @@ import pytest
 from benchmarks import made, peers
 from benchmarks.measure import measured
 
-from pipeline import logs, params, paths, tables
+from pipeline import logs, tables
+from pipeline.base import params, paths
 from pipeline.experiments import touch
 
 

@@ -6,7 +6,7 @@ import pytest
 from benchmarks import growth, made
 from benchmarks.measure import measured
 
-from pipeline import paths
+from pipeline.base import paths
 
 
 def points(task, against, sizes, unit, folder_of, repeats):

@@ -7,8 +7,9 @@ from benchmarks import made, measure, peers
 from torch import nn
 from tqdm import tqdm
 
-from pipeline import params, paths, series, tables, trained, workers
-from pipeline.blocks import SequenceTraining
+from pipeline import series, tables, trained
+from pipeline.base import params, paths, workers
+from pipeline.base.blocks import SequenceTraining
 from pipeline.fitting import Spec, TorchRegressor
 from pipeline.models import esn, lstm_transfer_ridge
 from pipeline.series_fitting import LstmRegressor

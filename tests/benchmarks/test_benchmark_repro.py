@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from pipeline import paths
+from pipeline.base import paths
 
 # A change of one model of `touch` must not run what makes its data, nor another model, nor another experiment.
 FORBIDDEN = r"simulate|ingest|window|dataset|model_zero|study|augment|probe|count|stag|(?<!render_)rightsize|physics"

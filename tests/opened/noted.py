@@ -59,7 +59,7 @@ def plain(value):
 
 def ignore_bookkeeping(replace: Callable) -> None:
     """To check settings, or to write them down, is not to read them; replace: `setattr`, or one that is undone."""
-    from pipeline import params
+    from pipeline.base import params
 
     check_block, dumps = params.check_block, json.dumps
     replace(params, "check_block", lambda given, *others: check_block(plain(given), *others))
@@ -71,7 +71,7 @@ def main() -> None:
     command = dict(zip(sys.orig_argv, sys.orig_argv[1:], strict=False)).get("-m", "")
     if not command.startswith("pipeline.") or command in BOOKKEEPERS:
         return
-    from pipeline import params
+    from pipeline.base import params
 
     load, read = params.load, set()
     params.load = lambda *arguments: Noted(load(*arguments), read)

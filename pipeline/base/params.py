@@ -15,15 +15,15 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 
-from pipeline import blocks, paths
-from pipeline.errors import InputError
+from pipeline.base import blocks, paths
+from pipeline.base.errors import InputError
 
 DEEPEST = 20  # blocks and lists inside each other; params.yaml has 8. The parser in C crashes at some 30,000
 MODEL_KEY = re.compile(r"[a-z][a-z0-9_]*")  # a key becomes a file's, a folder's and a stage's name
 
 
 def load(path: Path = paths.PARAMS) -> dict:
-    """Return params.yaml as nested dictionaries, every key and value checked against pipeline/blocks.py.
+    """Return params.yaml as nested dictionaries, every key and value checked against pipeline/base/blocks.py.
 
     A stage calls it once, in its `main`, and hands the values on: a file that changes while a stage runs must not
     reach a part of it.
@@ -37,7 +37,7 @@ def load(path: Path = paths.PARAMS) -> dict:
 
 
 def check(values) -> None:
-    """Hold all of params.yaml against pipeline/blocks.py and pipeline/models; InputError names what fails first."""
+    """Hold all of params.yaml against pipeline/base/blocks.py and pipeline/models; InputError names what fails first."""
     check_block(values, blocks.Settings, "")
     for experiment, block in values.items():
         if isinstance(block, Mapping) and "models" in block:
@@ -184,7 +184,7 @@ def _kind(argument: ast.arg, path: Path):
     name = argument.annotation.id if isinstance(argument.annotation, ast.Name) else ""
     if not hasattr(blocks, name):
         raise InputError(
-            f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/blocks.py as its "
+            f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/base/blocks.py as its "
             "annotation, such as Count, Positive or EarlyStopping"
         )
     return getattr(blocks, name)

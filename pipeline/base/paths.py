@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.base.errors import InputError
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from
 PARAMS = ROOT / "params.yaml"
-MODELS = ROOT / "pipeline" / "models"  # the code, a file for each row of a table
+CODE = ROOT / "pipeline"
+MODELS = CODE / "models"  # one file per row of a table
 SOURCES = ROOT / "data" / "sources"
 REPORTS = ROOT / "reports"
 

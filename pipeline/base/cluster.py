@@ -28,9 +28,9 @@ from urllib.parse import urlsplit
 
 from tqdm import tqdm
 
-from pipeline import files, paths, workers
-from pipeline.errors import InputError, memory_error
-from pipeline.parent import die_with_parent
+from pipeline.base import files, paths, workers
+from pipeline.base.errors import InputError, memory_error
+from pipeline.base.processes import die_with_parent
 
 CONNECT_S = 10
 NO_WORKER_S = 60  # without a single worker a stage waits this long: one that was lost may come back

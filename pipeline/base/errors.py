@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.parent import die_with_parent
+from pipeline.base.processes import die_with_parent
 
 # What ends a write through no fault of the code.
 STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
@@ -32,7 +32,7 @@ def run_stage(main: Callable[[], None]) -> None:
     next `dvc repro` would find it still writing. It fails where params.yaml changed while it ran: DVC reads the file
     after the stage, and would take the results for those of the new values.
     """
-    from pipeline import paths  # which needs InputError
+    from pipeline.base import paths  # which needs InputError
 
     by_dvc = "DVC_STAGE" in os.environ
     if by_dvc:

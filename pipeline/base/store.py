@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from pipeline import files, paths
+from pipeline.base import files, paths
 
-CODE = ("store.py", "track.py", "tracking.py")  # what decides how files become runs
+CODE = ("base/store.py", "track.py", "tracking.py")  # what decides how files become runs
 COLUMNS = ("experiment", "protocol", "model", "seed", "content", "run_id")  # of a receipt's rows
 
 
@@ -97,7 +97,7 @@ def origin(params: dict) -> str:
     folder counts, since the store does not work in a copy.
     """
     rows = [str(workspace()), json.dumps(params, sort_keys=True)]
-    rows += [hashlib.sha256((Path(__file__).parent / name).read_bytes()).hexdigest() for name in CODE]
+    rows += [hashlib.sha256((paths.CODE / name).read_bytes()).hexdigest() for name in CODE]
     for path in _inputs(params):
         state = _state(path)
         rows.append(f"{path.relative_to(paths.ROOT).as_posix()} {state}")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pipeline import files, params, paths, workers
-from pipeline.availability import why_not_run
+from pipeline.base import files, params, paths, workers
+from pipeline.base.availability import why_not_run
 
 TIMES = ("protocol", "seed", "train_s")
 

@@ -20,9 +20,9 @@ from types import MappingProxyType
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from pipeline import files
-from pipeline.errors import InputError, memory_error
-from pipeline.parent import die_with_parent
+from pipeline.base import files
+from pipeline.base.errors import InputError, memory_error
+from pipeline.base.processes import die_with_parent
 
 # glibc's allocator: large pieces of memory are kept and lie in huge pages. Fresh memory costs a page fault each 4 kB,
 # which takes a tenth of the training of a convolutional network.
@@ -75,7 +75,7 @@ def run(
     """
     processes = count()
     if isinstance(processes, str):
-        from pipeline import cluster
+        from pipeline.base import cluster
 
         yield from cluster.run(processes, function, tasks, bar, steps, folders)
     elif min(processes, len(tasks)) == 1:

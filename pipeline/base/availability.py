@@ -2,8 +2,8 @@
 
 import json
 
-from pipeline import paths
-from pipeline.errors import InputError
+from pipeline.base import paths
+from pipeline.base.errors import InputError
 
 
 def why_not_run(experiment: str) -> str | None:
