@@ -19,10 +19,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline import figures_check, labels, logs, mistakes, own, tables
+from pipeline import figures_check, logs, mistakes, own
+from pipeline.datasets import labels, schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError, run_stage
-from pipeline.windowing import windows_of
+from pipeline.datasets.windowing import windows_of
 
 EXPERIMENTS = ("touch", "strain", "glove")
 DRAWN = 3  # recordings in the picture
@@ -101,7 +102,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
                 problems.append(wrong)
                 continue
         time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
-        report = tables.log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
+        report = schemas.log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
         read[name] = Log(rows.append_column("time_s", pa.array(time)), rejects, report)
     frames, report = None, {}
     if not problems:
@@ -245,7 +246,7 @@ def whole(experiment: str, read: list[Checked], settings: Mapping) -> tuple[pa.T
         return frames, [], strain_problems(frames, settings)
     if experiment == "glove":
         images = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
-        return images, [f"{images.num_rows} images of {len(set(tables.names(images['condition'])))} objects"], []
+        return images, [f"{images.num_rows} images of {len(set(schemas.names(images['condition'])))} objects"], []
     try:
         windows = windows_of(frames, settings["window"])
     except InputError as error:
@@ -256,7 +257,7 @@ def whole(experiment: str, read: list[Checked], settings: Mapping) -> tuple[pa.T
 
 def touch_found(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tuple[list[str], list[str]]:
     """Presses, forces and places, and whether the elements answer where they are pressed."""
-    names = tables.names(windows["condition"])
+    names = schemas.names(windows["condition"])
     said, problems = [], []
     for condition in np.unique(names):
         own = names == condition
@@ -264,7 +265,7 @@ def touch_found(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tuple
         said.append(f"{condition}: {presses} presses, {own.sum()} windows")
     if "single" not in names:
         problems.append("no folder 'single': models learn from single touches, all other conditions are test data")
-    force, x, y = (tables.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
+    force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
     contact = np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"]
     if not contact.any():
         threshold = settings["window"]["contact_threshold_n"]
@@ -316,7 +317,7 @@ def order_of_elements(
     firm = (np.isfinite(force).sum(axis=1) == 1) & (force[:, 0] > np.nanmax(force[:, 0]) / 2)
     if not firm.any():
         return [], []
-    counts = tables.matrix(frames["v"]).astype(float)
+    counts = schemas.matrix(frames["v"]).astype(float)
     strongest = (counts[firm] - np.median(counts, axis=0)).argmax(axis=1)
     row, col = strongest // cols, strongest % cols
     orders = {
@@ -356,7 +357,7 @@ def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], 
         except InputError as error:
             problems.append(str(error))
             continue
-        counts = {name: int((part == name).sum()) for name in tables.PARTS[:3]}
+        counts = {name: int((part == name).sum()) for name in schemas.PARTS[:3]}
         said.append(f"{protocol}: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
         if empty := [name for name, count in counts.items() if not count]:
             problems.append(f"{protocol}: nothing to {' and '.join(VERBS[name] for name in empty)}; record more")

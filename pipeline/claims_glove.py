@@ -23,7 +23,7 @@ from pipeline.claims import (
     untestable,
 )
 from pipeline.figures import style
-from pipeline.images import MODALITIES, classes
+from pipeline.datasets.images import MODALITIES, classes
 from pipeline.markdown import interval as shown
 from pipeline.markdown import number as digits
 from pipeline.markdown import size

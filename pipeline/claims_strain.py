@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline import tables
+from pipeline.datasets import schemas
 from pipeline.claims import (
     Claim,
     Evidence,
@@ -101,7 +101,7 @@ def channel_correlation(e: Evidence, task: str) -> pd.Series:
 
     def read() -> pd.Series:
         table = e.table("strain")
-        voltage = tables.matrix(table["v"])[tables.names(table["condition"]) == task].astype(float)
+        voltage = schemas.matrix(table["v"])[schemas.names(table["condition"]) == task].astype(float)
         pair = np.triu_indices(voltage.shape[1], 1)
         blocks = np.array_split(voltage, BLOCKS)
         return pd.Series([np.abs(np.corrcoef(block.T)[pair]).mean() for block in blocks])
@@ -124,9 +124,9 @@ def by_age(e: Evidence, model: str, task: str) -> tuple[float, float]:
 
     def read() -> tuple[float, float]:
         table = e.table("strain")
-        truth, found = tables.matrix(table["y"]), []
+        truth, found = schemas.matrix(table["y"]), []
         for seed in e.values["strain"]["protocols"][task]["seeds"]:
-            rows = np.flatnonzero(tables.names(table[tables.split_column(task, seed)]) == "test")
+            rows = np.flatnonzero(schemas.names(table[schemas.split_column(task, seed)]) == "test")
             guess = read_predictions("strain", model, task, seed, table)
             parts = np.array_split(rows, TIME_BINS)
             found.append([mean_error(truth[part], guess[part]) for part in (parts[0], parts[-1])])

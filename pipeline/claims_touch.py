@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline import labels, tables
+from pipeline.datasets import labels, schemas
 from pipeline.base import paths
 from pipeline.claims import (
     Claim,
@@ -87,10 +87,10 @@ def high_pressure_error(e: Evidence, model: str) -> pd.Series:
     def read() -> pd.Series:
         table, protocol = e.table("touch"), main_protocol(e)
         peak = np.nan_to_num(labels.peaks_kpa(table, e.values["touch"])).max(axis=1)
-        high = (tables.names(table["condition"]) == "single") & (peak > HIGH_KPA)
+        high = (schemas.names(table["condition"]) == "single") & (peak > HIGH_KPA)
         found = {}
         for seed in e.values["touch"]["protocols"][protocol]["seeds"]:
-            rows = high & (tables.names(table[tables.split_column(protocol, seed)]) == "test")
+            rows = high & (schemas.names(table[schemas.split_column(protocol, seed)]) == "test")
             largest = maps(e, model, protocol, seed)[rows].max(axis=(1, 2))
             found[seed] = float(np.abs(largest - peak[rows]).mean()) if rows.any() else np.nan
         return pd.Series(found)
@@ -112,14 +112,14 @@ def tilt(e: Evidence) -> pd.Series:
 
 def true_tilt(e: Evidence) -> float:
     """The same of the labels."""
-    return _tilt(e, tables.matrix(e.table("touch")["y"]))
+    return _tilt(e, schemas.matrix(e.table("touch")["y"]))
 
 
 def _tilt(e: Evidence, values: np.ndarray) -> float:
     """values: (n, map_rows * map_cols) in kPa on all windows."""
     table, label = e.table("touch"), e.values["touch"]["label"]
-    pressed = tables.matrix(table["y"]).max(axis=1) > KPA_BINS[0]
-    chosen = values[pressed & (tables.names(table["condition"]) == "tape")]
+    pressed = schemas.matrix(table["y"]).max(axis=1) > KPA_BINS[0]
+    chosen = values[pressed & (schemas.names(table["condition"]) == "tape")]
     column = np.maximum(chosen.reshape(-1, label["map_rows"], label["map_cols"]), 0).sum(axis=1)
     half = label["map_cols"] // 2
     left, right = column[:, :half].sum(axis=1), column[:, -half:].sum(axis=1)
@@ -136,15 +136,15 @@ def press_shift(e: Evidence) -> pd.Series:
 
     def read() -> pd.Series:
         path = paths.require(paths.frames("touch"), "python -m pipeline.ingest touch")
-        frames = tables.read(path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
-        frames = frames.filter(tables.names(frames["condition"]) == "single")
+        frames = schemas.read(path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
+        frames = frames.filter(schemas.names(frames["condition"]) == "single")
         settings = e.values["touch"]
         sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]
-        force, x, y = (tables.matrix(frames[name])[:, 0] for name in ("force_n", "x_mm", "y_mm"))
+        force, x, y = (schemas.matrix(frames[name])[:, 0] for name in ("force_n", "x_mm", "y_mm"))
         column = np.clip(x // pitch, 0, sensor["cols"] - 1).astype(int)
         row = np.clip(y // pitch, 0, sensor["rows"] - 1).astype(int)
         element = row * sensor["cols"] + column
-        reading = tables.matrix(frames["v"])[np.arange(len(x)), element]
+        reading = schemas.matrix(frames["v"])[np.arange(len(x)), element]
         near = np.maximum(np.abs(x - (column + 0.5) * pitch), np.abs(y - (row + 0.5) * pitch)) <= pitch / 4
         level = np.digitize(labels.pressure_kpa(force, settings["label"]["tip_radius_mm"]), KPA_BINS)
         table = pd.DataFrame({"element": element, "level": level, "near": near, "reading": reading.astype(float)})
@@ -228,16 +228,16 @@ def loaded(e: Evidence, model: str) -> dict[str, float]:
     def read() -> dict[str, float]:
         table, settings, protocol = e.table("touch"), e.values["touch"], main_protocol(e)
         seed = settings["protocols"][protocol]["seeds"][0]
-        test = tables.names(table[tables.split_column(protocol, seed)]) == "test"
-        condition = tables.names(table["condition"])
-        force, x = (np.nan_to_num(tables.matrix(table[name])) for name in ("force_n", "x_mm"))
+        test = schemas.names(table[schemas.split_column(protocol, seed)]) == "test"
+        condition = schemas.names(table["condition"])
+        force, x = (np.nan_to_num(schemas.matrix(table[name])) for name in ("force_n", "x_mm"))
         pressed = (force > settings["window"]["contact_threshold_n"]).sum(axis=1)
         column = x[:, :2] // settings["sensor"]["pitch_mm"]
         double, both = condition == "double", (condition == "double") & (pressed > 1)
         same = column[:, 0] == column[:, -1]
         parts = {"contact": test & (condition == "single") & (pressed > 0), "both": both}
         parts |= {"column": both & same, "apart": both & ~same, "alone": double & ~both}
-        truth, predicted = tables.matrix(table["y"]), read_predictions("touch", model, protocol, seed, table)
+        truth, predicted = schemas.matrix(table["y"]), read_predictions("touch", model, protocol, seed, table)
         found = {"share": float(both.sum() / max(1, double.sum()))}
         for name, rows in parts.items():
             off = predicted[rows].astype(float) - truth[rows]
@@ -295,9 +295,9 @@ def unseen(e: Evidence) -> dict[str, float]:
         seed = settings["protocols"][protocol]["seeds"][0]
         elements = settings["sensor"]["rows"] * settings["sensor"]["cols"]
         return unseen_products(
-            tables.matrix(table["x"])[:, -elements:].astype(float),
-            tables.names(table[tables.split_column(protocol, seed)]),
-            tables.names(table["condition"]),
+            schemas.matrix(table["x"])[:, -elements:].astype(float),
+            schemas.names(table[schemas.split_column(protocol, seed)]),
+            schemas.names(table["condition"]),
             settings["sensor"],
         )
 

@@ -12,7 +12,8 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, images, metrics, series, tables, trained
+from pipeline import classification, metrics, trained
+from pipeline.datasets import images, schemas, series
 from pipeline.base import files, params, paths, workers
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
@@ -39,9 +40,9 @@ def evaluate_model(values: Mapping, experiment: str, model: str, target: Path, r
     for protocol, seed, pieces in tested(experiment, values[experiment], params.runs(values, experiment), load):
         for rows, predicted, found in pieces:
             scores += [(experiment, protocol, condition, model, seed, *row) for condition, *row in found]
-            parts.append(tables.prediction_rows(protocol, seed, rows, predicted))
+            parts.append(schemas.prediction_rows(protocol, seed, rows, predicted))
         report()
-    tables.write(target / f"{model}.parquet", parts[0].schema, parts)
+    schemas.write(target / f"{model}.parquet", parts[0].schema, parts)
     return scores
 
 
@@ -51,8 +52,8 @@ def on_windows(experiment: str, settings: Mapping, runs: list[tuple[str, int]], 
 
     score, pooled = getattr(metrics, experiment), metrics.POOLED.get(experiment, ())
     spec = Spec(*params.shapes(settings))
-    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
-    condition = tables.names(data.rows["condition"])
+    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
+    condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:
         run = load(protocol, seed, spec)
         rows = np.flatnonzero(data.part(protocol, seed) == "test")

@@ -9,7 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Rectangle
 
-from pipeline import alignment, figures, tables
+from pipeline import alignment, figures
+from pipeline.datasets import schemas
 
 LINES = (
     (figures.BLUE, "-"),
@@ -130,7 +131,7 @@ def places(ax: plt.Axes, frames, settings: Mapping) -> None:
         corner = col * sensor["pitch_mm"] + rest, row * sensor["pitch_mm"] + rest
         ax.add_patch(Rectangle(corner, sensor["element_mm"], sensor["element_mm"], fill=False, color="#BBBBBB"))
         ax.annotate(f"v{k}", (corner[0] + 0.5, corner[1] + 0.5), fontsize=6, color=figures.GREY)
-    force, x, y = (tables.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
+    force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
     pressed = force > settings["window"]["contact_threshold_n"]
     for touch, marker in zip(range(force.shape[1]), "ox+^s", strict=False):
         own = pressed[:, touch]

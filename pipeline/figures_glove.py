@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from pipeline import figures
 from pipeline.figures import style
-from pipeline.images import HIGHEST, SIDE
+from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.results import Fit, estimate
 
 COLOURS = {"pressure": figures.BLUE, "strain": figures.VERMILION, "combined": figures.BLACK}  # of the datasets

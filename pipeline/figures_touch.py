@@ -10,7 +10,8 @@ import pyarrow as pa
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pipeline import figures, labels, tables
+from pipeline import figures
+from pipeline.datasets import labels, schemas
 from pipeline.figures import MEASURED, style
 from pipeline.results import Fit
 from pipeline.scenes import material
@@ -43,14 +44,14 @@ def windows_of(table: pa.Table, settings: Mapping, protocol: str, seed: int) -> 
     """The dataset's table as arrays; settings: the block `touch` of params.yaml."""
     label = settings["label"]
     return Windows(
-        tables.names(table["condition"]),
-        tables.names(table["recording"]),
+        schemas.names(table["condition"]),
+        schemas.names(table["recording"]),
         table["press"].to_numpy(),
         table["t_s"].to_numpy(),
-        *(tables.matrix(table[name]) for name in ("force_n", "x_mm", "y_mm")),
-        tables.matrix(table["x"]).reshape(table.num_rows, settings["window"]["frames"], -1)[:, -1],
-        tables.matrix(table["y"]).reshape(-1, label["map_rows"], label["map_cols"]),
-        tables.names(table[tables.split_column(protocol, seed)]) == "test",
+        *(schemas.matrix(table[name]) for name in ("force_n", "x_mm", "y_mm")),
+        schemas.matrix(table["x"]).reshape(table.num_rows, settings["window"]["frames"], -1)[:, -1],
+        schemas.matrix(table["y"]).reshape(-1, label["map_rows"], label["map_cols"]),
+        schemas.names(table[schemas.split_column(protocol, seed)]) == "test",
     )
 
 
@@ -141,9 +142,9 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
 def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
     """Figure 5: counts of an element over pressure for press locations along x within the element."""
     sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]
-    frames = frames.filter(pa.array(tables.names(frames["condition"]) == "single"))
-    force, x, y = (tables.matrix(frames[name])[:, 0] for name in ("force_n", "x_mm", "y_mm"))
-    counts = tables.matrix(frames["v"])
+    frames = frames.filter(pa.array(schemas.names(frames["condition"]) == "single"))
+    force, x, y = (schemas.matrix(frames[name])[:, 0] for name in ("force_n", "x_mm", "y_mm"))
+    counts = schemas.matrix(frames["v"])
     pressed = force > settings["window"]["contact_threshold_n"]
     # Elements 12, 17 and 22 of the paper: the middle column from the middle row upwards.
     elements = [row * sensor["cols"] + sensor["cols"] // 2 for row in range(sensor["rows"] // 2, sensor["rows"])]

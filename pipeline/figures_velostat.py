@@ -8,7 +8,8 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.lines import Line2D
 
-from pipeline import figures, tables
+from pipeline import figures
+from pipeline.datasets import schemas
 from pipeline.figures import MEASURED, style
 
 SHOWN_S = 15  # of a recording, around its largest force
@@ -26,8 +27,8 @@ def force_over_time(
 
     test: (n,) bool; predicted: model -> (n, 1) in N.
     """
-    recording = tables.names(windows["recording"])
-    truth, time = tables.matrix(windows["y"])[:, 0], windows["t_s"].to_numpy()
+    recording = schemas.names(windows["recording"])
+    truth, time = schemas.matrix(windows["y"])[:, 0], windows["t_s"].to_numpy()
     figure, axes = plt.subplots(len(recordings), 1, figsize=(9, 2.2 * len(recordings) + 1), squeeze=False)
     for ax, name in zip(axes[:, 0], recordings, strict=True):
         rows = np.flatnonzero(test & (recording == name))

@@ -12,7 +12,8 @@ from pathlib import Path
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import own, sources, tables
+from pipeline import own, sources
+from pipeline.datasets import schemas
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError, run_stage
 
@@ -84,8 +85,8 @@ def _write(
     experiment: str, schema: pa.Schema, frames: Iterable[pa.Table], rejects: list[pa.Table], report: dict
 ) -> None:
     """Write frames, rejects and report; the last two are complete once `frames` is exhausted."""
-    tables.write(paths.frames(experiment), schema, frames)
-    tables.write(paths.rejects(experiment), tables.REJECTS, rejects)
+    schemas.write(paths.frames(experiment), schema, frames)
+    schemas.write(paths.rejects(experiment), schemas.REJECTS, rejects)
     files.write_text(paths.ingest_report(experiment), json.dumps(report, indent=1) + "\n")
 
 

@@ -14,7 +14,8 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import images, series, tables, trained
+from pipeline import trained
+from pipeline.datasets import images, schemas, series
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
@@ -65,7 +66,7 @@ def _windows(values: dict, experiment: str) -> tuple:
     from pipeline.fitting import Spec
 
     spec = Spec(*params.shapes(values[experiment]))
-    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
+    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
     return spec, data.x[data.part(*params.runs(values, experiment)[0]) == "test"]
 
 

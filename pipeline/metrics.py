@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 from scipy.ndimage import maximum_filter
 
-from pipeline import labels, tables
-from pipeline.series import Record
+from pipeline.datasets import labels, schemas
+from pipeline.datasets.series import Record
 
 LOWEST_PEAK_KPA = 15.0  # half the smallest peak pressure of the data: less does not count as a touch found
 POOLED = {"velostat_recorded": ("all",)}  # all test windows of a run, if of several conditions
@@ -80,7 +80,7 @@ def touch(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings:
     shape = (label["map_rows"], label["map_cols"])
     rows = overall(truth, predicted, "kPa")
     peak = labels.peaks_kpa(windows, settings)
-    force, x, y = (tables.matrix(windows[name]) for name in ("force_n", "x_mm", "y_mm"))
+    force, x, y = (schemas.matrix(windows[name]) for name in ("force_n", "x_mm", "y_mm"))
     touched = np.nan_to_num(force) > settings["window"]["contact_threshold_n"]
     centre_x, centre_y = labels.cell_centres(sensor, label)
     maps = predicted.reshape(-1, *shape)

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import figures, figures_glove, images, pages, report_glove, report_glove_findings, report_glove_recorded, results, tables
+from pipeline import figures, figures_glove, pages, report_glove, report_glove_findings, report_glove_recorded, results
+from pipeline.datasets import images, schemas
 from pipeline.base import files, params, paths
 from pipeline.figures import style
 
@@ -53,13 +54,13 @@ def write_glove(settings: dict, target: Path) -> None:
     )
 
     glove = params.experiment_module("glove")
-    names, sessions = tables.names(table["condition"]), tables.names(table["recording"])
+    names, sessions = schemas.names(table["condition"]), schemas.names(table["recording"])
     grasped = GRASPED if GRASPED in objects else objects[0]
     rows = np.flatnonzero(names == grasped)
     rows = rows[sessions[rows] == sessions[rows[0]]]
     grasp = rows[len(rows) // 2]
     pictures = {
-        dataset: tables.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in images.MODALITIES
+        dataset: schemas.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in images.MODALITIES
     }
     title = figures.literal(f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}")
     figures_glove.tactile_images(accuracy / "figure10.png", pictures, glove.STRAIN, title)
@@ -109,10 +110,10 @@ def write_glove_recorded(settings: dict, target: Path) -> None:
 def _sequences(settings: dict, objects: list[str]) -> dict[str, np.ndarray]:
     """Object -> conductance in mS (sensors, frames) in its last session: pressure cells, then the wired joints."""
     path = paths.require(paths.frames("glove"), "python -m pipeline.ingest glove")
-    frames = tables.read(path, columns=["condition", "recording", "pressure", "strain"])
-    names, sessions = tables.names(frames["condition"]), tables.names(frames["recording"])
+    frames = schemas.read(path, columns=["condition", "recording", "pressure", "strain"])
+    names, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     glove, ohm = params.experiment_module("glove"), settings["sensor"]["reference_ohm"]
-    pressure, strain = (1e3 * glove.conductance(tables.matrix(frames[c]), ohm) for c in ("pressure", "strain"))
+    pressure, strain = (1e3 * glove.conductance(schemas.matrix(frames[c]), ohm) for c in ("pressure", "strain"))
     joints = glove.joint_means(strain.reshape(-1, 15, 9)).reshape(len(names), -1)
     values = np.column_stack([pressure, joints[:, joints.any(axis=0)]])
     found = {}

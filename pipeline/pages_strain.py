@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import figures_strain, pages, report_strain, report_strain_recorded, results, tables
+from pipeline import figures_strain, pages, report_strain, report_strain_recorded, results
+from pipeline.datasets import schemas
 from pipeline.base import files
 
 
@@ -51,13 +52,13 @@ def write_strain(settings: dict, target: Path) -> None:
 
 def _test_rows(settings: dict, table: pa.Table, task: str) -> np.ndarray:
     """Rows of the dataset that the first seed of a task tests on; all seeds have the same."""
-    column = tables.split_column(task, settings["protocols"][task]["seeds"][0])
-    return np.flatnonzero(tables.names(table[column]) == "test")
+    column = schemas.split_column(task, settings["protocols"][task]["seeds"][0])
+    return np.flatnonzero(schemas.names(table[column]) == "test")
 
 
 def _errors_by_time(settings: dict, table: pa.Table, task: str) -> dict[str, np.ndarray]:
     """Model -> mean error in mm (seeds, TIME_BINS) in equal parts of the test part, in the order of time."""
-    rows, truth = _test_rows(settings, table, task), tables.matrix(table["y"])
+    rows, truth = _test_rows(settings, table, task), schemas.matrix(table["y"])
     bins = np.array_split(rows, report_strain.TIME_BINS)
     found = {}
     for model in settings["models"]:
@@ -74,8 +75,8 @@ def _draw_performance(folder: Path, settings: dict, table: pa.Table, task: str, 
     guesses = {model: results.read_predictions("strain", model, task, seed, table)[rows] for model in compared}
     time_s, volts, truth = (
         table["t_s"].to_numpy()[rows],
-        tables.matrix(table["v"])[rows],
-        tables.matrix(table["y"])[rows],
+        schemas.matrix(table["v"])[rows],
+        schemas.matrix(table["y"])[rows],
     )
     outputs = [k for k in range(3) if all(np.isfinite(guess[:, k]).all() for guess in guesses.values())]
     run = f"{task.replace('_', ' ')}, test part, seed {seed}"
@@ -108,12 +109,12 @@ def write_strain_recorded(settings: dict, target: Path) -> None:
     files.write_table(accuracy / "table.csv", report_strain.score_table(scores, settings))
     files.write_text(accuracy / "table.md", report_strain_recorded.score_text(scores, settings, tested))
     files.write_text(accuracy / "README.md", report_strain_recorded.findings(scores, settings, tested))
-    truth, press = tables.matrix(table["y"]), table["press"].to_numpy()
+    truth, press = schemas.matrix(table["y"]), table["press"].to_numpy()
     views = {}
     for protocol in tested:
         if protocol.endswith("_xy"):
             seed = settings["protocols"][protocol]["seeds"][0]
-            part = tables.names(table[tables.split_column(protocol, seed)])
+            part = schemas.names(table[schemas.split_column(protocol, seed)])
             rows = np.flatnonzero((part == "test") & (press >= 0))
             views[protocol] = (
                 truth[rows],

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from pipeline import figures_touch, figures_velostat, pages, report_touch, report_velostat, results, tables
+from pipeline import figures_touch, figures_velostat, pages, report_touch, report_velostat, results
+from pipeline.datasets import schemas
 from pipeline.base import files, paths
 
 
@@ -24,7 +25,7 @@ def write_touch(settings: dict, target: Path) -> None:
         for model in settings["models"]
     }
     frames_path = paths.require(paths.frames("touch"), "python -m pipeline.ingest touch")
-    frames = tables.read(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
+    frames = schemas.read(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
 
     files.write_table(accuracy / "table1.csv", report_touch.score_table(scores, settings, conditions))
     files.write_text(accuracy / "table1.md", report_touch.table_one(scores, settings, conditions))
@@ -32,9 +33,9 @@ def write_touch(settings: dict, target: Path) -> None:
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
     differences = pages.own_differences("touch", settings)
     unseen = report_touch.unseen_products(
-        tables.matrix(table["x"])[:, -settings["sensor"]["rows"] * settings["sensor"]["cols"] :].astype(float),
-        tables.names(table[tables.split_column(protocol, seed)]),
-        tables.names(table["condition"]),
+        schemas.matrix(table["x"])[:, -settings["sensor"]["rows"] * settings["sensor"]["cols"] :].astype(float),
+        schemas.names(table[schemas.split_column(protocol, seed)]),
+        schemas.names(table["condition"]),
         settings["sensor"],
     )
     files.write_text(
@@ -64,8 +65,8 @@ def write_velostat_recorded(settings: dict, target: Path) -> None:
     """Write the report of `velostat_recorded` into the new folder `target`; settings: its block of params."""
     accuracy = target / "accuracy"
     scores, latency, table, protocol, seed = pages.read("velostat_recorded", settings)
-    test = tables.names(table[tables.split_column(protocol, seed)]) == "test"
-    recordings = sorted(set(tables.names(table["recording"])[test]))
+    test = schemas.names(table[schemas.split_column(protocol, seed)]) == "test"
+    recordings = sorted(set(schemas.names(table["recording"])[test]))
     groups = ["all", *sorted({name.split("/")[0] for name in recordings}, key=_by_force)]
     best = report_velostat.best_model(scores, settings)
     drawn = [model for model in settings["models"] if model in ("linear", best)]

@@ -18,11 +18,12 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, images, metrics, series, tables, trained
+from pipeline import classification, metrics, trained
+from pipeline.datasets import images, schemas, series
 from pipeline.base import blocks, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.variants import COLUMNS, DEFAULT, NONE, variants
-from pipeline.windowing import windows_of
+from pipeline.datasets.windowing import windows_of
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
 CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about the others, demonstrations
@@ -109,11 +110,11 @@ def write_dataset(experiment: str, settings: dict, protocols: Iterable[str], see
         table = images.dataset_rows(rows, module.images(rows, settings))
     else:
         rows = windows_of(frames, settings["window"])
-        table = rows.append_column("y", tables.lists(module.labels(rows, settings), pa.float32()))
+        table = rows.append_column("y", schemas.lists(module.labels(rows, settings), pa.float32()))
     for protocol in protocols:
         part = pa.array(module.split(rows, settings, protocol, seed), pa.string()).dictionary_encode()
-        table = table.append_column(tables.split_column(protocol, seed), part)
-    tables.write(dataset_of(folder), table.schema, [table])
+        table = table.append_column(schemas.split_column(protocol, seed), part)
+    schemas.write(dataset_of(folder), table.schema, [table])
 
 
 def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
@@ -121,8 +122,8 @@ def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
     from pipeline.fitting import Spec
 
     spec = Spec(*params.shapes(settings))
-    data = tables.read_dataset(dataset_of(folder), spec.frames)
-    condition = tables.names(data.rows["condition"])
+    data = schemas.read_dataset(dataset_of(folder), spec.frames)
+    condition = schemas.names(data.rows["condition"])
     (protocol,) = chosen["protocols"]
     part = data.part(protocol, seed)
     for model, block in chosen["models"].items():

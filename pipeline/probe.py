@@ -11,7 +11,7 @@ import pyarrow as pa
 from sklearn.ensemble import ExtraTreesClassifier
 from tqdm import tqdm
 
-from pipeline import tables
+from pipeline.datasets import schemas
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError, run_stage
@@ -35,12 +35,12 @@ def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
 def probe(settings: dict) -> list[tuple]:
     """Accuracy on the test grasps for each input and seed; settings: the block of params.yaml."""
     path = paths.require(paths.frames(EXPERIMENT), f"python -m pipeline.ingest {EXPERIMENT}")
-    frames = tables.read(path)
+    frames = schemas.read(path)
     frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))
-    objects = tables.names(frames["condition"])
+    objects = schemas.names(frames["condition"])
     seeds = settings["protocols"]["grasp_strain"]["seeds"]
     found = []
-    for name, x in tqdm(inputs(tables.matrix(frames["strain"])).items(), desc=f"probe {EXPERIMENT}", unit="input"):
+    for name, x in tqdm(inputs(schemas.matrix(frames["strain"])).items(), desc=f"probe {EXPERIMENT}", unit="input"):
         for seed in seeds:
             part = glove_recorded.split(frames, settings, "grasp_strain", seed)
             train, test = part == "train", part == "test"

@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import classification, markdown, tables
+from pipeline import classification, markdown
+from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.figures import style
-from pipeline.images import MODALITIES, classes, modality, split_name
+from pipeline.datasets.images import MODALITIES, classes, modality, split_name
 from pipeline.markdown import interval, number, size
 from pipeline.results import PUBLISHED, Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions, shown
 
@@ -130,10 +131,10 @@ def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: 
     are left out at every number of frames, so that all numbers are of the same sessions.
     """
     label = table["label"].to_numpy()
-    names = np.char.add(np.char.add(tables.names(table["condition"]), "/"), tables.names(table["recording"]))
+    names = np.char.add(np.char.add(schemas.names(table["condition"]), "/"), schemas.names(table["recording"]))
     _, session, images = np.unique(names, return_inverse=True, return_counts=True)
     tests = {
-        seed: np.flatnonzero(tables.names(table[tables.split_column(protocol, seed)]) == "test")
+        seed: np.flatnonzero(schemas.names(table[schemas.split_column(protocol, seed)]) == "test")
         for seed in settings["protocols"][protocol]["seeds"]
     }
     longest = [images[session[test[label[test] == k]]].max() for test in tests.values() for k in set(label[test])]

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline import sentences
 from pipeline.figures import style
-from pipeline.images import MODALITIES
+from pipeline.datasets.images import MODALITIES
 from pipeline.markdown import code, interval, number, size
 from pipeline.report_glove import (
     METHODS,

@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline import sentences
 from pipeline.base import paths
 from pipeline.figures import style
-from pipeline.images import MODALITIES
+from pipeline.datasets.images import MODALITIES
 from pipeline.markdown import interval, number, table
 from pipeline.report_glove import METRICS, NETWORKS, gain, score, splits
 from pipeline.report_glove_findings import confused_sentences, points, ranked, training_sentence, verdict

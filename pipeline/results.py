@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from scipy.special import stdtrit
 
-from pipeline import tables
+from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 
@@ -164,7 +164,7 @@ def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
 
 def read_windows(experiment: str) -> pa.Table:
     """The dataset's table."""
-    return tables.read(paths.require(paths.dataset(experiment), f"python -m pipeline.dataset {experiment}"))
+    return schemas.read(paths.require(paths.dataset(experiment), f"python -m pipeline.dataset {experiment}"))
 
 
 def read_predictions(experiment: str, model: str, protocol: str, seed: int, windows: pa.Table) -> np.ndarray:
@@ -174,11 +174,11 @@ def read_predictions(experiment: str, model: str, protocol: str, seed: int, wind
     """
     made_by = f"python -m pipeline.evaluate {experiment}"
     path = paths.require(paths.predictions(experiment) / f"{model}.parquet", made_by)
-    table = tables.read(path)
+    table = schemas.read(path)
     table = table.filter(
         (pc.field("protocol").cast("string") == protocol) & (pc.field("seed") == seed)
     ).combine_chunks()
-    test = np.flatnonzero(tables.names(windows[tables.split_column(protocol, seed)]) == "test")
+    test = np.flatnonzero(schemas.names(windows[schemas.split_column(protocol, seed)]) == "test")
     rows = table["window"].to_numpy()
     if not np.array_equal(np.sort(rows), test):
         raise InputError(
@@ -186,5 +186,5 @@ def read_predictions(experiment: str, model: str, protocol: str, seed: int, wind
             f"{len(test)} test windows; run `{made_by}` again"
         )
     result = np.full((windows.num_rows, table.schema.field("prediction").type.list_size), np.nan, np.float32)
-    result[rows] = tables.matrix(table["prediction"])
+    result[rows] = schemas.matrix(table["prediction"])
     return result

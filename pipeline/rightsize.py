@@ -15,7 +15,8 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, images, ladders, metrics, narrow, tables, trained
+from pipeline import classification, ladders, metrics, narrow, trained
+from pipeline.datasets import images, schemas
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.fitting import Spec
@@ -30,7 +31,7 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
     torch.set_num_threads(1)
     settings, protocol = values["touch"], ladders.protocol("touch", "single")
     spec = Spec(*params.shapes(settings))
-    data = tables.read_dataset(paths.dataset("touch"), spec.frames)
+    data = schemas.read_dataset(paths.dataset("touch"), spec.frames)
     x = data.x
     model = ladders.FAMILIES[family].model
     block = params.model_settings(values, "touch", model)
@@ -51,7 +52,7 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
         run = trained.Trained(regressor, failed=regressor.summary.best_epoch == 0)
     predicted, rows = np.full(data.y.shape, np.nan, np.float32), np.flatnonzero(part == "test")
     predicted[rows] = run.predict(x[rows])
-    condition, found = tables.names(data.rows["condition"]), []
+    condition, found = schemas.names(data.rows["condition"]), []
     for name in CONDITIONS:
         own = rows[condition[rows] == name]
         if not len(own):

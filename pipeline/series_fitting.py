@@ -17,7 +17,7 @@ from pipeline import counting
 from pipeline.base.blocks import SequenceTraining
 from pipeline.base.errors import InputError
 from pipeline.fitting import NETWORK_FILE, SklearnRegressor, Spec, TorchRegressor, read_tensors
-from pipeline.series import Record, Task
+from pipeline.datasets.series import Record, Task
 from pipeline.training import Epoch, FitSummary, Progress, device_of, history_row, run_epochs
 
 MILLIVOLT = 1e3  # window models see mV: the smallest spread that fitting.py scales by is 1

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline import matlab, own
 from pipeline.base.errors import InputError
-from pipeline.images import HIGHEST, SIDE
+from pipeline.datasets.images import HIGHEST, SIDE
 
 LOWEST_ADC, HIGHEST_ADC = 500, 650  # become 0 and 1 in the authors' own models, clipped beyond
 NAMES = {"objectId": "objects", "recordingId": "recordings", "splitId": "splits"}

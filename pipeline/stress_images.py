@@ -29,9 +29,10 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import classification, clean_scores, images, metrics, perturbations, results, tables, trained
+from pipeline import classification, clean_scores, metrics, perturbations, results, trained
+from pipeline.datasets import images, schemas
 from pipeline.base import params, paths
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 IN_TIME = ("lost_frames", "jitter")
 READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", *IN_TIME)
@@ -131,12 +132,12 @@ def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
     """The frames table, and its areas as they were in training; part: (images,) of one split."""
     module = params.experiment_module(experiment)
     path = paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}")
-    table = tables.read(path)
+    table = schemas.read(path)
     chosen = module.chosen(table, settings)
     train = chosen[part == "train"]
     areas = {}
     for name in AREAS:
-        readings = tables.matrix(table[name]).astype(float)
+        readings = schemas.matrix(table[name]).astype(float)
         own = readings[train]
         lowest, highest, lines = device(module, name)
         rest = np.percentile(own, LOW_PERCENTILE, axis=0)
@@ -166,7 +167,7 @@ def stressed(
     for area in AREAS:
         kind = table.schema.field(area).type.value_type
         place = table.schema.get_field_index(area)
-        table = table.set_column(place, area, tables.lists(readings[area], kind))
+        table = table.set_column(place, area, schemas.lists(readings[area], kind))
     return params.experiment_module(experiment).images(table, settings)
 
 
@@ -207,7 +208,7 @@ def perturbed(frames: Frames, area: str, name: str, severity: float, seed: int) 
 
 def recordings(table: pa.Table) -> Iterator[tuple[int, int]]:
     """First row and the row after the last of every recording of a frames table."""
-    names = np.char.add(np.char.add(tables.names(table["condition"]), "/"), tables.names(table["recording"]))
+    names = np.char.add(np.char.add(schemas.names(table["condition"]), "/"), schemas.names(table["recording"]))
     edges = np.flatnonzero(names[1:] != names[:-1]) + 1
     return zip([0, *edges], [*edges, len(names)], strict=True)
 
@@ -218,7 +219,7 @@ def changed_scene(settings: Mapping, frames: Frames, change: str, severity: floa
     A frame that ingest left out stays left out, and is found by its time.
     """
     known, table = json.dumps(settings), frames.table.take(pa.array(frames.rows))
-    objects, names = tables.names(table["condition"]), tables.names(table["recording"])
+    objects, names = schemas.names(table["condition"]), schemas.names(table["recording"])
     number = np.rint(table["t_s"].to_numpy() * settings["simulate"]["frame_hz"]).astype(int) - 1
     cells = np.empty((len(number), sum(area.readings.shape[1] for area in frames.areas.values())), np.int16)
     for first, last in recordings(table):

@@ -27,10 +27,11 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import alignment, clean_scores, logs, metrics, perturbations, results, series, tables, trained
+from pipeline import alignment, clean_scores, logs, metrics, perturbations, results, trained
+from pipeline.datasets import schemas, series
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 AS_THEY_ARE = ("stuck", "lost_frames", "jitter")
 SCENES = ("rate", "speed", "specimen")
@@ -187,8 +188,8 @@ def scene_record(block: str, task: str, change: str, severity: float) -> series.
     frames = module.resampled(task, change, daq_s[known], volts[known], truth[known], changed["ingest"])
     asked, n = module.task(task, settings), frames.num_rows
     return series.Record(
-        x=tables.matrix(frames["v"])[:, asked.channels[task]],
-        y=tables.matrix(frames["y_mm"])[:, list(asked.outputs)],
+        x=schemas.matrix(frames["v"])[:, asked.channels[task]],
+        y=schemas.matrix(frames["y_mm"])[:, list(asked.outputs)],
         counted=np.ones(n, dtype=bool),
         training=np.zeros(n, dtype=bool),
         press=frames["press"].to_numpy(),

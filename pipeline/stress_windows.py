@@ -20,10 +20,11 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import clean_scores, metrics, perturbations, results, tables, trained
+from pipeline import clean_scores, metrics, perturbations, results, trained
+from pipeline.datasets import schemas
 from pipeline.base import files, params, paths, workers
-from pipeline.seeding import generator
-from pipeline.windowing import windows_of
+from pipeline.datasets.seeding import generator
+from pipeline.datasets.windowing import windows_of
 
 READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", "lost_frames", "jitter")
 CONDITIONS = {"touch": ("single", "double"), "velostat_recorded": ("all",)}  # of the test windows
@@ -85,8 +86,8 @@ def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[]
                 (target / name).write_text("\n".join(lines) + "\n", encoding="ascii")
             frames.append(module.read_recording(target, varied)[0])
     windows = windows_of(pa.concat_tables(frames).unify_dictionaries().combine_chunks(), varied["window"])
-    table = windows.append_column("y", tables.lists(module.labels(windows, varied), pa.float32()))
-    tables.write(_scene_file(experiment, case), table.schema, [table])
+    table = windows.append_column("y", schemas.lists(module.labels(windows, varied), pa.float32()))
+    schemas.write(_scene_file(experiment, case), table.schema, [table])
     report()
 
 
@@ -103,9 +104,9 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     torch.set_num_threads(1)
     settings, stress = values[experiment], values["stress"][experiment]
     spec = Spec(*params.shapes(settings))
-    data = tables.read_dataset(paths.dataset(experiment), spec.frames)
+    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
     scenes = {
-        case: tables.read_dataset(_scene_file(experiment, case), spec.frames)
+        case: schemas.read_dataset(_scene_file(experiment, case), spec.frames)
         for case in scene_cases(values, experiment)
     }
     written, found = results.Scores(experiment, settings), []
@@ -124,14 +125,14 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     return found
 
 
-def perturber(experiment: str, settings: Mapping, data: tables.Dataset, train: np.ndarray) -> Callable:
+def perturber(experiment: str, settings: Mapping, data: schemas.Dataset, train: np.ndarray) -> Callable:
     """`change(x, perturbation, severity, rng)` for windows x (n, frames, elements); train: (n of `data`,) bool."""
     readings = data.x[train]
     if experiment == "touch":
         low, high = 0.0, float(settings["ingest"]["highest_count"])
     else:
         low, high = float(readings.min()), float(readings.max())
-    force_n = np.nansum(tables.matrix(data.rows["force_n"]), axis=1)[train]
+    force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1)[train]
     untouched = readings[force_n < settings["window"]["contact_threshold_n"]]
     rest = np.median(untouched if len(untouched) else readings, axis=(0, 1))
     sensor = settings["sensor"]
@@ -165,13 +166,13 @@ def with_clean(found: list[tuple]) -> list[tuple]:
 
 
 def _readings_rows(
-    experiment: str, values: Mapping, data: tables.Dataset, protocol: str, seed: int, model
+    experiment: str, values: Mapping, data: schemas.Dataset, protocol: str, seed: int, model
 ) -> list[tuple]:
     """(condition, perturbation, severity, metric, unit, value, n) of the test windows, unchanged and perturbed."""
     settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
     part = data.part(protocol, seed)
     test = np.flatnonzero(part == "test")
-    x, condition = data.x[test], tables.names(data.rows["condition"])[test]
+    x, condition = data.x[test], schemas.names(data.rows["condition"])[test]
     change = perturber(experiment, settings, data, part == "train")
     wanted = [(UNCHANGED, 0), *((name, severity) for name in asked if name in READINGS for severity in asked[name])]
     found = []
@@ -187,7 +188,7 @@ def _readings_rows(
     return found
 
 
-def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, tables.Dataset], model) -> list:
+def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, schemas.Dataset], model) -> list:
     """As `_readings_rows`, of the perturbed scenes."""
     found = []
     for case, data in scenes.items():

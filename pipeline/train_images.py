@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pipeline import images
+from pipeline.datasets import images
 from pipeline.base import params, paths, runs
 from pipeline.base.errors import run_stage
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pipeline import series
+from pipeline.datasets import series
 from pipeline.base import params, paths, runs
 from pipeline.base.errors import InputError, run_stage
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.tables import Dataset
+from pipeline.datasets.schemas import Dataset
 
 
 class Trained(NamedTuple):

@@ -7,10 +7,10 @@ import sys
 
 import numpy as np
 
-from pipeline import tables
+from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError, run_stage
-from pipeline.windowing import windows_of
+from pipeline.datasets.windowing import windows_of
 
 
 def main() -> None:
@@ -19,9 +19,9 @@ def main() -> None:
     experiment = params.experiment_argument(sys.argv, "window", values)
     if experiment in (*params.SERIES, *params.IMAGES):
         raise InputError(f"{experiment}: its models see no windows; run `python -m pipeline.dataset {experiment}`")
-    frames = tables.read(paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}"))
+    frames = schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}"))
     windows = windows_of(frames, values[experiment]["window"])
-    tables.write(paths.windows(experiment), windows.schema, [windows])
+    schemas.write(paths.windows(experiment), windows.schema, [windows])
     presses_found = len(np.unique(windows["press"].to_numpy()))
     print(f"{experiment}: {frames.num_rows} frames, {presses_found} presses, {windows.num_rows} windows")
 

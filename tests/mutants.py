@@ -185,7 +185,7 @@ MUTANTS = [
     ),
     Mutant(
         "series-see-the-test-part",
-        "pipeline/series.py",
+        "pipeline/datasets/series.py",
         "records.append(Record(*(column[: own[-1] + 1] for column in piece.record)))",
         "records.append(Record(*(column[:] for column in piece.record)))",
         "test_series.py::test_training_never_gets_the_test_part",
@@ -271,7 +271,7 @@ MUTANTS = [
     ),
     Mutant(
         "validation-comes-before-training",
-        "pipeline/series.py",
+        "pipeline/datasets/series.py",
         'np.repeat(["train", "validation", "test"], np.diff',
         'np.repeat(["validation", "train", "test"], np.diff',
         "test_series.py::test_training_never_gets_the_test_part",
@@ -285,21 +285,21 @@ MUTANTS = [
     ),
     Mutant(
         "map-axes-swapped",
-        "pipeline/labels.py",
+        "pipeline/datasets/labels.py",
         '"ntr,ntc->nrc"',
         '"ntr,ntc->ncr"',
         "test_dataset.py",
     ),
     Mutant(
         "sigma-is-the-radius",
-        "pipeline/labels.py",
+        "pipeline/datasets/labels.py",
         'sigma = label["tip_radius_mm"] / 2',
         'sigma = label["tip_radius_mm"]',
         "test_dataset.py",
     ),
     Mutant(
         "label-is-the-first-frame's",
-        "pipeline/tables.py",
+        "pipeline/datasets/schemas.py",
         "    last = rows[:, -1]\n",
         "    last = rows[:, 0]\n",
         "test_dataset.py",
@@ -327,7 +327,7 @@ MUTANTS = [
     ),
     Mutant(
         "image-does-not-use-the-whole-range",
-        "pipeline/images.py",
+        "pipeline/datasets/images.py",
         "np.round(HIGHEST * (matrix - low) / (high - low))",
         "np.round(HIGHEST * matrix / high)",
         "test_glove.py",

@@ -136,7 +136,7 @@ def test_what_one_setting_must_not_run():
 def test_presses_of_made_frames_can_be_told_apart(tmp_path):
     import pyarrow.parquet
 
-    from pipeline import windowing
+    from pipeline.datasets import windowing
 
     settings = made.touch_settings()
     frames = pyarrow.parquet.read_table(made.frames_file(tmp_path / "frames.parquet", 1000, settings))

@@ -10,7 +10,7 @@ import pytest
 from pipeline import claims, claims_glove, claims_strain, claims_touch, judge, report_glove, results
 from pipeline.base import params, paths
 from pipeline.claims import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
-from pipeline.images import MODALITIES
+from pipeline.datasets.images import MODALITIES
 from pipeline.report_strain import published
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -513,7 +513,7 @@ def test_confused_objects_are_among_the_worst_three_that_the_sentence_names(rank
 def test_pressure_is_high_above_200_kpa_on_single_touches_of_the_test_part(monkeypatch):
     import pyarrow as pa
 
-    from pipeline import labels, tables
+    from pipeline.datasets import labels, schemas
 
     settings, (protocol, *_) = VALUES["touch"], VALUES["touch"]["protocols"]
     seeds, radius = settings["protocols"][protocol]["seeds"], settings["label"]["tip_radius_mm"]
@@ -521,9 +521,9 @@ def test_pressure_is_high_above_200_kpa_on_single_touches_of_the_test_part(monke
     condition = ["single"] * 5 + ["double"]
     part = ["test", "test", "test", "train", "validation", "test"]
     force = (kpa / labels.pressure_kpa(np.ones(1), radius))[:, None].astype(np.float32)
-    columns = {"condition": condition, **{tables.split_column(protocol, seed): part for seed in seeds}}
+    columns = {"condition": condition, **{schemas.split_column(protocol, seed): part for seed in seeds}}
     table = pa.table({name: pa.array(column).dictionary_encode() for name, column in columns.items()})
-    table = table.append_column("force_n", tables.lists(force, pa.float32()))
+    table = table.append_column("force_n", schemas.lists(force, pa.float32()))
     off = np.array([1000.0, 20.0, 40.0, 1000.0, 1000.0, 1000.0])  # of the rows that count 30 on average
     cells = settings["label"]["map_rows"] * settings["label"]["map_cols"]
     maps = np.zeros((len(kpa), cells), np.float32)
@@ -540,7 +540,7 @@ def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch):
     import pyarrow as pa
     import pyarrow.parquet
 
-    from pipeline import tables
+    from pipeline.datasets import schemas
 
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     rng, n = np.random.default_rng(0), 4000
@@ -554,8 +554,8 @@ def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch):
         touches = [np.column_stack([column, np.full(n, np.nan)]).astype(np.float32) for column in (force, x, y)]
         columns = dict(zip(("force_n", "x_mm", "y_mm"), touches, strict=True))
         table = pa.table(
-            {"condition": pa.array(["single"] * n).dictionary_encode(), "v": tables.lists(counts, pa.int16())}
-            | {name: tables.lists(column, pa.float32()) for name, column in columns.items()}
+            {"condition": pa.array(["single"] * n).dictionary_encode(), "v": schemas.lists(counts, pa.int16())}
+            | {name: schemas.lists(column, pa.float32()) for name, column in columns.items()}
         )
         paths.frames("touch").parent.mkdir(parents=True, exist_ok=True)
         pyarrow.parquet.write_table(table, paths.frames("touch"))
@@ -565,7 +565,7 @@ def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch):
 def test_strands_are_redundant_where_they_move_together():
     import pyarrow as pa
 
-    from pipeline import tables
+    from pipeline.datasets import schemas
 
     rng, n = np.random.default_rng(0), 2000
     together = np.repeat(rng.normal(0, 1, (n, 1)), 3, axis=1) + rng.normal(0, 0.1, (n, 3))
@@ -575,6 +575,6 @@ def test_strands_are_redundant_where_they_move_together():
     ):
         names = pa.array(["task_1"] * n + ["task_2"] * n).dictionary_encode()
         voltage = np.concatenate([first, second]).astype(np.float32)
-        table = pa.table({"condition": names, "v": tables.lists(voltage, pa.float32())})
+        table = pa.table({"condition": names, "v": schemas.lists(voltage, pa.float32())})
         assert judged("redundant-strands", strain() | {("table", "strain"): table}).verdict == verdict
     assert claims_strain.BLOCKS > 2

@@ -4,11 +4,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline import labels, metrics, tables
+from pipeline import metrics
+from pipeline.datasets import labels, schemas
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.experiments import touch, velostat_recorded
-from pipeline.windowing import presses, window_rows, windows_of
+from pipeline.datasets.windowing import presses, window_rows, windows_of
 
 
 @pytest.fixture
@@ -24,10 +25,10 @@ def frames(force: np.ndarray, x: float = 30.0, y: float = 30.0, gap_at: int | No
         t_s[gap_at:] += 0.1
     v = np.full((n, 25), 20)
     v[:, 12] += (10 * force).astype(int)
-    schema = tables.frames(25, 2, pa.int16())
+    schema = schemas.frames(25, 2, pa.int16())
     place = np.full((n, 1), x), np.full((n, 1), y)
     zero = np.zeros(n, dtype=int)
-    return tables.frame_rows(
+    return schemas.frame_rows(
         schema, "single", "run", segment=zero, t_s=t_s, v=v, force_n=force[:, None], x_mm=place[0], y_mm=place[1]
     )
 
@@ -56,8 +57,8 @@ def test_windows_never_cross_a_gap_or_a_press():
     # runs of frames: 0-19, 20-39 (5 later for the gap), 40-79 (also)
     assert ends.tolist() == [*range(7, 20, 3), *range(32, 45, 3), *range(52, 85, 3)]
     assert found["press"].to_pylist() == [0] * 10 + [1] * 11
-    x = tables.matrix(found["x"]).reshape(len(found), 8, 25)
-    np.testing.assert_array_equal(x[0, :, 12], tables.matrix(table["v"])[:8, 12])
+    x = schemas.matrix(found["x"]).reshape(len(found), 8, 25)
+    np.testing.assert_array_equal(x[0, :, 12], schemas.matrix(table["v"])[:8, 12])
 
 
 def test_frame_step_spreads_a_window():
@@ -133,7 +134,7 @@ def test_touch_metrics_of_known_predictions(settings):
     )
     truth = touch.labels(table, settings)
     perfect = {name: (value, n) for name, _, value, n in metrics.touch(table, truth, truth, settings)}
-    pressed = int((tables.matrix(table["force_n"])[:, 0] > 0.5).sum())
+    pressed = int((schemas.matrix(table["force_n"])[:, 0] > 0.5).sum())
     assert perfect["rmse"] == (0.0, len(truth)) and perfect["r2"][0] == 1.0
     assert perfect["peak_error"][0] == pytest.approx(0, abs=1e-3) and perfect["peak_error"][1] == pressed
     assert perfect["location_error"][0] == pytest.approx(0, abs=1e-6) and perfect["touches_found"] == (1.0, pressed)

@@ -33,7 +33,8 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import logs, own, results, series, stag, tables, tracking
+from pipeline import logs, own, results, stag, tracking
+from pipeline.datasets import schemas, series
 from pipeline.base import availability, blocks, params, paths
 from pipeline.base.errors import InputError
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
@@ -837,19 +838,19 @@ def test_a_network_of_another_kind_is_one_sentence(saved_model, tmp_path):
 @example(changes=[(62982, b"\x80", False)], cut=1000)
 def test_a_damaged_dataset_is_one_sentence_or_read(changes, cut, tmp_path):
     path = tmp_path / "dataset.parquet"
-    columns = {name: tables.lists(np.ones((50, 4)), pa.float32()) for name in "xy"}
+    columns = {name: schemas.lists(np.ones((50, 4)), pa.float32()) for name in "xy"}
     table = pa.table(columns | {"condition": pa.array(["single"] * 50).dictionary_encode()})
-    tables.write(path, table.schema, [table])
+    schemas.write(path, table.schema, [table])
     path.write_bytes(overwritten(path.read_bytes(), changes, cut))
     try:
         with in_time():
-            tables.read_dataset(path, 2)
+            schemas.read_dataset(path, 2)
     except InputError as error:
         assert one_sentence(error).startswith(str(path))
 
 
 def test_a_table_of_another_stage_is_one_sentence(tmp_path):
     table = pa.table({"v": [1.0]})
-    tables.write(tmp_path / "dataset.parquet", table.schema, [table])
+    schemas.write(tmp_path / "dataset.parquet", table.schema, [table])
     with pytest.raises(InputError, match="dataset.parquet: has no column 'x'; delete it and run `dvc repro`"):
-        tables.read_dataset(tmp_path / "dataset.parquet", 2)
+        schemas.read_dataset(tmp_path / "dataset.parquet", 2)

@@ -4,7 +4,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline import classification, images, tables
+from pipeline import classification
+from pipeline.datasets import images, schemas
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.experiments import glove
@@ -38,8 +39,8 @@ def table(objects, sessions, frames):
         "segment": np.zeros(n, np.int16),
         "t_s": np.arange(n, dtype=float),
         "gap_before": np.zeros(n, bool),
-        "pressure": tables.lists(rng.integers(0, 1024, (n, glove.PRESSURE_CELLS)), pa.int16()),
-        "strain": tables.lists(rng.integers(0, 1024, (n, glove.STRAIN_CELLS)), pa.int16()),
+        "pressure": schemas.lists(rng.integers(0, 1024, (n, glove.PRESSURE_CELLS)), pa.int16()),
+        "strain": schemas.lists(rng.integers(0, 1024, (n, glove.STRAIN_CELLS)), pa.int16()),
     }
     return pa.table(columns).cast(glove.SCHEMA)
 
@@ -80,12 +81,12 @@ def test_images_lie_in_the_two_areas_of_the_scan(settings):
 
 def test_a_session_is_on_one_side_and_all_parts_have_every_object(settings):
     frames = table(3, 6, 5)
-    units = np.char.add(tables.names(frames["condition"]), tables.names(frames["recording"]))
+    units = np.char.add(schemas.names(frames["condition"]), schemas.names(frames["recording"]))
     for seed in (0, 1):
         part = glove.split(frames, settings, "session_combined", seed)
         assert all(len(set(part[units == one])) == 1 for one in np.unique(units))
         for name in images.PARTS:
-            assert set(tables.names(frames["condition"])[part == name]) == {"object0", "object1", "object2"}
+            assert set(schemas.names(frames["condition"])[part == name]) == {"object0", "object1", "object2"}
         assert (part == glove.split(frames, settings, "session_pressure", seed)).all()
     other = glove.split(frames, settings, "session_combined", 1)
     assert (other != glove.split(frames, settings, "session_combined", 0)).any()
@@ -136,7 +137,7 @@ def test_bad_lines_go_to_the_rejects_with_their_reason(settings, tmp_path):
     assert found == {4: "column count", 8: "column count", 12: "out of range"} | constant
     assert frames.num_rows == 35 and report[glove.LOG]["lines"] == 40
     assert frames.schema.equals(glove.SCHEMA)
-    assert set(tables.names(frames["condition"])) == {"can"}
+    assert set(schemas.names(frames["condition"])) == {"can"}
     with pytest.raises(InputError, match=r"scanner\.log: .* of the 40 lines cannot be used.*raise glove\.ingest"):
         glove.read_recording(folder, settings | {"ingest": {"max_reject_fraction": 0.05}})
 

@@ -9,8 +9,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline import images as tactile
-from pipeline import logs, probe, sources, tables
+from pipeline.datasets import images as tactile
+from pipeline import logs, probe, sources
+from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.experiments import glove_recorded
@@ -95,10 +96,10 @@ def test_a_grasp_becomes_frames_with_interpolated_angles(tmp_path):
     assert frames["recording"].unique().to_pylist() == ["mug_000083-000147"]
     at = 32 * np.arange(3, 13)
     assert frames["t_s"].to_numpy() == pytest.approx((START_MS + at) / 1000, abs=1e-6)
-    pressure = tables.matrix(frames["pressure"])
+    pressure = schemas.matrix(frames["pressure"])
     assert (pressure == [np.ceil(pressed() * (k + 1) / 10) for k in range(10)]).all()
     expected = 10 * np.arange(7) + (at[:, None] + 10) / 1000
-    assert tables.matrix(frames["strain"]) == pytest.approx(expected, abs=1e-5)
+    assert schemas.matrix(frames["strain"]) == pytest.approx(expected, abs=1e-5)
     assert frames["gap_before"].to_pylist() == [True] + [False] * 9
     assert report[NAME] == {
         "lines": 13,
@@ -183,7 +184,7 @@ def test_bad_angles_are_rejects_of_their_own(tmp_path):
         "gaps": 3,
         "segments": 1,
     }
-    assert tables.matrix(frames["strain"])[0, 1] == pytest.approx(10 + 0.106)
+    assert schemas.matrix(frames["strain"])[0, 1] == pytest.approx(10 + 0.106)
 
 
 def test_constant_frames_are_not_held_against_a_recording(tmp_path):
@@ -284,8 +285,8 @@ def several(objects=("ball", "mug"), grasps=10, contact=10):
         "segment": np.zeros(n, np.int16),
         "t_s": np.arange(n) * 0.032,
         "gap_before": k == 0,
-        "pressure": tables.lists(pressure, pa.float32()),
-        "strain": tables.lists(np.tile(np.linspace(-95, 90, JOINTS), (n, 1)), pa.float32()),
+        "pressure": schemas.lists(pressure, pa.float32()),
+        "strain": schemas.lists(np.tile(np.linspace(-95, 90, JOINTS), (n, 1)), pa.float32()),
     }
     return pa.table(columns).cast(glove_recorded.SCHEMA)
 
@@ -302,7 +303,7 @@ def test_chosen_frames_end_at_the_last_one():
 def test_images_have_every_cell_and_joint_in_its_place():
     frames = several(grasps=1, contact=1)
     cells = np.arange(CELLS) % 4096.0
-    frames = frames.set_column(5, "pressure", tables.lists(np.tile(cells, (2, 1)), pa.float32()))
+    frames = frames.set_column(5, "pressure", schemas.lists(np.tile(cells, (2, 1)), pa.float32()))
     found = glove_recorded.images(frames, SETTINGS)
     assert list(found) == list(tactile.MODALITIES)
     assert all(image.shape == (2, 32, 32) and image.dtype == np.uint8 for image in found.values())
@@ -327,7 +328,7 @@ def test_images_have_every_cell_and_joint_in_its_place():
 
 def parts_of(frames, protocol, seed=0):
     part = glove_recorded.split(frames, SETTINGS, protocol, seed)
-    names = np.char.add(tables.names(frames["condition"]), tables.names(frames["recording"]))
+    names = np.char.add(schemas.names(frames["condition"]), schemas.names(frames["recording"]))
     return part, {name: set(names[part == name]) for name in tactile.PARTS}
 
 
@@ -349,7 +350,7 @@ def test_time_trains_on_the_first_grasps_and_tests_on_the_last():
     shuffled = frames.take(np.concatenate([np.arange(100, 200), np.arange(50, 100), np.arange(50)]))
     for table, seed in ((frames, 0), (shuffled, 7)):
         part, _ = parts_of(table, "time_strain", seed)
-        first = np.array([int(re.search(r"_(\d+)-", name)[1]) for name in tables.names(table["recording"])])
+        first = np.array([int(re.search(r"_(\d+)-", name)[1]) for name in schemas.names(table["recording"])])
         assert (part == np.where(first < 600, "train", np.where(first < 800, "validation", "test"))).all()
 
 
@@ -375,15 +376,15 @@ def test_impossible_splits_are_one_sentence():
 def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(tells, low, high, tmp_path, monkeypatch):
     """Angles of a grasp that say which object it is, or nothing: then training knows them by heart, a test cannot."""
     frames, rng = several(("ball", "mug", "pen"), grasps=20, contact=3), np.random.default_rng(0)
-    objects = tables.names(frames["condition"])
-    units = objects if tells else np.char.add(objects, tables.names(frames["recording"]))
+    objects = schemas.names(frames["condition"])
+    units = objects if tells else np.char.add(objects, schemas.names(frames["recording"]))
     _, place = np.unique(units, return_inverse=True)
     angles = rng.uniform(-90, 90, (place.max() + 1, JOINTS))[place]
     column = frames.schema.get_field_index("strain")
-    frames = frames.set_column(column, "strain", tables.lists(angles, pa.float32())).cast(glove_recorded.SCHEMA)
+    frames = frames.set_column(column, "strain", schemas.lists(angles, pa.float32())).cast(glove_recorded.SCHEMA)
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(probe, "TREES", 20)
-    tables.write(paths.frames("glove_recorded"), frames.schema, [frames])
+    schemas.write(paths.frames("glove_recorded"), frames.schema, [frames])
     found = probe.probe(SETTINGS | {"protocols": {"grasp_strain": {"seeds": [0, 1]}}})
     assert [row[:2] for row in found] == [(name, seed) for name in probe.inputs(angles) for seed in (0, 1)]
     assert all(low <= accuracy <= high for *_, accuracy, _ in found), found
@@ -425,7 +426,7 @@ def test_recorded_grasps(recordings):
     assert all(25 < report[path.name]["rate_hz"] < 36 for path, (_, _, report) in zip(grasps[::20], found, strict=True))
     rows = glove_recorded.chosen(frames, SETTINGS)
     assert len(rows) == 3 * len(found)
-    pressure, strain = (tables.matrix(frames.take(pa.array(rows))[name]) for name in ("pressure", "strain"))
+    pressure, strain = (schemas.matrix(frames.take(pa.array(rows))[name]) for name in ("pressure", "strain"))
     assert pressure.max() <= 4095 and (pressure == np.round(pressure)).all()
     # Two fingertips hold the object: matrices 1 and 5. Joints 0 and 3 stay where they are, fingers 1 and 3 mirror.
     assert (pressure[:, 84:162].max(1) > 0).all() and (pressure[:, 408:].max(1) > 0).mean() > 0.9

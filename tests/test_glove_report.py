@@ -12,7 +12,8 @@ import pyarrow.parquet
 import pytest
 from scipy.stats import t as student
 
-from pipeline import classification, figures, figures_glove, images, pages_glove, render, report_glove, report_glove_findings, report_glove_recorded, results, tables
+from pipeline import classification, figures, figures_glove, pages_glove, render, report_glove, report_glove_findings, report_glove_recorded, results
+from pipeline.datasets import images, schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import load
@@ -68,12 +69,12 @@ def write_experiment(experiment, settings):
     sessions = pa.array([f"session{k:02d}" for k in session]).dictionary_encode()
     columns = {"condition": names, "recording": sessions, "label": pa.array(label.astype(np.int16))}
     for dataset in images.MODALITIES:
-        columns[dataset] = tables.lists(rng.integers(0, 256, (len(label), images.SIDE**2)).astype(np.uint8), pa.uint8())
+        columns[dataset] = schemas.lists(rng.integers(0, 256, (len(label), images.SIDE**2)).astype(np.uint8), pa.uint8())
     part = np.where(session < 2, "train", np.where(session < 3, "validation", "test"))
     for protocol, seed in runs(settings):
-        columns[tables.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
+        columns[schemas.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
     data = pa.table(columns)
-    tables.write(paths.dataset(experiment), data.schema, [data])
+    schemas.write(paths.dataset(experiment), data.schema, [data])
 
     test = np.flatnonzero(part == "test")
     truth = np.eye(len(OBJECTS))[label[test]]
@@ -82,11 +83,11 @@ def write_experiment(experiment, settings):
         parts = []
         for protocol, seed in runs(settings):
             predicted = place / 4 * truth + rng.uniform(size=truth.shape)
-            parts.append(tables.prediction_rows(protocol, seed, test, predicted))
+            parts.append(schemas.prediction_rows(protocol, seed, test, predicted))
             for row in classification.scores(truth, predicted):
                 scores.append((experiment, protocol, images.modality(protocol), model, seed, *row))
             write_fit(experiment, model, protocol, seed, settings["models"][model])
-        tables.write(paths.predictions(experiment) / f"{model}.parquet", parts[0].schema, parts)
+        schemas.write(paths.predictions(experiment) / f"{model}.parquet", parts[0].schema, parts)
         speed += [(experiment, model, batch, 1, place + 0.1, place + 0.2, 45, 40, 6.5, 999) for batch in (1, 4)]
     pd.DataFrame(scores, columns=COLUMNS).to_csv(paths.scores(experiment), index=False)
     names = ["experiment", "model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes"]
@@ -117,11 +118,11 @@ def write_glove(settings):
         {
             "condition": pa.array(np.repeat(OBJECTS, 4).tolist()).dictionary_encode(),
             "recording": pa.array(["session00", "session01"] * (n // 2)).dictionary_encode(),
-            "pressure": tables.lists(rng.integers(0, 500, (n, 270)), pa.int16()),
-            "strain": tables.lists(rng.integers(1, 500, (n, 135)), pa.int16()),
+            "pressure": schemas.lists(rng.integers(0, 500, (n, 270)), pa.int16()),
+            "strain": schemas.lists(rng.integers(1, 500, (n, 135)), pa.int16()),
         }
     )
-    tables.write(paths.frames("glove"), frames.schema, [frames])
+    schemas.write(paths.frames("glove"), frames.schema, [frames])
     rows = [
         (method, f"session_{dataset}", dataset, seed, metric, "1", 0.5 + 0.1 * place + 0.01 * seed * (place + 1), 36)
         for place, method in enumerate(("none", "A", "B", "C"))
@@ -227,10 +228,10 @@ def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
     scores.to_csv(paths.scores("glove"), index=False)
     path = paths.predictions("glove") / "sp_resnet.parquet"
     data = pyarrow.parquet.read_table(path)
-    predicted = tables.matrix(data["prediction"]).copy()
+    predicted = schemas.matrix(data["prediction"]).copy()
     predicted[data["seed"].to_numpy() == 0] = np.nan
-    data = data.set_column(3, "prediction", tables.lists(predicted, pa.float32()))
-    tables.write(path, data.schema, [data])
+    data = data.set_column(3, "prediction", schemas.lists(predicted, pa.float32()))
+    schemas.write(path, data.schema, [data])
     target = run_render("glove", settings, monkeypatch)
     (row,) = [line for line in (target / "accuracy" / "table1.md").read_text().splitlines() if "SP-ResNet  " in line][
         :1

@@ -8,7 +8,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline import ingest, sources, tables
+from pipeline import ingest, sources
+from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.experiments import touch, velostat_recorded
@@ -112,7 +113,7 @@ def test_faults_at_known_lines_are_the_rejects(root):
         ("array.log", 502, "out of order"),
         ("load_cell.log", 1001, "not a number"),
     ]
-    assert set(rejects["recording"].to_pylist()) == {"run000"} and rejects.schema == tables.REJECTS
+    assert set(rejects["recording"].to_pylist()) == {"run000"} and rejects.schema == schemas.REJECTS
     files = report["recordings"]["single/run000"]["files"]
     for name, content in logs.items():
         assert files[name]["lines"] == len(content) == files[name]["accepted"] + sum(files[name]["rejects"].values())
@@ -127,7 +128,7 @@ def test_faults_at_known_lines_are_the_rejects(root):
 def test_frames_have_the_truth_of_their_time(root):
     save(root / "data/touch/logs/single/run000", logs_of(seconds=60))
     frames, _, report = run(root)
-    assert frames.schema.equals(tables.frames(6, 3, frames.schema.field("v").type.value_type))
+    assert frames.schema.equals(schemas.frames(6, 3, frames.schema.field("v").type.value_type))
     assert frames.schema.field("v").type.value_type == "int16"
     t = frames["t_s"].to_numpy()
     # The load cell prints 8 s at the true time 0.5 s; x runs as 2 t, y as 3 t.
@@ -332,7 +333,7 @@ def test_without_recordings_the_stage_says_so(root):
     ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
     data = root / "data" / "velostat_recorded"
     assert pq.read_table(data / "frames.parquet").num_rows == 0
-    assert pq.read_table(data / "rejects.parquet").schema.equals(tables.REJECTS)
+    assert pq.read_table(data / "rejects.parquet").schema.equals(schemas.REJECTS)
     report = json.loads((data / "ingest.json").read_text())
     assert report["run"] is False and "pipeline.fetch velostat_recorded" in report["reason"]
 

@@ -15,7 +15,8 @@ import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline import fetch, sources, tables
+from pipeline import fetch, sources
+from pipeline.datasets import schemas
 from pipeline.base import errors, paths
 from pipeline.base.errors import InputError
 
@@ -112,14 +113,14 @@ def table(size: int) -> pa.Table:
 def write_as_a_stage(path: Path, size: int) -> str:
     """What a stage that writes a table prints before it ends."""
     with pytest.raises(SystemExit) as end:
-        errors.run_stage(lambda: tables.write(path, SCHEMA, [table(size)]))
+        errors.run_stage(lambda: schemas.write(path, SCHEMA, [table(size)]))
     assert isinstance(end.value.code, str) and "\n" not in end.value.code  # status 1
     return end.value.code
 
 
 def test_a_disk_that_fills_up_keeps_the_old_table(small_disk):
     path = small_disk / "frames.parquet"
-    tables.write(path, SCHEMA, [table(1000)])
+    schemas.write(path, SCHEMA, [table(1000)])
     before = path.read_bytes()
     message = write_as_a_stage(path, 1 << 20)
     assert message.startswith("error: ") and "No space left on device; free or unlock the disk" in message
@@ -128,7 +129,7 @@ def test_a_disk_that_fills_up_keeps_the_old_table(small_disk):
 
 def test_a_read_only_disk_is_named(small_disk):
     path = small_disk / "frames.parquet"
-    tables.write(path, SCHEMA, [table(1000)])
+    schemas.write(path, SCHEMA, [table(1000)])
     before = path.read_bytes()
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     assert "Read-only file system" in write_as_a_stage(path, 1000)

@@ -15,7 +15,7 @@ from pipeline.base import params
 from pipeline.count import count
 from pipeline.base.errors import InputError
 from pipeline.fitting import Spec
-from pipeline.images import SIDE
+from pipeline.datasets.images import SIDE
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.operations import operations
 from pipeline.residual import Convolution3x3, GlobalCoordinateAttention

@@ -16,11 +16,12 @@ import pytest
 import yaml
 from conftest import ROOT, Project
 
-from pipeline import check, figures_check, ingest, tables
+from pipeline import check, figures_check, ingest
+from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.hypertext import Pages
-from pipeline.windowing import windows_of
+from pipeline.datasets.windowing import windows_of
 
 ARRAYS = {  # rows, cols, frames a second, highest count, and a map in params.yaml that is a multiple of the array
     "3x7": ((3, 7, 40.0), 1023, (9, 21)),
@@ -84,7 +85,7 @@ def test_own_array_becomes_a_dataset(root, written, name):
         array = one["files"]["array.log"]
         assert array["rate_hz"] == pytest.approx(hz, rel=0.01) and array["segments"] == 2
         assert array["lines"] == array["accepted"] + sum(array["rejects"].values())
-    counts = tables.matrix(frames["v"])
+    counts = schemas.matrix(frames["v"])
     assert counts.shape[1] == rows * cols and counts.max() > highest / 2
     windows = windows_of(frames, values["touch"]["window"])
     module = params.experiment_module("touch")
@@ -92,9 +93,9 @@ def test_own_array_becomes_a_dataset(root, written, name):
     parts = module.split(windows, values["touch"], "press", 0)
     assert set(parts) == {"train", "validation", "test"}
     # Where the truth is highest, the elements answer most: aligned, and in the documented order.
-    firm = (tables.names(windows["condition"]) == "single") & (maps.max(axis=(1, 2)) > maps.max() / 2)
+    firm = (schemas.names(windows["condition"]) == "single") & (maps.max(axis=(1, 2)) > maps.max() / 2)
     at_row, at_col = np.unravel_index(maps[firm].reshape(firm.sum(), -1).argmax(axis=1), (map_rows, map_cols))
-    last = tables.matrix(windows["x"])[firm][:, -rows * cols :]
+    last = schemas.matrix(windows["x"])[firm][:, -rows * cols :]
     strongest = (last - np.median(counts, axis=0)).argmax(axis=1)
     right = (strongest // cols == at_row * rows // map_rows) & (strongest % cols == at_col * cols // map_cols)
     assert firm.sum() > 10 and right.mean() > 0.7

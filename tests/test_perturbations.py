@@ -5,7 +5,7 @@ import pytest
 
 from pipeline import perturbations
 from pipeline.base.errors import InputError
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 ELEMENTS, FRAMES = 6, 8
 SETTINGS = {

@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from pipeline import labels, pages, render, report_touch, results, tables
+from pipeline import pages, render, report_touch, results
+from pipeline.datasets import labels, schemas
 from pipeline.base import paths
 from pipeline.differences import read_differences
 from pipeline.base.errors import InputError
@@ -62,9 +63,9 @@ def write_touch(settings):
         y[row, :touches] = 1.5 + 3 * rng.integers(0, 12, touches)
     x[:12, 0], y[:12, 0] = np.tile([13.5, 16.5, 19.5, 22.5], 3), 16.5
     counts = rng.integers(0, 1023, (n, FRAMES * 9)).astype(np.int16)
-    schema = tables.frames(9, TOUCHES, pa.int16())
+    schema = schemas.frames(9, TOUCHES, pa.int16())
     frames = [
-        tables.frame_rows(
+        schemas.frame_rows(
             schema,
             name,
             "run000",
@@ -77,37 +78,37 @@ def write_touch(settings):
         )
         for name in conditions
     ]
-    tables.write(paths.frames("touch"), schema, frames)
+    schemas.write(paths.frames("touch"), schema, frames)
     truth = labels.pressure_maps(labels.pressure_kpa(force, 6.0), x, y, SENSOR, LABEL).reshape(n, -1)
     columns = {
         "condition": pa.array(names.tolist()).dictionary_encode(),
         "recording": pa.array(["run000"] * n).dictionary_encode(),
         "press": pa.array((np.arange(n) // 3).astype(np.int32)),
         "t_s": pa.array(np.tile(np.arange(12) * 0.16, len(conditions))),
-        "x": tables.lists(counts, pa.int16()),
-        "y": tables.lists(truth, pa.float32()),
+        "x": schemas.lists(counts, pa.int16()),
+        "y": schemas.lists(truth, pa.float32()),
     }
     for name, values in (("force_n", force), ("x_mm", x), ("y_mm", y)):
-        columns[name] = tables.lists(values.astype(np.float32), pa.float32())
+        columns[name] = schemas.lists(values.astype(np.float32), pa.float32())
     part = np.where((names == "single") & (np.arange(n) % 12 < 4), "train", "test")
     for protocol, seed in runs(settings):
-        columns[tables.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
+        columns[schemas.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
     data = pa.table(columns)
-    tables.write(paths.dataset("touch"), data.schema, [data])
+    schemas.write(paths.dataset("touch"), data.schema, [data])
 
     test = np.flatnonzero(part == "test")
     scores, speed = [], []
     for place, model in enumerate(settings["models"]):
         parts = []
         for protocol, seed in runs(settings):
-            parts.append(tables.prediction_rows(protocol, seed, test, truth[test] * (0.6 + 0.1 * place)))
+            parts.append(schemas.prediction_rows(protocol, seed, test, truth[test] * (0.6 + 0.1 * place)))
             for condition in conditions:
                 # single: 40, 30, 20, 10 kPa plus the seed; double: ten times as much
                 value = (10.0 * (4 - place) + seed) * (1 if condition == "single" else 10)
                 for metric, unit in report_touch.UNITS.items():
                     scores.append(("touch", protocol, condition, model, seed, metric, unit, value, 12))
             write_fit("touch", model, protocol, seed, settings["models"][model])
-        tables.write(paths.predictions("touch") / f"{model}.parquet", parts[0].schema, parts)
+        schemas.write(paths.predictions("touch") / f"{model}.parquet", parts[0].schema, parts)
         for batch in LATENCY["batches"]:
             macs = None if model == "linear" else 1234
             speed.append(("touch", model, batch, 1, 0.5 * batch, 0.75 * batch, 12345, macs, 6.5, 999))
@@ -235,9 +236,9 @@ def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, monkeypatch)
     change_scores("touch", failed)
     path = paths.predictions("touch") / "lomp.parquet"
     data = pyarrow.parquet.read_table(path)
-    nothing = tables.lists(np.full((data.num_rows, 144), np.nan), pa.float32())
+    nothing = schemas.lists(np.full((data.num_rows, 144), np.nan), pa.float32())
     data = data.set_column(data.schema.get_field_index("prediction"), "prediction", nothing)
-    tables.write(path, data.schema, [data])
+    schemas.write(path, data.schema, [data])
     target = run_render("touch", settings, monkeypatch)
     rows = [line for line in (target / "accuracy" / "table1.md").read_text().splitlines() if line.startswith("| LoMP")]
     # every metric of the press split, although only RMSE is NaN in the file; then the other split's one run
@@ -287,12 +288,12 @@ def test_predictions_must_cover_the_test_windows(root, settings):
     write_touch(settings)
     path = paths.predictions("touch") / "rnn.parquet"
     data = pyarrow.parquet.read_table(path)
-    tables.write(path, data.schema, [data.slice(1)])
+    schemas.write(path, data.schema, [data.slice(1)])
     windows = results.read_windows("touch")
     with pytest.raises(InputError, match="do not match the 56 test windows"):
         results.read_predictions("touch", "rnn", "press", 0, windows)
     whole = results.read_predictions("touch", "rnn", "press", 1, windows)
-    truth = tables.matrix(windows["y"])
+    truth = schemas.matrix(windows["y"])
     assert np.isnan(whole[:4]).all() and np.allclose(whole[4:], 0.8 * truth[4:])
 
 
@@ -301,13 +302,13 @@ def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, mon
     settings["models"]["perceiver"] = {}
     write_touch(settings)
     data = pyarrow.parquet.read_table(paths.dataset("touch"))
-    single = data.filter(pa.array(tables.names(data["condition"]) == "single"))
-    tables.write(paths.dataset("touch"), single.schema, [single])
+    single = data.filter(pa.array(schemas.names(data["condition"]) == "single"))
+    schemas.write(paths.dataset("touch"), single.schema, [single])
     for model in settings["models"]:
         path = paths.predictions("touch") / f"{model}.parquet"
         rows = pyarrow.parquet.read_table(path)
         rows = rows.filter(pa.array(rows["window"].to_numpy() < 12))
-        tables.write(path, rows.schema, [rows])
+        schemas.write(path, rows.schema, [rows])
     target = run_render("touch", settings, monkeypatch)
     table1 = (target / "accuracy" / "table1.md").read_text()
     assert "| perceiver" in table1 and "| Linear" not in table1
@@ -331,22 +332,22 @@ def write_velostat(settings):
     columns = {
         "recording": pa.array(names.tolist()).dictionary_encode(),
         "t_s": pa.array(np.tile(np.arange(30) * 0.05, 4)),
-        "y": tables.lists(force, pa.float32()),
+        "y": schemas.lists(force, pa.float32()),
     }
     for protocol, seed in runs(settings):
-        columns[tables.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
+        columns[schemas.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
     data = pa.table(columns)
-    tables.write(paths.dataset("velostat_recorded"), data.schema, [data])
+    schemas.write(paths.dataset("velostat_recorded"), data.schema, [data])
     test = np.flatnonzero(part == "test")
     scores, speed = [], []
     for place, model in enumerate(settings["models"]):
         parts = []
         for protocol, seed in runs(settings):
-            parts.append(tables.prediction_rows(protocol, seed, test, force[test] + 0.1 * place))
+            parts.append(schemas.prediction_rows(protocol, seed, test, force[test] + 0.1 * place))
             for group in ("all", "tip_force_5", "tip_force_10") if protocol == "repetition" else (protocol,):
                 key = ("velostat_recorded", protocol, group, model, seed)
                 scores += [(*key, "rmse", "N", 3.0 - place, 30), (*key, "r2", "1", 0.1 + 0.4 * place, 30)]
-        tables.write(paths.predictions("velostat_recorded") / f"{model}.parquet", parts[0].schema, parts)
+        schemas.write(paths.predictions("velostat_recorded") / f"{model}.parquet", parts[0].schema, parts)
         speed += [("velostat_recorded", model, batch, 1, 0.5, 0.75, 45, 40, 6.5, 999) for batch in (1, 4)]
     write_tables("velostat_recorded", scores, speed)
     paths.ingest_report("velostat_recorded").write_text('{"run": true}')

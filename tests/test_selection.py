@@ -5,7 +5,8 @@ import pyarrow as pa
 import pytest
 from torch import nn
 
-from pipeline import augment, images, metrics, narrow, physics, rightsize, series, stag, tables
+from pipeline import augment, metrics, narrow, physics, rightsize, stag
+from pipeline.datasets import images, schemas, series
 from pipeline.base import params, paths, runs
 from pipeline import train as train_stage
 from pipeline import train_images as images_stage
@@ -35,7 +36,7 @@ def nothing(*numbers) -> None:
 
 
 def names(values) -> pa.Array:
-    return pa.array(values).dictionary_encode().cast(tables.NAME)
+    return pa.array(values).dictionary_encode().cast(schemas.NAME)
 
 
 def windows_dataset(path, wrong: str) -> None:
@@ -48,12 +49,12 @@ def windows_dataset(path, wrong: str) -> None:
         {
             "condition": names(["single"] * len(PART)),
             "previous": pa.array(np.full(len(PART), -1, np.int32)),
-            tables.split_column("press", 0): names(PART),
-            "x": tables.lists(x, pa.float32()),
-            "y": tables.lists(y.astype(np.float32), pa.float32()),
+            schemas.split_column("press", 0): names(PART),
+            "x": schemas.lists(x, pa.float32()),
+            "y": schemas.lists(y.astype(np.float32), pa.float32()),
         }
     )
-    tables.write(path, table.schema, [table])
+    schemas.write(path, table.schema, [table])
 
 
 def halves(label) -> np.ndarray:
@@ -71,11 +72,11 @@ def images_dataset(path, wrong: str) -> None:
         {
             "condition": names(np.where(label, "b", "a")),
             "label": pa.array(np.where(PART == wrong, 1 - label, label).astype(np.int16)),
-            "pressure": tables.lists(halves(label), pa.uint8()),
-            tables.split_column("session_pressure", 0): names(PART),
+            "pressure": schemas.lists(halves(label), pa.uint8()),
+            schemas.split_column("session_pressure", 0): names(PART),
         }
     )
-    tables.write(path, table.schema, [table])
+    schemas.write(path, table.schema, [table])
 
 
 def stag_data(wrong: str, validation: float) -> stag.Stag:

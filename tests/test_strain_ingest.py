@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import tables
+from pipeline.datasets import schemas
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.experiments import strain
@@ -73,7 +73,7 @@ def test_robot_is_placed_to_a_fraction_of_a_sample(settings, lines, tmp_path):
     clock = scene_of.own_clock(times, simulate["devices"], rng)
     true_time = np.interp(frames["t_s"].to_numpy(), clock, times)
     grid = np.arange(len(recording.place_mm)) * scene_of.STEP_S
-    depth = tables.matrix(frames["y_mm"])[:, 2]
+    depth = schemas.matrix(frames["y_mm"])[:, 2]
     lags = np.arange(-0.5, 0.5, 0.02)
     errors = [np.abs(np.interp(true_time - lag, grid, recording.place_mm[:, 2]) - depth).mean() for lag in lags]
     assert abs(lags[int(np.argmin(errors))]) <= 0.06  # s; the strands take 0.2 s to answer
@@ -110,7 +110,7 @@ def test_clocks_may_have_any_zero(settings, tmp_path, samples, name):
     assert abs(moved_clock["offset_ms"] - clock["offset_ms"]) == pytest.approx(1.7e12, abs=5)
     assert moved_clock["drift_ppm"] == pytest.approx(clock["drift_ppm"], abs=2)
     assert (clock["drift_ppm"] != 0) == (samples > 2000)
-    assert tables.matrix(moved["y_mm"])[50:-50] == pytest.approx(tables.matrix(first["y_mm"])[50:-50], abs=0.05)
+    assert schemas.matrix(moved["y_mm"])[50:-50] == pytest.approx(schemas.matrix(first["y_mm"])[50:-50], abs=0.05)
 
 
 def test_noise_of_a_fast_daq_hides_no_motion(settings, lines, tmp_path):

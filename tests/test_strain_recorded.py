@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import logs, series, sources, tables
+from pipeline import logs, sources
+from pipeline.datasets import schemas, series
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.experiments import strain_recorded
@@ -48,9 +49,9 @@ def test_every_third_sample_with_its_place_and_press(tmp_path):
     assert rejects["line"][0].as_py() == CYCLES * CYCLE + 1
     sample = np.arange(0, CYCLES * CYCLE, 3)
     assert frames["t_s"].to_numpy() == pytest.approx(0.2 + 0.07 * sample)
-    v = tables.matrix(frames["v"])
+    v = schemas.matrix(frames["v"])
     assert v[:, :6] == pytest.approx(content["voltage"][sample], abs=1e-6) and np.isnan(v[:, 6]).all()
-    press, y = frames["press"].to_numpy(), tables.matrix(frames["y_mm"])
+    press, y = frames["press"].to_numpy(), schemas.matrix(frames["y_mm"])
     cycle, phase = np.divmod(sample, CYCLE)
     assert (press == np.where(phase >= 20, cycle, -1)).all()
     assert (y[:, 2] == np.where(phase >= 20, -5, 0)).all()
@@ -67,7 +68,7 @@ def test_second_day_has_seven_channels_and_no_last_time(tmp_path):
     content["tim"] = content["tim"][:, :-1]
     frames, rejects, _ = read_recording(save(tmp_path, content, "para5_long_n.mat"), SETTINGS)
     assert frames["condition"].unique().to_pylist() == ["day_2"]
-    assert not np.isnan(tables.matrix(frames["v"])).any()
+    assert not np.isnan(schemas.matrix(frames["v"])).any()
     assert [tuple(row.values())[:3] for row in rejects.to_pylist()] == [
         ("para5_long_n.mat", CYCLES * CYCLE, "no time"),
     ]
@@ -170,7 +171,7 @@ def both_days(tmp_path):
 
 def test_splits_are_whole_cycles_in_the_order_of_time(tmp_path):
     frames = both_days(tmp_path)
-    condition, press = tables.names(frames["condition"]), frames["press"].to_numpy()
+    condition, press = schemas.names(frames["condition"]), frames["press"].to_numpy()
     presses = {}
     for protocol, day in (("within_day_xy", "day_1"), ("failing_channel_z", "day_2")):
         part = strain_recorded.split(frames, SETTINGS, protocol, 0)
@@ -197,7 +198,7 @@ def test_new_places_trains_on_no_place_of_the_second_day(tmp_path):
     trained = np.isin(part, ["train", "validation"])
     tested = set(press[part == "test"]) - {-1}
     assert tested == set(range(12)) and set(press[trained]) - {-1} == set(range(12, 20))
-    y = tables.matrix(frames["y_mm"])[:, :2]
+    y = schemas.matrix(frames["y_mm"])[:, :2]
     pressed = press >= 0
     assert not set(map(tuple, y[trained & pressed])) & set(map(tuple, y[(part == "test") & pressed]))
 
@@ -239,7 +240,7 @@ def record(folder):
     content["voltage"] += 0.005 * place @ rng.standard_normal((2, 6)) + np.linspace(0, 0.2, 60 * CYCLE)[:, None]
     frames, _, _ = read_recording(save(folder, content), SETTINGS)
     press, training = frames["press"].to_numpy(), np.arange(frames.num_rows) < 0.8 * frames.num_rows
-    x, y = tables.matrix(frames["v"])[:, :6], tables.matrix(frames["y_mm"])[:, :2]
+    x, y = schemas.matrix(frames["v"])[:, :6], schemas.matrix(frames["y_mm"])[:, :2]
     return series.Record(x, y, press >= 0, training, press)
 
 

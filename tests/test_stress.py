@@ -7,11 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import dataset, evaluate, ingest, simulate, stress, stress_windows, tables, train, window
+from pipeline import dataset, evaluate, ingest, simulate, stress, stress_windows, train, window
+from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.scenes import touch, touch_stress
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 PERTURBATIONS = {"noise": [0.01, 0.03], "dead": [2], "specimen": [1], "press_speed": [-1], "touches": [1, 2]}
 
@@ -156,13 +157,13 @@ def test_own_logs_have_no_scene_to_perturb():
 def test_perturbed_counts_stay_what_the_adc_can_print(trained, project):
     project(small())
     values = small()
-    data = tables.read_dataset(paths.dataset("touch"), 8)
+    data = schemas.read_dataset(paths.dataset("touch"), 8)
     train_part = data.part("press", 0) == "train"
     change = stress_windows.perturber("touch", values["touch"], data, train_part)
     for name, severity in (("noise", 0.5), ("gain_drift", 2.0), ("offset_drift", 0.5), ("jitter", 1.0)):
         x = change(data.x[:50], name, severity, generator(0, name))
         assert x.min() >= 0 and x.max() <= 1023 and np.array_equal(x, np.rint(x)), name
-    untouched = np.nansum(tables.matrix(data.rows["force_n"]), axis=1) < 0.5
+    untouched = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1) < 0.5
     rest = np.median(data.x[train_part & untouched], axis=(0, 1))
     still = np.broadcast_to(rest, (3, 8, 25)).astype(np.float32)
     assert np.array_equal(change(still, "gain_drift", 1.0, generator(0, "g")), np.rint(still))  # no response, no change

@@ -8,7 +8,8 @@ import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline import dataset, evaluate, images, ingest, simulate, stress_images, tables, train_images
+from pipeline import dataset, evaluate, ingest, simulate, stress_images, train_images
+from pipeline.datasets import images, schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.experiments import glove, glove_recorded
@@ -149,7 +150,7 @@ def test_the_recorded_hand_has_six_matrices_and_joints_without_lines():
             strict=True,
         )
     }
-    columns = {name: tables.lists(area.readings, pa.float32()) for name, area in areas.items()}
+    columns = {name: schemas.lists(area.readings, pa.float32()) for name, area in areas.items()}
     frames = stress_images.Frames(pa.table(columns), np.arange(3), areas)
     found = stress_images.perturbed(frames, "pressure", "dead_line", 2, 0)
     start = 0

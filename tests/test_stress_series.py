@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline import dataset, evaluate, ingest, series, simulate, stress_series, train_series
+from pipeline import dataset, evaluate, ingest, simulate, stress_series, train_series
+from pipeline.datasets import series
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.scale import set_values

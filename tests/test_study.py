@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline import series, study
+from pipeline import study
+from pipeline.datasets import series
 from pipeline.base import params
 
 SAMPLES = 100

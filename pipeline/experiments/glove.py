@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline import images as tactile
-from pipeline import logs, tables
+from pipeline.datasets import images as tactile
+from pipeline import logs
+from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 PRESSURE = (slice(0, 15), slice(0, 18))  # area (a) of the 32 x 32 scan: rows, columns
 STRAIN = (slice(17, 32), slice(23, 32))  # area (b)
@@ -79,17 +80,17 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         "recording": [folder.name] * len(kept),
         "segment": segment,
         "t_s": time_s,
-        "gap_before": first | tables.gaps(time_s, segment),
-        "pressure": tables.lists(pressure[kept], pa.int16()),
-        "strain": tables.lists(strain[kept], pa.int16()),
+        "gap_before": first | schemas.gaps(time_s, segment),
+        "pressure": schemas.lists(pressure[kept], pa.int16()),
+        "strain": schemas.lists(strain[kept], pa.int16()),
     }
     frames = pa.table(columns).select(SCHEMA.names).cast(SCHEMA)
-    return frames, rejects, {LOG: tables.log_report(len(kept), rejects, time_s, segment)}
+    return frames, rejects, {LOG: schemas.log_report(len(kept), rejects, time_s, segment)}
 
 
 def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
     """Row numbers of the frames that become images: every `window.stride`-th of each session."""
-    names = np.char.add(np.char.add(tables.names(frames["condition"]), "/"), tables.names(frames["recording"]))
+    names = np.char.add(np.char.add(schemas.names(frames["condition"]), "/"), schemas.names(frames["recording"]))
     starts = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]]))
     place = np.arange(len(names)) - np.repeat(starts, np.diff([*starts, len(names)]))
     return np.flatnonzero(place % settings["window"]["stride"] == 0)
@@ -102,8 +103,8 @@ def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
     Differs from paper: where a joint's one mean lies in the image is not said; here it fills the joint's 3 x 3 cells.
     """
     ohm = settings["sensor"]["reference_ohm"]
-    pressure = conductance(tables.matrix(frames["pressure"]), ohm).reshape(-1, 15, 18)
-    joints = joint_means(conductance(tables.matrix(frames["strain"]), ohm).reshape(-1, 15, 9))
+    pressure = conductance(schemas.matrix(frames["pressure"]), ohm).reshape(-1, 15, 18)
+    joints = joint_means(conductance(schemas.matrix(frames["strain"]), ohm).reshape(-1, 15, 9))
     strain = joints.repeat(JOINT, axis=1).repeat(JOINT, axis=2)
     found = {}
     for modality in tactile.MODALITIES:
@@ -138,7 +139,7 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     if name not in SPLITS:
         raise InputError(f"params.yaml, glove.protocols: no split '{name}'; there are {', '.join(SPLITS)}")
     share = settings["split"]
-    objects, sessions = tables.names(frames["condition"]), tables.names(frames["recording"])
+    objects, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     part = np.empty(frames.num_rows, dtype=object)
     for one in np.unique(objects):
         own = objects == one

@@ -21,10 +21,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pyarrow as pa
 
-from pipeline import images as tactile
-from pipeline import logs, tables
+from pipeline.datasets import images as tactile
+from pipeline import logs
+from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 MATRICES = ((14, 6), (13, 6)) * 3  # rows, columns: proximal and distal link of each finger
 CELLS = sum(rows * cols for rows, cols in MATRICES)
@@ -108,7 +109,7 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
 
     time = time[kept]
     segment = np.zeros(len(kept), dtype=np.int16)
-    gap = (np.diff(kept, prepend=-np.inf) > 1) | tables.gaps(time, segment)
+    gap = (np.diff(kept, prepend=-np.inf) > 1) | schemas.gaps(time, segment)
     strain = np.column_stack([np.interp(time, angle_time, angle[:, joint]) for joint in range(JOINTS)])
     columns = {
         "condition": [path.parent.name] * len(kept),
@@ -116,12 +117,12 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
         "segment": segment,
         "t_s": time,
         "gap_before": gap,
-        "pressure": tables.lists(cells[kept], pa.float32()),
-        "strain": tables.lists(strain, pa.float32()),
+        "pressure": schemas.lists(cells[kept], pa.float32()),
+        "strain": schemas.lists(strain, pa.float32()),
     }
-    report = {path.name: tables.log_report(len(kept), rejects, time, segment)}
+    report = {path.name: schemas.log_report(len(kept), rejects, time, segment)}
     report[path.name]["gaps"] = int(gap[1:].sum())
-    report[angle_name] = tables.log_report(len(angle), angle_rejects, angle_time, np.zeros(len(angle)))
+    report[angle_name] = schemas.log_report(len(angle), angle_rejects, angle_time, np.zeros(len(angle)))
     frames = pa.table(columns).select(SCHEMA.names).cast(SCHEMA)
     return frames, pa.concat_tables([rejects, angle_rejects]), report
 
@@ -146,8 +147,8 @@ def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
     vector machine) and .63 (extra trees), with the full scale .71 and .68, with the root of the counts .70 and .68.
     """
     n = frames.num_rows
-    cells = _levels(tables.matrix(frames["pressure"]), 0, FULL_SCALE)
-    joints = _levels(tables.matrix(frames["strain"]), LOWEST_DEG, HIGHEST_DEG)
+    cells = _levels(schemas.matrix(frames["pressure"]), 0, FULL_SCALE)
+    joints = _levels(schemas.matrix(frames["strain"]), LOWEST_DEG, HIGHEST_DEG)
 
     found = {name: np.zeros((n, tactile.SIDE, tactile.SIDE), dtype=np.uint8) for name in tactile.MODALITIES}
     start = 0
@@ -178,7 +179,7 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     if name not in SPLITS:
         raise InputError(f"params.yaml, glove_recorded.protocols: no split '{name}'; there are {', '.join(SPLITS)}")
     part = np.empty(frames.num_rows, dtype=object)
-    objects, grasps = tables.names(frames["condition"]), _grasps(frames)
+    objects, grasps = schemas.names(frames["condition"]), _grasps(frames)
     what = "frames" if name == "random_frames" else "grasps"
     for one in np.unique(objects):
         units = [own for own in grasps if objects[own[0]] == one]
@@ -201,7 +202,7 @@ def _grasps(frames: pa.Table) -> list[np.ndarray]:
     """Row numbers of every grasp, by object and then in the order of time."""
     if not frames.num_rows:
         return []
-    objects, names = tables.names(frames["condition"]), tables.names(frames["recording"])
+    objects, names = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     starts = np.flatnonzero((objects[1:] != objects[:-1]) | (names[1:] != names[:-1])) + 1
     grasps = np.split(np.arange(frames.num_rows), starts)
     return sorted(grasps, key=lambda own: (objects[own[0]], _first_frame(names[own[0]]), names[own[0]]))

@@ -7,7 +7,8 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import theilslopes
 
-from pipeline import alignment, logs, series, tables
+from pipeline import alignment, logs
+from pipeline.datasets import schemas, series
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format
@@ -92,7 +93,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     report = {}
     for name, accepted in (("daq.log", int(known.sum())), ("robot.log", robot.num_rows)):
         time = rows[name]["t_s"].to_numpy()
-        report[name] = tables.log_report(accepted, rejects[name], time, np.zeros(len(time), int))
+        report[name] = schemas.log_report(accepted, rejects[name], time, np.zeros(len(time), int))
     report["daq.log"]["channels"] = channels
     report["robot.log"]["clock"] = {
         "offset_ms": 1e3 * clock.offset_s,
@@ -122,8 +123,8 @@ def resampled(
             "t_s": grid,
             "gap_before": np.arange(n) == 0,
             "press": np.full(n, -1, np.int32),
-            "v": tables.lists(v, pa.float32()),
-            "y_mm": tables.lists(y, pa.float32()),
+            "v": schemas.lists(v, pa.float32()),
+            "y_mm": schemas.lists(y, pa.float32()),
         }
         parts.append(pa.table(columns).select(schema.names).cast(schema))
     return pa.concat_tables(parts)
@@ -264,7 +265,7 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
 
     The same for every seed: the recording decides. The end of the training part is the validation part.
     """
-    condition, recording = tables.names(frames["condition"]), tables.names(frames["recording"])
+    condition, recording = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     part = np.full(frames.num_rows, "unused", dtype=object)
     for name in np.unique(recording[condition == protocol]):
         rows = np.flatnonzero((condition == protocol) & (recording == name))

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline import logs, matlab, series, tables
+from pipeline import logs, matlab
+from pipeline.datasets import schemas, series
 from pipeline.base.errors import InputError
 
 FILES = {"day_1": "new_test/para5_long.mat", "day_2": "para5_long_n.mat"}  # 30 and 31 July 2019
@@ -104,10 +105,10 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
         "t_s": time[kept],
         "gap_before": gap,
         "press": np.where(pressed, cycle[kept], -1),
-        "v": tables.lists(v, pa.float32()),
-        "y_mm": tables.lists(np.column_stack([above, np.where(pressed, -deformation, 0.0)]), pa.float32()),
+        "v": schemas.lists(v, pa.float32()),
+        "y_mm": schemas.lists(np.column_stack([above, np.where(pressed, -deformation, 0.0)]), pa.float32()),
     }
-    report = tables.log_report(len(good), rejects, time[kept], segment)
+    report = schemas.log_report(len(good), rejects, time[kept], segment)
     report["gaps"] = int(gap[1:].sum())
     report["channels"] = _faults(path, voltage[good])
     return pa.table(columns).select(SCHEMA.names).cast(SCHEMA), rejects, {path.name: report}
@@ -136,7 +137,7 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     second is the test. Cycles that a protocol does not use are 'unused'. Raises InputError for an unknown protocol.
     """
     name, _ = _parts(protocol)
-    condition = tables.names(frames["condition"])
+    condition = schemas.names(frames["condition"])
     part = np.full(frames.num_rows, "unused", dtype=object)
     rows = {day: np.flatnonzero(condition == day) for day in SPLITS[name]}
     cycles = {day: _cycles(frames["press"].to_numpy()[own]) for day, own in rows.items()}

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline import alignment, logs, tables
-from pipeline import labels as labels_kpa
+from pipeline import alignment, logs
+from pipeline.datasets import schemas
+from pipeline.datasets import labels as labels_kpa
 from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 # Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
 CLOCK = Column("t_us", "us", 0, 4e15, integer=True)
@@ -35,7 +36,7 @@ def frames_schema(settings: Mapping) -> pa.Schema:
     """The frames table for this sensor; `settings` is the block `touch` of params.yaml."""
     sensor = settings["sensor"]
     kind = pa.int16() if settings["ingest"]["highest_count"] < 2**15 else pa.int32()
-    return tables.frames(sensor["rows"] * sensor["cols"], settings["ingest"]["max_touches"], kind)
+    return schemas.frames(sensor["rows"] * sensor["cols"], settings["ingest"]["max_touches"], kind)
 
 
 def recordings(folder: Path) -> list[Path]:
@@ -95,7 +96,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
 
     segment = array["segment"].to_numpy()
     gap_before = np.empty(len(at), dtype=bool)
-    gap_before[known] = tables.gaps_before(at[known], segment[known])
+    gap_before[known] = schemas.gaps_before(at[known], segment[known])
 
     def parts() -> Iterator[pa.Table]:
         for first in range(0, len(at), PART):
@@ -103,7 +104,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
             some = known[block]
             if some.any():
                 counts = _matrix(array.slice(first, PART), [f"v{k}" for k in range(elements)])
-                yield tables.frame_rows(
+                yield schemas.frame_rows(
                     frames_schema(settings),
                     folder.parent.name,
                     folder.name,
@@ -119,7 +120,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         rejects[name] = pa.concat_tables(rejects[name]).sort_by("line")
         accepted = int(known.sum()) if name == "array.log" else rows[name].num_rows
         report[name] = {
-            **tables.log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy()),
+            **schemas.log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy()),
             "clocks": [
                 clock
                 and {
@@ -283,7 +284,7 @@ def _matrix(rows: pa.Table, columns: list[str]) -> np.ndarray:
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
     """Pressure maps (eq. 1) at each window's last frame, (n, map_rows * map_cols) in kPa, float32."""
-    x, y = tables.matrix(windows["x_mm"]), tables.matrix(windows["y_mm"])
+    x, y = schemas.matrix(windows["x_mm"]), schemas.matrix(windows["y_mm"])
     peak = labels_kpa.peaks_kpa(windows, settings)
     maps = labels_kpa.pressure_maps(peak, x, y, settings["sensor"], settings["label"])
     return maps.reshape(len(maps), -1)
@@ -298,7 +299,7 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
     Differs from paper: every seed draws another split, so that an interval over seeds covers the choice of
     presses; the paper has one split and no interval.
     """
-    single = tables.names(windows["condition"]) == "single"
+    single = schemas.names(windows["condition"]) == "single"
     unit = windows["press"].to_numpy() if protocol == "press" else np.arange(windows.num_rows)
     units = np.unique(unit[single])
     shares = settings["split"]

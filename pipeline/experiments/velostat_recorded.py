@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline import alignment, logs, tables
+from pipeline import alignment, logs
+from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
 from pipeline.logs import Column, Format
 
@@ -17,7 +18,7 @@ LOAD_CELL = Format((Column("fz_n", "N", -1e3, 1e3), CLOCK), time="unix_time_s", 
 
 POOLED = "repetition"  # the protocol that fits all recordings together
 NO_GROUND_TRUTH = "no ground truth at this time"
-SCHEMA = tables.frames(1, 1, pa.float32())
+SCHEMA = schemas.frames(1, 1, pa.float32())
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
@@ -67,7 +68,7 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
             f"{path}: no reading falls into the time of the load cell's log; the two do not belong together"
         )
     unknown = np.full((int(known.sum()), 1), np.nan)
-    frames = tables.frame_rows(
+    frames = schemas.frame_rows(
         SCHEMA,
         path.parent.name,
         name_of(path),
@@ -82,13 +83,13 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     for name in pair:
         accepted = frames.num_rows if name == taxel else rows[name].num_rows
         time = rows[name]["unix_time_s"].to_numpy()
-        report[name] = tables.log_report(accepted, rejects[name], time, rows[name]["segment"].to_numpy())
+        report[name] = schemas.log_report(accepted, rejects[name], time, rows[name]["segment"].to_numpy())
     return frames, pa.concat_tables(rejects.values()), report
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
     """Force at each window's last frame, (n, 1) in N."""
-    return tables.matrix(windows["force_n"])
+    return schemas.matrix(windows["force_n"])
 
 
 def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
@@ -98,7 +99,7 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
     alone, with all others 'unused'. The same for every seed: the recordings decide. Raises InputError for a
     protocol without recordings.
     """
-    recording, press = tables.names(windows["recording"]), windows["press"].to_numpy()
+    recording, press = schemas.names(windows["recording"]), windows["press"].to_numpy()
     part = np.full(windows.num_rows, "test", dtype=object)
     for name in np.unique(recording):
         if not name.endswith("exp1"):
@@ -108,7 +109,7 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
         kept = max(1, round(len(numbers) * (1 - settings["split"]["validation"])))
         part[rows] = np.where(press[rows] <= numbers[kept - 1], "train", "validation")
     if protocol != POOLED and windows.num_rows:
-        condition = tables.names(windows["condition"])
+        condition = schemas.names(windows["condition"])
         if protocol not in condition:
             raise InputError(
                 f"params.yaml, velostat_recorded.protocols: there is no recording '{protocol}'; "

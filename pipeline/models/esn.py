@@ -5,7 +5,7 @@ from scipy import sparse
 
 from pipeline.base.blocks import NotNegative, Positive, Share, Width
 from pipeline.fitting import Spec
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 from pipeline.series_fitting import StateReadout
 
 LINKS = 10  # connections a unit: makes a step cost units x 10 instead of units squared

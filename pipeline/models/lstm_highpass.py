@@ -25,7 +25,7 @@ from pipeline import counting
 from pipeline.base.blocks import StretchTraining, Taps, Width
 from pipeline.base.errors import InputError
 from pipeline.fitting import NETWORK_FILE, Spec, read_tensors
-from pipeline.series import Record
+from pipeline.datasets.series import Record
 from pipeline.series_fitting import Scaling
 from pipeline.training import Epoch, FitSummary, Progress, device_of, run_epochs
 

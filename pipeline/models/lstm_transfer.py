@@ -4,7 +4,7 @@ import torch
 
 from pipeline.base.blocks import SequenceTraining
 from pipeline.fitting import Spec
-from pipeline.series import Record
+from pipeline.datasets.series import Record
 from pipeline.series_fitting import LstmRegressor
 
 

@@ -5,7 +5,7 @@ from torch import nn
 from pipeline.base.blocks import AugmentedTraining
 from pipeline.fitting import Spec
 from pipeline.image_fitting import ImageClassifier
-from pipeline.images import SIDE
+from pipeline.datasets.images import SIDE
 
 # (channels, stride) of each pair of a 3x3 depthwise convolution, which has the stride, and a 1x1 one
 PAIRS = ((64, 1), (128, 2), (128, 1), (256, 2), (256, 1), (512, 2), *[(512, 1)] * 5, (1024, 2), (1024, 1))

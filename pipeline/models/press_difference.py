@@ -17,7 +17,7 @@ from sklearn.pipeline import make_pipeline
 from pipeline.base.blocks import Count
 from pipeline.base.errors import InputError
 from pipeline.fitting import SklearnRegressor, Spec
-from pipeline.series import Record
+from pipeline.datasets.series import Record
 from pipeline.series_fitting import Windowed
 
 REST = (2, 3)  # samples before the first one after the step

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.scenes import glove, readout
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 CHANGES = ("specimen", "shift", "turn", "grip")
 

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.base.errors import InputError
 from pipeline.scenes import touch
 from pipeline.scenes.touch import Recording
-from pipeline.seeding import generator
+from pipeline.datasets.seeding import generator
 
 # Perturbation -> the conditions in which it acts.
 VARIATIONS = dict.fromkeys(("specimen", "peak_pressure", "press_speed", "tip_radius"), ("double", "single_anew"))

@@ -7,10 +7,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from pipeline import tables
+from pipeline.datasets import schemas
 from pipeline.base import params
 from pipeline.experiments import touch
-from pipeline.series import Record
+from pipeline.datasets.series import Record
 
 ARRAY_HZ, LOAD_CELL_HZ, CNC_HZ = 200, 100, 50  # 1 GB of 5x5 counts lasts 16 hours; 28 are the most that ingest takes
 LINE_BYTES = 92  # of the array's log, about
@@ -64,7 +64,7 @@ def frames_file(path: Path, frames: int, settings: dict) -> Path:
             knots, heights = _presses(t[-1], seed=number)
             which = np.searchsorted(knots[::4], t)
             x, y = (rng.uniform(0, side, which.max() + 1)[which, None] for _ in "xy")
-            yield tables.frame_rows(
+            yield schemas.frame_rows(
                 schema,
                 "single" if number % 5 else "double",
                 f"run{number:04d}",
@@ -76,7 +76,7 @@ def frames_file(path: Path, frames: int, settings: dict) -> Path:
                 y_mm=y,
             )
 
-    tables.write(path, schema, parts())
+    schemas.write(path, schema, parts())
     return path
 
 

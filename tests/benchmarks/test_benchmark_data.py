@@ -9,7 +9,8 @@ import pytest
 from benchmarks import made, peers
 from benchmarks.measure import measured
 
-from pipeline import logs, tables
+from pipeline import logs
+from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.experiments import touch
 
@@ -127,11 +128,11 @@ def check_equal(folder) -> None:
     )
     assert ours.num_rows == theirs.num_rows
     for name, tolerance in (("x", 0), ("y", 1e-3), ("force_n", 0)):
-        mine = tables.matrix(ours[name])
+        mine = schemas.matrix(ours[name])
         peer = theirs[name].combine_chunks().flatten().to_numpy(zero_copy_only=False).reshape(mine.shape)
         np.testing.assert_allclose(mine, peer, rtol=1e-5, atol=tolerance)
     assert np.array_equal(ours["press"].to_numpy(), theirs["press"].to_numpy())
     for protocol, seed in params.runs(params.load(), "touch"):
-        name = tables.split_column(protocol, seed)
-        parts = [np.unique(tables.names(table[name]), return_counts=True)[0].tolist() for table in (ours, theirs)]
+        name = schemas.split_column(protocol, seed)
+        parts = [np.unique(schemas.names(table[name]), return_counts=True)[0].tolist() for table in (ours, theirs)]
         assert parts[0] == parts[1], name

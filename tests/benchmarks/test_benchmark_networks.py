@@ -7,7 +7,8 @@ from benchmarks import made, measure, peers
 from torch import nn
 from tqdm import tqdm
 
-from pipeline import series, tables, trained
+from pipeline import trained
+from pipeline.datasets import schemas, series
 from pipeline.base import params, paths, workers
 from pipeline.base.blocks import SequenceTraining
 from pipeline.fitting import Spec, TorchRegressor
@@ -22,7 +23,7 @@ WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
 def touch():
     """The touch experiment's dataset, and what loads a model of its first run; needs what `dvc repro` has made."""
     values = params.load()
-    data = tables.read_dataset(paths.require(paths.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
+    data = schemas.read_dataset(paths.require(paths.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
     spec = Spec(*params.shapes(values["touch"]))
 
     def load(model: str):
@@ -31,9 +32,9 @@ def touch():
     return data, load
 
 
-def single_rmse(data: tables.Dataset, predict) -> float:
+def single_rmse(data: schemas.Dataset, predict) -> float:
     """RMSE in kPa of the single touches of the test part; `predict(x, rows)` gives the maps of these rows."""
-    single = tables.names(data.rows["condition"]) == "single"
+    single = schemas.names(data.rows["condition"]) == "single"
     rows = np.flatnonzero(single & (data.part("press", 0) == "test"))
     return float(np.sqrt(np.mean((predict(data.x[rows], rows) - data.y[rows]) ** 2)))
 

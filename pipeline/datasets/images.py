@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import tables
+from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
 
 SIDE = 32  # pixels of an image's side
@@ -20,8 +20,8 @@ def frames(pressure: int, strain: int, value: pa.DataType) -> pa.Schema:
     """Frames in the order of time within a recording; pressure, strain: cells a frame; value: type of a reading."""
     return pa.schema(
         {
-            "condition": tables.NAME,  # the object: what the models must name
-            "recording": tables.NAME,
+            "condition": schemas.NAME,  # the object: what the models must name
+            "recording": schemas.NAME,
             "segment": pa.int16(),  # a new one after every reset of the device
             "t_s": pa.float64(),
             "gap_before": pa.bool_(),  # frames are missing before this one; also the first of a segment
@@ -47,12 +47,12 @@ def dataset_rows(chosen: pa.Table, pictures: Mapping[str, np.ndarray]) -> pa.Tab
 
     chosen: a table of the schema `frames`; pictures: modality -> (n, SIDE, SIDE) uint8.
     """
-    names = tables.names(chosen["condition"])
+    names = schemas.names(chosen["condition"])
     _, label = np.unique(names, return_inverse=True)
     table = chosen.select(["condition", "recording", "t_s"]).append_column("label", pa.array(label.astype(np.int16)))
     for modality in MODALITIES:
         flat = pictures[modality].reshape(len(names), SIDE * SIDE)
-        table = table.append_column(modality, tables.lists(flat, pa.uint8()))
+        table = table.append_column(modality, schemas.lists(flat, pa.uint8()))
     return table
 
 
@@ -91,14 +91,14 @@ class Images(NamedTuple):
 
 def read(path: Path, protocol: str, seed: int) -> Images:
     """The images and labels of one run, from the dataset that the stage of that name wrote."""
-    wanted = ["condition", "label", modality(protocol), tables.split_column(protocol, seed)]
-    table = tables.read(path, columns=wanted)
+    wanted = ["condition", "label", modality(protocol), schemas.split_column(protocol, seed)]
+    table = schemas.read(path, columns=wanted)
     objects = classes(table)
-    x = tables.matrix(table[modality(protocol)]).astype(np.float32)[:, None]
+    x = schemas.matrix(table[modality(protocol)]).astype(np.float32)[:, None]
     y = np.eye(len(objects), dtype=np.float32)[table["label"].to_numpy()]
-    return Images(x, y, tables.names(table[tables.split_column(protocol, seed)]), objects)
+    return Images(x, y, schemas.names(table[schemas.split_column(protocol, seed)]), objects)
 
 
 def classes(table: pa.Table) -> list[str]:
     """Names of the objects in the order of their labels."""
-    return sorted(set(tables.names(table["condition"])))
+    return sorted(set(schemas.names(table["condition"])))

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pyarrow as pa
 
-from pipeline import tables
+from pipeline.datasets import schemas
 
 
 def pressure_kpa(force_n: np.ndarray, tip_radius_mm: float) -> np.ndarray:
@@ -15,7 +15,7 @@ def pressure_kpa(force_n: np.ndarray, tip_radius_mm: float) -> np.ndarray:
 
 def peaks_kpa(windows: pa.Table, settings: Mapping) -> np.ndarray:
     """True pressure of each touch at each window's last frame, (n, touches) in kPa, NaN where there is none."""
-    return pressure_kpa(tables.matrix(windows["force_n"]), settings["label"]["tip_radius_mm"])
+    return pressure_kpa(schemas.matrix(windows["force_n"]), settings["label"]["tip_radius_mm"])
 
 
 def cell_centres(sensor: Mapping, label: Mapping) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ A window is `frames` frames, `frame_step` apart, of one press; it never spans a 
 import numpy as np
 import pyarrow as pa
 
-from pipeline import tables
+from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
 
 BRIEF_S = 0.1  # contacts closer than this are one press (the finger bounced, or a frame was lost)
@@ -51,18 +51,18 @@ def previous_windows(rows: np.ndarray, run: np.ndarray, frame_step: int) -> np.n
 
 
 def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
-    """The windows table (pipeline/tables.py) of a frames table; settings: `<experiment>.window`.
+    """The windows table (pipeline/datasets/schemas.py) of a frames table; settings: `<experiment>.window`.
 
     Labels belong to a window's last frame, so all other columns are that frame's. InputError if no frame
     is part of a window.
     """
     if frames.num_rows == 0:
-        return tables.windows_rows(frames, np.zeros((0, settings["frames"]), int), *np.zeros((2, 0), int))
+        return schemas.windows_rows(frames, np.zeros((0, settings["frames"]), int), *np.zeros((2, 0), int))
     names = (frames["condition"].combine_chunks(), frames["recording"].combine_chunks())
     codes = [name.indices.to_numpy() for name in names]
     recording = np.cumsum(np.concatenate([[0], np.any([np.diff(code) != 0 for code in codes], axis=0)]))
     t_s = frames["t_s"].to_numpy()
-    force = np.nansum(tables.matrix(frames["force_n"]), axis=1)
+    force = np.nansum(schemas.matrix(frames["force_n"]), axis=1)
     press = np.empty(len(t_s), dtype=np.int64)
     first = 0
     for number in range(recording[-1] + 1):
@@ -75,4 +75,4 @@ def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
         raise InputError(
             f"no window of {settings['frames']} frames fits into any press; record more slowly or lower window.frames"
         )
-    return tables.windows_rows(frames, rows, press, previous_windows(rows, run, settings["frame_step"]))
+    return schemas.windows_rows(frames, rows, press, previous_windows(rows, run, settings["frame_step"]))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import tables
+from pipeline.datasets import schemas
 
 
 def frames(channels: int) -> pa.Schema:
@@ -17,8 +17,8 @@ def frames(channels: int) -> pa.Schema:
     """
     return pa.schema(
         {
-            "condition": tables.NAME,
-            "recording": tables.NAME,
+            "condition": schemas.NAME,
+            "recording": schemas.NAME,
             "segment": pa.int16(),  # a new one after every gap
             "t_s": pa.float64(),
             "gap_before": pa.bool_(),  # also the first sample of a segment
@@ -60,10 +60,10 @@ class Piece(NamedTuple):
 
 def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
     """The recordings of a dataset that one run uses, in the order of the table."""
-    table = tables.read(path)
-    part = tables.names(table[tables.split_column(protocol, seed)])
-    condition, recording = tables.names(table["condition"]), tables.names(table["recording"])
-    v, y, press = tables.matrix(table["v"]), tables.matrix(table["y"]), table["press"].to_numpy()
+    table = schemas.read(path)
+    part = schemas.names(table[schemas.split_column(protocol, seed)])
+    condition, recording = schemas.names(table["condition"]), schemas.names(table["recording"])
+    v, y, press = schemas.matrix(table["v"]), schemas.matrix(table["y"]), table["press"].to_numpy()
     pieces = []
     for name in task.channels:
         for one in np.unique(recording[condition == name]):
