@@ -19,7 +19,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline import figures_check, logs, mistakes, own
+from pipeline import figures_check
+from pipeline.logs import diagnosis, own_data, parse
 from pipeline.datasets import labels, schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError, run_stage
@@ -64,7 +65,7 @@ class Checked(NamedTuple):
         return f"{self.folder.parent.name}/{self.folder.name}"
 
 
-def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, logs.Format]:
+def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse.Format]:
     """What the lines of each log in a recording's folder should look like."""
     module = params.experiment_module(experiment)
     if experiment == "strain":
@@ -84,20 +85,20 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     for name, fmt in expected.items():
         path = folder / name
         if not path.is_file():
-            problems.append(mistakes.missing(path, fmt, expected))
+            problems.append(diagnosis.missing(path, fmt, expected))
             continue
         try:
-            rows, rejects = logs.read_log(path, fmt)
+            rows, rejects = parse.read_log(path, fmt)
         except InputError as error:
-            wrong = mistakes.unreadable(path, fmt) or wrong_columns(experiment, path, fmt, settings)
+            wrong = diagnosis.unreadable(path, fmt) or wrong_columns(experiment, path, fmt, settings)
             problems.append(wrong or str(error))
             continue
         if rejects.num_rows > settings["ingest"]["max_reject_fraction"] * (rows.num_rows + rejects.num_rows):
-            beyond = rejects.filter(pc.equal(rejects["reason"], logs.OUT_OF_RANGE))
+            beyond = rejects.filter(pc.equal(rejects["reason"], parse.OUT_OF_RANGE))
             if wrong := (
                 wrong_columns(experiment, path, fmt, settings)
-                or mistakes.out_of_range(path, beyond.slice(0, logs.TEXTS).to_pylist(), fmt)
-                or mistakes.unreadable(path, fmt)
+                or diagnosis.out_of_range(path, beyond.slice(0, parse.TEXTS).to_pylist(), fmt)
+                or diagnosis.unreadable(path, fmt)
             ):
                 problems.append(wrong)
                 continue
@@ -114,7 +115,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     return Checked(folder, read, frames, report, problems)
 
 
-def wrong_columns(experiment: str, path: Path, fmt: logs.Format, settings: Mapping) -> str | None:
+def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
     """The key to change where most lines of a log have another number of columns than params.yaml says."""
     with path.open("rb") as file:
         counts = Counter(line.count(b",") for line, _ in zip(file, range(LINES), strict=False) if b"," in line)
@@ -465,10 +466,10 @@ def main() -> None:
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
-    first = check(experiment, folder, params.load()) or own.unnoticed(place)
+    first = check(experiment, folder, params.load()) or own_data.unnoticed(place)
     if first is not None:
         sys.exit(f"mend first: {first}")
-    print(f"ready: set {experiment}.source: {own.setting(place)} in params.yaml, then `dvc repro`")
+    print(f"ready: set {experiment}.source: {own_data.setting(place)} in params.yaml, then `dvc repro`")
 
 
 if __name__ == "__main__":

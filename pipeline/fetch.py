@@ -14,7 +14,7 @@ from urllib.request import Request, urlopen
 
 from tqdm import tqdm
 
-from pipeline import sources
+from pipeline.logs import sources
 from pipeline.base.errors import InputError, run_stage, storage_error
 
 TIMEOUT_S = 60

@@ -9,7 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Rectangle
 
-from pipeline import alignment, figures
+from pipeline import figures
+from pipeline.logs import alignment
 from pipeline.datasets import schemas
 
 LINES = (

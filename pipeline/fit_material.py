@@ -22,7 +22,7 @@ import matplotlib
 import numpy as np
 from scipy.optimize import least_squares
 
-from pipeline import logs, sources
+from pipeline.logs import parse, sources
 from pipeline.base import paths
 from pipeline.base.errors import InputError, run_stage
 from pipeline.experiments import velostat_recorded
@@ -83,8 +83,8 @@ def _recorded(path: Path) -> Path:
 def load_recording(folder: Path, name: str, repetition: int, lag_s: float) -> Recording:
     """One recording on the grid; `lag_s` is how much later the reading's clock is than the load cell's."""
     file = Path(name) / f"exp_{name}_sensor1_exp{repetition}.txt"
-    cell, _ = logs.read_log(_recorded(folder / "futek_data" / file), velostat_recorded.LOAD_CELL)
-    taxel, _ = logs.read_log(_recorded(folder / "velostat_data" / file), velostat_recorded.VELOSTAT)
+    cell, _ = parse.read_log(_recorded(folder / "futek_data" / file), velostat_recorded.LOAD_CELL)
+    taxel, _ = parse.read_log(_recorded(folder / "velostat_data" / file), velostat_recorded.VELOSTAT)
     force, force_s = cell["fz_n"].to_numpy(), cell["unix_time_s"].to_numpy()
     reading, reading_s = taxel["reading"].to_numpy(), taxel["unix_time_s"].to_numpy() - lag_s
     grid = np.arange(max(force_s[0], reading_s[0]), min(force_s[-1], reading_s[-1]), DT_S)

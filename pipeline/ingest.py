@@ -12,7 +12,7 @@ from pathlib import Path
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import own, sources
+from pipeline.logs import own_data, sources
 from pipeline.datasets import schemas
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError, run_stage
@@ -43,7 +43,7 @@ def ingest(experiment: str, settings: dict) -> None:
             raise InputError(
                 f"params.yaml, {experiment}.source: there is no folder {settings['source']}; name one or `simulated`"
             )
-        if problem := own.unnoticed(folder):
+        if problem := own_data.unnoticed(folder):
             raise InputError(f"params.yaml, {experiment}.source: {problem}")
     try:
         read = getattr(module, "read_in_parts", module.read_recording)

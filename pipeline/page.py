@@ -21,7 +21,7 @@ from pipeline.figures import style
 from pipeline.hypertext import Pages, anchor, cell, read, sections, table, title
 from pipeline.markdown import number, size
 from pipeline.results import read_csv
-from pipeline.sources import SOURCES
+from pipeline.logs.sources import SOURCES
 
 VERDICTS = {REPRODUCED: ("yes", "✓"), NOT_REPRODUCED: ("no", "✗"), NOT_TESTABLE: ("open", "–")}
 CLAIMS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason", "unit"]

@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import alignment, clean_scores, logs, metrics, perturbations, results, trained
+from pipeline import clean_scores, metrics, perturbations, results, trained
+from pipeline.logs import alignment, parse
 from pipeline.datasets import schemas, series
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
@@ -182,7 +183,7 @@ def scene_record(block: str, task: str, change: str, severity: float) -> series.
             path = Path(folder) / name
             path.write_text("\n".join(text) + "\n", encoding="ascii")
             if name in formats:
-                lines[name], _ = logs.read_log(path, formats[name])
+                lines[name], _ = parse.read_log(path, formats[name])
     (daq_s, volts), (robot_s, place) = (matrix(lines[name]) for name in formats)
     truth, known = alignment.interpolated(daq_s, robot_s, place)
     frames = module.resampled(task, change, daq_s[known], volts[known], truth[known], changed["ingest"])

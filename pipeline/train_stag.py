@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import classification, metrics, stag
+from pipeline import classification, metrics
+from pipeline.logs import stag
 from pipeline.datasets import seeding
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage

@@ -21,7 +21,7 @@ PLUMBING = {"availability", "blocks", "cluster", "errors", "files", "own", "para
 PLUMBING |= {"runs", "workers"}
 PLUMBING = {f"pipeline/{name}.py" for name in PLUMBING}
 # Reading recordings is ingest's part of an experiment's file: of no concern to the stages after it.
-READERS = {"pipeline/logs.py", "pipeline/alignment.py", "pipeline/matlab.py"}
+READERS = {"pipeline/logs/parse.py", "pipeline/logs/alignment.py", "pipeline/logs/matlab.py"}
 
 
 def imports(path: Path) -> set[str]:
@@ -115,7 +115,7 @@ def test_dvc_watches_what_a_stage_imports(entry):
         needed |= closure(f"pipeline/experiments/{command[3]}.py") - READERS
     if command[2] == "pipeline.stress":
         needed |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline/scenes").glob("*.py")}
-        needed |= closure(f"pipeline/experiments/{command[3]}.py") - {"pipeline/matlab.py"}
+        needed |= closure(f"pipeline/experiments/{command[3]}.py") - {"pipeline/logs/matlab.py"}
     if command[2] == "pipeline.simulate":
         needed |= closure(f"pipeline/scenes/{command[3]}.py")
     if command[2] == "pipeline.ingest":

@@ -16,7 +16,7 @@ from conftest import ROOT
 from dvc.repo import Repo
 from test_architecture import stage_entries
 
-from pipeline import sources
+from pipeline.logs import sources
 from pipeline.base import params
 
 VALUES = params.load()

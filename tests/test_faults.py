@@ -33,7 +33,8 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import logs, own, results, stag, tracking
+from pipeline import results, tracking
+from pipeline.logs import own_data, parse, stag
 from pipeline.datasets import schemas, series
 from pipeline.base import availability, blocks, params, paths
 from pipeline.base.errors import InputError
@@ -248,7 +249,7 @@ FORMATS = {
 
 
 @functools.cache
-def valid_lines(fmt: logs.Format, count: int) -> list[bytes]:
+def valid_lines(fmt: parse.Format, count: int) -> list[bytes]:
     """Lines that all are rows, 20 ms apart."""
     found = []
     for k in range(count):
@@ -268,28 +269,28 @@ def lines_of(content: bytes) -> list[bytes]:
     return lines[:-1] if not lines[-1] else lines
 
 
-def held_to_its_promise(content: bytes, fmt: logs.Format, path: Path, pieces: int) -> None:
+def held_to_its_promise(content: bytes, fmt: parse.Format, path: Path, pieces: int) -> None:
     """rows + rejects (+ header) = lines, each with its number and values; the same in any pieces; or one sentence."""
     path.write_bytes(content)
     lines = lines_of(content)
     header = bool(lines) and lines[0].strip() == fmt.header.encode()
     try:
         with in_time():
-            rows, rejects = logs.read_log(path, fmt)
+            rows, rejects = parse.read_log(path, fmt)
     except InputError as error:
         assert one_sentence(error).startswith(f"{path}: ")
         other = re.search(r": lasts \d+ s, more than|: the device was reset \d+ times, more than", str(error))
-        assert other or all(logs._reason(line, fmt) for line in lines[header:])
+        assert other or all(parse._reason(line, fmt) for line in lines[header:])
         return
     numbers = rejects["line"].to_pylist()
     assert sorted(rows["line"].to_pylist() + numbers) == list(range(1 + header, len(lines) + 1))
     assert numbers == sorted(numbers)
-    assert set(rejects["reason"].to_pylist()) <= set(logs.REASONS)
+    assert set(rejects["reason"].to_pylist()) <= set(parse.REASONS)
     texts, kept = rejects["text"].to_pylist(), Counter()
     for reason, text in zip(rejects["reason"].to_pylist(), texts, strict=True):
         kept[reason] += 1
-        assert (text is None) == (kept[reason] > logs.TEXTS)
-    assert all(len(text) <= logs.TEXT_LENGTH and "\n" not in text for text in texts if text is not None)
+        assert (text is None) == (kept[reason] > parse.TEXTS)
+    assert all(len(text) <= parse.TEXT_LENGTH and "\n" not in text for text in texts if text is not None)
     printed = [lines[number - 1].split(fmt.separator.encode()) for number in rows["line"].to_pylist()]
     for k, column in enumerate(fmt.columns):
         values = rows[column.name].to_pylist()
@@ -299,11 +300,11 @@ def held_to_its_promise(content: bytes, fmt: logs.Format, path: Path, pieces: in
     assert segment[0] == 0 and set(np.diff(segment)) <= {0, 1}
     assert (np.diff(clock)[np.diff(segment) == 0] > 0).all()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(logs, "PIECE", len(content) // pieces + 1)
-        for one, other in zip((rows, rejects), logs.read_log(path, fmt), strict=True):
+        patch.setattr(parse, "PIECE", len(content) // pieces + 1)
+        for one, other in zip((rows, rejects), parse.read_log(path, fmt), strict=True):
             assert one.to_pydict() == other.to_pydict()
         try:
-            logs.read_log(path, fmt, limit=0.1, key="a.limit")
+            parse.read_log(path, fmt, limit=0.1, key="a.limit")
         except InputError as error:
             assert "cannot be used" in one_sentence(error) and rejects.num_rows > 0.1 * len(lines[header:])
         else:
@@ -346,7 +347,7 @@ def test_a_wrong_time_in_the_last_line_is_named(name, tmp_path):
     lines[-1] = b"41198000" + (b"0000" if fmt.names[0] == "t_us" else b"") + b"," + lines[-1].partition(b",")[2]
     (tmp_path / "device.log").write_bytes(b"".join(lines))
     with pytest.raises(InputError, match=r"device\.log: lasts \d{6,8} s, more .* in line 9: remove that line"):
-        logs.read_log(tmp_path / "device.log", fmt)
+        parse.read_log(tmp_path / "device.log", fmt)
 
 
 def test_a_device_that_boots_again_and_again(tmp_path):
@@ -561,7 +562,7 @@ def read_strain_recorded(path: Path) -> None:
 def read_stag(path: Path) -> None:
     try:
         with in_time(), pytest.MonkeyPatch.context() as patch:
-            patch.setattr(own, "unnoticed", lambda path: None)  # it need not lie in data/own here
+            patch.setattr(own_data, "unnoticed", lambda path: None)  # it need not lie in data/own here
             found = stag.read(path, balanced=False)
     except InputError as error:
         assert path.name in one_sentence(error)

@@ -10,7 +10,8 @@ import pyarrow as pa
 import pytest
 
 from pipeline.datasets import images as tactile
-from pipeline import logs, probe, sources
+from pipeline import probe
+from pipeline.logs import parse, sources
 from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
@@ -89,7 +90,7 @@ def test_a_grasp_becomes_frames_with_interpolated_angles(tmp_path):
     path = save(tmp_path, xml(grasp()))
     frames, rejects, report = read_recording(path, SETTINGS)
     assert frames.schema.equals(tactile.frames(486, 7, pa.float32())) and frames.num_rows == 10
-    assert rejects.schema.equals(logs.REJECTS)
+    assert rejects.schema.equals(parse.REJECTS)
     assert rejects["reason"].to_pylist() == ["constant frame"] * 3 and rejects["line"].to_pylist() == [1, 2, 3]
     assert rejects["text"][0].as_py() == f"{START_MS} C3F30000"  # -486
     assert frames["condition"].unique().to_pylist() == ["mug"]

@@ -8,7 +8,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline import ingest, sources
+from pipeline import ingest
+from pipeline.logs import sources
 from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError

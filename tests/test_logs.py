@@ -10,11 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline import logs
+from pipeline.logs import parse
 from pipeline.base.errors import InputError
-from pipeline.logs import Column, Format, read_log
+from pipeline.logs.parse import Column, Format, read_log
 
-CLOCK = Column("t_us", "us", 0, 1e6 * logs.LONGEST_S, integer=True)  # no time is too late for a log
+CLOCK = Column("t_us", "us", 0, 1e6 * parse.LONGEST_S, integer=True)  # no time is too late for a log
 COUNTS = Format((CLOCK, Column("v0", "counts", 0, 1023, True), Column("v1", "counts", 0, 1023, True)), "t_us")
 SPACED = Format((Column("reading", "1", 0, 1e5), Column("unix_s", "s", 1e9, 4e9)), "unix_s", separator=" ")
 
@@ -34,7 +34,7 @@ def rejects_of(content: bytes, tmp_path: Path, fmt: Format = COUNTS) -> list[tup
     assert rows.num_rows + rejects.num_rows == line_count(content)
     both = rows["line"].to_pylist() + rejects["line"].to_pylist()
     assert sorted(both) == list(range(1, len(both) + 1))
-    assert set(rejects["reason"].to_pylist()) <= set(logs.REASONS)
+    assert set(rejects["reason"].to_pylist()) <= set(parse.REASONS)
     return list(zip(rejects["line"].to_pylist(), rejects["reason"].to_pylist(), strict=True))
 
 
@@ -43,26 +43,26 @@ def frame(k: int) -> bytes:
 
 
 FAULTS = {
-    "empty": (b"\n", logs.EMPTY),
-    "blank": (b"  \t\r\n", logs.EMPTY),
-    "banner": (b"tactile array 5x5 ready\n", logs.TEXT),
-    "banner with commas": (b"array, ready, go\n", logs.TEXT),
-    "torn": (b"20070,12\n", logs.COLUMNS),
-    "glued": (b"20070,12,1320090,13,14\n", logs.COLUMNS),
-    "empty field": (b"20070,,13\n", logs.NOT_A_NUMBER),
-    "empty last field": (b"20070,12,\n", logs.NOT_A_NUMBER),
-    "letter": (b"20070,1x2,13\n", logs.NOT_A_NUMBER),
-    "hexadecimal": (b"20070,0x12,13\n", logs.NOT_A_NUMBER),
-    "nan": (b"20070,nan,13\n", logs.NOT_A_NUMBER),
-    "infinite": (b"20070,-inf,13\n", logs.NOT_A_NUMBER),
-    "fraction": (b"20070,12.5,13\n", logs.NOT_AN_INTEGER),
-    "too high": (b"20070,1024,13\n", logs.OUT_OF_RANGE),
-    "far too high": (b"20070,99999999999999999999999,13\n", logs.OUT_OF_RANGE),
-    "negative": (b"20070,-1,13\n", logs.OUT_OF_RANGE),
-    "NUL": (b"20070,1\x002,13\n", logs.UNREADABLE),
-    "not UTF-8": (b"20070,1\xff,13\n", logs.UNREADABLE),
-    "carriage return inside": (b"20070,12\r,13\n", logs.UNREADABLE),
-    "quoted": (b'20070,"12",13\n', logs.NOT_A_NUMBER),
+    "empty": (b"\n", parse.EMPTY),
+    "blank": (b"  \t\r\n", parse.EMPTY),
+    "banner": (b"tactile array 5x5 ready\n", parse.TEXT),
+    "banner with commas": (b"array, ready, go\n", parse.TEXT),
+    "torn": (b"20070,12\n", parse.COLUMNS),
+    "glued": (b"20070,12,1320090,13,14\n", parse.COLUMNS),
+    "empty field": (b"20070,,13\n", parse.NOT_A_NUMBER),
+    "empty last field": (b"20070,12,\n", parse.NOT_A_NUMBER),
+    "letter": (b"20070,1x2,13\n", parse.NOT_A_NUMBER),
+    "hexadecimal": (b"20070,0x12,13\n", parse.NOT_A_NUMBER),
+    "nan": (b"20070,nan,13\n", parse.NOT_A_NUMBER),
+    "infinite": (b"20070,-inf,13\n", parse.NOT_A_NUMBER),
+    "fraction": (b"20070,12.5,13\n", parse.NOT_AN_INTEGER),
+    "too high": (b"20070,1024,13\n", parse.OUT_OF_RANGE),
+    "far too high": (b"20070,99999999999999999999999,13\n", parse.OUT_OF_RANGE),
+    "negative": (b"20070,-1,13\n", parse.OUT_OF_RANGE),
+    "NUL": (b"20070,1\x002,13\n", parse.UNREADABLE),
+    "not UTF-8": (b"20070,1\xff,13\n", parse.UNREADABLE),
+    "carriage return inside": (b"20070,12\r,13\n", parse.UNREADABLE),
+    "quoted": (b'20070,"12",13\n', parse.NOT_A_NUMBER),
 }
 
 
@@ -94,9 +94,9 @@ def test_rows_are_typed_and_keep_their_values(tmp_path):
 def test_floats_and_spaces(tmp_path):
     content = b"803.5 1637849124.385191\n1e2 1637849124.4\n  1637849125.0\n5 1637849126 \nnan 1637849127.0\n"
     assert rejects_of(content, tmp_path, SPACED) == [
-        (3, logs.COLUMNS),
-        (4, logs.COLUMNS),
-        (5, logs.NOT_A_NUMBER),
+        (3, parse.COLUMNS),
+        (4, parse.COLUMNS),
+        (5, parse.NOT_A_NUMBER),
     ]
     rows, _ = read_log(tmp_path / "device.log", SPACED)
     assert rows["reading"].to_pylist() == [803.5, 100.0]
@@ -113,29 +113,29 @@ def test_text_of_a_reject_is_short_and_printable(tmp_path):
 def test_duplicate_and_late_lines(tmp_path):
     order = [0, 1, 1, 2, 4, 3, 5, 6]
     found = rejects_of(b"".join(map(frame, order)), tmp_path)
-    assert found == [(3, logs.DUPLICATE), (6, logs.OUT_OF_ORDER)]
+    assert found == [(3, parse.DUPLICATE), (6, parse.OUT_OF_ORDER)]
 
 
 def test_a_block_sent_twice_is_a_duplicate(tmp_path):
     order = [*range(10), *range(5, 10), *range(10, 30)]
     found = rejects_of(b"".join(map(frame, order)), tmp_path)
-    assert found == [(line, logs.DUPLICATE) for line in range(11, 16)]
+    assert found == [(line, parse.DUPLICATE) for line in range(11, 16)]
 
 
 def test_a_time_far_in_the_future_costs_one_line(tmp_path):
     content = b"".join(map(frame, range(10))) + b"900000000,1,1\n" + b"".join(map(frame, range(10, 200)))
-    assert rejects_of(content, tmp_path) == [(11, logs.OUT_OF_ORDER)]
+    assert rejects_of(content, tmp_path) == [(11, parse.OUT_OF_ORDER)]
 
 
 def test_same_time_with_other_values_is_out_of_order(tmp_path):
-    assert rejects_of(frame(0) + frame(1) + b"20000,9,9\n" + frame(2), tmp_path) == [(3, logs.OUT_OF_ORDER)]
+    assert rejects_of(frame(0) + frame(1) + b"20000,9,9\n" + frame(2), tmp_path) == [(3, parse.OUT_OF_ORDER)]
 
 
 def test_a_clock_that_stands_still(tmp_path):
     content = b"".join(map(frame, range(10))) + frame(9) * 200_000 + b"".join(map(frame, range(10, 20)))
     rows, rejects = read_log(write(tmp_path, content), COUNTS)
     assert rows["t_us"].to_pylist() == [20_000 * k for k in range(20)]
-    assert rejects["reason"].unique().to_pylist() == [logs.DUPLICATE]
+    assert rejects["reason"].unique().to_pylist() == [parse.DUPLICATE]
 
 
 @pytest.mark.parametrize("banner", [b"", b"array ready\n"])
@@ -159,14 +159,14 @@ def test_an_early_reset_is_seen_by_its_banner(tmp_path):
 def test_byte_order_mark_and_header_after_a_banner(tmp_path):
     rows, rejects = read_log(write(tmp_path, b"\xef\xbb\xbf" + frame(0) + b"t_us,v0,v1\n" + frame(1)), COUNTS)
     assert rows["line"].to_pylist() == [1, 3]
-    assert rejects["reason"].to_pylist() == [logs.TEXT]
+    assert rejects["reason"].to_pylist() == [parse.TEXT]
 
 
 def test_pieces_do_not_show(tmp_path, monkeypatch):
     pieces = [frame(k) if k % 7 else FAULTS[sorted(FAULTS)[k // 7 % len(FAULTS)]][0] for k in range(700)]
     path = write(tmp_path, b"".join(pieces))
     whole = read_log(path, COUNTS)
-    monkeypatch.setattr(logs, "PIECE", 100)
+    monkeypatch.setattr(parse, "PIECE", 100)
     for one, other in zip(whole, read_log(path, COUNTS), strict=True):
         assert one.to_pydict() == other.to_pydict()
 
@@ -193,27 +193,27 @@ def test_a_missing_file(tmp_path):
 
 
 def test_reading_a_hopeless_file_stops_early(tmp_path, monkeypatch):
-    monkeypatch.setattr(logs, "PIECE", 1000)
-    monkeypatch.setattr(logs, "HOPELESS", 100)
+    monkeypatch.setattr(parse, "PIECE", 1000)
+    monkeypatch.setattr(parse, "HOPELESS", 100)
     parsed = []
-    parse = logs._parse_piece
-    monkeypatch.setattr(logs, "_parse_piece", lambda *a: parsed.append(1) or parse(*a))
+    parse = parse._parse_piece
+    monkeypatch.setattr(parse, "_parse_piece", lambda *a: parsed.append(1) or parse(*a))
     with pytest.raises(InputError, match="no line can be read"):
         read_log(write(tmp_path, b"1,2\n" * 100_000), COUNTS)
     assert len(parsed) < 50
 
 
 def test_a_file_without_line_ends(tmp_path, monkeypatch):
-    monkeypatch.setattr(logs, "PIECE", 1000)
-    monkeypatch.setattr(logs, "LONGEST_LINE", 10_000)
+    monkeypatch.setattr(parse, "PIECE", 1000)
+    monkeypatch.setattr(parse, "LONGEST_LINE", 10_000)
     with pytest.raises(InputError, match="no line end"):
         read_log(write(tmp_path, b"\x00" * 50_000), COUNTS)
 
 
 def test_check_rejects_names_everything(tmp_path):
-    logs.check_rejects(Path("a.log"), 100, {"column count": 2}, 0.02, "x.limit")
+    parse.check_rejects(Path("a.log"), 100, {"column count": 2}, 0.02, "x.limit")
     with pytest.raises(InputError) as error:
-        logs.check_rejects(Path("a.log"), 100, {"column count": 2, "duplicate": 1}, 0.02, "x.limit")
+        parse.check_rejects(Path("a.log"), 100, {"column count": 2, "duplicate": 1}, 0.02, "x.limit")
     for word in ("a.log", "3.0%", "column count", "2.0%", "x.limit"):
         assert word in str(error.value)
 
@@ -235,9 +235,9 @@ def test_all_rejects_have_number_and_reason_and_the_first_their_text(tmp_path, m
     content = b"".join(frame(3 * k) + faults[k % len(faults)] + frame(3 * k + 2) * 2 for k in range(200))
     path = write(tmp_path, content)
     _, whole = read_log(path, COUNTS)
-    monkeypatch.setattr(logs, "TEXTS", 7)
-    for piece in (logs.PIECE, 300):
-        monkeypatch.setattr(logs, "PIECE", piece)
+    monkeypatch.setattr(parse, "TEXTS", 7)
+    for piece in (parse.PIECE, 300):
+        monkeypatch.setattr(parse, "PIECE", piece)
         _, rejects = read_log(path, COUNTS)
         assert rejects.drop_columns("text").equals(whole.drop_columns("text"))
         for reason in whole["reason"].unique().to_pylist():
@@ -248,10 +248,10 @@ def test_all_rejects_have_number_and_reason_and_the_first_their_text(tmp_path, m
 
 
 def test_rows_rejected_by_an_experiment_have_the_first_texts_too(tmp_path, monkeypatch):
-    monkeypatch.setattr(logs, "TEXTS", 2)
+    monkeypatch.setattr(parse, "TEXTS", 2)
     path = write(tmp_path, b"a\nb\nc\nd\n")
-    found = logs.rejected(path, np.array([1, 3, 4], np.int32), "of no use", "x/device.log")
-    assert found.schema.equals(logs.REJECTS) and logs.rejected(path, np.zeros(0, np.int32), "of no use").num_rows == 0
+    found = parse.rejected(path, np.array([1, 3, 4], np.int32), "of no use", "x/device.log")
+    assert found.schema.equals(parse.REJECTS) and parse.rejected(path, np.zeros(0, np.int32), "of no use").num_rows == 0
     assert found.to_pylist() == [
         {"file": "x/device.log", "line": line, "reason": "of no use", "text": text}
         for line, text in ((1, "a"), (3, "c"), (4, None))
@@ -259,9 +259,9 @@ def test_rows_rejected_by_an_experiment_have_the_first_texts_too(tmp_path, monke
 
 
 def test_a_log_that_will_be_refused_is_not_read_to_its_end(tmp_path, monkeypatch):
-    monkeypatch.setattr(logs, "PIECE", 1000)
-    parsed, parse = [], logs._parse_piece
-    monkeypatch.setattr(logs, "_parse_piece", lambda *a: parsed.append(1) or parse(*a))
+    monkeypatch.setattr(parse, "PIECE", 1000)
+    parsed, parse = [], parse._parse_piece
+    monkeypatch.setattr(parse, "_parse_piece", lambda *a: parsed.append(1) or parse(*a))
     path = write(tmp_path, b"".join(map(frame, range(20))) + b"torn\n" * 20_000)
     words = (
         r"device\.log: 9\d\.\d% of the first \d+ lines cannot be used, most often 'banner or text' .* raise x\.limit"
@@ -283,15 +283,15 @@ def test_a_log_is_refused_early_if_and_only_if_it_would_be_at_its_end(start, goo
     content = frame(41) + b"".join(start) + b"".join(map(frame, range(50, 50 + good)))
     path = write(tmp_path, content)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(logs, "MOST_RESETS", 3)
+        patch.setattr(parse, "MOST_RESETS", 3)
         try:
             rows, rejects = read_log(path, COUNTS)
             refused = rejects.num_rows > limit * (rows.num_rows + rejects.num_rows)
         except InputError:
             refused = True
-        for piece, hopeless in ((logs.PIECE, 0), (50, 10**6)):
-            patch.setattr(logs, "PIECE", piece)
-            patch.setattr(logs, "HOPELESS", hopeless)
+        for piece, hopeless in ((parse.PIECE, 0), (50, 10**6)):
+            patch.setattr(parse, "PIECE", piece)
+            patch.setattr(parse, "HOPELESS", hopeless)
             try:
                 again = read_log(path, COUNTS, limit=limit, key="x.limit")
             except InputError as error:
@@ -375,17 +375,17 @@ def test_a_line_is_judged_by_itself(lines, tmp_path):
     """What the fast routes accept is what the line-by-line rule accepts, whatever stands around the line."""
     content = b"".join(line + b"\n" for line in [b"0,1,2", *lines])
     _, rejects = read_log(write(tmp_path, content), COUNTS)
-    sequence = {logs.DUPLICATE, logs.OUT_OF_ORDER}
+    sequence = {parse.DUPLICATE, parse.OUT_OF_ORDER}
     judged = zip(rejects["line"].to_pylist(), rejects["reason"].to_pylist(), strict=True)
     found = {line: reason for line, reason in judged if reason not in sequence}
-    alone = {k: logs._reason(line, COUNTS) for k, line in enumerate([b"0,1,2", *lines], start=1)}
+    alone = {k: parse._reason(line, COUNTS) for k, line in enumerate([b"0,1,2", *lines], start=1)}
     assert found == {k: reason for k, reason in alone.items() if reason}
 
 
 @pytest.mark.parametrize("end", [b"", b"\n"])
 def test_texts_are_those_of_the_lines(end, tmp_path, monkeypatch):
-    monkeypatch.setattr(logs, "PIECE", 50)  # a few lines a piece
+    monkeypatch.setattr(parse, "PIECE", 50)  # a few lines a piece
     lines = [b"%d,%s" % (k, b"x" * (k % 70)) for k in range(1, 200)]
     path = write(tmp_path, b"\n".join(lines) + end)
     for numbers in ([1], [199], [1, 2, 3, 70, 198, 199], list(range(1, 200)), []):
-        assert logs.texts(path, numbers) == [lines[k - 1].decode() for k in numbers]
+        assert parse.texts(path, numbers) == [lines[k - 1].decode() for k in numbers]

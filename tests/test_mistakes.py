@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from pipeline import logs, mistakes
+from pipeline.logs import diagnosis, parse
 from pipeline.experiments import strain, touch
 
 CELL = [f"{7_000_000 + 12_500 * k},{10 + 0.25 * (k % 7):.3f}" for k in range(40)]
@@ -72,7 +72,7 @@ def test_the_mistake_is_named_with_a_line_of_the_log(case, header, tmp_path):
     name, edit, words = WRONG[case]
     lines = edit(CELL if name == "load_cell.log" else DAQ)
     (tmp_path / name).write_text("\n".join([FORMATS[name].header] * header + ["ready", lines[0][:5], *lines]) + "\n")
-    said = mistakes.unreadable(tmp_path / name, FORMATS[name])
+    said = diagnosis.unreadable(tmp_path / name, FORMATS[name])
     number, quoted = re.match(rf"{tmp_path / name}: line (\d+) is '(.*?)': ", said.replace("\\t", "\t")).groups()
     assert (tmp_path / name).read_text().splitlines()[int(number) - 1] == quoted
     assert re.search(words, said), said
@@ -81,20 +81,20 @@ def test_the_mistake_is_named_with_a_line_of_the_log(case, header, tmp_path):
 def test_utf16_is_named(tmp_path):
     for encoding in ("utf-16", "utf-16-le"):
         (tmp_path / "daq.log").write_text("\n".join(DAQ), encoding=encoding)
-        assert "is UTF-16" in mistakes.unreadable(tmp_path / "daq.log", FORMATS["daq.log"])
+        assert "is UTF-16" in diagnosis.unreadable(tmp_path / "daq.log", FORMATS["daq.log"])
 
 
 def test_a_log_without_numbers_or_of_another_width_is_left_to_others(tmp_path):
     for text in ("", "ready\nready\n", "\n".join(f"{line},1.0" for line in DAQ)):
         (tmp_path / "daq.log").write_text(text)
-        assert mistakes.unreadable(tmp_path / "daq.log", FORMATS["daq.log"]) is None
+        assert diagnosis.unreadable(tmp_path / "daq.log", FORMATS["daq.log"]) is None
 
 
 def test_the_line_that_is_out_of_range_is_quoted(tmp_path):
     lines = CELL[:20] + each(lambda v: [v[0], "1530.5"])(CELL[20:])
     (tmp_path / "load_cell.log").write_text("\n".join(lines) + "\n")
-    _, rejects = logs.read_log(tmp_path / "load_cell.log", touch.LOAD_CELL)
-    said = mistakes.out_of_range(tmp_path / "load_cell.log", rejects.to_pylist(), touch.LOAD_CELL)
+    _, rejects = parse.read_log(tmp_path / "load_cell.log", touch.LOAD_CELL)
+    said = diagnosis.out_of_range(tmp_path / "load_cell.log", rejects.to_pylist(), touch.LOAD_CELL)
     assert said.endswith(
         "line 21 is '7250000,1530.5': fz_n is 1530.5, outside -1000 to 1000 N; write newtons (grams times 0.00981)"
     )

@@ -9,7 +9,8 @@ import sys
 import pytest
 import yaml
 
-from pipeline import check, ingest, own
+from pipeline import check, ingest
+from pipeline.logs import own_data
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 
@@ -99,8 +100,8 @@ def test_logs_that_dvc_watches_are_taken(way, root, tmp_path):
     place = root / "data" / "own"
     place.rmdir()
     way(place, tmp_path / "elsewhere")
-    assert own.unnoticed(place / "finger") is None and own.unnoticed(place / LOG) is None
-    assert own.setting(place / "finger") == "data/own/finger"
+    assert own_data.unnoticed(place / "finger") is None and own_data.unnoticed(place / LOG) is None
+    assert own_data.setting(place / "finger") == "data/own/finger"
 
 
 @pytest.mark.parametrize("way", UNNOTICED)
@@ -108,31 +109,31 @@ def test_a_link_to_a_folder_is_refused_with_the_command_that_mends_it(way, root,
     place = root / "data" / "own"
     place.rmdir()
     way(place, tmp_path / "elsewhere" / "it's here")
-    said = own.unnoticed(place / "finger")
+    said = own_data.unnoticed(place / "finger")
     link = place / "finger" if way is link_to_a_folder else (place / LOG).parent
     assert said.startswith(f"{link} is a link to a folder, in which `dvc repro` would not notice a change; ")
     assert "\n" not in said
     if way is link_to_a_folder:
-        assert own.unnoticed(place / LOG) == said  # so for glove.stag.file
+        assert own_data.unnoticed(place / LOG) == said  # so for glove.stag.file
     command = said.split("`")[-2]
     assert shlex.split(command)[:2] == ["rm", str(link)]
     if shutil.which("cp") and subprocess.run(command, shell=True, capture_output=True).returncode == 0:  # GNU's cp
-        assert own.unnoticed(place / "finger") is None and (place / LOG).read_text() == "1,2\n"
+        assert own_data.unnoticed(place / "finger") is None and (place / LOG).read_text() == "1,2\n"
 
 
 def test_a_link_within_is_refused_too(root):
     """It could be made to lead elsewhere, which DVC would not see either."""
     put(root / "data" / "own" / "store")
     (root / "data" / "own" / "now").symlink_to("store")
-    assert "data/own/now is a link to a folder" in own.unnoticed(root / "data" / "own" / "now")
-    assert "data/own/now is a link to a folder" in own.unnoticed(root / "data" / "own" / "now" / "finger")
+    assert "data/own/now is a link to a folder" in own_data.unnoticed(root / "data" / "own" / "now")
+    assert "data/own/now is a link to a folder" in own_data.unnoticed(root / "data" / "own" / "now" / "finger")
     (root / "data" / "own" / "store" / "loop").symlink_to("..")
-    assert "data/own/store/loop is a link to a folder" in own.unnoticed(root / "data" / "own" / "store")
+    assert "data/own/store/loop is a link to a folder" in own_data.unnoticed(root / "data" / "own" / "store")
 
 
 def test_a_link_that_leads_to_nothing_is_refused(root):
     (put(root / "data" / "own") / "gone.log").symlink_to("nowhere.log")
-    said = own.unnoticed(root / "data" / "own" / "finger")
+    said = own_data.unnoticed(root / "data" / "own" / "finger")
     assert said.endswith("gone.log is a link that leads to nothing, where `dvc repro` stops; mend or remove it")
 
 

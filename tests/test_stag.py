@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import own, stag, train_stag
+from pipeline import train_stag
+from pipeline.logs import own_data, stag
 from pipeline.base import params
 from pipeline.base.errors import InputError
 
@@ -46,7 +47,7 @@ def metadata(**others):
 @pytest.fixture(autouse=True)
 def anywhere(monkeypatch):
     """Files of these tests need not lie in data/own."""
-    monkeypatch.setattr(own, "unnoticed", lambda path: None)
+    monkeypatch.setattr(own_data, "unnoticed", lambda path: None)
 
 
 def save(folder, content, compress=True):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import logs, sources
+from pipeline.logs import parse, sources
 from pipeline.datasets import schemas, series
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -44,7 +44,7 @@ def test_every_third_sample_with_its_place_and_press(tmp_path):
     content = workspace(extra=25)
     frames, rejects, report = read_recording(save(tmp_path, content), SETTINGS)
     assert frames.schema.equals(series.frames(7)) and frames.num_rows == len(range(0, CYCLES * CYCLE, 3))
-    assert rejects.schema.equals(logs.REJECTS)
+    assert rejects.schema.equals(parse.REJECTS)
     assert set(rejects["reason"].to_pylist()) == {"incomplete cycle"} and rejects.num_rows == 25
     assert rejects["line"][0].as_py() == CYCLES * CYCLE + 1
     sample = np.arange(0, CYCLES * CYCLE, 3)

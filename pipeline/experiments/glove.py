@@ -8,10 +8,10 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.datasets import images as tactile
-from pipeline import logs
+from pipeline.logs import parse
 from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
-from pipeline.logs import Column, Format
+from pipeline.logs.parse import Column, Format
 from pipeline.datasets.seeding import generator
 
 PRESSURE = (slice(0, 15), slice(0, 18))  # area (a) of the 32 x 32 scan: rows, columns
@@ -50,7 +50,7 @@ def recordings(folder: Path) -> list[Path]:
         if not sessions:
             raise InputError(f"{one}: no session of this object; add <session>/{LOG} or remove the folder")
         found += sessions
-    logs.check_names(found)
+    parse.check_names(found)
     return found
 
 
@@ -61,13 +61,13 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     log, too many rejects, or a session without a usable frame.
     """
     limit, key = settings["ingest"]["max_reject_fraction"], "glove.ingest.max_reject_fraction"
-    rows, rejects = logs.read_log(folder / LOG, FORMAT, limit=limit, key=key)
+    rows, rejects = parse.read_log(folder / LOG, FORMAT, limit=limit, key=key)
     cells = np.column_stack([rows[name].to_numpy() for name in FORMAT.names[1:]])
     pressure, strain = cells[:, :PRESSURE_CELLS], cells[:, PRESSURE_CELLS:]
     constant = (np.ptp(pressure, axis=1) == 0) | (np.ptp(strain, axis=1) == 0)
     reasons = Counter(rejects["reason"].to_pylist()) + Counter({CONSTANT: int(constant.sum())})
-    logs.check_rejects(folder / LOG, rejects.num_rows + rows.num_rows, reasons, limit, key)
-    alike = logs.rejected(folder / LOG, rows["line"].to_numpy()[constant], CONSTANT)
+    parse.check_rejects(folder / LOG, rejects.num_rows + rows.num_rows, reasons, limit, key)
+    alike = parse.rejected(folder / LOG, rows["line"].to_numpy()[constant], CONSTANT)
     rejects = pa.concat_tables([rejects, alike]).sort_by("line")
     kept = np.flatnonzero(~constant)
     if not len(kept):

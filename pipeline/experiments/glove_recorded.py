@@ -1,4 +1,4 @@
-"""Recorded grasps of a three-finger robot hand: a bzip2-compressed XML file a grasp, see pipeline/sources.py.
+"""Recorded grasps of a three-finger robot hand: a bzip2-compressed XML file a grasp, see pipeline/logs/sources.py.
 
 The hand (Schunk SDH-2) bears a tactile matrix on both links of each finger. Here two fingers close against each other
 and the third is folded away, so nearly all contact is on the distal matrices of the first and the last finger.
@@ -22,7 +22,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.datasets import images as tactile
-from pipeline import logs
+from pipeline.logs import parse
 from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
 from pipeline.datasets.seeding import generator
@@ -91,7 +91,7 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     angle_name = f"{path.name}: joint angles"
     angle_rejects = _rejects(angle_name, angle_entries, "angle_data", reason)
     reasons = Counter(angle_rejects["reason"].to_pylist())
-    logs.check_rejects(path.with_name(angle_name), len(angle_entries), reasons, limit, key)
+    parse.check_rejects(path.with_name(angle_name), len(angle_entries), reasons, limit, key)
     angle_time, angle = angle_time[reason == ""], angle[reason == ""]
     if not len(angle):
         raise InputError(f"{path}: has no joint angles; remove the file or fetch it again")
@@ -102,7 +102,7 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     rejects = _rejects(path.name, entries, "frame_data", reason)
     reasons = Counter(rejects["reason"].to_pylist())
     constant = reasons.pop(CONSTANT, 0)
-    logs.check_rejects(path, len(entries) - constant, reasons, limit, key)
+    parse.check_rejects(path, len(entries) - constant, reasons, limit, key)
     kept = np.flatnonzero(reason == "")
     if not len(kept):
         raise InputError(f"{path}: no frame is left, {constant} of {len(entries)} are constant; remove the recording")
@@ -259,11 +259,11 @@ def _angles(entries: list[ElementTree.Element]) -> tuple[np.ndarray, np.ndarray,
             with contextlib.suppress(ValueError):
                 angle[k] = [float(field) for field in fields]
         if len(fields) != JOINTS:
-            reasons.append(logs.COLUMNS)
+            reasons.append(parse.COLUMNS)
         elif not np.isfinite(angle[k]).all():
-            reasons.append(logs.NOT_A_NUMBER)
+            reasons.append(parse.NOT_A_NUMBER)
         else:
-            reasons.append(logs.OUT_OF_RANGE if np.abs(angle[k]).max() > IMPOSSIBLE_DEG else "")
+            reasons.append(parse.OUT_OF_RANGE if np.abs(angle[k]).max() > IMPOSSIBLE_DEG else "")
     return time, angle, _with_time(time, reasons)
 
 
@@ -288,7 +288,7 @@ def _cells(text: str) -> tuple[np.ndarray, str]:
     except ValueError:  # no hex digits, or half a word
         return np.zeros(0), WORDS
     if not np.isfinite(values).all():
-        return values, logs.NOT_A_NUMBER
+        return values, parse.NOT_A_NUMBER
     number = np.where(values < 0, -values, 1)
     if (number % 1).any():
         return values, WORDS
@@ -296,7 +296,7 @@ def _cells(text: str) -> tuple[np.ndarray, str]:
         return values, CELL_COUNT
     values = np.repeat(np.maximum(values, 0), number.astype(int))
     if values.max() > FULL_SCALE:
-        return values, logs.OUT_OF_RANGE
+        return values, parse.OUT_OF_RANGE
     return values, CONSTANT if np.ptp(values) == 0 else ""
 
 
@@ -312,7 +312,7 @@ def _with_time(time: np.ndarray, reasons: list[str]) -> np.ndarray:
     latest = np.fmax.accumulate(np.concatenate([[-np.inf], time[:-1]])) if len(time) else time
     reason = np.array(reasons, dtype=object)
     usable = (reason == "") | (reason == CONSTANT)
-    return np.where(np.isnan(time), NO_TIME, np.where(usable & (time <= latest), logs.OUT_OF_ORDER, reason))
+    return np.where(np.isnan(time), NO_TIME, np.where(usable & (time <= latest), parse.OUT_OF_ORDER, reason))
 
 
 def _rejects(name: str, entries: list[ElementTree.Element], data: str, reason: np.ndarray) -> pa.Table:
@@ -321,6 +321,6 @@ def _rejects(name: str, entries: list[ElementTree.Element], data: str, reason: n
     texts = []
     for k in bad:
         words = [*entries[k].findtext("time_stamp", "").split(), *entries[k].findtext(data, "").split()]
-        texts.append(ascii(" ".join(words))[1:-1][: logs.TEXT_LENGTH])
+        texts.append(ascii(" ".join(words))[1:-1][: parse.TEXT_LENGTH])
     columns = [[name] * len(bad), bad + 1, reason[bad].tolist(), texts]
-    return pa.table([pa.array(column) for column in columns] if len(bad) else [[]] * 4, logs.REJECTS)
+    return pa.table([pa.array(column) for column in columns] if len(bad) else [[]] * 4, parse.REJECTS)

@@ -7,11 +7,11 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import theilslopes
 
-from pipeline import alignment, logs
+from pipeline.logs import alignment, parse
 from pipeline.datasets import schemas, series
 from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.logs import Column, Format
+from pipeline.logs.parse import Column, Format
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)
@@ -53,7 +53,7 @@ def recordings(folder: Path) -> list[Path]:
     for task in TASKS:
         if (count := sum(path.parent.name == task for path in found)) != 1:
             raise InputError(f"{folder / task}: {count} recordings; each of {', '.join(TASKS)} needs exactly one")
-    logs.check_names(found)
+    parse.check_names(found)
     return found
 
 
@@ -69,7 +69,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     rows, rejects = {}, {}
     for name, fmt in formats(settings).items():
         limit, key = ingest["max_reject_fraction"], "strain.ingest.max_reject_fraction"
-        rows[name], rejects[name] = logs.read_log(folder / name, fmt, limit=limit, key=key)
+        rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=limit, key=key)
         if rows[name]["segment"][-1].as_py() > 0:
             raise InputError(f"{folder / name}: the time steps back for good; the clock was set, record again")
         lasts, least = np.ptp(rows[name]["t_s"].to_numpy()), _shortest_s(ingest)
@@ -86,7 +86,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         raise InputError(
             f"{folder / 'robot.log'}: covers {100 * known.mean():.0f} % of the DAQ's log; it ended early, record again"
         )
-    unknown = logs.rejected(folder / "daq.log", daq["line"].to_numpy()[~known], NO_GROUND_TRUTH)
+    unknown = parse.rejected(folder / "daq.log", daq["line"].to_numpy()[~known], NO_GROUND_TRUTH)
     rejects["daq.log"] = pa.concat_tables([rejects["daq.log"], unknown]).sort_by("line")
 
     frames = resampled(folder.parent.name, folder.name, at[known], volts[known], truth[known], ingest)

@@ -1,4 +1,4 @@
-"""Recorded soft strain sensors on an arm, two days apart: MATLAB workspaces, see pipeline/sources.py.
+"""Recorded soft strain sensors on an arm, two days apart: MATLAB workspaces, see pipeline/logs/sources.py.
 
 The robot's program repeats a cycle of 40 samples: it lifts the finger off the surface (samples 0-9, still above
 the last place), moves to a new random place (10-19) and presses there (20-39). Its random numbers start from the
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline import logs, matlab
+from pipeline.logs import matlab, parse
 from pipeline.datasets import schemas, series
 from pipeline.base.errors import InputError
 
@@ -82,10 +82,10 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     reason = _reasons(voltage, time, cycle, whole)
     bad = np.flatnonzero(reason != "")
     texts = [",".join(f"{v:.4f}" for v in row) for row in voltage[bad]]
-    rejects = pa.table([[path.name] * len(bad), bad + 1, reason[bad].tolist(), texts], logs.REJECTS)
+    rejects = pa.table([[path.name] * len(bad), bad + 1, reason[bad].tolist(), texts], parse.REJECTS)
     limit = settings["ingest"]["max_reject_fraction"]
     reasons = Counter(rejects["reason"].to_pylist())
-    logs.check_rejects(path, n, reasons, limit, "strain_recorded.ingest.max_reject_fraction")
+    parse.check_rejects(path, n, reasons, limit, "strain_recorded.ingest.max_reject_fraction")
 
     good = np.flatnonzero(reason == "")
     kept = good[good % settings["ingest"]["every"] == 0]
@@ -211,10 +211,10 @@ def _reasons(voltage: np.ndarray, time: np.ndarray, cycle: np.ndarray, whole: in
         outside = ((voltage < LOWEST_V) | (voltage > HIGHEST_V)).any(1)
         late = time <= latest
     faults = [
-        (~np.isfinite(voltage).all(1), logs.NOT_A_NUMBER),
-        (outside, logs.OUT_OF_RANGE),
+        (~np.isfinite(voltage).all(1), parse.NOT_A_NUMBER),
+        (outside, parse.OUT_OF_RANGE),
         (~np.isfinite(time), NO_TIME),
-        (late, logs.OUT_OF_ORDER),
+        (late, parse.OUT_OF_ORDER),
         (cycle >= whole, INCOMPLETE),
     ]
     return np.select([where for where, _ in faults], [reason for _, reason in faults], default="")

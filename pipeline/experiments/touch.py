@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline import alignment, logs
+from pipeline.logs import alignment, parse
 from pipeline.datasets import schemas
 from pipeline.datasets import labels as labels_kpa
 from pipeline.base.errors import InputError
-from pipeline.logs import Column, Format
+from pipeline.logs.parse import Column, Format
 from pipeline.datasets.seeding import generator
 
 # Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
@@ -44,7 +44,7 @@ def recordings(folder: Path) -> list[Path]:
     found = sorted(path for path in folder.glob("*/*") if path.is_dir())
     if not found:
         raise InputError(f"{folder}: no recordings found; expected <condition>/<recording>/array.log in it")
-    logs.check_names(found)
+    parse.check_names(found)
     return found
 
 
@@ -71,7 +71,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         formats |= {f"load_cell{suffix}.log": LOAD_CELL, f"cnc{suffix}.log": CNC}
     rows, rejects = {}, {}
     for name, fmt in formats.items():
-        rows[name], bad = logs.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
+        rows[name], bad = parse.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
         rejects[name] = [bad]
 
     clocks = _clocks(rows, touches, ingest, f"{folder.parent.name}/{folder.name}")
@@ -80,7 +80,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         placed = np.array([clock is not None for clock in clocks[name]])[rows[name]["segment"].to_numpy()]
         if not placed.all():
             unplaced = rows[name]["line"].to_numpy()[~placed]
-            rejects[name].append(logs.rejected(folder / name, unplaced, TOO_SHORT))
+            rejects[name].append(parse.rejected(folder / name, unplaced, TOO_SHORT))
             rows[name] = rows[name].filter(pa.array(placed))
         time[name] = _reference_time(rows[name], clocks[name])
 
@@ -91,8 +91,8 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     # The devices start and stop up to max_clock_offset_s apart, so frames without truth are expected there.
     inner = (at > at[0] + ingest["max_clock_offset_s"]) & (at < at[-1] - ingest["max_clock_offset_s"])
     missed = {NO_GROUND_TRUTH: int((inner & ~known).sum())}
-    logs.check_rejects(folder / "array.log", len(at), missed, ingest["max_reject_fraction"], LIMIT)
-    rejects["array.log"].append(logs.rejected(folder / "array.log", array["line"].to_numpy()[~known], NO_GROUND_TRUTH))
+    parse.check_rejects(folder / "array.log", len(at), missed, ingest["max_reject_fraction"], LIMIT)
+    rejects["array.log"].append(parse.rejected(folder / "array.log", array["line"].to_numpy()[~known], NO_GROUND_TRUTH))
 
     segment = array["segment"].to_numpy()
     gap_before = np.empty(len(at), dtype=bool)

@@ -1,4 +1,4 @@
-"""Recorded Velostat taxel and load cell: two serial logs with the host's clock, see pipeline/sources.py."""
+"""Recorded Velostat taxel and load cell: two serial logs with the host's clock, see pipeline/logs/sources.py."""
 
 import re
 from collections.abc import Mapping
@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline import alignment, logs
+from pipeline.logs import alignment, parse
 from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
-from pipeline.logs import Column, Format
+from pipeline.logs.parse import Column, Format
 
 CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
 VELOSTAT = Format((Column("reading", "1", 0, 1e5), CLOCK), time="unix_time_s", separator=" ")
@@ -55,13 +55,13 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     limit, key = settings["ingest"]["max_reject_fraction"], "velostat_recorded.ingest.max_reject_fraction"
     rows, rejects = {}, {}
     for name, (file, fmt) in pair.items():
-        rows[name], rejects[name] = logs.read_log(file, fmt, name, limit, key)
+        rows[name], rejects[name] = parse.read_log(file, fmt, name, limit, key)
         if rows[name]["segment"][-1].as_py() > 0:
             raise InputError(f"{file}: the time steps back for good; the host's clock was set during the recording")
     taxel, cell = rows
     at, segment = rows[taxel]["unix_time_s"].to_numpy(), rows[taxel]["segment"].to_numpy()
     force, known = alignment.interpolated(at, rows[cell]["unix_time_s"].to_numpy(), rows[cell]["fz_n"].to_numpy())
-    missed = logs.rejected(path, rows[taxel]["line"].to_numpy()[~known], NO_GROUND_TRUTH, taxel)
+    missed = parse.rejected(path, rows[taxel]["line"].to_numpy()[~known], NO_GROUND_TRUTH, taxel)
     rejects[taxel] = pa.concat_tables([rejects[taxel], missed]).sort_by("line")
     if not known.any():
         raise InputError(

@@ -39,11 +39,11 @@ def read_log(folder: Path, _):
     """The array's log, all lines checked."""
     from benchmarks.made import touch_settings
 
-    from pipeline import logs
+    from pipeline.logs import parse
     from pipeline.experiments import touch
 
     fmt = touch.array_format(touch_settings())
-    return lambda: logs.read_log(folder / "array.log", fmt)
+    return lambda: parse.read_log(folder / "array.log", fmt)
 
 
 def read_log_pandas(folder: Path, _):

@@ -9,7 +9,7 @@ import pytest
 from benchmarks import made, peers
 from benchmarks.measure import measured
 
-from pipeline import logs
+from pipeline.logs import parse
 from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.experiments import touch
@@ -26,11 +26,11 @@ def recording(sizes, tmp_path_factory):
 def test_ingest(race, record, sizes, recording):
     folder = recording / "logs" / "single" / "run0"
     path, fmt = folder / "array.log", touch.array_format(made.touch_settings())
-    rows, rejects = logs.read_log(path, fmt)
+    rows, rejects = parse.read_log(path, fmt)
     assert rows.num_rows + rejects.num_rows == sum(1 for _ in path.open("rb")) and rejects.num_rows > 3
     del rows, rejects
     seconds, peer, single = race(
-        lambda: logs.read_log(path, fmt),
+        lambda: parse.read_log(path, fmt),
         lambda: peers.read_log(path, fmt.names),
         lambda: peers.read_log(path, fmt.names, threads=1),
         rounds=3,

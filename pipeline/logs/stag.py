@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline import matlab, own
+from pipeline.logs import matlab, own_data
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST, SIDE
 
@@ -43,7 +43,7 @@ def read(path: Path, balanced: bool = True) -> Stag:
     """
     if not path.is_file():
         raise InputError(f"{path}: not found; download the classification data of STAG and name its metadata.mat")
-    if problem := own.unnoticed(path):
+    if problem := own_data.unnoticed(path):
         raise InputError(f"params.yaml, glove.stag.file: {problem}")
     found = matlab.read(path, VARIABLES, LARGEST_FILE)
     pressure = found["pressure"]
