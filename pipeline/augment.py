@@ -24,7 +24,7 @@ def train_run(values: Mapping, experiment: str, method: str, protocol: str, seed
     """Train and score one run with the methods that `method` leaves on; rows of scores.csv."""
     import torch
 
-    from pipeline.image_fitting import spec_of
+    from pipeline.learning.image_classifier import spec_of
 
     torch.set_num_threads(1)
     model = values[experiment]["augmentation"]["model"]

@@ -10,7 +10,7 @@ import pandas as pd
 import torch
 from torch import nn
 
-from pipeline import counting
+from pipeline.learning import cost
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
@@ -84,7 +84,7 @@ def _row(
     note: str,
     paper: list[tuple[Decimal, int]] | None,
 ) -> tuple:
-    counts = operations(network, shape), counting.parameters(network)
+    counts = operations(network, shape), cost.parameters(network)
     row = ("glove", model, "x".join(str(size) for size in shape), classes, *counts)
     if paper is None:
         return (*row, "", "", "", note)

@@ -12,7 +12,8 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, metrics, trained
+from pipeline import classification, metrics
+from pipeline.learning import trained
 from pipeline.datasets import images, schemas, series
 from pipeline.base import files, params, paths, workers
 from pipeline.base.availability import why_not_run
@@ -48,7 +49,7 @@ def evaluate_model(values: Mapping, experiment: str, model: str, target: Path, r
 
 def on_windows(experiment: str, settings: Mapping, runs: list[tuple[str, int]], load: Callable) -> Iterator[Tested]:
     """The tests of all runs of one model; `load(protocol, seed, spec)` gives its trained.Trained."""
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
 
     score, pooled = getattr(metrics, experiment), metrics.POOLED.get(experiment, ())
     spec = Spec(*params.shapes(settings))
@@ -72,7 +73,7 @@ def on_series(experiment: str, settings: Mapping, runs: list[tuple[str, int]], l
 
     Predictions have the three columns x, y, z (mm), NaN where the task does not ask for one.
     """
-    from pipeline.series_fitting import spec_of
+    from pipeline.learning.series_regressors import spec_of
 
     module = params.experiment_module(experiment)
     for protocol, seed in runs:
@@ -93,7 +94,7 @@ def on_series(experiment: str, settings: Mapping, runs: list[tuple[str, int]], l
 
 def on_images(experiment: str, settings: Mapping, runs: list[tuple[str, int]], load: Callable) -> Iterator[Tested]:
     """As `on_windows`; predictions have a column a class."""
-    from pipeline.image_fitting import spec_of
+    from pipeline.learning.image_classifier import spec_of
 
     for protocol, seed in runs:
         data = images.read(paths.dataset(experiment), protocol, seed)

@@ -14,7 +14,7 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import trained
+from pipeline.learning import trained
 from pipeline.datasets import images, schemas, series
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
@@ -63,7 +63,7 @@ def training_seconds(experiment: str, model: str, protocol: str) -> float:
 
 def _windows(values: dict, experiment: str) -> tuple:
     """Shapes of the task and the test windows (n, frames, elements) of the first run."""
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
 
     spec = Spec(*params.shapes(values[experiment]))
     data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
@@ -72,7 +72,7 @@ def _windows(values: dict, experiment: str) -> tuple:
 
 def _series_inputs(values: dict, experiment: str) -> tuple:
     """Shapes of the first run's task and its test samples (n, channels)."""
-    from pipeline.series_fitting import spec_of
+    from pipeline.learning.series_regressors import spec_of
 
     protocol, seed = params.runs(values, experiment)[0]
     task = params.experiment_module(experiment).task(protocol, values[experiment])
@@ -83,7 +83,7 @@ def _series_inputs(values: dict, experiment: str) -> tuple:
 
 def _images(values: dict, experiment: str) -> tuple:
     """Shapes of the task and the test images (n, 1, pixels) of the first run."""
-    from pipeline.image_fitting import spec_of
+    from pipeline.learning.image_classifier import spec_of
 
     data = images.read(paths.dataset(experiment), *params.runs(values, experiment)[0])
     return spec_of(len(data.objects)), data.x[data.part == "test"]

@@ -4,9 +4,9 @@ from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
-from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier
-from pipeline.residual import separable_network
+from pipeline.learning.regressors import Spec
+from pipeline.learning.image_classifier import ImageClassifier
+from pipeline.learning.residual_blocks import separable_network
 
 STEM = 64  # channels of the published network's first half
 

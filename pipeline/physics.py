@@ -18,7 +18,8 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, metrics, trained
+from pipeline import classification, metrics
+from pipeline.learning import trained
 from pipeline.datasets import images, schemas, series
 from pipeline.base import blocks, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
@@ -119,7 +120,7 @@ def write_dataset(experiment: str, settings: dict, protocols: Iterable[str], see
 
 def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
     """(condition, model, rows of metrics.touch) of every model; settings: the scene's, chosen: physics.touch."""
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
 
     spec = Spec(*params.shapes(settings))
     data = schemas.read_dataset(dataset_of(folder), spec.frames)
@@ -139,7 +140,7 @@ def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
 
 def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
     """As `touch_scores`; a condition is a task. Model-0 of transfer is trained on all of task 0 first."""
-    from pipeline import series_fitting
+    from pipeline.learning import series_regressors
 
     module, zeros = params.experiment_module("strain"), {}
 
@@ -147,9 +148,9 @@ def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devi
         if model not in chosen["models"]:
             raise InputError(f"params.yaml, physics.strain.models: '{model}' is missing; strain.model_zero names it")
         block, task = chosen["models"][model], module.task(protocol, settings)
-        spec = series_fitting.spec_of(task, settings["window"]["frames"])
+        spec = series_regressors.spec_of(task, settings["window"]["frames"])
         regressor = params.build_model(model, spec, block, f"physics.strain.models.{model}")
-        regressor = series_fitting.adapted(regressor, spec)
+        regressor = series_regressors.adapted(regressor, spec)
         (piece,) = series.read(dataset_of(folder), task, protocol, seed)
         regressor.fit(series.seen_in_training([piece]), seed=seed, device=device, base=base)
         return regressor, piece, task
@@ -170,7 +171,7 @@ def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devi
 
 def glove_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
     """As `touch_scores`; a condition is a dataset of images."""
-    from pipeline.image_fitting import spec_of
+    from pipeline.learning.image_classifier import spec_of
 
     for protocol in chosen["protocols"]:
         data = images.read(dataset_of(folder), protocol, seed)

@@ -15,11 +15,12 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, ladders, metrics, narrow, trained
+from pipeline import classification, ladders, metrics, narrow
+from pipeline.learning import trained
 from pipeline.datasets import images, schemas
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 
 CONDITIONS = ("single", "double")  # of touch, as in Table I
 
@@ -67,7 +68,7 @@ def glove_run(values: Mapping, condition: str, width: float, seed: int, report) 
     """Train and score one SP-ResNet narrower than the published one, with its settings; load the published one."""
     import torch
 
-    from pipeline.image_fitting import spec_of
+    from pipeline.learning.image_classifier import spec_of
 
     torch.set_num_threads(1)
     block = params.model_settings(values, "glove", "sp_resnet")
@@ -124,7 +125,7 @@ def glove(values: dict) -> list[tuple]:
 
 def strain(values: dict) -> list[tuple]:
     """The runs of `study`'s capacity.csv, as rows of a ladder."""
-    from pipeline import series_fitting
+    from pipeline.learning import series_regressors
 
     path = paths.experiment_folder("strain") / "study" / "capacity.csv"
     table = pd.read_csv(paths.require(path, "python -m pipeline.study strain"))
@@ -132,7 +133,7 @@ def strain(values: dict) -> list[tuple]:
     block, frames = params.model_settings(values, "strain", model), values["strain"]["window"]["frames"]
     found = []
     for row in table[table["metric"] == ladders.METRIC["strain"]].itertuples():
-        spec = series_fitting.spec_of(module.task(row.protocol, values["strain"]), frames)
+        spec = series_regressors.spec_of(module.task(row.protocol, values["strain"]), frames)
         network = params.build_model(model, spec, block | {"units": int(row.units)}, f"strain.models.{model}")
         size = (int(row.units), int(row.params), row.metric, row.unit, row.seed, row.value, network.macs())
         found.append(("strain", row.protocol, "lstm", *size))

@@ -29,7 +29,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import classification, clean_scores, metrics, perturbations, results, trained
+from pipeline import classification, clean_scores, metrics, perturbations, results
+from pipeline.learning import trained
 from pipeline.datasets import images, schemas
 from pipeline.base import params, paths
 from pipeline.datasets.seeding import generator
@@ -104,7 +105,7 @@ class Run:
     """One trained model and its answers to the test images as they are."""
 
     def __init__(self, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
-        from pipeline.image_fitting import spec_of
+        from pipeline.learning.image_classifier import spec_of
 
         data = images.read(paths.dataset(experiment), protocol, seed)
         spec = spec_of(len(data.objects))

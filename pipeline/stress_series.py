@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import clean_scores, metrics, perturbations, results, trained
+from pipeline import clean_scores, metrics, perturbations, results
+from pipeline.learning import trained
 from pipeline.logs import alignment, parse
 from pipeline.datasets import schemas, series
 from pipeline.base import params, paths
@@ -98,10 +99,10 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 
 def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> Run:
     """A run of params.yaml as `train_series` left it."""
-    from pipeline import series_fitting
+    from pipeline.learning import series_regressors
 
     task = params.experiment_module(experiment).task(protocol, values[experiment])
-    spec = series_fitting.spec_of(task, values[experiment]["window"]["frames"])
+    spec = series_regressors.spec_of(task, values[experiment]["window"]["frames"])
     run = trained.load(values, experiment, model, protocol, seed, spec)
     return Run(run.model.predict, run.failed, task, protocol, seed)
 

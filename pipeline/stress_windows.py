@@ -20,7 +20,8 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import clean_scores, metrics, perturbations, results, trained
+from pipeline import clean_scores, metrics, perturbations, results
+from pipeline.learning import trained
 from pipeline.datasets import schemas
 from pipeline.base import files, params, paths, workers
 from pipeline.datasets.seeding import generator
@@ -99,7 +100,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     """
     import torch
 
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
 
     torch.set_num_threads(1)
     settings, stress = values[experiment], values["stress"][experiment]

@@ -21,7 +21,7 @@ def train_run(
     """Train one run of params.yaml (`values`) and write its files (see `runs.save`); return the seconds of fitting."""
     import torch
 
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
 
     torch.set_num_threads(1)
     settings = values[experiment]

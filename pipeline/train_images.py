@@ -20,7 +20,7 @@ def train_run(
     """Train one run of params.yaml (`values`) and write its files (see `runs.save`); return the seconds of fitting."""
     import torch
 
-    from pipeline.image_fitting import spec_of
+    from pipeline.learning.image_classifier import spec_of
 
     torch.set_num_threads(1)
     block = params.model_settings(values, experiment, model)

@@ -48,14 +48,14 @@ def _train(
 ) -> float:
     import torch
 
-    from pipeline import series_fitting
+    from pipeline.learning import series_regressors
 
     torch.set_num_threads(1)
     settings = values[experiment]
     task = params.experiment_module(experiment).task(protocol, settings)
     block = params.model_settings(values, experiment, model)
-    spec = series_fitting.spec_of(task, settings["window"]["frames"])
-    regressor = series_fitting.adapted(params.build_model(model, spec, block, f"{experiment}.models.{model}"), spec)
+    spec = series_regressors.spec_of(task, settings["window"]["frames"])
+    regressor = series_regressors.adapted(params.build_model(model, spec, block, f"{experiment}.models.{model}"), spec)
     records = series.seen_in_training(series.read(paths.dataset(experiment), task, protocol, seed))
     if not any(record.training.any() for record in records):
         raise InputError(f"{experiment}, {protocol}: no sample in the training part; record longer")

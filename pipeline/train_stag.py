@@ -26,7 +26,7 @@ def train_run(values: Mapping, experiment: str, model: str, seed: int, file: str
     """Train one model and score it with 1 to MOST_FRAMES frames of a recording; rows of stag.csv."""
     import torch
 
-    from pipeline.image_fitting import spec_of
+    from pipeline.learning.image_classifier import spec_of
 
     torch.set_num_threads(1)
     data = stag.read(paths.ROOT / file)

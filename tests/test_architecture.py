@@ -136,7 +136,7 @@ def test_dvc_watches_what_a_stage_imports(entry):
 
 
 def test_every_model_block_fits_its_build():
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
 
     values = params.load()
     blocks = [(experiment, values[experiment]["models"]) for experiment in values["experiments"]]
@@ -153,7 +153,7 @@ def test_every_model_block_fits_its_build():
 
 
 def test_lomp_of_params_yaml_has_the_published_size():
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
 
     settings = params.load()["touch"]
     model = params.build_model("lomp", Spec(*params.shapes(settings)), settings["models"]["lomp"], "touch.models.lomp")

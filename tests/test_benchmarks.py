@@ -10,17 +10,17 @@ import torch
 from benchmarks import growth, made, peers, report, rows
 from benchmarks.test_benchmark_repro import FORBIDDEN
 
-from pipeline import message_passing
+from pipeline.learning import lomp_network
 from pipeline.logs import parse
 from pipeline.experiments import touch
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 from pipeline.models import esn
-from pipeline.series_fitting import Lstm
+from pipeline.learning.series_regressors import Lstm
 
 
 def test_stacked_peer_equals_lomp():
     torch.manual_seed(0)
-    ours = message_passing.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 8, 0.3)
+    ours = lomp_network.Lomp(Spec(3, 2, 4, 6, 4), 8, [5], 8, 0.3)
     x = torch.randn(6, 3, 8)
     theirs = peers.StackedLomp(ours)
     torch.testing.assert_close(ours(x), theirs(x), rtol=1e-5, atol=1e-5)

@@ -39,7 +39,7 @@ from pipeline.datasets import schemas, series
 from pipeline.base import availability, blocks, params, paths
 from pipeline.base.errors import InputError
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 from pipeline.scenes import strain as strain_scene
 
 LONGEST_S = 1.0  # of processor time that one input may take

@@ -6,10 +6,10 @@ import torch
 from safetensors.torch import load_file
 from torch import nn
 
-from pipeline import counting, fitting
+from pipeline.learning import cost, regressors
 from pipeline.base.blocks import EarlyStopping
 from pipeline.base.errors import InputError
-from pipeline.fitting import SklearnRegressor, Spec, TorchRegressor, input_scale
+from pipeline.learning.regressors import SklearnRegressor, Spec, TorchRegressor, input_scale
 
 SPEC = Spec(2, 1, 3, 2, 2)
 
@@ -96,7 +96,7 @@ def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path):
         model = regressor(max_epochs=2)
         model.fit(windows(), windows(seed=1), seed=seed)
         model.save(tmp_path)
-        saved.append((tmp_path / fitting.NETWORK_FILE).read_bytes())
+        saved.append((tmp_path / regressors.NETWORK_FILE).read_bytes())
     assert saved[0] == saved[1] != saved[2]
 
 
@@ -114,10 +114,10 @@ def test_normalisation_comes_from_the_training_part_and_is_saved(tmp_path):
     model = regressor(max_epochs=1)
     model.fit(train, (validation[0] * 50, validation[1]), seed=0)
     model.save(tmp_path)
-    saved = load_file(tmp_path / fitting.NETWORK_FILE)
+    saved = load_file(tmp_path / regressors.NETWORK_FILE)
     np.testing.assert_allclose(saved["input_mean"], train[0].mean((0, 1)), rtol=1e-5)
     np.testing.assert_allclose(saved["input_spread"][[0, 2]], train[0].std((0, 1))[[0, 2]], rtol=1e-5)
-    assert saved["input_spread"][1] == fitting.SMALLEST_SPREAD
+    assert saved["input_spread"][1] == regressors.SMALLEST_SPREAD
     assert saved["output_scale"] == pytest.approx(train[1].std(), rel=1e-5)
 
 
@@ -199,12 +199,12 @@ def test_types_that_were_not_named_are_not_loaded(tmp_path):
 def test_counting_of_layers():
     x = torch.zeros(2, 4, 6, 6)
     convolution = nn.Conv2d(4, 8, 3, groups=2)
-    assert counting.multiply_accumulates(convolution, x) == 2 * 8 * 16 * 2 * 9
-    assert counting.parameters(convolution) == 8 * 2 * 9 + 8
+    assert cost.multiply_accumulates(convolution, x) == 2 * 8 * 16 * 2 * 9
+    assert cost.parameters(convolution) == 8 * 2 * 9 + 8
     sequence = torch.zeros(3, 5, 7)
-    assert counting.multiply_accumulates(nn.GRU(7, 4, batch_first=True), sequence) == 15 * 12 * (7 + 4)
-    assert counting.multiply_accumulates(nn.LSTM(7, 4, 2, batch_first=True), sequence) == 15 * 16 * (11 + 8)
+    assert cost.multiply_accumulates(nn.GRU(7, 4, batch_first=True), sequence) == 15 * 12 * (7 + 4)
+    assert cost.multiply_accumulates(nn.LSTM(7, 4, 2, batch_first=True), sequence) == 15 * 16 * (11 + 8)
     twice = nn.Linear(7, 7)
-    assert counting.multiply_accumulates(nn.Sequential(twice, nn.ReLU(), twice), sequence) == 2 * 15 * 49
+    assert cost.multiply_accumulates(nn.Sequential(twice, nn.ReLU(), twice), sequence) == 2 * 15 * 49
     twice.weight.requires_grad = False
-    assert counting.parameters(twice) == 7
+    assert cost.parameters(twice) == 7

@@ -5,9 +5,9 @@ import pytest
 import torch
 from benchmarks.peers import LoopedLomp
 
-from pipeline import message_passing
+from pipeline.learning import lomp_network
 from pipeline.base.errors import InputError
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 from pipeline.models import lomp
 
 TRAINING = dict(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, plateau=1, drop=0.3)
@@ -15,7 +15,7 @@ TRAINING = dict(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, pla
 
 def network(spec, hidden=128, readout=(128, 64), neighbours=4, alpha=0.1):
     torch.manual_seed(0)
-    return message_passing.Lomp(spec, hidden, list(readout), neighbours, alpha)
+    return lomp_network.Lomp(spec, hidden, list(readout), neighbours, alpha)
 
 
 @pytest.mark.parametrize("neighbours", [4, 8])
@@ -92,13 +92,13 @@ def test_backward_after_another_forward_is_refused():
 
 
 def test_neighbours_of_corner_edge_and_centre():
-    four, eight = message_passing.neighbour_matrix(5, 5, 4), message_passing.neighbour_matrix(5, 5, 8)
+    four, eight = lomp_network.neighbour_matrix(5, 5, 4), lomp_network.neighbour_matrix(5, 5, 8)
     assert four[0].nonzero().flatten().tolist() == [1, 5]
     assert eight[0].nonzero().flatten().tolist() == [1, 5, 6]
     assert four[12].nonzero().flatten().tolist() == [7, 11, 13, 17]
     assert eight[12].sum() == 8 and eight[10].sum() == 5
     assert torch.equal(four, four.T) and torch.equal(eight, eight.T)
-    assert message_passing.neighbour_matrix(1, 1, 4).tolist() == [[0.0]]
+    assert lomp_network.neighbour_matrix(1, 1, 4).tolist() == [[0.0]]
 
 
 def test_without_messages_an_element_sees_only_itself():

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from pipeline.datasets import schemas, windowing
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 from pipeline.models import lomp, lomp_stream
 
 SPEC = Spec(4, 2, 2, 4, 4)

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from pipeline.base.errors import InputError
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 
 PAPER = Spec(8, 5, 5, 20, 20)
 SMALL = Spec(3, 2, 2, 4, 4)

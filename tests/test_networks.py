@@ -10,15 +10,15 @@ import torch
 from sklearn.naive_bayes import GaussianNB
 from torch import nn
 
-from pipeline import counting
+from pipeline.learning import cost
 from pipeline.base import params
 from pipeline.count import count
 from pipeline.base.errors import InputError
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 from pipeline.datasets.images import SIDE
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.operations import operations
-from pipeline.residual import Convolution3x3, GlobalCoordinateAttention
+from pipeline.learning.residual_blocks import Convolution3x3, GlobalCoordinateAttention
 
 TRAINING = dict(learning_rate=1e-3, batch_size=6, max_epochs=1, flip=0.0, noise=0.0, affine=0.0)
 SETTINGS = {
@@ -85,7 +85,7 @@ def test_counts(network, shape, macs, params):
     with torch.device("meta"):
         network = network()
         assert operations(network, shape) == macs
-    assert counting.parameters(network) == params
+    assert cost.parameters(network) == params
 
 
 def test_operations_of_each_layer_by_hand():

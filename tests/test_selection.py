@@ -13,8 +13,8 @@ from pipeline import train as train_stage
 from pipeline import train_images as images_stage
 from pipeline import train_series as series_stage
 from pipeline import train_stag as stag_stage
-from pipeline.fitting import FitSummary, TorchRegressor, Training
-from pipeline.image_fitting import ImageClassifier, ImageTraining
+from pipeline.learning.regressors import FitSummary, TorchRegressor, Training
+from pipeline.learning.image_classifier import ImageClassifier, ImageTraining
 
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
 PART = np.repeat(["train", "validation", "test"], [80, 20, 20])

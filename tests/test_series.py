@@ -8,8 +8,8 @@ from pipeline import metrics
 from pipeline.datasets import series
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.fitting import Spec
-from pipeline.series_fitting import adapted, ridge_weights, spec_of
+from pipeline.learning.regressors import Spec
+from pipeline.learning.series_regressors import adapted, ridge_weights, spec_of
 from pipeline.study import decoded
 
 RECIPE = {"learning_rate": 5e-3, "max_epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}

@@ -12,8 +12,8 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.experiments import strain_recorded
 from pipeline.experiments.strain_recorded import CYCLE, PRESSED, read_recording
-from pipeline.fitting import Spec
-from pipeline.series_fitting import adapted
+from pipeline.learning.regressors import Spec
+from pipeline.learning.series_regressors import adapted
 
 SETTINGS = {"ingest": {"every": 3, "max_reject_fraction": 0.05}, "split": {"train": 0.7, "validation": 0.1}}
 CYCLES = 20

@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import metrics, train, train_images, train_series, trained
+from pipeline import metrics, train, train_images, train_series
+from pipeline.learning import trained
 from pipeline.base import params, paths, runs
 from pipeline.base.errors import InputError
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 
 SPEC = Spec(2, 1, 3, 1, 2)
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.training import Epoch, Plateau, device_of, run_epochs
+from pipeline.learning.training import Epoch, Plateau, device_of, run_epochs
 
 
 class Counter(nn.Module):

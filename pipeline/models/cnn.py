@@ -3,7 +3,7 @@
 from torch import nn
 
 from pipeline.base.blocks import EarlyStopping, Widths
-from pipeline.fitting import Spec, TorchRegressor
+from pipeline.learning.regressors import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, channels: Widths, hidden: Widths, training: EarlyStopping) -> TorchRegressor:

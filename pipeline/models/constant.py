@@ -2,7 +2,7 @@
 
 from sklearn.dummy import DummyRegressor
 
-from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.learning.regressors import SklearnRegressor, Spec
 
 
 def build(spec: Spec) -> SklearnRegressor:

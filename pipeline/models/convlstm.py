@@ -4,7 +4,7 @@ import torch
 from torch import nn
 
 from pipeline.base.blocks import EarlyStopping, Width
-from pipeline.fitting import Spec, TorchRegressor
+from pipeline.learning.regressors import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, filters: Width, training: EarlyStopping) -> TorchRegressor:

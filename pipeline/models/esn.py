@@ -4,9 +4,9 @@ import numpy as np
 from scipy import sparse
 
 from pipeline.base.blocks import NotNegative, Positive, Share, Width
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 from pipeline.datasets.seeding import generator
-from pipeline.series_fitting import StateReadout
+from pipeline.learning.series_regressors import StateReadout
 
 LINKS = 10  # connections a unit: makes a step cost units x 10 instead of units squared
 # A long series goes in pieces side by side. After 400 samples nothing is left of where they started, 8 reservoirs say.

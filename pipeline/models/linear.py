@@ -4,7 +4,7 @@ from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.learning.regressors import SklearnRegressor, Spec
 
 
 def build(spec: Spec) -> SklearnRegressor:

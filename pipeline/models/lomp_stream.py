@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline import counting
+from pipeline.learning import cost
 from pipeline.base.blocks import EarlyStopping, Neighbours, Number, Width, Widths
-from pipeline.fitting import LARGEST_BATCH, Spec
-from pipeline.message_passing import LompRegressor, maker
+from pipeline.learning.regressors import LARGEST_BATCH, Spec
+from pipeline.learning.lomp_network import LompRegressor, maker
 
 
 def build(
@@ -70,7 +70,7 @@ class StreamingLomp(LompRegressor):
 
     def macs(self) -> int:
         """Multiply-accumulates for one frame."""
-        return counting.multiply_accumulates(self.network, torch.zeros(1, 1, self.spec.elements))
+        return cost.multiply_accumulates(self.network, torch.zeros(1, 1, self.spec.elements))
 
     def _all_maps(self, x: torch.Tensor, previous: np.ndarray) -> torch.Tensor:
         found, chains = x.new_empty(len(x), self.spec.outputs), streams(previous)

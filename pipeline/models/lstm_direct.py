@@ -1,8 +1,8 @@
 """Direct training (latent-space paper, Table I): tanh, LSTM, linear read-out, all of it trained on the task."""
 
 from pipeline.base.blocks import SequenceTraining, Width
-from pipeline.fitting import Spec
-from pipeline.series_fitting import LstmRegressor
+from pipeline.learning.regressors import Spec
+from pipeline.learning.series_regressors import LstmRegressor
 
 
 def build(spec: Spec, *, units: Width, training: SequenceTraining) -> LstmRegressor:

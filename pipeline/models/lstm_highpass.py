@@ -21,13 +21,13 @@ import torch
 from safetensors.torch import save_file
 from torch import nn
 
-from pipeline import counting
+from pipeline.learning import cost
 from pipeline.base.blocks import StretchTraining, Taps, Width
 from pipeline.base.errors import InputError
-from pipeline.fitting import NETWORK_FILE, Spec, read_tensors
+from pipeline.learning.regressors import NETWORK_FILE, Spec, read_tensors
 from pipeline.datasets.series import Record
-from pipeline.series_fitting import Scaling
-from pipeline.training import Epoch, FitSummary, Progress, device_of, run_epochs
+from pipeline.learning.series_regressors import Scaling
+from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, run_epochs
 
 
 def build(spec: Spec, *, filters: Width, taps: Taps, units: Width, training: StretchTraining) -> "HighpassLstm":
@@ -60,7 +60,7 @@ class _Network(nn.Module):
 
 
 class HighpassLstm:
-    """The regressor; methods as all regressors for series have them (pipeline/series_fitting.py)."""
+    """The regressor; methods as all regressors for series have them (pipeline/learning/series_regressors.py)."""
 
     def __init__(self, spec: Spec, filters: int, taps: int, units: int, training: StretchTraining):
         self.spec, self.taps, self.training = spec, taps, training
@@ -159,11 +159,11 @@ class HighpassLstm:
 
     def parameters(self) -> int:
         """Number of trainable parameters. One weight a filter and channel is without effect: it is its mean."""
-        return counting.parameters(self.network)
+        return cost.parameters(self.network)
 
     def macs(self) -> int:
         """Multiply-accumulates for one sample."""
-        return counting.multiply_accumulates(self.network, torch.zeros(1, self.taps, self.spec.elements))
+        return cost.multiply_accumulates(self.network, torch.zeros(1, self.taps, self.spec.elements))
 
     def _padded(self, values: torch.Tensor) -> torch.Tensor:
         """(T, columns) with the first row repeated taps - 1 times before it."""

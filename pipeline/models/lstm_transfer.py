@@ -3,9 +3,9 @@
 import torch
 
 from pipeline.base.blocks import SequenceTraining
-from pipeline.fitting import Spec
+from pipeline.learning.regressors import Spec
 from pipeline.datasets.series import Record
-from pipeline.series_fitting import LstmRegressor
+from pipeline.learning.series_regressors import LstmRegressor
 
 
 def build(spec: Spec, *, training: SequenceTraining) -> "Transfer":

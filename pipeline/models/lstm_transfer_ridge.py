@@ -1,8 +1,8 @@
 """Transfer with the read-out solved in one step: ridge regression on the frozen states of model-0."""
 
 from pipeline.base.blocks import NotNegative
-from pipeline.fitting import Spec
-from pipeline.series_fitting import LstmRegressor
+from pipeline.learning.regressors import Spec
+from pipeline.learning.series_regressors import LstmRegressor
 
 
 def build(spec: Spec, *, ridge: NotNegative) -> LstmRegressor:

@@ -3,8 +3,8 @@
 from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
-from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier
+from pipeline.learning.regressors import Spec
+from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.datasets.images import SIDE
 
 # (channels, stride) of each pair of a 3x3 depthwise convolution, which has the stride, and a 1x1 one

@@ -4,7 +4,7 @@ import numpy as np
 from sklearn.naive_bayes import GaussianNB
 
 from pipeline.base.blocks import Positive
-from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.learning.regressors import SklearnRegressor, Spec
 
 
 def build(spec: Spec, *, smoothing: Positive) -> SklearnRegressor:

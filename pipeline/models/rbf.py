@@ -9,7 +9,7 @@ from sklearn.preprocessing import StandardScaler
 
 from pipeline.base.blocks import Count, NotNegative, Positive
 from pipeline.base.errors import InputError
-from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.learning.regressors import SklearnRegressor, Spec
 
 
 def build(spec: Spec, *, centres: Count, width: Positive, ridge: NotNegative) -> SklearnRegressor:

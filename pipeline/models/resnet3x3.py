@@ -3,9 +3,9 @@
 from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
-from pipeline.fitting import Spec
-from pipeline.image_fitting import ImageClassifier
-from pipeline.residual import BasicBlock
+from pipeline.learning.regressors import Spec
+from pipeline.learning.image_classifier import ImageClassifier
+from pipeline.learning.residual_blocks import BasicBlock
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:

@@ -4,7 +4,7 @@ import torch
 from torch import nn
 
 from pipeline.base.blocks import EarlyStopping, Layers, Width
-from pipeline.fitting import Spec, TorchRegressor
+from pipeline.learning.regressors import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, layers: Layers, hidden: Width, training: EarlyStopping) -> TorchRegressor:

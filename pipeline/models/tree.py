@@ -3,7 +3,7 @@
 from sklearn.tree import DecisionTreeRegressor
 
 from pipeline.base.blocks import Count, Share
-from pipeline.fitting import SklearnRegressor, Spec
+from pipeline.learning.regressors import SklearnRegressor, Spec
 
 
 def build(spec: Spec, *, min_samples_leaf: Count, max_features: Share) -> SklearnRegressor:

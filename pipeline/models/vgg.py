@@ -5,7 +5,7 @@ from torch import nn
 
 from pipeline.base.blocks import EarlyStopping, Widths
 from pipeline.base.errors import InputError
-from pipeline.fitting import Spec, TorchRegressor
+from pipeline.learning.regressors import Spec, TorchRegressor
 
 CONVOLUTIONS = (2, 2, 3, 3, 3)  # a stage; 13 of the 16 layers
 

@@ -151,7 +151,7 @@ def lomp_updates(_, windows: float):
 
     model = lomp(5, max_epochs=UPDATES)
     model.training = replace(model.training, batch_size=int(windows))
-    optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as pipeline/fitting.py, and so `update`
+    optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as pipeline/learning/regressors.py, and so `update`
     x, y = _batch(windows)
 
     def update(losses) -> torch.Tensor:
@@ -216,7 +216,7 @@ def sp_resnet_epoch_plain(_, images: float):
     from benchmarks import peers
 
     from pipeline.base.blocks import AugmentedTraining
-    from pipeline.image_fitting import augmented
+    from pipeline.learning.image_classifier import augmented
     from pipeline.models import sp_resnet
 
     block, x, y, _ = _images(images)
@@ -234,7 +234,7 @@ def _images(count: float):
     import numpy as np
 
     from pipeline.base import params
-    from pipeline.image_fitting import spec_of
+    from pipeline.learning.image_classifier import spec_of
 
     block = params.load()["glove"]["models"]["sp_resnet"]
     block = block | {"training": block["training"] | {"max_epochs": 1}}
@@ -247,7 +247,7 @@ def lomp(side: int, max_epochs: int):
     """The touch experiment's LoMP on an array of side x side elements."""
     from benchmarks.made import touch_settings
 
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
     from pipeline.models import lomp
 
     block = touch_settings()["models"]["lomp"]
@@ -258,7 +258,7 @@ def lomp(side: int, max_epochs: int):
 def lstm(max_epochs: int):
     """The strain experiment's LSTM, directly trained."""
     from pipeline.base import params
-    from pipeline.fitting import Spec
+    from pipeline.learning.regressors import Spec
     from pipeline.models import lstm_direct
 
     block = params.load()["strain"]["models"]["lstm_direct"]

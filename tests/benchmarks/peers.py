@@ -7,7 +7,7 @@ import pandas as pd
 import torch
 from torch import nn
 
-from pipeline.message_passing import Lomp
+from pipeline.learning.lomp_network import Lomp
 
 
 class LoopedLomp(nn.Module):

@@ -45,7 +45,7 @@ def load(values: Mapping, experiment: str, model: str, protocol: str, seed: int,
     block = params.model_settings(values, experiment, model)
     built = params.build_model(model, spec, block, f"{experiment}.models.{model}")
     if experiment in params.SERIES:
-        from pipeline.series_fitting import adapted
+        from pipeline.learning.series_regressors import adapted
 
         built = adapted(built, spec)
     made_by = params.training_command(experiment, model)

@@ -15,10 +15,10 @@ from safetensors.torch import load_file, save_file
 from threadpoolctl import threadpool_limits
 from torch import nn
 
-from pipeline import counting
+from pipeline.learning import cost
 from pipeline.base.blocks import EarlyStopping
 from pipeline.base.errors import InputError
-from pipeline.training import Epoch, FitSummary, Plateau, Progress, device_of, history_row, run_epochs
+from pipeline.learning.training import Epoch, FitSummary, Plateau, Progress, device_of, history_row, run_epochs
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -182,11 +182,11 @@ class TorchRegressor:
 
     def parameters(self) -> int:
         """Number of trainable parameters."""
-        return counting.parameters(self.network)
+        return cost.parameters(self.network)
 
     def macs(self) -> int:
         """Multiply-accumulates for one window."""
-        return counting.multiply_accumulates(self.network, torch.zeros(1, self.spec.frames, self.spec.elements))
+        return cost.multiply_accumulates(self.network, torch.zeros(1, self.spec.frames, self.spec.elements))
 
     def _new_network(self, seed: int) -> nn.Module:
         with torch.random.fork_rng(devices=[]):

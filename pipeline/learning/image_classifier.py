@@ -10,9 +10,9 @@ from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
-from pipeline.fitting import LARGEST_BATCH, Spec, TorchRegressor, Windows
+from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows
 from pipeline.datasets.images import HIGHEST, SIDE
-from pipeline.training import Epoch, Progress, device_of, run_epochs
+from pipeline.learning.training import Epoch, Progress, device_of, run_epochs
 
 LARGEST_SHIFT = 2.0  # pixels; a glove sits that differently on a hand: pads are 3 pixels wide
 LARGEST_TURN = 10.0  # degrees

@@ -13,12 +13,12 @@ import torch
 from safetensors.torch import save_file
 from torch import nn
 
-from pipeline import counting
+from pipeline.learning import cost
 from pipeline.base.blocks import SequenceTraining
 from pipeline.base.errors import InputError
-from pipeline.fitting import NETWORK_FILE, SklearnRegressor, Spec, TorchRegressor, read_tensors
+from pipeline.learning.regressors import NETWORK_FILE, SklearnRegressor, Spec, TorchRegressor, read_tensors
 from pipeline.datasets.series import Record, Task
-from pipeline.training import Epoch, FitSummary, Progress, device_of, history_row, run_epochs
+from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, history_row, run_epochs
 
 MILLIVOLT = 1e3  # window models see mV: the smallest spread that fitting.py scales by is 1
 LARGEST_CHUNK = 20_000  # windows predicted at once
@@ -220,11 +220,11 @@ class LstmRegressor:
 
     def parameters(self) -> int:
         """Number of trainable parameters: the read-out's alone after transfer."""
-        return counting.parameters(self.network)
+        return cost.parameters(self.network)
 
     def macs(self) -> int:
         """Multiply-accumulates for one sample."""
-        return counting.multiply_accumulates(self.network, torch.zeros(1, 1, self.spec.elements))
+        return cost.multiply_accumulates(self.network, torch.zeros(1, 1, self.spec.elements))
 
     def _take_recurrent_part(self, base: Path) -> None:
         weights = {name: value for name, value in read_tensors(base).items() if name.startswith("network.lstm.")}

@@ -24,7 +24,7 @@ from torch import nn
 from torch.autograd.function import once_differentiable
 
 from pipeline.base.errors import InputError
-from pipeline.fitting import Spec, TorchRegressor
+from pipeline.learning.regressors import Spec, TorchRegressor
 
 aten = torch.ops.aten
 
