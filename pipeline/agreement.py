@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import results
+from pipeline.scoring import results
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError, run_stage
 from pipeline.markdown import table

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from tqdm import tqdm
 
-from pipeline import classification, metrics
+from pipeline.scoring import classification, metrics
 from pipeline.datasets import images
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage

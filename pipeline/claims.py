@@ -24,13 +24,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline import results
+from pipeline.scoring import results
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.figures import style
 from pipeline.report_glove import METHODS, read_augmentation, read_counts, read_stag
 from pipeline.report_strain import read_study
-from pipeline.results import estimate
+from pipeline.scoring.results import estimate
 
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 TOLERANCE = 0.1  # of the published value

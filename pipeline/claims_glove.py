@@ -45,7 +45,7 @@ from pipeline.report_glove_findings import (
     published_fusion,
     ranked_pairs,
 )
-from pipeline.results import PUBLISHED, estimate
+from pipeline.scoring.results import PUBLISHED, estimate
 
 SINGLE = ("pressure", "strain")
 # Precision as in the report of the simulated glove, accuracy as in that of the recorded grasps.

@@ -24,7 +24,7 @@ from pipeline.figures import style
 from pipeline.markdown import interval as shown
 from pipeline.markdown import number as digits
 from pipeline.report_strain import TIME_BINS, mean_error, published
-from pipeline.results import estimate, read_predictions
+from pipeline.scoring.results import estimate, read_predictions
 
 TASKS = ("task_1", "task_2")
 FREE_R2 = 0.1  # drift that can be read from the latent space with less than this is none

@@ -25,7 +25,7 @@ from pipeline.markdown import interval as shown
 from pipeline.markdown import number as digits
 from pipeline.markdown import size
 from pipeline.report_touch import PRINTED, published_value, unseen_products
-from pipeline.results import estimate, read_predictions
+from pipeline.scoring.results import estimate, read_predictions
 
 CONVENTIONAL = ("linear", "poly", "tree")
 GLOBAL = ("cnn", "vgg", "convlstm", "rnn")  # learning models that see the whole array

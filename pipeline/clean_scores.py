@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pipeline.base.errors import InputError
-from pipeline.metrics import Row
-from pipeline.results import Scores, shown
+from pipeline.scoring.metrics import Row
+from pipeline.scoring.results import Scores, shown
 
 
 def check(

@@ -15,7 +15,7 @@ from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.operations import operations
-from pipeline.results import PUBLISHED
+from pipeline.scoring.results import PUBLISHED
 
 COLUMNS = ("experiment", "model", "input_shape", "classes", "macs", "params")
 COLUMNS += ("published_macs", "published_params", "verdict", "note")

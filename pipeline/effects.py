@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.special import stdtrit
 from scipy.stats import kendalltau
 
-from pipeline.variants import NONE
+from pipeline.scoring.variants import NONE
 
 CONFIDENCE = 0.95
 LEAST = 0.01  # share of its error below which no change of a model counts, however little the seeds differ

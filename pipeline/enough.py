@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline import ladders
+from pipeline.scoring import ladders
 from pipeline.base.errors import InputError
 from pipeline.figures import style
-from pipeline.results import estimate, read_csv, shown
+from pipeline.scoring.results import estimate, read_csv, shown
 
 JUDGED = ("experiment", "condition", "family", "size", "params", "metric", "unit", "value", "low", "high", "chosen")
 JUDGED += ("runs", "failed", "macs")  # runs: those that did not fail

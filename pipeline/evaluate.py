@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, metrics
+from pipeline.scoring import classification, metrics
 from pipeline.learning import trained
 from pipeline.datasets import images, schemas, series
 from pipeline.base import files, params, paths, workers

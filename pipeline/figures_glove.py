@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from pipeline import figures
 from pipeline.figures import style
 from pipeline.datasets.images import HIGHEST, SIDE
-from pipeline.results import Fit, estimate
+from pipeline.scoring.results import Fit, estimate
 
 COLOURS = {"pressure": figures.BLUE, "strain": figures.VERMILION, "combined": figures.BLACK}  # of the datasets
 DASHES = {"pressure": "-", "strain": "--", "combined": ":"}

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline import figures
 from pipeline.figures import MEASURED, style
-from pipeline.results import Estimate, estimate
+from pipeline.scoring.results import Estimate, estimate
 
 SHOWN_S = 120.0  # of the test part in figures 5 to 8
 AXES = "xyz"

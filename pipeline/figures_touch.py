@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from pipeline import figures
 from pipeline.datasets import labels, schemas
 from pipeline.figures import MEASURED, style
-from pipeline.results import Fit
+from pipeline.scoring.results import Fit
 from pipeline.scenes import material
 
 FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)

@@ -20,7 +20,7 @@ from pipeline.base.errors import InputError, run_stage
 from pipeline.figures import style
 from pipeline.hypertext import Pages, anchor, cell, read, sections, table, title
 from pipeline.markdown import number, size
-from pipeline.results import read_csv
+from pipeline.scoring.results import read_csv
 from pipeline.logs.sources import SOURCES
 
 VERDICTS = {REPRODUCED: ("yes", "✓"), NOT_REPRODUCED: ("no", "✗"), NOT_TESTABLE: ("open", "–")}

@@ -10,7 +10,7 @@ from matplotlib.markers import MarkerStyle
 from pipeline.figures import style
 from pipeline.markdown import interval, number, size
 from pipeline.report_speed import FRONTS
-from pipeline.results import Estimate
+from pipeline.scoring.results import Estimate
 
 WIDTH, HEIGHT = 380, 300  # of a chart's coordinates
 LEFT, RIGHT, TOP, BOTTOM = 46, 14, 12, 42  # px around the axes

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pyarrow.parquet
 
-from pipeline import figures_speed, report_speed, results
+from pipeline import figures_speed, report_speed
+from pipeline.scoring import results
 from pipeline.base import files, params
 from pipeline.differences import read_differences
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import figures, figures_glove, pages, report_glove, report_glove_findings, report_glove_recorded, results
+from pipeline import figures, figures_glove, pages, report_glove, report_glove_findings, report_glove_recorded
+from pipeline.scoring import results
 from pipeline.datasets import images, schemas
 from pipeline.base import files, params, paths
 from pipeline.figures import style

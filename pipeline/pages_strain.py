@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import figures_strain, pages, report_strain, report_strain_recorded, results
+from pipeline import figures_strain, pages, report_strain, report_strain_recorded
+from pipeline.scoring import results
 from pipeline.datasets import schemas
 from pipeline.base import files
 

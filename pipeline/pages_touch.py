@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from pipeline import figures_touch, figures_velostat, pages, report_touch, report_velostat, results
+from pipeline import figures_touch, figures_velostat, pages, report_touch, report_velostat
+from pipeline.scoring import results
 from pipeline.datasets import schemas
 from pipeline.base import files, paths
 

@@ -18,12 +18,12 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, metrics
+from pipeline.scoring import classification, metrics
 from pipeline.learning import trained
 from pipeline.datasets import images, schemas, series
 from pipeline.base import blocks, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
-from pipeline.variants import COLUMNS, DEFAULT, NONE, variants
+from pipeline.scoring.variants import COLUMNS, DEFAULT, NONE, variants
 from pipeline.datasets.windowing import windows_of
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}

@@ -5,10 +5,11 @@ Usage: python -m pipeline.render_physics
 
 import pandas as pd
 
-from pipeline import effects, figures_physics, report_physics, results
+from pipeline import effects, figures_physics, report_physics
+from pipeline.scoring import results
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError, run_stage
-from pipeline.variants import COLUMNS, variants
+from pipeline.scoring.variants import COLUMNS, variants
 
 
 def read(experiment: str, values: dict) -> pd.DataFrame:

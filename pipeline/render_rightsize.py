@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import enough, figures_rightsize, ladders, markdown
+from pipeline import enough, figures_rightsize, markdown
+from pipeline.scoring import ladders
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.figures_rightsize import Reference
-from pipeline.results import Estimate, Scores
+from pipeline.scoring.results import Estimate, Scores
 
 INTRODUCTION = """# How small a model each scene needs
 

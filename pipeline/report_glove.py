@@ -9,14 +9,15 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import classification, markdown
+from pipeline import markdown
+from pipeline.scoring import classification
 from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.figures import style
 from pipeline.datasets.images import MODALITIES, classes, modality, split_name
 from pipeline.markdown import interval, number, size
-from pipeline.results import PUBLISHED, Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions, shown
+from pipeline.scoring.results import PUBLISHED, Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions, shown
 
 PRINTED = {  # models as the paper prints them; a model that is not listed has no published number
     "naive_bayes": "Naive Bayes",

@@ -22,7 +22,7 @@ from pipeline.report_glove import (
     score,
     splits,
 )
-from pipeline.results import Estimate, Fit, Scores, estimate
+from pipeline.scoring.results import Estimate, Fit, Scores, estimate
 
 BASELINES = ("naive_bayes", "tree")
 RANDOM = "random_frames"

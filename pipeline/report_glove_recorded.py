@@ -12,7 +12,7 @@ from pipeline.datasets.images import MODALITIES
 from pipeline.markdown import interval, number, table
 from pipeline.report_glove import METRICS, NETWORKS, gain, score, splits
 from pipeline.report_glove_findings import confused_sentences, points, ranked, training_sentence, verdict
-from pipeline.results import Fit, Scores, estimate, read_csv
+from pipeline.scoring.results import Fit, Scores, estimate, read_csv
 
 SPLITS = {
     "grasp": "Whole grasps, drawn by the seed",

@@ -9,7 +9,7 @@ import pandas as pd
 from pipeline import effects, markdown
 from pipeline.effects import FAILED, NEEDED, NOT_NEEDED, Assessment, Judgement
 from pipeline.figures import style
-from pipeline.variants import DEFAULT
+from pipeline.scoring.variants import DEFAULT
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
 ERRORS = {"rmse": "RMSE in kPa", "error": "distance in mm", "accuracy": "share of images named wrongly"}

@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline.base.errors import InputError
 from pipeline.figures import style
 from pipeline.markdown import interval, number, size, table
-from pipeline.results import Estimate, Scores, read_training_times
+from pipeline.scoring.results import Estimate, Scores, read_training_times
 
 FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
 

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline import markdown, results
+from pipeline import markdown
+from pipeline.scoring import results
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.figures import style

@@ -9,7 +9,7 @@ from pipeline import sentences
 from pipeline.base import paths
 from pipeline.figures import style
 from pipeline.markdown import interval, number, size, table
-from pipeline.results import PUBLISHED, Estimate, Scores, estimate, read_csv
+from pipeline.scoring.results import PUBLISHED, Estimate, Scores, estimate, read_csv
 
 PRINTED = {"lstm_direct": "Direct training", "lstm_transfer": "Transfer learning"}
 TASKS = {"task_0": "xyz, what model-0 is trained on", "task_1": "z, 10 mm", "task_2": "xy, 140 x 80 mm"}

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from pipeline.figures import style
 from pipeline.markdown import interval, table
-from pipeline.results import Scores
+from pipeline.scoring.results import Scores
 
 SPLITS = {
     "within_day": "The first 70 % of 30 July train, its last 30 % test",

@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline import sentences
 from pipeline.figures import style
 from pipeline.markdown import interval, literal, number, size, table
-from pipeline.results import Estimate, Fit, Scores, published
+from pipeline.scoring.results import Estimate, Fit, Scores, published
 
 # Models as the paper prints them; a model that is not listed has no published number.
 PRINTED = {

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.figures import style
 from pipeline.markdown import interval, table
-from pipeline.results import Scores
+from pipeline.scoring.results import Scores
 
 POOLED = "repetition"  # the protocol that fits all recordings together; the others are named like one recording
 METRICS = {

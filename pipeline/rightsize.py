@@ -15,7 +15,8 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import classification, ladders, metrics, narrow
+from pipeline import narrow
+from pipeline.scoring import classification, ladders, metrics
 from pipeline.learning import trained
 from pipeline.datasets import images, schemas
 from pipeline.base import files, params, paths, workers

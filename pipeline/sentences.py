@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from pipeline.figures import style
 from pipeline.markdown import interval, number
-from pipeline.results import Fit, Scores
+from pipeline.scoring.results import Fit, Scores
 
 
 def yardstick(scores: Scores, settings: Mapping, run: tuple[str, str], what: str, unit: str) -> str:

@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import clean_scores, metrics, perturbations, results
+from pipeline import clean_scores, perturbations
+from pipeline.scoring import metrics, results
 from pipeline.learning import trained
 from pipeline.logs import alignment, parse
 from pipeline.datasets import schemas, series

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import metrics
+from pipeline.scoring import metrics
 from pipeline.datasets import series
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage

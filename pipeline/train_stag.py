@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import classification, metrics
+from pipeline.scoring import classification, metrics
 from pipeline.logs import stag
 from pipeline.datasets import seeding
 from pipeline.base import files, params, paths, workers

@@ -4,7 +4,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline import metrics
+from pipeline.scoring import metrics
 from pipeline.datasets import labels, schemas
 from pipeline.base import params
 from pipeline.base.errors import InputError

@@ -10,7 +10,7 @@ from pipeline import effects, physics, render_physics, report_physics
 from pipeline.base import params, paths
 from pipeline.effects import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
 from pipeline.base.errors import InputError
-from pipeline.variants import COLUMNS, DEFAULT, variants
+from pipeline.scoring.variants import COLUMNS, DEFAULT, variants
 
 # RMSE in kPa: LoMP is best on double touch, the networks are best on single touch.
 SINGLE = {"constant": 11.0, "linear": 9.0, "poly": 6.0, "tree": 7.5, "rbf": 5.5, "cnn": 4.0, "rnn": 4.8, "lomp": 3.5}

@@ -33,7 +33,8 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import results, tracking
+from pipeline import tracking
+from pipeline.scoring import results
 from pipeline.logs import own_data, parse, stag
 from pipeline.datasets import schemas, series
 from pipeline.base import availability, blocks, params, paths

@@ -4,7 +4,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline import classification
+from pipeline.scoring import classification
 from pipeline.datasets import images, schemas
 from pipeline.base import params
 from pipeline.base.errors import InputError

@@ -12,7 +12,8 @@ import pyarrow.parquet
 import pytest
 from scipy.stats import t as student
 
-from pipeline import classification, figures, figures_glove, pages_glove, render, report_glove, report_glove_findings, report_glove_recorded, results
+from pipeline import figures, figures_glove, pages_glove, render, report_glove, report_glove_findings, report_glove_recorded
+from pipeline.scoring import classification, results
 from pipeline.datasets import images, schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError

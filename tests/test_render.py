@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from pipeline import pages, render, report_touch, results
+from pipeline import pages, render, report_touch
+from pipeline.scoring import results
 from pipeline.datasets import labels, schemas
 from pipeline.base import paths
 from pipeline.differences import read_differences

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 import torch
 
-from pipeline import enough, ladders, narrow, render_rightsize, rightsize
+from pipeline import enough, narrow, render_rightsize, rightsize
+from pipeline.scoring import ladders
 from pipeline.base.errors import InputError
 from pipeline.figures_rightsize import Reference
 from pipeline.models import sp_resnet

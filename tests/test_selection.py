@@ -5,7 +5,8 @@ import pyarrow as pa
 import pytest
 from torch import nn
 
-from pipeline import augment, metrics, narrow, physics, rightsize
+from pipeline import augment, narrow, physics, rightsize
+from pipeline.scoring import metrics
 from pipeline.logs import stag
 from pipeline.datasets import images, schemas, series
 from pipeline.base import params, paths, runs

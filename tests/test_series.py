@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline import metrics
+from pipeline.scoring import metrics
 from pipeline.datasets import series
 from pipeline.base import params
 from pipeline.base.errors import InputError

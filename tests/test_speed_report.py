@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import figures, figures_speed, report_speed, results
+from pipeline import figures, figures_speed, report_speed
+from pipeline.scoring import results
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import report_strain, report_strain_recorded, results
+from pipeline import report_strain, report_strain_recorded
+from pipeline.scoring import results
 from pipeline.base import paths
 
 MODELS = {"constant": {}, "press_difference": {}, "lstm_direct": {}, "lstm_highpass": {}}

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import metrics, train, train_images, train_series
+from pipeline import train, train_images, train_series
+from pipeline.scoring import metrics
 from pipeline.learning import trained
 from pipeline.base import params, paths, runs
 from pipeline.base.errors import InputError

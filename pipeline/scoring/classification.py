@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.metrics import Row
+from pipeline.scoring.metrics import Row
 
 MOST_FRAMES = 8  # whose scores are averaged (figure 15)
 
