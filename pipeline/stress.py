@@ -31,14 +31,14 @@ COLUMNS += ("n",)
 def stressor(experiment: str) -> ModuleType:
     """The module whose `rows(values, experiment, model, report)` perturbs and scores one model."""
     if experiment in params.SERIES:
-        from pipeline import stress_series
+        from pipeline.stability import series as stress_series
 
         return stress_series
     if experiment in params.IMAGES:
-        from pipeline import stress_images
+        from pipeline.stability import images as stress_images
 
         return stress_images
-    from pipeline import stress_windows
+    from pipeline.stability import windows as stress_windows
 
     return stress_windows
 

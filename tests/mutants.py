@@ -498,7 +498,7 @@ MUTANTS = [
     # Stress.
     Mutant(
         "half-the-noise",
-        "pipeline/perturbations.py",
+        "pipeline/stability/perturbations.py",
         "readings + severity * span * rng.standard_normal(readings.shape))",
         "readings + severity * span / 2 * rng.standard_normal(readings.shape))",
         "test_perturbations.py",

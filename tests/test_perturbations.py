@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline import perturbations
+from pipeline.stability import perturbations
 from pipeline.base.errors import InputError
 from pipeline.datasets.seeding import generator
 

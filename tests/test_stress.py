@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import dataset, evaluate, ingest, simulate, stress, stress_windows, train, window
+from pipeline import dataset, evaluate, ingest, simulate, stress, train, window
+from pipeline.stability import windows as stress_windows
 from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline import dataset, evaluate, ingest, simulate, stress_series, train_series
+from pipeline import dataset, evaluate, ingest, simulate, train_series
+from pipeline.stability import series as stress_series
 from pipeline.datasets import series
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.scale import set_values
 from pipeline.scenes import strain, strain_stress
-from pipeline.stress_series import Levels, Run
+from pipeline.stability.series import Levels, Run
 
 SAMPLES, FIRST = 4000, 3500  # the test part is longer ago than WARM_UP from the start
 SEEN = Levels(np.array([1.0, 2.0]), np.array([0.5, 0.5]), 5.0)

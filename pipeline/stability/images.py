@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import clean_scores, perturbations
+from pipeline.stability import clean_scores, perturbations
 from pipeline.scoring import classification, metrics, results
 from pipeline.learning import trained
 from pipeline.datasets import images, schemas

@@ -20,7 +20,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import clean_scores, perturbations
+from pipeline.stability import clean_scores, perturbations
 from pipeline.scoring import metrics, results
 from pipeline.learning import trained
 from pipeline.datasets import schemas

@@ -6,7 +6,7 @@ part and lasts. Severity 0 is the score of that stage. By name:
 * noise, offset_drift: in units of each channel's range over the training samples.
 * gain_drift: of the deviation from the training median (of samples outside presses, where presses are known).
 * dead: a strand comes loose, and its divider reads the supply. half: as dead, from the middle of the test part on.
-* stuck, lost_frames, jitter: as in pipeline/perturbations.py; a frame is a sample.
+* stuck, lost_frames, jitter: as in pipeline/stability/perturbations.py; a frame is a sample.
 * time: nothing goes wrong; severity is the age of a sample in minutes since the start of the test part, and counted
   are the samples up to this age and above the severity before. Severity 0: all samples.
 * rate, speed, specimen (simulated only): a recording of its own from pipeline/scenes/strain_stress.py, all of which
@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import clean_scores, perturbations
+from pipeline.stability import clean_scores, perturbations
 from pipeline.scoring import metrics, results
 from pipeline.learning import trained
 from pipeline.logs import alignment, parse
