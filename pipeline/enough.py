@@ -48,7 +48,7 @@ def wanted(experiment: str, values: Mapping) -> dict[str, tuple[list, list]]:
 
 def read(experiment: str, values: Mapping) -> pd.DataFrame:
     """The runs that the stage `rightsize` wrote. Raises InputError for a missing file, column or run."""
-    made_by = f"python -m pipeline.rightsize {experiment}"
+    made_by = f"python -m pipeline.studies.sizes {experiment}"
     table = read_csv(ladders.path(experiment), ladders.COLUMNS, made_by)
     conditions = dict.fromkeys(table["condition"]) or ("any",)  # of an empty table every run is missing
     known = set(zip(table["family"], table["condition"], table["size"], table["seed"], strict=True))

@@ -14,7 +14,7 @@ from pipeline.scoring.variants import COLUMNS, variants
 
 def read(experiment: str, values: dict) -> pd.DataFrame:
     """physics.csv of an experiment. Raises InputError where a row of params.yaml's runs is missing."""
-    path, made_by = paths.physics(experiment), f"python -m pipeline.physics {experiment}"
+    path, made_by = paths.physics(experiment), f"python -m pipeline.studies.physics {experiment}"
     scores = results.read_csv(path, COLUMNS, made_by)
     there = set(zip(scores["effect"], scores["seed"], scores["condition"], scores["model"], strict=True))
     conditions = list(dict.fromkeys(scores["condition"]))

@@ -51,7 +51,7 @@ def published() -> dict[tuple[str, str], float]:
 def read_counts() -> pd.DataFrame:
     """counts.csv: multiply-accumulates and parameters."""
     names = ["model", "input_shape", "classes", "macs", "params", "published_macs", "published_params", "verdict"]
-    return read_csv(paths.REPORTS / "counts.csv", [*names, "note"], "python -m pipeline.count")
+    return read_csv(paths.REPORTS / "counts.csv", [*names, "note"], "python -m pipeline.studies.counts")
 
 
 def like_with_like(counts: pd.DataFrame) -> pd.DataFrame:
@@ -64,7 +64,7 @@ def read_augmentation(settings: Mapping, metric: str) -> dict[tuple[str, str], l
 
     `all` is the model as Table 1 has it. Raises InputError that names a missing row.
     """
-    block, made_by = settings["augmentation"], "python -m pipeline.augment glove"
+    block, made_by = settings["augmentation"], "python -m pipeline.studies.augmentation glove"
     protocols = {dataset: f"{block['split']}_{dataset}" for dataset in MODALITIES}
     path = paths.augmentation("glove")
     rows = read_csv(path, ["method", "protocol", "seed", "metric", "value"], made_by)
@@ -90,7 +90,7 @@ def read_augmentation(settings: Mapping, metric: str) -> dict[tuple[str, str], l
 def read_stag() -> pd.DataFrame:
     """Scores on the STAG data set by number of input frames; no row where the user has named no file."""
     names = ["model", "seed", "frames", "metric", "value"]
-    return read_csv(paths.stag("glove"), names, "python -m pipeline.train_stag glove")
+    return read_csv(paths.stag("glove"), names, "python -m pipeline.studies.stag glove")
 
 
 def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fit]]]:

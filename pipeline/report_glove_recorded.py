@@ -135,7 +135,7 @@ def fusion_sentences(scores: Scores, best: Mapping[str, str], main: str) -> list
 
 def read_probe() -> pd.DataFrame:
     """probe.csv: accuracy of extra trees on joint angles as recorded, and on parts of them; a row a seed."""
-    made_by = "python -m pipeline.probe glove_recorded"
+    made_by = "python -m pipeline.studies.joint_angles glove_recorded"
     return read_csv(paths.probe("glove_recorded"), ["input", "seed", "metric", "value"], made_by)
 
 

@@ -99,14 +99,14 @@ def read_study(name: str) -> pd.DataFrame:
     return read_csv(
         paths.experiment_folder("strain") / "study" / f"{name}.csv",
         ["protocol", "seed", "value"],
-        "python -m pipeline.study strain",
+        "python -m pipeline.studies.latent strain",
     )
 
 
 def read_latents() -> pd.DataFrame:
     """t_s and the states of model-0 on task 2."""
     return read_csv(
-        paths.experiment_folder("strain") / "study" / "latents.csv", ["t_s"], "python -m pipeline.study strain"
+        paths.experiment_folder("strain") / "study" / "latents.csv", ["t_s"], "python -m pipeline.studies.latent strain"
     )
 
 

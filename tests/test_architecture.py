@@ -123,7 +123,7 @@ def test_dvc_watches_what_a_stage_imports(entry):
     if command[2] == "pipeline.dataset":
         needed |= closure(f"pipeline/experiments/{command[3]}.py")
         needed -= READERS
-    if command[2] == "pipeline.physics":
+    if command[2] == "pipeline.studies.physics":
         models = params.load()["physics"][command[3]]["models"]
         for file in (f"scenes/{command[3]}", f"experiments/{command[3]}", *(f"models/{model}" for model in models)):
             needed |= closure(f"pipeline/{file}.py")

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import effects, physics, render_physics, report_physics
+from pipeline import effects, render_physics, report_physics
+from pipeline.studies import physics as physics_study
 from pipeline.base import params, paths
 from pipeline.effects import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
 from pipeline.base.errors import InputError
@@ -221,7 +222,7 @@ def test_every_effect_with_a_purpose_exists():
 
 def test_settings_switch_one_effect_and_move_the_seed():
     values = params.load()
-    whole, without = (physics.settings_of(values, "touch", effect, 3) for effect in (NONE, "crosstalk"))
+    whole, without = (physics_study.settings_of(values, "touch", effect, 3) for effect in (NONE, "crosstalk"))
     assert whole["simulate"]["seed"] == values["touch"]["simulate"]["seed"] + 3
     assert [k for k, on in without["simulate"]["effects"].items() if not on] == ["crosstalk"]
     assert all(whole["simulate"]["effects"].values())
@@ -234,9 +235,9 @@ def test_what_is_off_by_default_is_left_out_at_once():
     switches |= dict.fromkeys(switches, True)
     assert DEFAULT not in {effect for effect, _ in variants(values, "glove")}
     switches |= {"noise": False, "softness": False}
-    effects = physics.settings_of(values, "glove", DEFAULT, 0)["simulate"]["effects"]
+    effects = physics_study.settings_of(values, "glove", DEFAULT, 0)["simulate"]["effects"]
     assert {name for name, on in effects.items() if not on} == {"noise", "softness"}
-    assert all(physics.settings_of(values, "glove", NONE, 0)["simulate"]["effects"].values())
+    assert all(physics_study.settings_of(values, "glove", NONE, 0)["simulate"]["effects"].values())
     assert (DEFAULT, values["physics"]["glove"]["effect_seeds"][0]) in variants(values, "glove")
 
 
@@ -244,7 +245,7 @@ def test_a_misspelt_scene_setting_is_refused():
     values = params.load()
     values["physics"]["strain"]["scene"]["simulate"]["sampels"] = 9
     with pytest.raises(InputError, match="sampels.*did you mean 'samples'"):
-        physics.settings_of(values, "strain", NONE, 0)
+        physics_study.settings_of(values, "strain", NONE, 0)
 
 
 def test_seeds_that_cannot_be_compared_are_refused():

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 
 from pipeline.datasets import images as tactile
-from pipeline import probe
+from pipeline.studies import joint_angles
 from pipeline.logs import parse, sources
 from pipeline.datasets import schemas
 from pipeline.base import paths
@@ -384,10 +384,10 @@ def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(tell
     column = frames.schema.get_field_index("strain")
     frames = frames.set_column(column, "strain", schemas.lists(angles, pa.float32())).cast(glove_recorded.SCHEMA)
     monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(probe, "TREES", 20)
+    monkeypatch.setattr(joint_angles, "TREES", 20)
     schemas.write(paths.frames("glove_recorded"), frames.schema, [frames])
-    found = probe.probe(SETTINGS | {"protocols": {"grasp_strain": {"seeds": [0, 1]}}})
-    assert [row[:2] for row in found] == [(name, seed) for name in probe.inputs(angles) for seed in (0, 1)]
+    found = joint_angles.probe(SETTINGS | {"protocols": {"grasp_strain": {"seeds": [0, 1]}}})
+    assert [row[:2] for row in found] == [(name, seed) for name in joint_angles.inputs(angles) for seed in (0, 1)]
     assert all(low <= accuracy <= high for *_, accuracy, _ in found), found
     frames_of_a_grasp = len(glove_recorded.chosen(frames, SETTINGS)) / 60
     assert {row[-1] for row in found} == {3 * 4 * frames_of_a_grasp}  # 4 of the 20 grasps of every object

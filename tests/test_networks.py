@@ -12,12 +12,12 @@ from torch import nn
 
 from pipeline.learning import cost
 from pipeline.base import params
-from pipeline.count import count
+from pipeline.studies.counts import count
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec
 from pipeline.datasets.images import SIDE
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
-from pipeline.operations import operations
+from pipeline.studies.operations import operations
 from pipeline.learning.residual_blocks import Convolution3x3, GlobalCoordinateAttention
 
 TRAINING = dict(learning_rate=1e-3, batch_size=6, max_epochs=1, flip=0.0, noise=0.0, affine=0.0)

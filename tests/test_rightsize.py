@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 import torch
 
-from pipeline import enough, narrow, render_rightsize, rightsize
+from pipeline import enough, render_rightsize
+from pipeline.studies import narrow_sp_resnet, sizes
 from pipeline.scoring import ladders
 from pipeline.base.errors import InputError
 from pipeline.figures_rightsize import Reference
@@ -110,7 +111,7 @@ def test_failed_runs_are_said_in_table_file_and_figure(tmp_path):
 def test_full_width_is_the_published_network():
     x = torch.randn(2, 1, 32, 32)
     networks = []
-    for make in (lambda: narrow.network(1, 16, 1.0, 16), lambda: sp_resnet.network(1, 16, 16)):
+    for make in (lambda: narrow_sp_resnet.network(1, 16, 1.0, 16), lambda: sp_resnet.network(1, 16, 16)):
         torch.manual_seed(0)
         networks.append(make().eval())
     ours, published = networks
@@ -121,17 +122,17 @@ def test_full_width_is_the_published_network():
 
 def test_narrow_networks_shrink_and_impossible_widths_are_refused():
     counts = [
-        sum(weight.numel() for weight in narrow.network(1, 16, width, 16).parameters())
+        sum(weight.numel() for weight in narrow_sp_resnet.network(1, 16, width, 16).parameters())
         for width in (1 / 64, 0.125, 0.25, 0.5, 1.0)
     ]
     assert counts == sorted(counts) and counts[3] < counts[4] / 3
     with pytest.raises(InputError, match="a width of 0.3 leaves 19.2 of 64 channels"):
-        narrow.network(1, 16, 0.3, 16)
+        narrow_sp_resnet.network(1, 16, 0.3, 16)
 
 
 def test_settings_that_cannot_be_are_refused():
     with pytest.raises(InputError, match="there is no split of seed 7"):
-        rightsize._check_seeds("rightsize.touch.lomp.seeds", [0, 7], [0, 1])
+        sizes._check_seeds("rightsize.touch.lomp.seeds", [0, 7], [0, 1])
     values = {
         "touch": {
             "window": {"frames": 8},
@@ -141,7 +142,7 @@ def test_settings_that_cannot_be_are_refused():
         "rightsize": {"touch": {"lomp": {"seeds": [0]}, "window": {"seeds": [0], "sizes": [4, 9]}}},
     }
     with pytest.raises(InputError, match="a window has 8 frames"):
-        rightsize.touch(values)
+        sizes.touch(values)
 
 
 @pytest.mark.parametrize(

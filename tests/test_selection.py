@@ -5,7 +5,7 @@ import pyarrow as pa
 import pytest
 from torch import nn
 
-from pipeline import augment, narrow, physics, rightsize
+from pipeline.studies import augmentation, narrow_sp_resnet, physics as physics_study, sizes
 from pipeline.scoring import metrics
 from pipeline.logs import stag
 from pipeline.datasets import images, schemas, series
@@ -13,7 +13,7 @@ from pipeline.base import params, paths, runs
 from pipeline import train as train_stage
 from pipeline import train_images as images_stage
 from pipeline import train_series as series_stage
-from pipeline import train_stag as stag_stage
+from pipeline.studies import stag as stag_stage
 from pipeline.learning.regressors import FitSummary, TorchRegressor, Training
 from pipeline.learning.image_classifier import ImageClassifier, ImageTraining
 
@@ -106,7 +106,7 @@ def values(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(metrics, "touch", lambda *arguments: [("rmse", "kPa", 1.0, 1)])
     monkeypatch.setattr(params, "build_model", lambda key, spec, block, where: linear(spec, **block))
-    monkeypatch.setattr(narrow, "build", linear)
+    monkeypatch.setattr(narrow_sp_resnet, "build", linear)
     return values
 
 
@@ -138,27 +138,27 @@ def of_train_images(values, wrong, folder):
 
 def of_augment(values, wrong, folder):
     images_dataset(paths.dataset("glove"), wrong)
-    augment.train_run(values, "glove", "none", "session_pressure", 0, nothing)
+    augmentation.train_run(values, "glove", "none", "session_pressure", 0, nothing)
 
 
 def of_rightsize_touch(values, wrong, folder):
     windows_dataset(paths.dataset("touch"), wrong)
-    rightsize.touch_run(values, "window", 1, 0, nothing)
+    sizes.touch_run(values, "window", 1, 0, nothing)
 
 
 def of_rightsize_glove(values, wrong, folder):
     images_dataset(paths.dataset("glove"), wrong)
-    rightsize.glove_run(values, "pressure", 0.25, 0, nothing)
+    sizes.glove_run(values, "pressure", 0.25, 0, nothing)
 
 
 def of_physics_touch(values, wrong, folder):
-    windows_dataset(physics.dataset_of(folder), wrong)
-    list(physics.touch_scores(values["touch"], values["physics"]["touch"], 0, folder, "cpu"))
+    windows_dataset(physics_study.dataset_of(folder), wrong)
+    list(physics_study.touch_scores(values["touch"], values["physics"]["touch"], 0, folder, "cpu"))
 
 
 def of_physics_glove(values, wrong, folder):
-    images_dataset(physics.dataset_of(folder), wrong)
-    list(physics.glove_scores(values["glove"], values["physics"]["glove"], 0, folder, "cpu"))
+    images_dataset(physics_study.dataset_of(folder), wrong)
+    list(physics_study.glove_scores(values["glove"], values["physics"]["glove"], 0, folder, "cpu"))
 
 
 def of_train_stag(values, wrong, folder):
@@ -189,7 +189,7 @@ def test_an_augmentation_method_is_on_alone_and_the_others_off(method, on, value
     monkeypatch.setattr(
         params, "build_model", lambda key, spec, block, where: used.append(block) or linear(spec, **block)
     )
-    augment.train_run(values, "glove", method, "session_pressure", 0, nothing)
+    augmentation.train_run(values, "glove", method, "session_pressure", 0, nothing)
     ((training, reduction),) = [(block["training"], block["reduction"]) for block in used]
     assert training == TRAINING | {name: usual[name] if name in on else 0.0 for name in usual} and reduction == 16
 
@@ -225,7 +225,7 @@ def of_model_zero(values, folder):
 
 def of_physics_strain(values, folder):
     chosen = values["physics"]["strain"] | {"protocols": ["task_1"]}
-    list(physics.strain_scores(values["strain"], chosen, 0, folder, "cpu"))
+    list(physics_study.strain_scores(values["strain"], chosen, 0, folder, "cpu"))
 
 
 @pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])

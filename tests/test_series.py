@@ -10,7 +10,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, ridge_weights, spec_of
-from pipeline.study import decoded
+from pipeline.studies.latent import decoded
 
 RECIPE = {"learning_rate": 5e-3, "max_epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
 BLOCKS = {

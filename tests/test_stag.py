@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline import train_stag
+from pipeline.studies import stag as stag_study
 from pipeline.logs import own_data, stag
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -210,7 +210,7 @@ def grasps(frames=9, recordings=4):
 
 def test_validation_takes_whole_training_recordings(tmp_path):
     data = stag.read(save(tmp_path, grasps()))
-    part = train_stag.parts(data, 0.3, 0)
+    part = stag_study.parts(data, 0.3, 0)
     assert (part[data.part == "test"] == "test").all()
     assert len(set(data.recording[part == "validation"])) == 2
     assert not set(data.recording[part == "validation"]) & set(data.recording[part == "train"])
@@ -218,7 +218,7 @@ def test_validation_takes_whole_training_recordings(tmp_path):
 
 def test_figure_fifteen_from_a_file(tmp_path):
     path = save(tmp_path, grasps())
-    rows = train_stag.train_run(params.load(), "glove", "sp_resnet", 0, str(path), lambda *numbers: None)
+    rows = stag_study.train_run(params.load(), "glove", "sp_resnet", 0, str(path), lambda *numbers: None)
     assert [row[:4] for row in rows] == [
         ("sp_resnet", 0, frames, metric) for frames in range(1, 9) for metric in ("accuracy", "macro_precision")
     ]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline import study
+from pipeline.studies import latent
 from pipeline.datasets import series
 from pipeline.base import params
 
@@ -45,7 +45,7 @@ def regressor(monkeypatch):
 
 def trained(samples):
     values = {"strain": {"window": {"frames": 10}}, "device": "cpu"}
-    return study.train_with(values, "lstm_direct", {}, "task_1", 0, samples)
+    return latent.train_with(values, "lstm_direct", {}, "task_1", 0, samples)
 
 
 @pytest.mark.parametrize("samples", [None, 30])

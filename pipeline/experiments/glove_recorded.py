@@ -5,7 +5,7 @@ and the third is folded away, so nearly all contact is on the distal matrices of
 
 What the splits cannot show: all grasps of an object were recorded within 1 to 3 minutes, so none tests another day.
 And joints 0, 3 and 4 never move during a grasp, but their resting angles differ by some 0.001 degrees between the
-minutes of one object and another: extra trees name the object from these three alone (pipeline/probe.py). Images, in
+minutes of one object and another: extra trees name the object from these three alone (pipeline/studies/joint_angles.py). Images, in
 steps of 0.2 degrees for joints that move and 0.7 for the others, do not show it; a model that is given `strain` as it
 stands does.
 """

@@ -4,7 +4,7 @@ touch: narrower LoMPs, and a CNN that sees only the last frames of each window a
 one of the tables. glove: SP-ResNet with fewer channels. strain: the LSTMs that the stage `study` has trained. LoMP and
 SP-ResNet are trained as in the tables; the size that the tables have is the model of the tables itself.
 The errors choose nothing but the ladders' own verdict: no other table depends on them.
-Usage: python -m pipeline.rightsize touch|strain|glove
+Usage: python -m pipeline.studies.sizes touch|strain|glove
 """
 
 import sys
@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import narrow
+from pipeline.studies import narrow_sp_resnet
 from pipeline.scoring import classification, ladders, metrics
 from pipeline.learning import trained
 from pipeline.datasets import images, schemas
@@ -80,7 +80,7 @@ def glove_run(values: Mapping, condition: str, width: float, seed: int, report) 
     if width == 1:
         run = trained.load(values, "glove", "sp_resnet", protocol, seed, spec)
     else:
-        classifier = narrow.build(
+        classifier = narrow_sp_resnet.build(
             spec, width=width, **dict(params.check_model("sp_resnet", block, "glove.models.sp_resnet"))
         )
         classifier.fit(train, validation, seed=seed, device=values["device"])
@@ -129,7 +129,7 @@ def strain(values: dict) -> list[tuple]:
     from pipeline.learning import series_regressors
 
     path = paths.experiment_folder("strain") / "study" / "capacity.csv"
-    table = pd.read_csv(paths.require(path, "python -m pipeline.study strain"))
+    table = pd.read_csv(paths.require(path, "python -m pipeline.studies.latent strain"))
     model, module = ladders.FAMILIES["lstm"].model, params.experiment_module("strain")
     block, frames = params.model_settings(values, "strain", model), values["strain"]["window"]["frames"]
     found = []
@@ -155,7 +155,7 @@ def _climbed(function, values: Mapping, runs: list[tuple], title: str) -> list[t
 def main() -> None:
     """Climb the ladders of the experiment named on the command line."""
     if len(sys.argv) != 2 or sys.argv[1] not in ladders.METRIC:
-        raise InputError(f"usage: python -m pipeline.rightsize {'|'.join(ladders.METRIC)}")
+        raise InputError(f"usage: python -m pipeline.studies.sizes {'|'.join(ladders.METRIC)}")
     experiment = sys.argv[1]
     rows = {"touch": touch, "strain": strain, "glove": glove}[experiment](params.load())
     conditions = list(dict.fromkeys(row[1] for row in rows))

@@ -2,7 +2,7 @@
 
 Trains `augmentation.model` on each of the three datasets with no method and with A, B or C alone; all of them
 together is the model itself, which `train_images` has trained. Writes the scores on the test part.
-Usage: python -m pipeline.augment glove
+Usage: python -m pipeline.studies.augmentation glove
 """
 
 import sys
@@ -44,7 +44,7 @@ def main() -> None:
     """Train and score every method, dataset and seed of the experiment named on the command line."""
     values = params.load()
     if len(sys.argv) != 2 or sys.argv[1] != "glove":
-        raise InputError("usage: python -m pipeline.augment glove")
+        raise InputError("usage: python -m pipeline.studies.augmentation glove")
     experiment = sys.argv[1]
     settings = values[experiment]["augmentation"]
     block = params.model_settings(values, experiment, settings["model"])

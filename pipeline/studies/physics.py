@@ -5,7 +5,7 @@ the test part. Effect `none`: all effects on; `default`: those that params.yaml 
 seed and is that of split and training, so that two seeds differ in all that is drawn by chance; variants of one seed
 share it.
 Writes data/<experiment>/physics.csv; `render_physics` judges it.
-Usage: python -m pipeline.physics touch|strain|glove
+Usage: python -m pipeline.studies.physics touch|strain|glove
 """
 
 import importlib
@@ -188,7 +188,7 @@ def main() -> None:
     values = params.load()
     experiment = sys.argv[1] if len(sys.argv) == 2 else ""
     if experiment not in values["physics"]:
-        raise InputError(f"usage: python -m pipeline.physics {'|'.join(values['physics'])}")
+        raise InputError(f"usage: python -m pipeline.studies.physics {'|'.join(values['physics'])}")
     wanted = variants(values, experiment)
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
         found = dict(workers.run(run_variant, {key: (values, experiment, *key) for key in wanted}, bar))

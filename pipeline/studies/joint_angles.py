@@ -1,7 +1,7 @@
 """Stage: what gives the object away in the recorded joint angles: extra trees on them, and on parts of them.
 
 Joints that never move rest at angles that differ by thousandths of a degree from one object's minutes to another's.
-Usage: python -m pipeline.probe glove_recorded
+Usage: python -m pipeline.studies.joint_angles glove_recorded
 """
 
 import sys
@@ -52,7 +52,7 @@ def probe(settings: dict) -> list[tuple]:
 def main() -> None:
     """Probe the recordings; without them the table is empty."""
     if sys.argv[1:] != [EXPERIMENT]:
-        raise InputError(f"usage: python -m pipeline.probe {EXPERIMENT}")
+        raise InputError(f"usage: python -m pipeline.studies.joint_angles {EXPERIMENT}")
     rows = probe(params.load()[EXPERIMENT]) if why_not_run(EXPERIMENT) is None else []
     files.write_csv(paths.probe(EXPERIMENT), COLUMNS, rows)
 

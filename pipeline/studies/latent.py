@@ -4,7 +4,7 @@ Writes data/strain/study/: samples.csv (error against the number of training sam
 size of the LSTM), drift.csv (how well elapsed time and the strands' true drift can be read from the raw voltages and
 from the latent space) and latents.csv (states of model-0 on task 2, for figure 7). Errors are those of the test part;
 drift.csv is from held-out blocks of the whole recording.
-Usage: python -m pipeline.study strain
+Usage: python -m pipeline.studies.latent strain
 """
 
 import sys
@@ -131,7 +131,7 @@ def _single_thread(function: Callable, *arguments):
 def main() -> None:
     """Run the studies of the experiment named on the command line."""
     if sys.argv[1:] != ["strain"]:
-        raise InputError("usage: python -m pipeline.study strain")
+        raise InputError("usage: python -m pipeline.studies.latent strain")
     values = params.load()
     study = values["strain"]["study"]
     tasks, seeds = study["tasks"], study["seeds"]

@@ -2,7 +2,7 @@
 
 Trains the figure's models on the training part, keeping some of its recordings for validation, and scores them on the
 test part for every number of input frames. Without the file (`none`) the table has no rows.
-Usage: python -m pipeline.train_stag glove
+Usage: python -m pipeline.studies.stag glove
 """
 
 import sys
@@ -64,7 +64,7 @@ def main() -> None:
     """Train and score on the user's file, or write an empty table."""
     values = params.load()
     if sys.argv[1:] != ["glove"]:
-        raise InputError("usage: python -m pipeline.train_stag glove")
+        raise InputError("usage: python -m pipeline.studies.stag glove")
     settings = values["glove"]["stag"]
     found: dict = {}
     if settings["file"] != "none":

@@ -1,6 +1,6 @@
 """Stage: multiply-accumulates and parameters of the glove's networks, at the published shapes and like with like.
 
-Usage: python -m pipeline.count
+Usage: python -m pipeline.studies.counts
 """
 
 from decimal import Decimal
@@ -14,7 +14,7 @@ from pipeline.learning import cost
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
-from pipeline.operations import operations
+from pipeline.studies.operations import operations
 from pipeline.scoring.results import PUBLISHED
 
 COLUMNS = ("experiment", "model", "input_shape", "classes", "macs", "params")
