@@ -45,7 +45,7 @@ SILENT = 20  # median intervals; no line is drawn over a longer silence
 
 
 def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -> None:
-    """Draw recordings (pipeline/check.py: `Checked`) side by side, one column each, to `path` (PNG)."""
+    """Draw recordings (pipeline/commands/check.py: `Checked`) side by side, one column each, to `path` (PNG)."""
     panels = PANELS[experiment]
     mapped = experiment == "touch" and any(one.frames is not None for one in recordings)
     count = len(panels) + mapped

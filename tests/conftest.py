@@ -60,7 +60,7 @@ class Project:
 
     def set(self, values: dict) -> None:
         """Change dotted keys of params.yaml."""
-        from pipeline.scale import set_values
+        from pipeline.commands.scale import set_values
 
         set_values(values, self.folder / "params.yaml")
 
@@ -170,6 +170,6 @@ def recordings(tmp_path_factory):
                 (linked / path).parent.mkdir(parents=True, exist_ok=True)
                 (linked / path).symlink_to(file.resolve())
             return linked
-        pytest.skip(f"recordings not here: run `python -m pipeline.fetch {name}` or set TACTILE_RECORDINGS")
+        pytest.skip(f"recordings not here: run `python -m pipeline.commands.fetch {name}` or set TACTILE_RECORDINGS")
 
     return functools.cache(find)

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from pipeline.base import params
-from pipeline.scale import set_values
+from pipeline.commands.scale import set_values
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}

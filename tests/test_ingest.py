@@ -336,7 +336,7 @@ def test_without_recordings_the_stage_says_so(root):
     assert pq.read_table(data / "frames.parquet").num_rows == 0
     assert pq.read_table(data / "rejects.parquet").schema.equals(schemas.REJECTS)
     report = json.loads((data / "ingest.json").read_text())
-    assert report["run"] is False and "pipeline.fetch velostat_recorded" in report["reason"]
+    assert report["run"] is False and "pipeline.commands.fetch velostat_recorded" in report["reason"]
 
 
 DAMAGES = {

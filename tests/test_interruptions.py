@@ -15,7 +15,7 @@ import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline import fetch
+from pipeline.commands import fetch
 from pipeline.logs import sources
 from pipeline.datasets import schemas
 from pipeline.base import errors, paths

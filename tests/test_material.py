@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import fit_material
+from pipeline.commands import fit_material
 from pipeline.base.errors import InputError
 from pipeline.scenes import material
 from pipeline.scenes.material import FITTED, load_material, log_resistance

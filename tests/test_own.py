@@ -9,7 +9,8 @@ import sys
 import pytest
 import yaml
 
-from pipeline import check, ingest
+from pipeline import ingest
+from pipeline.commands import check
 from pipeline.logs import own_data
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError

@@ -16,7 +16,8 @@ import pytest
 import yaml
 from conftest import ROOT, Project
 
-from pipeline import check, figures_check, ingest
+from pipeline import figures_check, ingest
+from pipeline.commands import check
 from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
@@ -248,7 +249,7 @@ def test_ingest_says_that_check_knows_more(root, small):
     folder, values = small
     logs = changed(folder, root / "data" / "own" / "sensor", lambda lines: [line.replace(",", ";") for line in lines])
     settings = values["touch"] | {"source": "data/own/sensor"}
-    with pytest.raises(InputError, match=rf"{logs}.* \(`python -m pipeline.check touch data/own/sensor` says more\)$"):
+    with pytest.raises(InputError, match=rf"{logs}.* \(`python -m pipeline.commands.check touch data/own/sensor` says more\)$"):
         ingest.ingest("touch", settings)
 
 
@@ -296,7 +297,7 @@ def test_a_task_without_a_recording_is_one_sentence(root, written, undrawn, tmp_
 
 
 def test_command_line_of_check(written):
-    command = [sys.executable, "-m", "pipeline.check"]
+    command = [sys.executable, "-m", "pipeline.commands.check"]
     for arguments, words in ((["touch"], "usage"), (["touch", "/no/folder"], "there is no such folder")):
         done = subprocess.run([*command, *arguments], cwd=ROOT, capture_output=True, text=True)
         assert done.returncode == 1 and words in done.stderr and "Traceback" not in done.stderr
@@ -330,7 +331,7 @@ def test_own_array_end_to_end(written, tmp_path):
     shutil.copytree(written / "3x7", project.folder / "data" / "own" / "finger")
     set_touch(project, "3x7")
     project.set({"touch.source": "data/own/finger"})
-    checked = project.run("-m", "pipeline.check", "touch", "data/own/finger").stdout
+    checked = project.run("-m", "pipeline.commands.check", "touch", "data/own/finger").stdout
     assert checked.endswith("ready: set touch.source: data/own/finger in params.yaml, then `dvc repro`\n")
     project.dvc("repro", "render@touch")
     rmse = tables_and_figures(project, "touch", "double", "figure8.png")
@@ -405,7 +406,7 @@ def test_any_name_of_a_touch_condition(tmp_path):
     project.set({"touch.label": values["label"] | {"map_rows": 8, "map_cols": 9}})
     project.set({"touch.models": {"constant": {}, "linear": {}}})
     project.set({"stress.touch.perturbations": {"noise": [0.01]}})
-    assert "ready" in project.run("-m", "pipeline.check", "touch", str(logs)).stdout
+    assert "ready" in project.run("-m", "pipeline.commands.check", "touch", str(logs)).stdout
     then = ("evaluate touch", "latency touch", "stress touch", "render touch")
     project.dvc("repro", "ingest_touch")
     project.stages("window touch", "dataset touch", "train touch constant", "train touch linear", *then)
@@ -426,7 +427,7 @@ def test_any_name_of_a_glove_object(tmp_path):
     project.set({"glove.source": "data/own/sensor", "glove.augmentation.seeds": [0]})
     models = ("constant", "sp_resnet")
     project.set({"glove.models": {key: MODELS["glove.models"][key] for key in models}})
-    assert "ready" in project.run("-m", "pipeline.check", "glove", str(logs)).stdout
+    assert "ready" in project.run("-m", "pipeline.commands.check", "glove", str(logs)).stdout
     train = [f"train_images glove {model}" for model in models]
     then = ("augment glove", "train_stag glove", "count", "evaluate glove", "latency glove", "render glove")
     project.stages("ingest glove", "dataset glove", *train, *then)

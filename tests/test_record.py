@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import record
+from pipeline.commands import record
 from pipeline.base.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -55,7 +55,7 @@ def start(device, tmp_path):
     running = []
 
     def one(*arguments):
-        command = [sys.executable, "-m", "pipeline.record", *(arguments or (device.path, tmp_path / "new" / "log"))]
+        command = [sys.executable, "-m", "pipeline.commands.record", *(arguments or (device.path, tmp_path / "new" / "log"))]
         process = subprocess.Popen(
             command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
         )
@@ -152,7 +152,7 @@ def test_existing_file_and_missing_port_are_one_sentence(device, tmp_path):
         (device.path, old, "exists already and is never overwritten; give another name"),
         (tmp_path / "none", tmp_path / "new.log", "cannot be opened"),
     ):
-        command = [sys.executable, "-m", "pipeline.record", str(port), str(target)]
+        command = [sys.executable, "-m", "pipeline.commands.record", str(port), str(target)]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S)
         assert done.returncode == 1 and words in done.stderr and "Traceback" not in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1

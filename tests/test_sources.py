@@ -11,7 +11,7 @@ from urllib.parse import quote, unquote
 
 import pytest
 
-from pipeline import fetch
+from pipeline.commands import fetch
 from pipeline.logs import sources
 from pipeline.base import paths
 from pipeline.base.errors import InputError

@@ -14,7 +14,7 @@ from pipeline.datasets import images, schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.experiments import glove, glove_recorded
-from pipeline.scale import set_values
+from pipeline.commands.scale import set_values
 from pipeline.scenes import glove_stress
 
 MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}

@@ -12,7 +12,7 @@ from pipeline.stability import series as stress_series
 from pipeline.datasets import series
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.scale import set_values
+from pipeline.commands.scale import set_values
 from pipeline.scenes import strain, strain_stress
 from pipeline.stability.series import Levels, Run
 

@@ -1,6 +1,6 @@
 """Read a folder of your own logs as ingest would, say what was understood, and what to mend first.
 
-Usage: python -m pipeline.check touch|strain|glove FOLDER
+Usage: python -m pipeline.commands.check touch|strain|glove FOLDER
 
 The formats, the alignment and the splits are the experiment's own, with the values of params.yaml; nothing is changed
 but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the first
@@ -461,7 +461,7 @@ def check(experiment: str, folder: Path, values: Mapping) -> str | None:
 def main() -> None:
     """Check the folder named on the command line."""
     if len(sys.argv) != 3 or sys.argv[1] not in EXPERIMENTS:
-        raise InputError(f"usage: python -m pipeline.check {'|'.join(EXPERIMENTS)} FOLDER")
+        raise InputError(f"usage: python -m pipeline.commands.check {'|'.join(EXPERIMENTS)} FOLDER")
     experiment, folder = sys.argv[1], Path(sys.argv[2])
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")

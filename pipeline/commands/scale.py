@@ -1,4 +1,4 @@
-"""Set params.yaml to a committed scale: `python -m pipeline.scale laptop|full`.
+"""Set params.yaml to a committed scale: `python -m pipeline.commands.scale laptop|full`.
 
 A scale is a file scales/<name>.yaml of dotted keys and values; all other settings and the comments stay.
 """
@@ -58,7 +58,7 @@ def main() -> None:
     """Apply the scale named on the command line."""
     known = sorted(path.stem for path in (paths.ROOT / "scales").glob("*.yaml"))
     if len(sys.argv) != 2 or sys.argv[1] not in known:
-        raise InputError(f"usage: python -m pipeline.scale {'|'.join(known)}")
+        raise InputError(f"usage: python -m pipeline.commands.scale {'|'.join(known)}")
     values = params.parsed(paths.ROOT / "scales" / f"{sys.argv[1]}.yaml")
     set_values(values, paths.PARAMS)
     params.load()

@@ -1,4 +1,4 @@
-"""Record what a device prints on a serial port, as it comes: `python -m pipeline.record PORT FILE [--baud N]`.
+"""Record what a device prints on a serial port, as it comes: `python -m pipeline.commands.record PORT FILE [--baud N]`.
 
 Bytes are written unchanged, whole lines at a time, so that the file can be read while it grows. If this program is
 killed, that costs the line that is arriving; if the computer loses its power, the lines of the last SYNC_S as well: the
@@ -165,7 +165,7 @@ def _say(sentence: str) -> None:
 
 def main() -> None:
     """Command line: the port, the new file and the baud rate."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.record", description="Record a serial port to a log.")
+    parser = argparse.ArgumentParser(prog="python -m pipeline.commands.record", description="Record a serial port to a log.")
     parser.add_argument("port", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
     parser.add_argument("file", type=Path, help="a new file, such as data/own/finger/single/run000/array.log")
     parser.add_argument("--baud", type=int, default=BAUD, help=f"symbols a second (default {BAUD})")

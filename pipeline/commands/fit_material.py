@@ -1,6 +1,6 @@
 """Fit the Velostat model to recordings and write `pipeline/scenes/velostat.json`.
 
-`python -m pipeline.fit_material`, after `python -m pipeline.fetch velostat_recorded`.
+`python -m pipeline.commands.fit_material`, after `python -m pipeline.commands.fetch velostat_recorded`.
 
 One parameter set for four recordings (tip pike1 at 5, 10, 20 and 40 N), fitted on repetition `exp1` and
 scored on `exp2`, driven by the recorded force alone. Both logs are put on one 100 Hz grid by linear
@@ -76,7 +76,7 @@ class Recording:
 def _recorded(path: Path) -> Path:
     """The log, or the sentence that says how to get it."""
     if not path.is_file():
-        raise InputError(f"{path}: not found; run `python -m pipeline.fetch {SOURCE}` first")
+        raise InputError(f"{path}: not found; run `python -m pipeline.commands.fetch {SOURCE}` first")
     return path
 
 
@@ -321,7 +321,7 @@ def above_after_release(recordings: list[Recording], reading: float, within_s: f
 def main() -> None:
     """Fit, score, and write `velostat.json` and `reports/material/`."""
     if not sources.is_complete(SOURCE):
-        raise InputError(f"data/sources/{SOURCE}: no recordings; run `python -m pipeline.fetch {SOURCE}`")
+        raise InputError(f"data/sources/{SOURCE}: no recordings; run `python -m pipeline.commands.fetch {SOURCE}`")
     folder = sources.folder(SOURCE)
     began = time.perf_counter()
 
