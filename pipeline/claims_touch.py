@@ -135,7 +135,7 @@ def press_shift(e: Evidence) -> pd.Series:
     """
 
     def read() -> pd.Series:
-        path = paths.require(paths.frames("touch"), "python -m pipeline.ingest touch")
+        path = paths.require(paths.frames("touch"), "python -m pipeline.stages.ingest touch")
         frames = schemas.read(path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
         frames = frames.filter(schemas.names(frames["condition"]) == "single")
         settings = e.values["touch"]

@@ -110,7 +110,7 @@ def write_glove_recorded(settings: dict, target: Path) -> None:
 
 def _sequences(settings: dict, objects: list[str]) -> dict[str, np.ndarray]:
     """Object -> conductance in mS (sensors, frames) in its last session: pressure cells, then the wired joints."""
-    path = paths.require(paths.frames("glove"), "python -m pipeline.ingest glove")
+    path = paths.require(paths.frames("glove"), "python -m pipeline.stages.ingest glove")
     frames = schemas.read(path, columns=["condition", "recording", "pressure", "strain"])
     names, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     glove, ohm = params.experiment_module("glove"), settings["sensor"]["reference_ohm"]

@@ -25,7 +25,7 @@ def write_touch(settings: dict, target: Path) -> None:
         model: results.read_predictions("touch", model, protocol, seed, table).reshape(windows.truth.shape)
         for model in settings["models"]
     }
-    frames_path = paths.require(paths.frames("touch"), "python -m pipeline.ingest touch")
+    frames_path = paths.require(paths.frames("touch"), "python -m pipeline.stages.ingest touch")
     frames = schemas.read(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
 
     files.write_table(accuracy / "table1.csv", report_touch.score_table(scores, settings, conditions))

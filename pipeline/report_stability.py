@@ -79,7 +79,7 @@ def read(experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
     settings, stress: the experiment's blocks of params.yaml. Raises InputError for a missing or repeated row: every
     model, seed and severity of params.yaml has one in each condition.
     """
-    made_by, path = f"python -m pipeline.stress {experiment}", paths.stress(experiment)
+    made_by, path = f"python -m pipeline.stages.stress {experiment}", paths.stress(experiment)
     metric = ERRORS[experiment][0]
     key = ["protocol", "condition", "perturbation", "severity", "model", "seed"]
     table = results.read_csv(path, [*key, "metric", "value"], made_by)

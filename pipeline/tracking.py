@@ -44,7 +44,7 @@ from mlflow.exceptions import MlflowException
 from mlflow.store.db.db_types import DATABASE_ENGINES
 from sqlalchemy.exc import SQLAlchemyError
 
-WRITER = "pipeline.track"  # the tag `written_by`: runs without it belong to the user and are never touched
+WRITER = "pipeline.stages.track"  # the tag `written_by`: runs without it belong to the user and are never touched
 MODEL_FILES = ("*.safetensors", "*.skops")
 CURVES = ("train_loss", "validation_loss", "learning_rate")
 METRICS_PER_CALL = 1000  # the limit of MLflow's log_batch
@@ -361,7 +361,7 @@ def _sentence(error: Exception, uri: str | None, refused: Sequence[str] = ()) ->
         advice = "free it"
     return (
         f"{_public(uri) if uri else 'mlruns/mlflow.db'}: {problem} ({reason}); all results are safe in data/, so "
-        f"{advice} and run `python -m pipeline.track` again"
+        f"{advice} and run `python -m pipeline.stages.track` again"
     )
 
 
@@ -392,7 +392,7 @@ def _open_experiments(client: MlflowClient, names: set[str]) -> dict[str, str]:
             raise InputError(
                 f"mlruns/mlflow.db: keeps the files of experiment {name!r} in {experiment.artifact_location} "
                 f"instead of {store.artifacts() / name} (was the repository moved or copied?); delete the folder "
-                "mlruns and run `python -m pipeline.track`, which fills it again from the results"
+                "mlruns and run `python -m pipeline.stages.track`, which fills it again from the results"
             )
         if experiment.lifecycle_stage == "deleted" and name in names:
             client.restore_experiment(experiment.experiment_id)

@@ -45,14 +45,14 @@ MUTANTS = [
     # What chooses the epoch of a network, and what is fitted.
     Mutant(
         "touch-stops-on-test",
-        "pipeline/train.py",
+        "pipeline/stages/train.py",
         'regressor.streams) for name in ("train", "validation"))',
         'regressor.streams) for name in ("train", "test"))',
         SELECTION,
     ),
     Mutant(
         "images-stop-on-test",
-        "pipeline/train_images.py",
+        "pipeline/stages/train_images.py",
         'for name in ("train", "validation"))',
         'for name in ("train", "test"))',
         SELECTION,
@@ -192,7 +192,7 @@ MUTANTS = [
     ),
     Mutant(
         "series-stage-hands-over-the-test-part",
-        "pipeline/train_series.py",
+        "pipeline/stages/train_series.py",
         "records = series.seen_in_training(series.read(paths.dataset(experiment), task, protocol, seed))",
         "records = [piece.record for piece in series.read(paths.dataset(experiment), task, protocol, seed)]",
         SELECTION,
@@ -306,7 +306,7 @@ MUTANTS = [
     ),
     Mutant(
         "window-is-one-frame-too-long",
-        "pipeline/window.py",
+        "pipeline/stages/window.py",
         "stop - span + 1, stride)",
         "stop - span + 2, stride)",
         "test_dataset.py",
@@ -334,7 +334,7 @@ MUTANTS = [
     ),
     Mutant(
         "rejects-dropped",
-        "pipeline/ingest.py",
+        "pipeline/stages/ingest.py",
         "            rejects.append(bad)",
         "            pass",
         "test_ingest.py",
@@ -434,28 +434,28 @@ MUTANTS = [
     ),
     Mutant(
         "latency-without-warm-up",
-        "pipeline/latency.py",
+        "pipeline/stages/latency.py",
         "return np.array(taken[warm_up:])",
         "return np.array(taken[:calls])",
         "test_latency.py",
     ),
     Mutant(
         "latency-with-two-threads-of-torch",
-        "pipeline/latency.py",
+        "pipeline/stages/latency.py",
         'torch.set_num_threads(settings["threads"])',
         "torch.set_num_threads(2)",
         "test_latency.py",
     ),
     Mutant(
         "latency-with-two-threads-of-numpy",
-        "pipeline/latency.py",
+        "pipeline/stages/latency.py",
         'with threadpool_limits(settings["threads"]):',
         "with threadpool_limits(2):",
         "test_latency.py",
     ),
     Mutant(
         "fastest-training-in-place-of-the-median",
-        "pipeline/latency.py",
+        "pipeline/stages/latency.py",
         "return statistics.median(",
         "return min(",
         "test_latency.py",
@@ -490,7 +490,7 @@ MUTANTS = [
     ),
     Mutant(
         "tolerance-of-agreement-is-two-percent-alone",
-        "pipeline/agreement.py",
+        "pipeline/stages/agreement.py",
         "np.maximum(spread, LEAST * ",
         "np.maximum(0 * spread, LEAST * ",
         "test_agreement.py",

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import agreement
+from pipeline.stages import agreement
 from pipeline.base import params, paths
 
 

@@ -74,7 +74,7 @@ def test_imports_point_one_way():
             if (file, other) == ("pipeline/figures_touch.py", "pipeline/scenes/material.py"):
                 continue
             # Simulated recordings, and logs that are only checked, are cut into windows exactly as the stage does it.
-            if other == "pipeline/window.py" and file in WINDOWING:
+            if other == "pipeline/stages/window.py" and file in WINDOWING:
                 continue
             assert kind(other) in allowed[kind(file)], f"{file} imports {other}"
 
@@ -108,19 +108,19 @@ def test_dvc_watches_what_a_stage_imports(entry):
     name, command, deps = entry
     model = name.partition("@")[2]
     needed = closure(command[2].replace(".", "/") + ".py")
-    if command[2] in ("pipeline.train", "pipeline.train_images"):
+    if command[2] in ("pipeline.stages.train", "pipeline.stages.train_images"):
         needed |= closure(f"pipeline/models/{model}.py")
-    if command[2] == "pipeline.train_series":
+    if command[2] == "pipeline.stages.train_series":
         needed |= closure(f"pipeline/models/{model if name.startswith('train') else 'lstm_direct'}.py")
         needed |= closure(f"pipeline/experiments/{command[3]}.py") - READERS
-    if command[2] == "pipeline.stress":
+    if command[2] == "pipeline.stages.stress":
         needed |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline/scenes").glob("*.py")}
         needed |= closure(f"pipeline/experiments/{command[3]}.py") - {"pipeline/logs/matlab.py"}
-    if command[2] == "pipeline.simulate":
+    if command[2] == "pipeline.stages.simulate":
         needed |= closure(f"pipeline/scenes/{command[3]}.py")
-    if command[2] == "pipeline.ingest":
+    if command[2] == "pipeline.stages.ingest":
         needed |= closure(f"pipeline/experiments/{command[3]}.py")
-    if command[2] == "pipeline.dataset":
+    if command[2] == "pipeline.stages.dataset":
         needed |= closure(f"pipeline/experiments/{command[3]}.py")
         needed -= READERS
     if command[2] == "pipeline.studies.physics":
@@ -191,5 +191,5 @@ def test_numbers_in_the_readme_are_those_of_the_reports():
 def test_an_unknown_experiment_is_refused():
     from pipeline.base.errors import InputError
 
-    with pytest.raises(InputError, match="usage: python -m pipeline.window touch|velostat_recorded"):
+    with pytest.raises(InputError, match="usage: python -m pipeline.stages.window touch|velostat_recorded"):
         params.experiment_argument(["window", "tuch"], "window", params.load())

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import claims, claims_glove, claims_strain, claims_touch, judge, report_glove
+from pipeline import claims, claims_glove, claims_strain, claims_touch, report_glove
+from pipeline.stages import judge
 from pipeline.scoring import results
 from pipeline.base import params, paths
 from pipeline.claims import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence

@@ -197,7 +197,7 @@ def test_a_lost_worker_changes_no_byte(project, client, heard):
     project.run("-c", PREPARE)
     local = files(models(project))
     shutil.rmtree(models(project))
-    stage = start(project, client, "pipeline.train_series", "strain", "model_zero")
+    stage = start(project, client, "pipeline.stages.train_series", "strain", "model_zero")
     reports = [heard.get(timeout=300)]
     number, _ = reports[0]
     lost = worker_at(client, number)

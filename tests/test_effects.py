@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import effects, render_physics, report_physics
+from pipeline import effects, report_physics
+from pipeline.stages import render_physics
 from pipeline.studies import physics as physics_study
 from pipeline.base import params, paths
 from pipeline.effects import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess

@@ -722,7 +722,7 @@ def test_a_damaged_table_is_one_sentence_or_has_its_columns(reader, damages, cha
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paths, "ROOT", tmp_path)
         try:
-            table = reader(path, columns, "python -m pipeline.evaluate touch")
+            table = reader(path, columns, "python -m pipeline.stages.evaluate touch")
         except InputError as error:
             assert one_sentence(error).startswith("scores.csv")
         else:

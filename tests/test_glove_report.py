@@ -12,7 +12,8 @@ import pyarrow.parquet
 import pytest
 from scipy.stats import t as student
 
-from pipeline import figures, figures_glove, pages_glove, render, report_glove, report_glove_findings, report_glove_recorded
+from pipeline import figures, figures_glove, pages_glove, report_glove, report_glove_findings, report_glove_recorded
+from pipeline.stages import render
 from pipeline.scoring import classification, results
 from pipeline.datasets import images, schemas
 from pipeline.base import paths
@@ -152,7 +153,7 @@ def counts_table(sp_resnet=30):
 
 
 def run_render(experiment, settings, monkeypatch):
-    """What `python -m pipeline.render <experiment>` does."""
+    """What `python -m pipeline.stages.render <experiment>` does."""
     monkeypatch.setattr(render.params, "load", lambda: {"experiments": [experiment], experiment: settings})
     monkeypatch.setattr(sys, "argv", ["render", experiment])
     render.main()

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline import ingest
+from pipeline.stages import ingest
 from pipeline.logs import sources
 from pipeline.datasets import schemas
 from pipeline.base import paths
@@ -277,7 +277,7 @@ def test_bad_input_is_one_sentence_and_leaves_no_table(fault, root):
 
 
 def test_missing_folders_are_one_sentence(root):
-    with pytest.raises(InputError, match="run `python -m pipeline.simulate touch` first"):
+    with pytest.raises(InputError, match="run `python -m pipeline.stages.simulate touch` first"):
         run(root)
     with pytest.raises(InputError, match="touch.source: there is no folder nowhere"):
         run(root, SETTINGS | {"source": "nowhere"})

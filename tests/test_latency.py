@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import latency
+from pipeline.stages import latency
 from pipeline.base import params, paths
 
 SETTINGS = {"warm_up": 3, "calls": 4}

@@ -9,7 +9,7 @@ import sys
 import pytest
 import yaml
 
-from pipeline import ingest
+from pipeline.stages import ingest
 from pipeline.commands import check
 from pipeline.logs import own_data
 from pipeline.base import params, paths

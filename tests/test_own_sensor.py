@@ -16,7 +16,8 @@ import pytest
 import yaml
 from conftest import ROOT, Project
 
-from pipeline import figures_check, ingest
+from pipeline import figures_check
+from pipeline.stages import ingest
 from pipeline.commands import check
 from pipeline.datasets import schemas
 from pipeline.base import params, paths

@@ -14,7 +14,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from pipeline import hypertext, page, page_charts
+from pipeline import hypertext, page_charts
+from pipeline.stages import page
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 
@@ -86,7 +87,7 @@ def write_claims(reports: Path, rows: list) -> None:
 
 @pytest.fixture
 def reports(tmp_path, monkeypatch) -> Path:
-    """A small reports/ of all experiments, one of them not run, in a project that `pipeline.page` takes for its own."""
+    """A small reports/ of all experiments, one of them not run, in a project that `pipeline.stages.page` takes for its own."""
     for part in ("params.yaml", "constraints.txt"):
         shutil.copy(ROOT / part, tmp_path / part)
     shutil.copytree(ROOT / "scales", tmp_path / "scales")

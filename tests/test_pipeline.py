@@ -280,7 +280,7 @@ def test_mlflow_store_is_complete_and_comes_back(miniature):
     shutil.rmtree(miniature.folder / "mlruns")
     miniature.dvc("repro", "track")
     assert mlflow_runs(miniature) == EXPECTED_RUNS
-    miniature.run("-m", "pipeline.track")
+    miniature.run("-m", "pipeline.stages.track")
     assert mlflow_runs(miniature) == EXPECTED_RUNS
 
 

@@ -10,7 +10,7 @@ import test_strain_recorded
 from conftest import leaves
 from opened.noted import Noted, ignore_bookkeeping
 
-from pipeline import agreement, dataset, evaluate, ingest, latency, stress, train, train_images, train_series, window
+from pipeline.stages import agreement, dataset, evaluate, ingest, latency, stress, train, train_images, train_series, window
 from pipeline.logs import sources
 from pipeline.base import params, paths
 

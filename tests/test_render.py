@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from pipeline import pages, render, report_touch
+from pipeline import pages, report_touch
+from pipeline.stages import render
 from pipeline.scoring import results
 from pipeline.datasets import labels, schemas
 from pipeline.base import paths
@@ -154,7 +155,7 @@ def write_tables(experiment, scores, speed):
 
 
 def run_render(experiment, settings, monkeypatch):
-    """What `python -m pipeline.render <experiment>` does."""
+    """What `python -m pipeline.stages.render <experiment>` does."""
     values = {"experiments": ["touch", "velostat_recorded"], experiment: settings}
     monkeypatch.setattr(render.params, "load", lambda: values)
     monkeypatch.setattr(sys, "argv", ["render", experiment])
@@ -422,7 +423,7 @@ def test_differences_are_collected(tmp_path):
 
 def test_render_needs_neither_torch_nor_scikit_learn():
     code = (
-        "import sys, pipeline.render, pipeline.pages_glove, pipeline.pages_strain, pipeline.pages_touch\n"
+        "import sys, pipeline.stages.render, pipeline.pages_glove, pipeline.pages_strain, pipeline.pages_touch\n"
         "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.learning.regressors', 'pipeline.models'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 import torch
 
-from pipeline import enough, render_rightsize
+from pipeline import enough
+from pipeline.stages import render_rightsize
 from pipeline.studies import narrow_sp_resnet, sizes
 from pipeline.scoring import ladders
 from pipeline.base.errors import InputError

@@ -10,9 +10,9 @@ from pipeline.scoring import metrics
 from pipeline.logs import stag
 from pipeline.datasets import images, schemas, series
 from pipeline.base import params, paths, runs
-from pipeline import train as train_stage
-from pipeline import train_images as images_stage
-from pipeline import train_series as series_stage
+from pipeline.stages import train as train_stage
+from pipeline.stages import train_images as images_stage
+from pipeline.stages import train_series as series_stage
 from pipeline.studies import stag as stag_stage
 from pipeline.learning.regressors import FitSummary, TorchRegressor, Training
 from pipeline.learning.image_classifier import ImageClassifier, ImageTraining

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import collect, figures_stability, render_stability, report_stability
+from pipeline import figures_stability, report_stability
+from pipeline.stages import collect, render_stability
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.report_stability import FAILED, HOLDS, Level, level

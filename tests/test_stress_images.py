@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline import dataset, evaluate, ingest, simulate, train_images
+from pipeline.stages import dataset, evaluate, ingest, simulate, train_images
 from pipeline.stability import images as stress_images
 from pipeline.datasets import images, schemas
 from pipeline.base import params, paths

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline import dataset, evaluate, ingest, simulate, train_series
+from pipeline.stages import dataset, evaluate, ingest, simulate, train_series
 from pipeline.stability import series as stress_series
 from pipeline.datasets import series
 from pipeline.base import params, paths
@@ -167,7 +167,7 @@ def test_a_score_that_is_out_of_date_is_an_error(project):
     fields = before.split(",")
     fields[7] = str(float(fields[7]) + 0.01)
     paths.scores("strain").write_text(text.replace(before, ",".join(fields)))
-    with pytest.raises(InputError, match="ridge, task_1, seed 0 has error .* run `python -m pipeline.evaluate strain`"):
+    with pytest.raises(InputError, match="ridge, task_1, seed 0 has error .* run `python -m pipeline.stages.evaluate strain`"):
         stress_series.rows(project, "strain", "ridge", lambda: None)
     paths.scores("strain").write_text(text)
 

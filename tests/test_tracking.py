@@ -17,7 +17,8 @@ from conftest import ROOT, Project
 from made_results import EPOCHS, write_results
 from mlflow.exceptions import INVALID_PARAMETER_VALUE, UNAUTHENTICATED, MlflowException
 
-from pipeline import track, tracking
+from pipeline import tracking
+from pipeline.stages import track
 from pipeline.base import paths, store
 from pipeline.base.errors import InputError, run_stage
 
@@ -419,7 +420,7 @@ def test_one_process_at_a_time_writes(repository, capsys):
                 waiting.result(timeout=1)
             assert not active_runs()
         waiting.result(timeout=60)
-    assert "waiting for another `python -m pipeline.track` to end" in capsys.readouterr().out
+    assert "waiting for another `python -m pipeline.stages.track` to end" in capsys.readouterr().out
     assert counted(active_runs(only_current=True)) == dict.fromkeys(RUNS, 1)
 
 
@@ -531,7 +532,7 @@ def test_unusable_store_is_one_sentence(repository, monkeypatch):
     with pytest.raises(InputError, match="^http://127.0.0.1:9: the MLflow store cannot be used") as caught:
         track.track(PARAMS)
     assert "\n" not in str(caught.value)
-    assert "start the server" in str(caught.value) and "python -m pipeline.track" in str(caught.value)
+    assert "start the server" in str(caught.value) and "python -m pipeline.stages.track" in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -600,7 +601,7 @@ def test_a_store_that_fails_half_way_loses_nothing(repository, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(tracking.MlflowClient, "log_artifacts", log_artifacts)
-        with pytest.raises(InputError, match="database is locked.*run `python -m pipeline.track` again") as caught:
+        with pytest.raises(InputError, match="database is locked.*run `python -m pipeline.stages.track` again") as caught:
             track.track(PARAMS)
     assert "\n" not in str(caught.value)
     assert not store.receipt().exists()

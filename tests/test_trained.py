@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline import train, train_images, train_series
+from pipeline.stages import train, train_images, train_series
 from pipeline.scoring import metrics
 from pipeline.learning import trained
 from pipeline.base import params, paths, runs
@@ -51,12 +51,12 @@ def test_a_run_that_diverged_predicts_nothing(values):
 
 
 def test_a_run_that_is_not_there_or_broken_says_how_to_train_it(values):
-    with pytest.raises(InputError, match="press-1: not found; run `python -m pipeline.train touch linear` first"):
+    with pytest.raises(InputError, match="press-1: not found; run `python -m pipeline.stages.train touch linear` first"):
         trained.load(values, "touch", "linear", "press", 1, SPEC)
-    with pytest.raises(InputError, match="run `python -m pipeline.train_images glove tree` first"):
+    with pytest.raises(InputError, match="run `python -m pipeline.stages.train_images glove tree` first"):
         trained.load(values, "glove", "tree", "session_strain", 0, Spec(1, 32, 32, 1, 16))
     (paths.run_folder("touch", "linear", "press", 0) / "fit.json").write_text("{}")
-    with pytest.raises(InputError, match="no fit summary .*; run `python -m pipeline.train touch linear` again"):
+    with pytest.raises(InputError, match="no fit summary .*; run `python -m pipeline.stages.train touch linear` again"):
         trained.load(values, "touch", "linear", "press", 0, SPEC)
 
 
@@ -66,17 +66,17 @@ def test_a_run_that_is_not_there_or_broken_says_how_to_train_it(values):
         (
             train,
             ["strain", "ridge"],
-            "strain is not trained by train; run `python -m pipeline.train_series strain ridge`",
+            "strain is not trained by train; run `python -m pipeline.stages.train_series strain ridge`",
         ),
-        (train, ["glove", "tree"], "run `python -m pipeline.train_images glove tree`"),
+        (train, ["glove", "tree"], "run `python -m pipeline.stages.train_images glove tree`"),
         (
             train_series,
             ["touch", "cnn"],
-            "touch is not trained by train_series; run `python -m pipeline.train touch cnn`",
+            "touch is not trained by train_series; run `python -m pipeline.stages.train touch cnn`",
         ),
-        (train_images, ["strain", "esn"], "run `python -m pipeline.train_series strain esn`"),
-        (train, ["tuch", "cnn"], r"usage: python -m pipeline.train touch\|velostat_recorded MODEL"),
-        (train_series, ["strain"], r"usage: python -m pipeline.train_series strain\|strain_recorded MODEL\|model_zero"),
+        (train_images, ["strain", "esn"], "run `python -m pipeline.stages.train_series strain esn`"),
+        (train, ["tuch", "cnn"], r"usage: python -m pipeline.stages.train touch\|velostat_recorded MODEL"),
+        (train_series, ["strain"], r"usage: python -m pipeline.stages.train_series strain\|strain_recorded MODEL\|model_zero"),
         (train, ["touch", "cn"], "touch.models: no model 'cn'"),
     ],
 )

@@ -11,11 +11,11 @@ def why_not_run(experiment: str) -> str | None:
 
     Raises InputError if the report of ingest is missing or is not JSON.
     """
-    path = paths.require(paths.ingest_report(experiment), f"python -m pipeline.ingest {experiment}")
+    path = paths.require(paths.ingest_report(experiment), f"python -m pipeline.stages.ingest {experiment}")
     try:
         report = json.loads(path.read_text(encoding="utf-8"))
         return None if report["run"] else report["reason"]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(
-            f"{path}: no report of ingest ({error}); run `python -m pipeline.ingest {experiment}`"
+            f"{path}: no report of ingest ({error}); run `python -m pipeline.stages.ingest {experiment}`"
         ) from error

@@ -85,7 +85,7 @@ def one_at_a_time() -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            print("MLflow: waiting for another `python -m pipeline.track` to end", flush=True)
+            print("MLflow: waiting for another `python -m pipeline.stages.track` to end", flush=True)
             fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 

@@ -79,7 +79,7 @@ class Scores:
 
     def __init__(self, experiment: str, settings: dict):
         self.experiment = experiment
-        self.made_by = f"python -m pipeline.evaluate {experiment}"
+        self.made_by = f"python -m pipeline.stages.evaluate {experiment}"
         self.path = paths.scores(experiment)
         self.protocols = settings["protocols"]
         key = ["protocol", "condition", "model", "seed", "metric"]
@@ -121,7 +121,7 @@ class Scores:
 
 def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
     """latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
-    path, made_by = paths.latency(experiment), f"python -m pipeline.latency {experiment}"
+    path, made_by = paths.latency(experiment), f"python -m pipeline.stages.latency {experiment}"
     wanted = ["model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes"]
     rows = {(row["model"], row["batch"]): row for row in read_csv(path, wanted, made_by).to_dict("records")}
     for model in settings["models"]:
@@ -164,7 +164,7 @@ def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
 
 def read_windows(experiment: str) -> pa.Table:
     """The dataset's table."""
-    return schemas.read(paths.require(paths.dataset(experiment), f"python -m pipeline.dataset {experiment}"))
+    return schemas.read(paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}"))
 
 
 def read_predictions(experiment: str, model: str, protocol: str, seed: int, windows: pa.Table) -> np.ndarray:
@@ -172,7 +172,7 @@ def read_predictions(experiment: str, model: str, protocol: str, seed: int, wind
 
     Raises InputError where a test window has no prediction.
     """
-    made_by = f"python -m pipeline.evaluate {experiment}"
+    made_by = f"python -m pipeline.stages.evaluate {experiment}"
     path = paths.require(paths.predictions(experiment) / f"{model}.parquet", made_by)
     table = schemas.read(path)
     table = table.filter(

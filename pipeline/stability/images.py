@@ -133,7 +133,7 @@ class Run:
 def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
     """The frames table, and its areas as they were in training; part: (images,) of one split."""
     module = params.experiment_module(experiment)
-    path = paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}")
+    path = paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}")
     table = schemas.read(path)
     chosen = module.chosen(table, settings)
     train = chosen[part == "train"]

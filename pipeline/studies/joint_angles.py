@@ -34,7 +34,7 @@ def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
 
 def probe(settings: dict) -> list[tuple]:
     """Accuracy on the test grasps for each input and seed; settings: the block of params.yaml."""
-    path = paths.require(paths.frames(EXPERIMENT), f"python -m pipeline.ingest {EXPERIMENT}")
+    path = paths.require(paths.frames(EXPERIMENT), f"python -m pipeline.stages.ingest {EXPERIMENT}")
     frames = schemas.read(path)
     frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))
     objects = schemas.names(frames["condition"])

@@ -57,7 +57,7 @@ def ingest(folder: Path, _):
     """All logs in `folder`/logs to frames: the stage."""
     from benchmarks.made import touch_settings
 
-    from pipeline import ingest
+    from pipeline.stages import ingest
 
     paths.ROOT = folder
     settings = touch_settings() | {"source": "logs"}
@@ -66,7 +66,7 @@ def ingest(folder: Path, _):
 
 def dataset(folder: Path, _):
     """Frames to windows to a dataset: both stages."""
-    from pipeline import dataset, window
+    from pipeline.stages import dataset, window
 
     paths.ROOT = folder
 

@@ -2,7 +2,7 @@
 
 The runs are independent: they go to as many processes as there are cores (WORKERS=n for another number), each
 with one thread, which gives the same numbers whatever the number of processes.
-Usage: python -m pipeline.train touch|velostat_recorded MODEL
+Usage: python -m pipeline.stages.train touch|velostat_recorded MODEL
 """
 
 import sys

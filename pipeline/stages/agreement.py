@@ -3,8 +3,8 @@
 The committed fingerprint has every score of the run that the reports were made by, and the digest of the settings that
 each model was made with. Networks are trained to other last digits by other processors, and from there apart; how far
 apart a number may be is measured by how far apart the seeds are.
-Usage: python -m pipeline.agreement           compare
-       python -m pipeline.agreement accept    take this machine's scores as the fingerprint
+Usage: python -m pipeline.stages.agreement           compare
+       python -m pipeline.stages.agreement accept    take this machine's scores as the fingerprint
 """
 
 import hashlib
@@ -122,13 +122,13 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame, settings: Mapping[tupl
 def main() -> None:
     """Compare, or accept."""
     if sys.argv[1:] not in ([], ["accept"]):
-        raise InputError("usage: python -m pipeline.agreement [accept]")
-    scores = results.read_csv(paths.REPORTS / "scores.csv", [*KEY, "value"], "python -m pipeline.collect")
+        raise InputError("usage: python -m pipeline.stages.agreement [accept]")
+    scores = results.read_csv(paths.REPORTS / "scores.csv", [*KEY, "value"], "python -m pipeline.stages.collect")
     settings = digests(params.load())
     if sys.argv[1:]:
         files.write_table(FINGERPRINT, fingerprint(scores, settings), missing="nan")
         return
-    committed = results.read_csv(FINGERPRINT, COLUMNS, "python -m pipeline.agreement accept")
+    committed = results.read_csv(FINGERPRINT, COLUMNS, "python -m pipeline.stages.agreement accept")
     text, sentence = report(committed, scores, settings)
     files.write_text(paths.REPORTS / "agreement.md", text)
     print(sentence)

@@ -1,6 +1,6 @@
 """Stage: which effects of the simulated scenes the results need: reports/physics.csv and reports/physics.
 
-Usage: python -m pipeline.render_physics
+Usage: python -m pipeline.stages.render_physics
 """
 
 import pandas as pd

@@ -1,6 +1,6 @@
 """Stage: the trained models, as they are, on perturbed test data: where does each of them fail?
 
-Usage: python -m pipeline.stress EXPERIMENT
+Usage: python -m pipeline.stages.stress EXPERIMENT
 """
 
 import sys

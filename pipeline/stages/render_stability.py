@@ -1,6 +1,6 @@
 """Stage: what people read of the stability tests of all experiments, in reports/stability.
 
-Usage: python -m pipeline.render_stability
+Usage: python -m pipeline.stages.render_stability
 """
 
 from pathlib import Path

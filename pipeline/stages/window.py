@@ -1,6 +1,6 @@
 """Stage: frames to windows, the inputs of the models.
 
-Usage: python -m pipeline.window touch|velostat_recorded
+Usage: python -m pipeline.stages.window touch|velostat_recorded
 """
 
 import sys
@@ -18,8 +18,8 @@ def main() -> None:
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "window", values)
     if experiment in (*params.SERIES, *params.IMAGES):
-        raise InputError(f"{experiment}: its models see no windows; run `python -m pipeline.dataset {experiment}`")
-    frames = schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.ingest {experiment}"))
+        raise InputError(f"{experiment}: its models see no windows; run `python -m pipeline.stages.dataset {experiment}`")
+    frames = schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
     windows = windows_of(frames, values[experiment]["window"])
     schemas.write(paths.windows(experiment), windows.schema, [windows])
     presses_found = len(np.unique(windows["press"].to_numpy()))

@@ -2,7 +2,7 @@
 
 Writes reports/claims.csv, one row a claim in full precision, and reports/claims.md, which says the same to people and,
 for each claim that is not reproduced, what was tried to find the reason.
-Usage: python -m pipeline.judge
+Usage: python -m pipeline.stages.judge
 """
 
 from collections.abc import Mapping

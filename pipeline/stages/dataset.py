@@ -1,6 +1,6 @@
 """Stage: windows (series, images) to a dataset, with labels and, for every run, the part each row belongs to.
 
-Usage: python -m pipeline.dataset EXPERIMENT
+Usage: python -m pipeline.stages.dataset EXPERIMENT
 """
 
 import sys
@@ -19,7 +19,7 @@ def main() -> None:
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "dataset", values)
     module, settings = experiment_module(experiment), values[experiment]
-    made_by = f"python -m pipeline.ingest {experiment}"
+    made_by = f"python -m pipeline.stages.ingest {experiment}"
     if experiment in params.SERIES:
         windows = schemas.read(paths.require(paths.frames(experiment), made_by))
         table = windows.rename_columns({"y_mm": "y"})
@@ -28,7 +28,7 @@ def main() -> None:
         windows = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
         table = images.dataset_rows(windows, module.images(windows, settings))
     else:
-        path = paths.require(paths.windows(experiment), f"python -m pipeline.window {experiment}")
+        path = paths.require(paths.windows(experiment), f"python -m pipeline.stages.window {experiment}")
         table = windows = schemas.read(path)
     counts = []
     for protocol, seed in params.runs(values, experiment):

@@ -2,7 +2,7 @@
 
 Everything with a measured time in it is in reports/<experiment>/speed; reports/<experiment>/accuracy is the
 same in every run.
-Usage: python -m pipeline.render EXPERIMENT
+Usage: python -m pipeline.stages.render EXPERIMENT
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Stage: train one model of an experiment on images, for every protocol and seed. Scoring is `evaluate`.
 
 As `train`, but a protocol names the images that a model sees: pressure, strain or both.
-Usage: python -m pipeline.train_images glove|glove_recorded MODEL
+Usage: python -m pipeline.stages.train_images glove|glove_recorded MODEL
 """
 
 import sys

@@ -2,7 +2,7 @@
 
 A prediction is the answer to one window or image, or, on series and streams, to the next sample or frame with the state
 carried along.
-Usage: python -m pipeline.latency EXPERIMENT
+Usage: python -m pipeline.stages.latency EXPERIMENT
 """
 
 import csv

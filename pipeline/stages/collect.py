@@ -1,6 +1,6 @@
 """Stage: the scores, latencies and stress of all experiments in one file each, in full precision, for others to read.
 
-Usage: python -m pipeline.collect
+Usage: python -m pipeline.stages.collect
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Stage: predictions and scores of every trained model on the test part (which nothing before this reads).
 
-Usage: python -m pipeline.evaluate EXPERIMENT
+Usage: python -m pipeline.stages.evaluate EXPERIMENT
 """
 
 import functools

@@ -1,6 +1,6 @@
 """Stage: hold params.yaml against what the pipeline knows, before a stage that is named by one of its keys runs.
 
-Usage: python -m pipeline.settings
+Usage: python -m pipeline.stages.settings
 """
 
 from pipeline.base import files, params, paths

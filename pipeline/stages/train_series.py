@@ -1,7 +1,7 @@
 """Stage: train one model of an experiment on series, for every protocol and seed. Scoring is `evaluate`.
 
 As `train`, but a model sees whole recordings, and transfer starts from model-0, which has to be trained first.
-Usage: python -m pipeline.train_series strain|strain_recorded MODEL|model_zero
+Usage: python -m pipeline.stages.train_series strain|strain_recorded MODEL|model_zero
 """
 
 import csv

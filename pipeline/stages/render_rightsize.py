@@ -1,6 +1,6 @@
 """Stage: the size ladders of all experiments judged: reports/rightsize.csv, and reports/rightsize for people.
 
-Usage: python -m pipeline.render_rightsize
+Usage: python -m pipeline.stages.render_rightsize
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,7 @@
 
 All of it comes from the other reports. It refers to their figures and tables, so the folder reports/ is what is passed
 on; nothing is loaded from a network. No date and no commit: the page is the same wherever the numbers are.
-Usage: python -m pipeline.page
+Usage: python -m pipeline.stages.page
 """
 
 import os
@@ -62,7 +62,7 @@ def badge(verdict: str, reason: str = "") -> str:
 
 def read_claims() -> pd.DataFrame:
     """claims.csv. Raises InputError for a paper or a verdict that nobody knows."""
-    path, made_by = paths.REPORTS / "claims.csv", "python -m pipeline.judge"
+    path, made_by = paths.REPORTS / "claims.csv", "python -m pipeline.stages.judge"
     claims = read_csv(path, CLAIMS, made_by)
     claims["reason"] = claims["reason"].astype(object).where(claims["reason"].notna(), "")
     for column, known in (("paper", PAPERS), ("verdict", VERDICTS)):
@@ -224,7 +224,7 @@ def stability(pages: Pages, experiment: str, experiments: list[str]) -> str:
 def speed(pages: Pages, experiment: str, name: str) -> str:
     """The charts of speed against accuracy, and the tables behind them."""
     folder = f"{experiment}/speed"
-    rows = read_csv(paths.REPORTS / folder / "table2.csv", SPEED, f"python -m pipeline.render {experiment}")
+    rows = read_csv(paths.REPORTS / folder / "table2.csv", SPEED, f"python -m pipeline.stages.render {experiment}")
     parts = [page_charts.charts(rows, name)]
     for file in files(folder, ".md"):
         text = read(f"{folder}/{file}")

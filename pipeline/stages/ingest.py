@@ -1,6 +1,6 @@
 """Stage: raw logs to aligned, validated frames; every line that is left out goes to a rejects table.
 
-Usage: python -m pipeline.ingest EXPERIMENT
+Usage: python -m pipeline.stages.ingest EXPERIMENT
 """
 
 import json
@@ -36,7 +36,7 @@ def ingest(experiment: str, settings: dict) -> None:
             return
         folder = sources.folder(experiment)
     elif settings["source"] == "simulated":
-        folder = paths.require(paths.logs(experiment), f"python -m pipeline.simulate {experiment}")
+        folder = paths.require(paths.logs(experiment), f"python -m pipeline.stages.simulate {experiment}")
     else:
         folder = paths.ROOT / settings["source"]
         if not folder.is_dir():

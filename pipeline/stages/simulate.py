@@ -1,6 +1,6 @@
 """Stage: write the raw serial logs of a simulated scene, with every injected fault listed in `faults.csv`.
 
-Usage: python -m pipeline.simulate touch|strain|glove
+Usage: python -m pipeline.stages.simulate touch|strain|glove
 """
 
 import importlib
@@ -35,7 +35,7 @@ def main() -> None:
     """Simulate the experiment named on the command line."""
     experiment = sys.argv[1] if len(sys.argv) == 2 else ""
     if experiment not in SCENES:
-        raise InputError(f"usage: python -m pipeline.simulate {'|'.join(SCENES)}")
+        raise InputError(f"usage: python -m pipeline.stages.simulate {'|'.join(SCENES)}")
     simulate(experiment, params.load()[experiment])
 
 
