@@ -71,7 +71,7 @@ def test_imports_point_one_way():
     for file in files:
         for other in imports(ROOT / file):
             # The figure of the film's characteristic curve draws the fitted material itself.
-            if (file, other) == ("pipeline/figures_touch.py", "pipeline/scenes/material.py"):
+            if (file, other) == ("pipeline/reporting/figures/touch.py", "pipeline/scenes/material.py"):
                 continue
             # Simulated recordings, and logs that are only checked, are cut into windows exactly as the stage does it.
             if other == "pipeline/stages/window.py" and file in WINDOWING:

@@ -7,13 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import claims, claims_glove, claims_strain, claims_touch, report_glove
+from pipeline.reporting import glove as glove_report
+from pipeline.reporting.verdicts import glove as glove_verdicts, rules, strain as strain_verdicts, touch as touch_verdicts
 from pipeline.stages import judge
 from pipeline.scoring import results
 from pipeline.base import params, paths
-from pipeline.claims import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
+from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
 from pipeline.datasets.images import MODALITIES
-from pipeline.report_strain import published
+from pipeline.reporting.strain import published
 
 ROOT = Path(__file__).resolve().parent.parent
 VALUES = params.load()
@@ -45,7 +46,7 @@ def touch(**changed):
     """Errors (kPa) in which all that the paper says of LoMP is true, but for `changed`: model_condition=level."""
 
     def level(protocol, condition, model, metric):
-        learned = model in claims_touch.LEARNED
+        learned = model in touch_verdicts.LEARNED
         if metric == "touches_found":
             found = {"lomp": 0.9, "cnn": 0.5, "convlstm": 0.6, "rnn": 0.2}.get(model, 0.1)
             return changed.get(f"{model}_found", found)
@@ -205,14 +206,14 @@ def test_glove_verdicts_turn_with_the_scores(key, changed, word):
 
 def test_fusion_is_the_gain_of_the_report():
     given = glove()
-    ours = claims_glove.fusion(Evidence(VALUES, given), "sp_resnet")
+    ours = glove_verdicts.fusion(Evidence(VALUES, given), "sp_resnet")
     pair = (("session_combined", "sp_resnet"), ("session_pressure", "sp_resnet"))
-    theirs = report_glove.gain(given["scores", "glove"], *pair)
+    theirs = glove_report.gain(given["scores", "glove"], *pair)
     assert results.estimate(ours) == pytest.approx(theirs)
 
 
 def test_augmentation_helps_or_not():
-    values = {(m, d): [0.80, 0.81, 0.82] for m in report_glove.METHODS for d in ("pressure", "strain", "combined")}
+    values = {(m, d): [0.80, 0.81, 0.82] for m in glove_report.METHODS for d in ("pressure", "strain", "combined")}
     for gain, helps, useless in ((0.05, REPRODUCED, NOT_REPRODUCED), (-0.05, NOT_REPRODUCED, REPRODUCED)):
         values["A", "strain"] = values["B", "strain"] = [value + gain for value in values["none", "strain"]]
         values["A", "strain"][0] += 0.001  # some spread
@@ -293,24 +294,24 @@ def test_own_logs_are_recorded_data():
 
 def test_rules():
     series = pd.Series
-    assert claims.positive(series([1.0, 1.1, 0.9])).verdict == REPRODUCED
-    assert claims.positive(series([1.0, -1.1, 0.9])).reason == "undecided: the interval includes 0"
-    assert claims.positive(series([-1.0, -1.1, -0.9])).reason == "contradicted"
-    with pytest.raises(claims.NotTestable, match="one run has no interval"):
-        claims.positive(series([1.0]))
+    assert rules.positive(series([1.0, 1.1, 0.9])).verdict == REPRODUCED
+    assert rules.positive(series([1.0, -1.1, 0.9])).reason == "undecided: the interval includes 0"
+    assert rules.positive(series([-1.0, -1.1, -0.9])).reason == "contradicted"
+    with pytest.raises(rules.NotTestable, match="one run has no interval"):
+        rules.positive(series([1.0]))
     # Paired by seed: what has no partner does not count.
     one, other = series([1.0, 2.0, 3.0], index=[0, 1, 2]), series([9.0, 0.0, 1.1], index=[7, 1, 2])
-    assert claims.positive(one - other).ours == pytest.approx(1.95)
-    wide = claims.number(series([5.0, 15.0, 16.0]), 10.0)
+    assert rules.positive(one - other).ours == pytest.approx(1.95)
+    wide = rules.number(series([5.0, 15.0, 16.0]), 10.0)
     assert wide.verdict == NOT_REPRODUCED and "includes" in wide.reason  # a wide interval is no reproduction
-    assert claims.number(series([9.5]), 10.0).verdict == REPRODUCED  # one run has a mean
-    assert claims.number(series([8.9, 8.91]), 10.0).verdict == NOT_REPRODUCED
-    assert claims.within(series([0.01, -0.01, 0.0]), 0.1).verdict == REPRODUCED
-    assert "contradicted" in claims.within(series([0.5, 0.51, 0.49]), 0.1).reason
-    assert "undecided" in claims.within(series([0.5, -0.5, 0.0]), 0.1).reason
-    assert claims.at_most(series([-5.0, -5.1]), 0.1).verdict == REPRODUCED
-    assert "contradicted" in claims.at_most(series([0.5, 0.51, 0.49]), 0.1).reason
-    many = claims.all_positive({str(k): series([-1.0, -1.1]) for k in range(5)} | {"good": series([1.0, 1.1])})
+    assert rules.number(series([9.5]), 10.0).verdict == REPRODUCED  # one run has a mean
+    assert rules.number(series([8.9, 8.91]), 10.0).verdict == NOT_REPRODUCED
+    assert rules.within(series([0.01, -0.01, 0.0]), 0.1).verdict == REPRODUCED
+    assert "contradicted" in rules.within(series([0.5, 0.51, 0.49]), 0.1).reason
+    assert "undecided" in rules.within(series([0.5, -0.5, 0.0]), 0.1).reason
+    assert rules.at_most(series([-5.0, -5.1]), 0.1).verdict == REPRODUCED
+    assert "contradicted" in rules.at_most(series([0.5, 0.51, 0.49]), 0.1).reason
+    many = rules.all_positive({str(k): series([-1.0, -1.1]) for k in range(5)} | {"good": series([1.0, 1.1])})
     assert many.reason == "1 of 6 hold; contradicted: 0, 1, 2 and 2 more"
 
 
@@ -361,8 +362,8 @@ def test_no_claim_on_scores_survives_failed_runs():
 def test_the_list_of_claims():
     found = judge.all_claims()
     assert len(found) >= 36 and len(CLAIMS) == len(found)
-    assert {one.paper for one in found} == set(claims.PAPERS)
-    for paper in claims.PAPERS:
+    assert {one.paper for one in found} == set(rules.PAPERS)
+    for paper in rules.PAPERS:
         assert {one.data for one in found if one.paper == paper} == {"simulated", "recorded"}
     sentences = [(one.text, one.data) for one in found]
     assert len(set(sentences)) == len(sentences)
@@ -384,11 +385,11 @@ def test_a_paragraph_is_printed_only_where_a_claim_is_not_reproduced():
 
     good, bad = pd.Series([1.0, 1.1, 0.9]), pd.Series([-1.0, -1.1, -0.9])
     listed = [
-        claim("good", lambda e: claims.positive(good), lambda e: "Never printed."),
-        claim("bad", lambda e: claims.positive(bad), lambda e: f"Computed: {bad.mean():.1f}."),
-        claim("worse", lambda e: claims.positive(bad), lambda e: f"Computed: {bad.mean():.1f}."),
-        claim("bare", lambda e: claims.positive(bad), None),
-        claim("gone", claims.untestable("nobody knows"), lambda e: "Never printed."),
+        claim("good", lambda e: rules.positive(good), lambda e: "Never printed."),
+        claim("bad", lambda e: rules.positive(bad), lambda e: f"Computed: {bad.mean():.1f}."),
+        claim("worse", lambda e: rules.positive(bad), lambda e: f"Computed: {bad.mean():.1f}."),
+        claim("bare", lambda e: rules.positive(bad), None),
+        claim("gone", rules.untestable("nobody knows"), lambda e: "Never printed."),
     ]
     evidence = Evidence(VALUES)
     found = [(one, one.judged(evidence)) for one in listed]
@@ -435,7 +436,7 @@ def times(less):
 
 def read_off(task, target, r2):
     """`target` is read from the latent space with this R2."""
-    rows = [(task, claims_strain.LATENT, target, seed, r2 + 1e-6 * seed) for seed in (0, 1, 2)]
+    rows = [(task, strain_verdicts.LATENT, target, seed, r2 + 1e-6 * seed) for seed in (0, 1, 2)]
     return strain() | {("study", "drift"): pd.DataFrame(rows, columns=["protocol", "input", "target", "seed", "value"])}
 
 
@@ -470,7 +471,7 @@ MARGINS = [
     ("lstm-drift-recorded", "(10 %)", 0.1, lambda share: above("strain_recorded", "lstm_direct", share, "across_")),
     *(
         (f"drift-free-{target.replace(' ', '-')}-{task}", "(R2 below 0.1)", 0.1, partial(read_off, task, target))
-        for task in claims_strain.TASKS
+        for task in strain_verdicts.TASKS
         for target in ("true drift", "elapsed time")
     ),
     *((f"augmentation-B-{dataset}", "(a gain below 0.5 points)", 0.5, noise_gain) for dataset in MODALITIES),
@@ -493,10 +494,10 @@ def test_few_samples_are_at_most_the_tenth_that_the_sentence_names(size, counts)
     frame = pd.DataFrame({"samples": [size, 10_000]})
     evidence = Evidence(VALUES, strain() | {("study", "samples"): frame})
     if counts:
-        assert claims_strain.few(evidence) == [size]
+        assert strain_verdicts.few(evidence) == [size]
     else:
-        with pytest.raises(claims.NotTestable, match="no training set of a tenth"):
-            claims_strain.few(evidence)
+        with pytest.raises(rules.NotTestable, match="no training set of a tenth"):
+            strain_verdicts.few(evidence)
 
 
 @pytest.mark.parametrize(("rank", "verdict"), [(3, REPRODUCED), (4, NOT_REPRODUCED)])
@@ -530,12 +531,12 @@ def test_pressure_is_high_above_200_kpa_on_single_touches_of_the_test_part(monke
     cells = settings["label"]["map_rows"] * settings["label"]["map_cols"]
     maps = np.zeros((len(kpa), cells), np.float32)
     maps[:, 7] = kpa - off * [1, 1, -1, 1, 1, 1]
-    monkeypatch.setattr(claims_touch, "read_predictions", lambda *run: maps)
+    monkeypatch.setattr(touch_verdicts, "read_predictions", lambda *run: maps)
     evidence = Evidence(VALUES, touch() | {("table", "touch"): table})
-    found = claims_touch.high_pressure_error(evidence, "rnn")
+    found = touch_verdicts.high_pressure_error(evidence, "rnn")
     assert list(found.index) == seeds and found.to_numpy() == pytest.approx(30.0, abs=1e-3)
     text = (ROOT / "reports" / "claims.md").read_text()
-    assert f"Error of the peak above {claims_touch.HIGH_KPA:.0f} kPa" in text and claims_touch.HIGH_KPA == 200
+    assert f"Error of the peak above {touch_verdicts.HIGH_KPA:.0f} kPa" in text and touch_verdicts.HIGH_KPA == 200
 
 
 def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch):
@@ -579,4 +580,4 @@ def test_strands_are_redundant_where_they_move_together():
         voltage = np.concatenate([first, second]).astype(np.float32)
         table = pa.table({"condition": names, "v": schemas.lists(voltage, pa.float32())})
         assert judged("redundant-strands", strain() | {("table", "strain"): table}).verdict == verdict
-    assert claims_strain.BLOCKS > 2
+    assert strain_verdicts.BLOCKS > 2

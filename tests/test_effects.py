@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import effects, report_physics
+from pipeline.reporting import physics as physics_report
+from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.stages import render_physics
 from pipeline.studies import physics as physics_study
 from pipeline.base import params, paths
-from pipeline.effects import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
+from pipeline.reporting.verdicts.physics import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
 from pipeline.base.errors import InputError
 from pipeline.scoring.variants import COLUMNS, DEFAULT, variants
 
@@ -106,7 +107,7 @@ def test_seeds_that_agree_to_the_digit_leave_a_floor():
     scores = scores.assign(value=scores["value"] / (1 + STEP * (scores["seed"] - 1)))
     (one,) = assess("touch", scores).effects
     assert one.verdict == NOT_NEEDED and one.largest().floors == pytest.approx(
-        np.log(1.005) / np.log(1 + effects.LEAST)
+        np.log(1.005) / np.log(1 + physics_verdicts.LEAST)
     )
 
 
@@ -154,7 +155,7 @@ def test_a_failed_run_is_no_verdict():
     assert found.effects[0].verdict == FAILED
     settings = {"touch": {"floor_seeds": [0, 1, 2], "effect_seeds": [0, 1], "scene": {}}}
     values = {"physics": settings, "touch": {"simulate": {"effects": {"creep": True}}}}
-    text = report_physics.readme({"touch": found}, {"touch": scores}, values)
+    text = physics_report.readme({"touch": found}, {"touch": scores}, values)
     assert "a run failed: `creep`" in text and "failed" in text.split("| creep")[1].split("\n")[0]
 
 
@@ -170,7 +171,7 @@ def test_an_effect_that_makes_the_seeds_differ_is_seen():
 
 def test_accuracy_counts_as_an_error():
     scores = pd.DataFrame([("glove", NONE, "pressure", "tree", 0, "accuracy", "1", 0.75)], columns=COLUMNS)
-    assert effects.errors(scores)["error"].tolist() == [0.25]
+    assert physics_verdicts.errors(scores)["error"].tolist() == [0.25]
 
 
 # Errors with which each claim of strain and glove holds, and what turns it over.
@@ -217,7 +218,7 @@ def test_params_yaml_runs_what_the_claims_need():
 
 def test_every_effect_with_a_purpose_exists():
     values = params.load()
-    for experiment, effect in effects.PURPOSE:
+    for experiment, effect in physics_verdicts.PURPOSE:
         assert effect in values[experiment]["simulate"]["effects"]
 
 

@@ -12,7 +12,8 @@ import pyarrow.parquet
 import pytest
 from scipy.stats import t as student
 
-from pipeline import figures, figures_glove, pages_glove, report_glove, report_glove_findings, report_glove_recorded
+from pipeline.reporting import glove as glove_report, glove_findings, glove_pages, glove_recorded as glove_recorded_report
+from pipeline.reporting.figures import glove as glove_figures, style
 from pipeline.stages import render
 from pipeline.scoring import classification, results
 from pipeline.datasets import images, schemas
@@ -55,7 +56,7 @@ def undrawn(monkeypatch):
         path.touch()
         plt.close(figure)
 
-    monkeypatch.setattr(figures, "save", save)
+    monkeypatch.setattr(style, "save", save)
 
 
 def runs(settings):
@@ -130,7 +131,7 @@ def write_glove(settings):
         for place, method in enumerate(("none", "A", "B", "C"))
         for dataset in images.MODALITIES
         for seed in (0, 1)
-        for metric in report_glove.METRICS
+        for metric in glove_report.METRICS
     ]
     names = ["method", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
     pd.DataFrame(rows, columns=names).to_csv(paths.augmentation("glove"), index=False)
@@ -270,8 +271,8 @@ def test_a_missing_file_is_named(root, settings, monkeypatch, missing):
 
 def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settings, undrawn, monkeypatch):
     titles = []
-    monkeypatch.setattr(pages_glove, "GRASPED", "telephone")
-    monkeypatch.setattr(figures_glove, "tactile_images", lambda *given: titles.append(given[-1]))
+    monkeypatch.setattr(glove_pages, "GRASPED", "telephone")
+    monkeypatch.setattr(glove_figures, "tactile_images", lambda *given: titles.append(given[-1]))
     write_glove(settings)
     run_render("glove", settings, monkeypatch)
     assert titles == ["Figure 10: tactile images, empty bottle, session00"]
@@ -300,11 +301,11 @@ def written_scores(settings, values):
         ("glove", p, images.modality(p), model, seed, metric, "1", values.get((p, model), [0.5, 0.5])[seed], 9)
         for p, seed in runs(settings)
         for model in settings["models"]
-        for metric in report_glove.METRICS
+        for metric in glove_report.METRICS
     ]
     paths.scores("glove").parent.mkdir(parents=True)
     pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove"), index=False)
-    return results.Scores("glove", settings), report_glove.main_protocols(settings)
+    return results.Scores("glove", settings), glove_report.main_protocols(settings)
 
 
 @pytest.mark.parametrize(
@@ -321,7 +322,7 @@ def test_fusion_is_judged_by_its_paired_interval(root, settings, pressure, combi
     values = {("session_pressure", "sp_resnet"): pressure, ("session_combined", "sp_resnet"): combined}
     values["session_strain", "sp_resnet"] = [0.7, 0.8]
     scores, protocols = written_scores(settings, values)
-    assert words in report_glove_findings.fusion_sentences(scores, settings, protocols)[0]
+    assert words in glove_findings.fusion_sentences(scores, settings, protocols)[0]
 
 
 def test_attention_and_the_other_models_are_compared_by_seed(root, settings):
@@ -332,11 +333,11 @@ def test_attention_and_the_other_models_are_compared_by_seed(root, settings):
         ("session_strain", "sp_resnet_nogcam"): [0.82, 0.92],
     }
     scores, protocols = written_scores(settings, values)
-    (line,) = report_glove_findings.attention_sentences(scores, settings, protocols)
+    (line,) = glove_findings.attention_sentences(scores, settings, protocols)
     assert "combined 1.00 [1.00, 1.00] points (paper: 0.47): reproduced" in line
     assert "strain -2.00 [-2.00, -2.00] points (paper: 0.22): not reproduced" in line
     assert "pressure 0.00 [0.00, 0.00] points (paper: 0.32): undecided" in line
-    (line,) = report_glove_findings.attention_sentences(scores, settings | {"models": {"sp_resnet": {}}}, protocols)
+    (line,) = glove_findings.attention_sentences(scores, settings | {"models": {"sp_resnet": {}}}, protocols)
     assert "cannot be compared without sp_resnet_nogcam" in line
 
 
@@ -359,8 +360,8 @@ def test_second_best_and_lowest_cost(root, settings, levels, said):
         5: "SP-ResNet has the fewest multiply-accumulates (5; next is MobileNet, 20): reproduced",
     }
     for cost, verdict in cheapest.items():
-        own = report_glove.like_with_like(counts_table(cost))
-        lines = report_glove_findings.second_best_sentences(scores, settings, protocols["combined"], own)
+        own = glove_report.like_with_like(counts_table(cost))
+        lines = glove_findings.second_best_sentences(scores, settings, protocols["combined"], own)
         assert said in lines[0] and verdict in lines[1]
 
 
@@ -373,10 +374,10 @@ def test_best_order_baselines_and_optimism_follow_the_scores(root, settings):
     strain = [
         line
         for found in (
-            report_glove_findings.best_sentences(scores, settings, protocols),
-            report_glove_findings.order_sentences(scores, settings, protocols),
-            report_glove_findings.baseline_sentences(scores, settings, protocols),
-            report_glove_findings.optimism_sentences(scores, settings),
+            glove_findings.best_sentences(scores, settings, protocols),
+            glove_findings.order_sentences(scores, settings, protocols),
+            glove_findings.baseline_sentences(scores, settings, protocols),
+            glove_findings.optimism_sentences(scores, settings),
         )
         for line in found
         if "strain" in line.lower()
@@ -389,10 +390,10 @@ def test_best_order_baselines_and_optimism_follow_the_scores(root, settings):
 
 
 def test_augmentation_verdicts_follow_the_paired_gains():
-    values = {(method, d): [0.8, 0.9] for method in report_glove.METHODS for d in images.MODALITIES}
+    values = {(method, d): [0.8, 0.9] for method in glove_report.METHODS for d in images.MODALITIES}
     values |= {("A", "strain"): [0.81, 0.91], ("C", "pressure"): [0.79, 0.89], ("B", "pressure"): [0.81, 0.91]}
     values |= {("B", "strain"): [0.79, 0.89], ("all", "combined"): [0.9, 0.9]}
-    flip, noise, affine, every = report_glove_findings.augmentation_sentences(values)
+    flip, noise, affine, every = glove_findings.augmentation_sentences(values)
     assert "strain 1.00 [1.00, 1.00] points (paper: 0.03): reproduced" in flip
     assert "pressure -1.00 [-1.00, -1.00] points (paper: 1.81): not reproduced" in affine
     assert "pressure 1.00 [1.00, 1.00] points (paper: 0.00): not reproduced" in noise  # it does add something
@@ -417,7 +418,7 @@ def test_pairs_are_found_by_name_in_both_directions():
     strain = {("full_bottle_1", "full_bottle_2"): 10, ("mobile_phone", "toy"): 3, ("toy", "empty_bottle"): 2}
     strain |= {("mobile_phone", "paper_roll"): 2, ("full_bottle_2", "empty_bottle"): 1}
     counts = confusions({"pressure": {("toy", "paper_roll"): 20, ("paper_roll", "toy"): 5}, "strain": strain})
-    paper, *bottles = report_glove_findings.pair_sentences(counts, OBJECTS)
+    paper, *bottles = glove_findings.pair_sentences(counts, OBJECTS)
     assert "`paper_roll` is named `toy` in 10.00 [10.00, 10.00] % of its images" in paper
     assert "`toy` `paper_roll` in 40.00" in paper and "rank 1 of 15 pairs" in paper
     assert "above an average pair: reproduced. Combined: 0.00 % of both." in paper
@@ -425,19 +426,19 @@ def test_pairs_are_found_by_name_in_both_directions():
     assert "`empty_bottle` and `full_bottle_1`" in empty_1 and "not reproduced" in empty_1
     assert "rank 5 of 15 pairs" in empty_2 and "not reproduced" in empty_2
     assert "rank 1 of 15" in full and ": reproduced." in full
-    lines = report_glove_findings.confused_sentences(counts, OBJECTS)
+    lines = glove_findings.confused_sentences(counts, OBJECTS)
     assert lines[0].endswith("name): `paper_roll` and `toy` 25.00 %.")
     assert "`full_bottle_1` and `full_bottle_2` 10.00 %, `mobile_phone` and `toy` 3.00 %, " in lines[1]
     assert lines[2].endswith("no pair.")
     renamed = ["a", *OBJECTS[1:]]
-    assert "there is no object empty_bottle" in report_glove_findings.pair_sentences(counts, renamed)[1]
+    assert "there is no object empty_bottle" in glove_findings.pair_sentences(counts, renamed)[1]
 
 
 def test_a_pair_that_is_rare_among_many_is_not_called_confused():
     counts = confusions({"pressure": {("empty_bottle", "toy"): 9}})
-    assert ": not reproduced. Combined" in report_glove_findings.pair_sentences(counts, OBJECTS)[0]
+    assert ": not reproduced. Combined" in glove_findings.pair_sentences(counts, OBJECTS)[0]
     one_run = {dataset: runs[:1] for dataset, runs in counts.items()}
-    assert ": undecided. Combined" in report_glove_findings.pair_sentences(one_run, OBJECTS)[0]
+    assert ": undecided. Combined" in glove_findings.pair_sentences(one_run, OBJECTS)[0]
 
 
 def by_frames(levels):
@@ -462,7 +463,7 @@ def by_frames(levels):
 )
 def test_always_above_means_at_every_number_of_frames(other, words):
     table = by_frames({"sp_resnet": [0.7, 0.8, 0.8], "resnet3x3": other})
-    more, above = report_glove_findings.frames_sentences({"combined": table})
+    more, above = glove_findings.frames_sentences({"combined": table})
     assert "SP-ResNet from 70.50" in more and "a gain of 10.00 [10.00, 10.00] points: reproduced" in more
     assert words in above
 
@@ -470,7 +471,7 @@ def test_always_above_means_at_every_number_of_frames(other, words):
 def test_scores_by_frames_are_those_of_the_mean_answer(root, settings):
     write_glove(settings)
     table = results.read_windows("glove")
-    found = report_glove.scores_by_frames(table, "session_combined", settings, ["sp_resnet"])
+    found = glove_report.scores_by_frames(table, "session_combined", settings, ["sp_resnet"])
     assert sorted(set(found["frames"])) == [1, 2, 3]  # sessions have three images
     predicted = results.read_predictions("glove", "sp_resnet", "session_combined", 1, table)
     test = np.isfinite(predicted).all(axis=1)
@@ -526,24 +527,24 @@ def test_recorded_verdicts(root, recorded, pressure, combined, words):
          levels.get(p, (0.5, 0.5))[seed] if model == "sp_resnet" else 0.3, 9)
         for p, seed in runs(recorded)
         for model in MODELS
-        for metric in report_glove.METRICS
+        for metric in glove_report.METRICS
     ]  # fmt: skip
     paths.scores("glove_recorded").parent.mkdir(parents=True)
     pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove_recorded"), index=False)
     scores = results.Scores("glove_recorded", recorded)
-    best = report_glove_recorded.best_networks(scores, recorded)
+    best = glove_recorded_report.best_networks(scores, recorded)
     assert set(best.values()) == {"sp_resnet"}
-    (alone,) = report_glove_recorded.pressure_sentences(scores, best, "grasp")
-    (fusion,) = report_glove_recorded.fusion_sentences(scores, best, "grasp")
+    (alone,) = glove_recorded_report.pressure_sentences(scores, best, "grasp")
+    (fusion,) = glove_recorded_report.fusion_sentences(scores, best, "grasp")
     assert words[0] in alone and words[1] in fusion
     write_probe(0.625)
-    reached, leak = report_glove_recorded.leak_sentences(scores, best, "grasp", report_glove_recorded.read_probe())
+    reached, leak = glove_recorded_report.leak_sentences(scores, best, "grasp", glove_recorded_report.read_probe())
     assert f"missed by {98 - 50 * sum(combined):.1f} points" in reached
     assert "all 98.0 [98.0, 98.0] %; still 62.5 [62.5, 62.5] %" in leak
 
 
 def test_published_tables_are_read():
-    paper = report_glove.published()
+    paper = glove_report.published()
     assert paper["sp_resnet", "combined"] == 95.5 and paper["none", "strain"] == 88.25
-    assert len(paper) == 3 * (len(report_glove.PRINTED) + len(report_glove.METHODS))
-    assert report_glove_findings.published_fusion("sp_resnet") == pytest.approx(4.33)
+    assert len(paper) == 3 * (len(glove_report.PRINTED) + len(glove_report.METHODS))
+    assert glove_findings.published_fusion("sp_resnet") == pytest.approx(4.33)

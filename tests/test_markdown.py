@@ -6,8 +6,8 @@ from html import escape, unescape
 import own_logs
 import pytest
 
-from pipeline import markdown
-from pipeline.hypertext import Pages
+from pipeline.reporting import markdown
+from pipeline.reporting.page.hypertext import Pages
 
 NAMES = (*own_logs.NAMES, "``x`", "&amp;", "~~a~~ **b** __c__", "<script>alert(1)</script>", "a\\|b|", "$x$")
 

@@ -16,13 +16,13 @@ import pytest
 import yaml
 from conftest import ROOT, Project
 
-from pipeline import figures_check
+from pipeline.reporting.figures import check as check_figures
 from pipeline.stages import ingest
 from pipeline.commands import check
 from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.hypertext import Pages
+from pipeline.reporting.page.hypertext import Pages
 from pipeline.datasets.windowing import windows_of
 
 ARRAYS = {  # rows, cols, frames a second, highest count, and a map in params.yaml that is a multiple of the array
@@ -234,7 +234,7 @@ def small(tmp_path_factory):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Without the picture, most of the time of a check."""
-    monkeypatch.setattr(figures_check, "draw", lambda *arguments: None)
+    monkeypatch.setattr(check_figures, "draw", lambda *arguments: None)
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)

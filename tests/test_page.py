@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from pipeline import hypertext, page_charts
+from pipeline.reporting.page import charts, hypertext
 from pipeline.stages import page
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
@@ -256,19 +256,19 @@ def test_markdown_links_hold_from_the_page(reports):
 
 def test_charts_place_every_model():
     rows = speed_rows()
-    html = page_charts.charts(rows, "Touch")
+    html = charts.charts(rows, "Touch")
     assert html.count('<g class="point"') == 4 * 3 and html.count('class="failed"') == 2
     own = rows[rows["panel"] == "single"]
-    drawn = page_charts.chart(own, "p50_ms", "Touch")
+    drawn = charts.chart(own, "p50_ms", "Touch")
     places = [(float(x), float(y)) for x, y in re.findall(r'class="interval" d="M([\d.]+) ([\d.]+)V', drawn)]
     assert places == sorted(places), "slower to the right; smaller error further down"
-    assert all(0 < x < page_charts.WIDTH and 0 < y < page_charts.HEIGHT for x, y in places)
+    assert all(0 < x < charts.WIDTH and 0 < y < charts.HEIGHT for x, y in places)
     words = unescape(re.findall(r'aria-label="(LoMP[^"]*)"', drawn)[0])
     assert "RMSE (kPa) 6.00 [5.50, 6.50]" in words and "on the front" in words
     nothing = own.assign(failed=3, runs=0, error=float("nan"), low=float("nan"), high=float("nan"))
-    assert page_charts.chart(nothing, "train_s", "Touch").count('class="failed"') == 3
+    assert charts.chart(nothing, "train_s", "Touch").count('class="failed"') == 3
     perfect = own.assign(error=0.0, low=0.0, high=0.0)
-    assert "nan" not in page_charts.chart(perfect, "p50_ms", "Touch").lower()
+    assert "nan" not in charts.chart(perfect, "p50_ms", "Touch").lower()
 
 
 @pytest.mark.parametrize(
@@ -276,7 +276,7 @@ def test_charts_place_every_model():
     [(0.004, 9000, 0.01, 1000), (3, 70, 5, 50), (62, 97, 70, 90), (93, 95, 93.1, 94.9)],
 )
 def test_ticks_are_round_and_inside(low, high, first, last):
-    found = page_charts.ticks(low, high)
+    found = charts.ticks(low, high)
     assert (found[0], found[-1]) == (first, last) and len(found) >= 2
 
 

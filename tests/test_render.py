@@ -11,14 +11,14 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from pipeline import pages, report_touch
+from pipeline.reporting import experiment as experiment_report, touch as touch_report
 from pipeline.stages import render
 from pipeline.scoring import results
 from pipeline.datasets import labels, schemas
 from pipeline.base import paths
-from pipeline.differences import read_differences
+from pipeline.reporting.differences import read_differences
 from pipeline.base.errors import InputError
-from pipeline.markdown import interval, number, table
+from pipeline.reporting.markdown import interval, number, table
 from pipeline.base.params import load
 
 TRAINING = {"training": {"max_epochs": 3}}
@@ -107,7 +107,7 @@ def write_touch(settings):
             for condition in conditions:
                 # single: 40, 30, 20, 10 kPa plus the seed; double: ten times as much
                 value = (10.0 * (4 - place) + seed) * (1 if condition == "single" else 10)
-                for metric, unit in report_touch.UNITS.items():
+                for metric, unit in touch_report.UNITS.items():
                     scores.append(("touch", protocol, condition, model, seed, metric, unit, value, 12))
             write_fit("touch", model, protocol, seed, settings["models"][model])
         schemas.write(paths.predictions("touch") / f"{model}.parquet", parts[0].schema, parts)
@@ -387,7 +387,7 @@ def test_products_never_seen_in_training_are_counted():
     counts[5, 0] = 9
     part = np.array(["train"] * 4 + ["test"] * 2)
     condition = np.array(["single"] * 4 + ["double", "single"])
-    found = report_touch.unseen_products(counts, part, condition, SENSOR)
+    found = touch_report.unseen_products(counts, part, condition, SENSOR)
     assert found == {"double": 1.0, "single": 0.0}
 
 
@@ -423,11 +423,11 @@ def test_differences_are_collected(tmp_path):
 
 def test_render_needs_neither_torch_nor_scikit_learn():
     code = (
-        "import sys, pipeline.stages.render, pipeline.pages_glove, pipeline.pages_strain, pipeline.pages_touch\n"
+        "import sys, pipeline.stages.render, pipeline.reporting.glove_pages, pipeline.reporting.strain_pages, pipeline.reporting.touch_pages\n"
         "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.learning.regressors', 'pipeline.models'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
-    root = pages.CODE.parent
+    root = experiment_report.CODE.parent
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
@@ -437,8 +437,8 @@ def test_the_streaming_model_is_beside_the_papers_models_not_among_them():
         return results.Estimate(mean=mean, low=mean - 0.1, high=mean + 0.1, runs=3, failed=failed)
 
     found = {"lomp": estimate(6.0), "lomp_stream": estimate(5.0), "cnn": estimate(9.0)}
-    sentence = report_touch.double_sentence(found)
+    sentence = touch_report.double_sentence(found)
     assert "comes out in LoMP's favour: LoMP has 6.00 [5.90, 6.10] kPa, the next model, CNN, 1.50 times" in sentence
     failed = found | {"lomp_stream": estimate(np.nan, failed=3)}
-    both = report_touch.stream_sentence({"single": found, "double": failed})
+    both = touch_report.stream_sentence({"single": found, "double": failed})
     assert "single touch 5.00 [4.90, 5.10] kPa (0.83 times LoMP's); double touch failed" in both

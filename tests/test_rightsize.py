@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 import torch
 
-from pipeline import enough
+from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.stages import render_rightsize
 from pipeline.studies import narrow_sp_resnet, sizes
 from pipeline.scoring import ladders
 from pipeline.base.errors import InputError
-from pipeline.figures_rightsize import Reference
+from pipeline.reporting.figures.sizes import Reference
 from pipeline.models import sp_resnet
 
 NAN = float("nan")
@@ -30,7 +30,7 @@ NAN = float("nan")
     ],
 )
 def test_smallest_within_one_standard_error_of_the_best(errors, chosen):
-    assert enough.smallest(errors) == chosen
+    assert sizes_verdicts.smallest(errors) == chosen
 
 
 def runs(family, metric, unit, values, condition="single"):
@@ -45,7 +45,7 @@ def runs(family, metric, unit, values, condition="single"):
 
 
 def test_judged_rows_have_means_intervals_and_one_choice():
-    judged = enough.judge(runs("lomp", "rmse", "kPa", {128: [4, 5, 6], 8: [9, NAN, 9], 32: [5.5, 5.2, 5.8]}))
+    judged = sizes_verdicts.judge(runs("lomp", "rmse", "kPa", {128: [4, 5, 6], 8: [9, NAN, 9], 32: [5.5, 5.2, 5.8]}))
     assert list(judged["size"]) == [8, 32, 128] and list(judged["chosen"]) == [0, 1, 0]
     assert list(judged["failed"]) == [1, 0, 0] and list(judged["runs"]) == [2, 3, 3]
     half = 4.302652729911275 / np.sqrt(3)  # t of 2 degrees of freedom, standard deviation 1
@@ -55,7 +55,7 @@ def test_judged_rows_have_means_intervals_and_one_choice():
 
 def test_of_a_fraction_more_is_better():
     fractions = runs("sp_resnet", "macro_precision", "1", {0.25: [0.5, 0.5], 0.5: [0.89, 0.89], 1: [0.8, 1.0]})
-    judged = enough.judge(fractions)
+    judged = sizes_verdicts.judge(fractions)
     assert list(judged["chosen"]) == [0, 1, 0]
     assert render_rightsize.shown_error(judged.iloc[1]) == "11.00 [11.00, 11.00]"
 
@@ -65,7 +65,7 @@ def test_conditions_are_judged_apart():
         runs("lomp", "rmse", "kPa", values, condition)
         for condition, values in (("single", {8: [1, 1], 16: [2, 2]}), ("double", {8: [2, 2], 16: [1, 1]}))
     ]
-    judged = enough.judge(pd.concat(both))
+    judged = sizes_verdicts.judge(pd.concat(both))
     assert set(zip(judged[judged.chosen == 1].condition, judged[judged.chosen == 1]["size"], strict=True)) == {
         ("single", 8),
         ("double", 16),
@@ -87,12 +87,12 @@ def test_conditions_are_judged_apart():
     ],
 )
 def test_findings_follow_from_the_numbers(values, words):
-    sentence = render_rightsize.finding(enough.judge(runs("lomp", "rmse", "kPa", values)))
+    sentence = render_rightsize.finding(sizes_verdicts.judge(runs("lomp", "rmse", "kPa", values)))
     assert all(word in sentence for word in words), sentence
 
 
 def test_failed_runs_are_said_in_table_file_and_figure(tmp_path):
-    judged = enough.judge(runs("lomp", "rmse", "kPa", {8: [NAN, NAN], 32: [NAN, 4.0], 128: [5, 6]}))
+    judged = sizes_verdicts.judge(runs("lomp", "rmse", "kPa", {8: [NAN, NAN], 32: [NAN, 4.0], 128: [5, 6]}))
     table = render_rightsize.ladder_table(judged)
     assert "failed (2 of 2 runs)" in table and "failed (1 of 2 runs); others 4.00" in table
     assert table.count("*") == 1 and "128 (published)" in table
@@ -159,10 +159,10 @@ def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(tmp_path
     blocks = {"lomp": {"sizes": [8], "seeds": seeds}, "window": {"sizes": frames, "seeds": [0, 1]}}
     values = {"rightsize": {"touch": blocks}}
     if words is None:
-        assert len(enough.read("touch", values)) == 4
+        assert len(sizes_verdicts.read("touch", values)) == 4
     else:
         with pytest.raises(InputError, match=words):
-            enough.read("touch", values)
+            sizes_verdicts.read("touch", values)
 
 
 def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):

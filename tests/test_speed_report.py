@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import figures, figures_speed, report_speed
+from pipeline.reporting import speed as speed_report
+from pipeline.reporting.figures import speed as speed_figures, style
 from pipeline.scoring import results
 from pipeline.base import paths
 from pipeline.base.errors import InputError
@@ -25,14 +26,14 @@ def test_the_front_of_a_hand_made_example():
         (0.5, np.nan): False,  # failed: neither on the front nor in anybody's way
     }
     time, error = np.array(list(points)).T
-    assert report_speed.pareto(time, error).tolist() == list(points.values())
+    assert speed_report.pareto(time, error).tolist() == list(points.values())
     order = np.arange(len(points))[::-1]
-    assert report_speed.pareto(time[order], error[order]).tolist() == list(points.values())[::-1]
+    assert speed_report.pareto(time[order], error[order]).tolist() == list(points.values())[::-1]
 
 
 def test_equal_points_are_on_the_front_together():
-    assert report_speed.pareto([1, 1, 2, 2], [3, 3, 2, 3]).tolist() == [True, True, True, False]
-    assert report_speed.pareto([1, 1], [np.nan, np.nan]).tolist() == [False, False]
+    assert speed_report.pareto([1, 1, 2, 2], [3, 3, 2, 3]).tolist() == [True, True, True, False]
+    assert speed_report.pareto([1, 1], [np.nan, np.nan]).tolist() == [False, False]
 
 
 @pytest.fixture
@@ -75,7 +76,7 @@ WRONG = ("accuracy", "Images named wrongly (%)")
 
 def test_table_holds_what_was_measured(measured):
     settings, scores, latency = measured
-    found = report_speed.speed_table(scores, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
+    found = speed_report.speed_table(scores, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
     tree = found.loc["strain", "tree"]
     assert tree["error"] == pytest.approx(40) and tree["low"] < 40 < tree["high"]
     assert tree["predictions_per_s"] == pytest.approx(1000) and tree["p50_ms"] == 1.0
@@ -88,7 +89,7 @@ def test_table_holds_what_was_measured(measured):
 
 def test_text_says_failed_and_names_the_fronts(measured):
     settings, scores, latency = measured
-    text = report_speed.speed_text(report_speed.speed_table(scores, settings, latency, PANELS, WRONG), 7, "A note.")
+    text = speed_report.speed_text(speed_report.speed_table(scores, settings, latency, PANELS, WRONG), 7, "A note.")
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
     (cnn,) = [row for row in rows if row[0] == "CNN"]
     assert cnn[1] == cnn[2] == "failed (1 of 2 runs); others 10.00" and cnn[-2:] == ["no", "no"]
@@ -110,7 +111,7 @@ def test_a_model_without_a_time_is_named(measured, spoilt, words):
         times = pd.read_csv(path)
         times[times["protocol"] != "session_pressure"].to_csv(path, index=False)
     with pytest.raises(InputError, match=words):
-        report_speed.speed_table(scores, settings, latency, PANELS, WRONG)
+        speed_report.speed_table(scores, settings, latency, PANELS, WRONG)
 
 
 def drawable(panels):
@@ -119,10 +120,10 @@ def drawable(panels):
     rows = [(panel, model, *values) for panel, models in panels.items() for model, values in models.items()]
     table = pd.DataFrame(rows, columns=names).assign(measure="RMSE (kPa)", batch=1)
     table["train_s"] = 10 * table["p50_ms"]
-    for time, column in report_speed.FRONTS.items():
+    for time, column in speed_report.FRONTS.items():
         table[column] = 0
         for _, own in table.groupby("panel"):
-            on = report_speed.pareto(own[time], own["error"].where(own["failed"] == 0))
+            on = speed_report.pareto(own[time], own["error"].where(own["failed"] == 0))
             table.loc[own.index, column] = on.astype(int)
     return table
 
@@ -130,8 +131,8 @@ def drawable(panels):
 def drawn(table, tmp_path, monkeypatch, time="p50_ms"):
     """The finished figure, before it is closed."""
     saved = []
-    monkeypatch.setattr(figures, "save", lambda figure, path: saved.append(figure))
-    figures_speed.chart(tmp_path / "x.png", table, time)
+    monkeypatch.setattr(style, "save", lambda figure, path: saved.append(figure))
+    speed_figures.chart(tmp_path / "x.png", table, time)
     key, whole = saved[0].legends[0].get_window_extent(), saved[0].bbox
     assert whole.x0 <= key.x0 and key.x1 <= whole.x1 and whole.y0 <= key.y0
     return saved[0]
@@ -153,7 +154,7 @@ def test_every_model_is_named_and_no_name_covers_another(tmp_path, monkeypatch, 
     figure = drawn(drawable({"single": crowded(spread), "double": as_printed}), tmp_path, monkeypatch, time)
     for ax in figure.axes:
         boxes = {" ".join(text.get_text().split()): text.get_window_extent() for text in ax.texts}
-        assert set(boxes) == {figures.style(model).label for model in TIMES}
+        assert set(boxes) == {style.style(model).label for model in TIMES}
         inside, names = ax.get_window_extent(), list(boxes)
         for k, one in enumerate(names):
             for other in names[k + 1 :]:

@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import figures_stability, report_stability
+from pipeline.reporting import stability as stability_report
+from pipeline.reporting.figures import stability as stability_figures
 from pipeline.stages import collect, render_stability
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.report_stability import FAILED, HOLDS, Level, level
+from pipeline.reporting.stability import FAILED, HOLDS, Level, level
 
 MODELS = {"constant": {}, "linear": {}, "lomp": {}}
 LEVELS = {"noise": [0, 0.1, 0.2], "press_speed": [0, -1, 1], "distance": [48, 12]}
@@ -27,37 +28,37 @@ def errors(values: list[float], levels: list[float]) -> dict[float, Level]:
 
 
 def test_a_model_fails_above_twice_its_clean_error():
-    found = report_stability.verdict(errors([2, 3.9, 4.1, 9], [0, 1, 2, 3]), errors([10] * 4, [0, 1, 2, 3]))
+    found = stability_report.verdict(errors([2, 3.9, 4.1, 9], [0, 1, 2, 3]), errors([10] * 4, [0, 1, 2, 3]))
     assert found[:4] == (2, 2, 2, 4.1) and found.reason == "above twice its clean error"
 
 
 def test_a_model_fails_where_a_constant_is_better():
-    found = report_stability.verdict(errors([8, 11], [0, 1]), errors([10, 10], [0, 1]))
+    found = stability_report.verdict(errors([8, 11], [0, 1]), errors([10, 10], [0, 1]))
     assert (found.severity, found.reason) == (1, "worse than constant")
-    bad = report_stability.verdict(errors([12, 13], [0, 1]), errors([10, 10], [0, 1]))
+    bad = stability_report.verdict(errors([12, 13], [0, 1]), errors([10, 10], [0, 1]))
     assert (bad.severity, bad.step) == (0, 0)
 
 
 def test_a_model_that_stays_below_both_holds():
-    found = report_stability.verdict(errors([2, 4], [0, 1]), errors([10, 10], [0, 1]))
+    found = stability_report.verdict(errors([2, 4], [0, 1]), errors([10, 10], [0, 1]))
     assert found.reason == HOLDS and np.isnan(found.severity)
-    assert report_stability.verdict(errors([2, 4.1], [0, 1]), None).severity == 1  # without `constant`
+    assert stability_report.verdict(errors([2, 4.1], [0, 1]), None).severity == 1  # without `constant`
 
 
 def test_where_the_truth_grows_the_allowance_grows_with_it():
     harder = errors([10, 20], [0, 1])
-    assert report_stability.verdict(errors([2, 7.9], [0, 1]), harder).reason == HOLDS
-    assert report_stability.verdict(errors([2, 8.1], [0, 1]), harder).severity == 1
+    assert stability_report.verdict(errors([2, 7.9], [0, 1]), harder).reason == HOLDS
+    assert stability_report.verdict(errors([2, 8.1], [0, 1]), harder).severity == 1
 
 
 def test_a_failed_training_is_no_holding_model():
     own = {0: level([2, np.nan]), 1: level([2, np.nan])}
-    assert report_stability.verdict(own, None).reason == FAILED
+    assert stability_report.verdict(own, None).reason == FAILED
 
 
 def test_severities_are_walked_outwards_from_0_or_as_listed():
-    assert report_stability.walked([0, 2, -1, 1, -2]) == [0, -1, 1, -2, 2]
-    assert report_stability.walked([48, 12, 24]) == [48, 12, 24]
+    assert stability_report.walked([0, 2, -1, 1, -2]) == [0, -1, 1, -2, 2]
+    assert stability_report.walked([48, 12, 24]) == [48, 12, 24]
 
 
 @pytest.fixture
@@ -132,7 +133,7 @@ def test_the_report_is_the_same_in_every_run(root):
 
 def test_a_failed_run_is_named(root, monkeypatch):
     legends = []
-    monkeypatch.setattr(figures_stability, "save", lambda figure, path: legends.append(figure.legends[0].get_texts()))
+    monkeypatch.setattr(stability_figures, "save", lambda figure, path: legends.append(figure.legends[0].get_texts()))
     table = pd.read_csv(paths.stress("touch"))
     table.loc[(table.model == "linear") & (table.seed == 1), "value"] = np.nan
     table.to_csv(paths.stress("touch"), index=False)

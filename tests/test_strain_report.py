@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import report_strain, report_strain_recorded
+from pipeline.reporting import strain as strain_report, strain_recorded as strain_recorded_report
 from pipeline.scoring import results
 from pipeline.base import paths
 
@@ -42,11 +42,11 @@ def test_targets_are_said_to_be_reached_or_missed_by_how_much(root, level, words
     write_scores("strain_recorded", recorded(level))
     scores = results.Scores("strain_recorded", settings)
     tested = {"within_day_xy": "day_1", "across_days_xy": "day_2"}
-    text = report_strain_recorded.findings(scores, settings, tested)
+    text = strain_recorded_report.findings(scores, settings, tested)
     verdicts = [line for line in text.splitlines() if "raw voltages" in line]
     assert len(verdicts) == 2 and all(word in line for word, line in zip(words, verdicts, strict=True))
     assert all("LSTM on high-passed voltages" in line for line in verdicts)  # never the hand-made yardstick
-    table = report_strain_recorded.score_text(scores, settings, tested)
+    table = strain_recorded_report.score_text(scores, settings, tested)
     assert table.count("Extra trees") == 2 and f"{level:.3f}" in table
 
 
@@ -71,7 +71,7 @@ def study(direct, transfer):
     ],
 )
 def test_where_the_curves_cross(direct, words):
-    (line,) = report_strain.samples_sentences(study(direct, {100: 4.0, 1000: 3.0, 10000: 2.5}))
+    (line,) = strain_report.samples_sentences(study(direct, {100: 4.0, 1000: 3.0, 10000: 2.5}))
     assert words in line
 
 
@@ -91,7 +91,7 @@ def test_drift_verdict(latent, words):
         for seed, value in enumerate(values)
     ]
     drift = pd.DataFrame(rows, columns=["protocol", "input", "target", "seed", "metric", "unit", "value"])
-    (line,) = report_strain.drift_sentences(drift)
+    (line,) = strain_report.drift_sentences(drift)
     assert all(f" {word}" in line for word in words)
 
 
@@ -103,17 +103,17 @@ def test_smallest_capacity():
         for seed, value in enumerate(pair)
     ]
     capacity = pd.DataFrame(rows, columns=["protocol", "units", "params", "seed", "metric", "unit", "value"])
-    (line,) = report_strain.capacity_sentences(capacity)
+    (line,) = strain_report.capacity_sentences(capacity)
     assert "20 units are the fewest" in line
 
 
 def test_error_is_over_the_outputs_that_were_asked_for():
     truth = np.array([[3.0, 4.0, 7.0]])
-    assert report_strain.mean_error(truth, np.array([[0.0, 0.0, np.nan]])) == pytest.approx(5.0)
-    assert report_strain.mean_error(truth, np.array([[np.nan, np.nan, 5.0]])) == pytest.approx(2.0)
+    assert strain_report.mean_error(truth, np.array([[0.0, 0.0, np.nan]])) == pytest.approx(5.0)
+    assert strain_report.mean_error(truth, np.array([[np.nan, np.nan, 5.0]])) == pytest.approx(2.0)
 
 
 def test_published_table_is_read():
-    paper = report_strain.published()
+    paper = strain_report.published()
     assert paper["lstm_direct", "task_1", "parameters"] == 11450
     assert paper["lstm_transfer", "task_2", "test error"] == 26

@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline import figures_check
+from pipeline.reporting.figures import check as check_figures
 from pipeline.logs import diagnosis, own_data, parse
 from pipeline.datasets import labels, schemas
 from pipeline.base import params, paths
@@ -451,7 +451,7 @@ def check(experiment: str, folder: Path, values: Mapping) -> str | None:
     target.parent.mkdir(parents=True, exist_ok=True)
     drawn = [one for one in read if one.logs][:DRAWN]
     if drawn:
-        figures_check.draw(target, experiment, drawn, settings)
+        check_figures.draw(target, experiment, drawn, settings)
         print(f"picture: {target}")
     if len(problems) > 1:
         print("\nto mend:", *dict.fromkeys(problems), sep="\n  ")

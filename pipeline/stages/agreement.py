@@ -19,7 +19,7 @@ import pandas as pd
 from pipeline.scoring import results
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError, run_stage
-from pipeline.markdown import table
+from pipeline.reporting.markdown import table
 
 FINGERPRINT = Path(__file__).with_name("fingerprint.csv")
 GROUP = ["experiment", "protocol", "condition", "model", "metric"]

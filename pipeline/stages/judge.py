@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import pandas as pd
 
-from pipeline import claims_glove, claims_strain, claims_touch
+from pipeline.reporting.verdicts import glove as glove_verdicts, strain as strain_verdicts, touch as touch_verdicts
 from pipeline.base import files, params, paths
-from pipeline.claims import (
+from pipeline.reporting.verdicts.rules import (
     EXPERIMENTS,
     NOT_REPRODUCED,
     NOT_TESTABLE,
@@ -24,7 +24,7 @@ from pipeline.claims import (
     Judgement,
 )
 from pipeline.base.errors import run_stage
-from pipeline.markdown import number, size, table
+from pipeline.reporting.markdown import number, size, table
 
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
 COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason"]
@@ -41,7 +41,7 @@ RULES = (
 
 def all_claims() -> list[Claim]:
     """The claims of all papers."""
-    return [*claims_touch.claims(), *claims_strain.claims(), *claims_glove.claims()]
+    return [*touch_verdicts.claims(), *strain_verdicts.claims(), *glove_verdicts.claims()]
 
 
 def on_own_logs(one: Claim, values: Mapping) -> Claim:

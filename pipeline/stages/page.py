@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import hypertext, page_charts
+from pipeline.reporting.page import charts, hypertext
 from pipeline.base import params, paths
 from pipeline.base.availability import why_not_run
-from pipeline.claims import EXPERIMENTS, NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED
+from pipeline.reporting.verdicts.rules import EXPERIMENTS, NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED
 from pipeline.base.errors import InputError, run_stage
-from pipeline.figures import style
-from pipeline.hypertext import Pages, anchor, cell, read, sections, table, title
-from pipeline.markdown import number, size
+from pipeline.reporting.figures.style import style
+from pipeline.reporting.page.hypertext import Pages, anchor, cell, read, sections, table, title
+from pipeline.reporting.markdown import number, size
 from pipeline.scoring.results import read_csv
 from pipeline.logs.sources import SOURCES
 
@@ -28,7 +28,7 @@ CLAIMS = ["claim", "paper", "section", "data", "published", "ours", "low", "high
 CLAIMS += ["printed", "measured"]
 SPEED = ["panel", "model", "measure", "error", "low", "high", "runs", "failed", "batch", "p50_ms", "p95_ms"]
 SPEED += ["large_batch", "predictions_per_s", "train_s", "params", "macs", "size_bytes"]
-SPEED += list(page_charts.FRONTS.values())
+SPEED += list(charts.FRONTS.values())
 TABLES = ("table1.md", "table.md")  # an experiment's main table: open, the others folded
 DRAWN = {"tradeoff.png", "training.png"}  # of the folder speed: charts of the page show the same
 CHAPTERS = {
@@ -225,7 +225,7 @@ def speed(pages: Pages, experiment: str, name: str) -> str:
     """The charts of speed against accuracy, and the tables behind them."""
     folder = f"{experiment}/speed"
     rows = read_csv(paths.REPORTS / folder / "table2.csv", SPEED, f"python -m pipeline.stages.render {experiment}")
-    parts = [page_charts.charts(rows, name)]
+    parts = [charts.charts(rows, name)]
     for file in files(folder, ".md"):
         text = read(f"{folder}/{file}")
         parts.append(folded(f"In numbers: {title(text) or file}", document(pages, f"{folder}/{file}", 2, fold=False)))

@@ -7,18 +7,18 @@ Usage: python -m pipeline.stages.render EXPERIMENT
 
 import sys
 
-from pipeline import pages_glove, pages_strain, pages_touch
+from pipeline.reporting import glove_pages, strain_pages, touch_pages
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
 
 WRITERS = {
-    "touch": pages_touch.write_touch,
-    "velostat_recorded": pages_touch.write_velostat_recorded,
-    "strain": pages_strain.write_strain,
-    "strain_recorded": pages_strain.write_strain_recorded,
-    "glove": pages_glove.write_glove,
-    "glove_recorded": pages_glove.write_glove_recorded,
+    "touch": touch_pages.write_touch,
+    "velostat_recorded": touch_pages.write_velostat_recorded,
+    "strain": strain_pages.write_strain,
+    "strain_recorded": strain_pages.write_strain_recorded,
+    "glove": glove_pages.write_glove,
+    "glove_recorded": glove_pages.write_glove_recorded,
 }
 
 

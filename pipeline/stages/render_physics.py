@@ -5,7 +5,9 @@ Usage: python -m pipeline.stages.render_physics
 
 import pandas as pd
 
-from pipeline import effects, figures_physics, report_physics
+from pipeline.reporting import physics as physics_report
+from pipeline.reporting.figures import physics as physics_figures
+from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.scoring import results
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError, run_stage
@@ -35,17 +37,17 @@ def main() -> None:
     """Judge and render all experiments."""
     values = params.load()
     scores = {experiment: read(experiment, values) for experiment in values["physics"]}
-    found = {experiment: effects.assess(experiment, table) for experiment, table in scores.items()}
+    found = {experiment: physics_verdicts.assess(experiment, table) for experiment, table in scores.items()}
     with files.replacing_folder(paths.REPORTS / "physics") as draft:
         for experiment, one in found.items():
-            unit = report_physics.ERRORS[scores[experiment]["metric"].iloc[0]]
-            title = f"{report_physics.TITLES[experiment]}: an effect of the scene left out"
-            figures_physics.matrices(draft / f"{experiment}.png", title, one, unit)
-        files.write_text(draft / "README.md", report_physics.readme(found, scores, values))
-    rows = [row for experiment, one in found.items() for row in effects.report_rows(experiment, one)]
+            unit = physics_report.ERRORS[scores[experiment]["metric"].iloc[0]]
+            title = f"{physics_report.TITLES[experiment]}: an effect of the scene left out"
+            physics_figures.matrices(draft / f"{experiment}.png", title, one, unit)
+        files.write_text(draft / "README.md", physics_report.readme(found, scores, values))
+    rows = [row for experiment, one in found.items() for row in physics_verdicts.report_rows(experiment, one)]
     files.write_table(paths.REPORTS / "physics.csv", pd.DataFrame(rows))
     for experiment, one in found.items():
-        spare = [judged.effect for judged in one.effects if judged.verdict == effects.NOT_NEEDED]
+        spare = [judged.effect for judged in one.effects if judged.verdict == physics_verdicts.NOT_NEEDED]
         print(f"{experiment}: not needed: {', '.join(spare) or 'none'}")
 
 

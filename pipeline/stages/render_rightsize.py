@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import enough, figures_rightsize, markdown
+from pipeline.reporting import markdown
+from pipeline.reporting.figures import sizes as sizes_figures
+from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.scoring import ladders
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
-from pipeline.figures_rightsize import Reference
+from pipeline.reporting.figures.sizes import Reference
 from pipeline.scoring.results import Estimate, Scores
 
 INTRODUCTION = """# How small a model each scene needs
@@ -45,13 +47,13 @@ def references(experiment: str, values: Mapping, judged: pd.DataFrame) -> dict[t
             scores.estimate(protocol, condition, model, metric).mean if model in settings["models"] else float("nan")
             for model in models
         ]
-        found[name, condition] = Reference(*(enough.error_of(mean, metric) for mean in means))
+        found[name, condition] = Reference(*(sizes_verdicts.error_of(mean, metric) for mean in means))
     return found
 
 
 def shown_error(row: pd.Series) -> str:
     """`mean [low, high]` of one row of enough.JUDGED, or that it failed."""
-    value, *ends = (enough.error_of(row[name], row["metric"]) for name in ("value", "low", "high"))
+    value, *ends = (sizes_verdicts.error_of(row[name], row["metric"]) for name in ("value", "low", "high"))
     return markdown.interval(Estimate(value, min(ends), max(ends), row["runs"], row["failed"]), digits(value))
 
 
@@ -63,14 +65,14 @@ def digits(error: float) -> int:
 def finding(own: pd.DataFrame) -> str:
     """One ladder's verdict in a sentence; own: its rows of enough.JUDGED."""
     first = own.iloc[0]
-    scale, unit = enough.SCALES[first["family"]], enough.unit_of(first["metric"], first["unit"])
+    scale, unit = sizes_verdicts.SCALES[first["family"]], sizes_verdicts.unit_of(first["metric"], first["unit"])
     where = f"{first['experiment'].capitalize()}, {first['condition'].replace('_', ' ')}"
-    start = f"- {where}, {enough.label(first['family'])}, {scale.size_name}: "
+    start = f"- {where}, {sizes_verdicts.label(first['family'])}, {scale.size_name}: "
     if not own["chosen"].any():
         return start + "every size has a failed run, so none can be chosen."
     small = own[own["chosen"] == 1].iloc[0]
     sound = own[own["failed"] == 0]
-    best = sound.loc[enough.error_of(sound["value"], first["metric"]).idxmin()]
+    best = sound.loc[sizes_verdicts.error_of(sound["value"], first["metric"]).idxmin()]
     text = f"{small['size']:g} ({markdown.size(small['params'])} parameters) is the smallest that is enough, "
     text += f"{shown_error(small)} {unit}"
     if best["size"] != small["size"]:
@@ -86,7 +88,7 @@ def finding(own: pd.DataFrame) -> str:
     if paper["size"] == small["size"]:
         return f"{start}{text}. That is the published size: nothing smaller is enough."
     if paper["size"] < small["size"]:
-        above = enough.error_of(paper["value"], paper["metric"]) / enough.error_of(best["value"], best["metric"]) - 1
+        above = sizes_verdicts.error_of(paper["value"], paper["metric"]) / sizes_verdicts.error_of(best["value"], best["metric"]) - 1
         return (
             f"{start}{text}. The published {scale.published:g} has {small['params'] / paper['params']:.3g} times fewer "
             f"parameters; by this rule they are too few: {shown_error(paper)} {unit}, {100 * above:.0f} % above the "
@@ -101,7 +103,7 @@ def finding(own: pd.DataFrame) -> str:
 
 def ladder_table(own: pd.DataFrame) -> str:
     """One family's sizes, a column a condition; own: its rows of enough.JUDGED."""
-    scale, first = enough.SCALES[own.iloc[0]["family"]], own.iloc[0]
+    scale, first = sizes_verdicts.SCALES[own.iloc[0]["family"]], own.iloc[0]
     conditions, rows = list(dict.fromkeys(own["condition"])), []
     for size, part in own.groupby("size"):
         cells = []
@@ -113,7 +115,7 @@ def ladder_table(own: pd.DataFrame) -> str:
         mark = " (published)" if size == scale.published else ""
         one = part.iloc[0]
         rows.append([f"{size:g}{mark}", markdown.size(one["params"]), markdown.size(one["macs"]), *cells])
-    error = f"{enough.NAMES[first['metric']]} ({enough.unit_of(first['metric'], first['unit'])})"
+    error = f"{sizes_verdicts.NAMES[first['metric']]} ({sizes_verdicts.unit_of(first['metric'], first['unit'])})"
     header = [scale.size_name.capitalize(), "Parameters", "Multiply-accumulates"]
     header += [f"{condition.replace('_', ' ')}: {error}" for condition in conditions]
     return markdown.table(header, rows)
@@ -121,14 +123,14 @@ def ladder_table(own: pd.DataFrame) -> str:
 
 def training_note(name: str, own: pd.DataFrame, values: Mapping, found: Mapping) -> str:
     """How a family was trained, and what that costs against the fully trained model of the tables."""
-    scale, first = enough.SCALES[name], own.iloc[0]
+    scale, first = sizes_verdicts.SCALES[name], own.iloc[0]
     if name not in SHORT:
         return "Every size is trained as the model of the tables; at its own size it is that model itself.\n"
     if name == "lstm":
         training = values["strain"]["study"]["capacity"]["training"]
     else:
         training = values["rightsize"]["touch"][name]["training"]
-    unit = enough.unit_of(first["metric"], first["unit"])
+    unit = sizes_verdicts.unit_of(first["metric"], first["unit"])
     parts = []
     for condition, part in own.groupby("condition", sort=False):
         published = part[part["size"] == scale.published]
@@ -151,7 +153,7 @@ def report(judged: pd.DataFrame, values: Mapping, found: Mapping[tuple[str, str]
     for experiment, part in judged.groupby("experiment", sort=False):
         parts.append(f"## {experiment.capitalize()}\n\n![Error against size]({experiment}.png)\n")
         for name, own in part.groupby("family", sort=False):
-            parts.append(f"### {enough.label(name)}: {enough.SCALES[name].size_name}\n")
+            parts.append(f"### {sizes_verdicts.label(name)}: {sizes_verdicts.SCALES[name].size_name}\n")
             parts.append(training_note(name, own, values, found))
             parts.append(ladder_table(own))
     return "\n".join([*parts, "\\* the smallest size that is enough.\n"])
@@ -165,14 +167,14 @@ def write_csv(path: Path, judged: pd.DataFrame) -> None:
 def main() -> None:
     """Judge and render all ladders; reports/rightsize is replaced whole."""
     values = params.load()
-    judged = {experiment: enough.judge(enough.read(experiment, values)) for experiment in ladders.METRIC}
+    judged = {experiment: sizes_verdicts.judge(sizes_verdicts.read(experiment, values)) for experiment in ladders.METRIC}
     found = {experiment: references(experiment, values, table) for experiment, table in judged.items()}
     everything = pd.concat(judged.values(), ignore_index=True)
     known = {key: value for own in found.values() for key, value in own.items()}
     with files.replacing_folder(paths.REPORTS / "rightsize") as draft:
         for experiment, table in judged.items():
             title = f"{experiment.capitalize()}: how small a model is enough? (lower is better)"
-            figures_rightsize.curves(draft / f"{experiment}.png", title, table, found[experiment])
+            sizes_figures.curves(draft / f"{experiment}.png", title, table, found[experiment])
         files.write_text(draft / "README.md", report(everything, values, known))
     write_csv(paths.REPORTS / "rightsize.csv", everything)
 

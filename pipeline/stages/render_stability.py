@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import figures_stability, report_stability
+from pipeline.reporting import stability as stability_report
+from pipeline.reporting.figures import stability as stability_figures
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError, run_stage
@@ -32,23 +33,23 @@ def _write(values: dict, folder: Path) -> None:
         if experiment not in values["stress"]:
             raise InputError(f"params.yaml, stress: there is no block '{experiment}'; add one")
         settings, stress = values[experiment], values["stress"][experiment]
-        table = report_stability.read(experiment, settings, stress)
-        found.append(report_stability.failures(table, experiment))
-        trained.append(report_stability.training_failures(experiment, settings))
+        table = stability_report.read(experiment, settings, stress)
+        found.append(stability_report.failures(table, experiment))
+        trained.append(stability_report.training_failures(experiment, settings))
         pictures[experiment] = []
-        for name, title, panels in report_stability.panels(table, experiment):
-            _, error, unit = report_stability.ERRORS[experiment]
+        for name, title, panels in stability_report.panels(table, experiment):
+            _, error, unit = stability_report.ERRORS[experiment]
             ylabel = error if unit == "1" else f"{error} ({unit})"
-            figures_stability.small_multiples(folder / name, panels, title, ylabel)
+            stability_figures.small_multiples(folder / name, panels, title, ylabel)
             pictures[experiment].append(name)
-    failures = pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=report_stability.FAILURES)
-    training = pd.concat(trained, ignore_index=True) if trained else pd.DataFrame(columns=report_stability.TRAININGS)
+    failures = pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=stability_report.FAILURES)
+    training = pd.concat(trained, ignore_index=True) if trained else pd.DataFrame(columns=stability_report.TRAININGS)
     for name, part in (("failures", failures), ("training", training)):
         files.write_table(folder / f"{name}.csv", part)
     texts = {
-        "README": report_stability.findings(failures, training, pictures, absent),
-        "failures": report_stability.failure_text(failures),
-        "training": report_stability.training_text(training),
+        "README": stability_report.findings(failures, training, pictures, absent),
+        "failures": stability_report.failure_text(failures),
+        "training": stability_report.training_text(training),
     }
     for name, text in texts.items():
         files.write_text(folder / f"{name}.md", text)

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullLocator
 
-from pipeline import figures
+from pipeline.reporting.figures import style
 from pipeline.base import files
 
 COLUMNS = ("task", "against", "size", "size_unit", "seconds", "mb", "time_exponent", "memory_exponent")
@@ -31,12 +31,12 @@ FULL = Sizes((1, 4, 16), 16, 60_000, 1000, 6000, (5, 10, 16), 3)
 TINY = Sizes((1, 2, 4), 1, 10_000, 16, 500, (2, 3), 1)
 
 LOOKS = {  # what is drawn, how, and what it is called
-    "ingest": (figures.VERMILION, "o", "-", "ingest"),
-    "dataset": (figures.BLUE, "s", "--", "window + dataset"),
-    "lomp_epoch": (figures.GREEN, "^", "-.", "an epoch of LoMP"),
-    "lstm_epochs": (figures.PURPLE, "D", ":", "three epochs of the strain LSTM"),
-    "lomp_epoch_elements": (figures.GREEN, "^", "-.", "an epoch of LoMP, 512 windows"),
-    "lomp_latency": (figures.ORANGE, "v", "-", "100 predictions of LoMP"),
+    "ingest": (style.VERMILION, "o", "-", "ingest"),
+    "dataset": (style.BLUE, "s", "--", "window + dataset"),
+    "lomp_epoch": (style.GREEN, "^", "-.", "an epoch of LoMP"),
+    "lstm_epochs": (style.PURPLE, "D", ":", "three epochs of the strain LSTM"),
+    "lomp_epoch_elements": (style.GREEN, "^", "-.", "an epoch of LoMP, 512 windows"),
+    "lomp_latency": (style.ORANGE, "v", "-", "100 predictions of LoMP"),
 }
 
 
@@ -96,11 +96,11 @@ def chart(path: Path, points: list[Point], label: str) -> None:
         ax.set_yscale("log")
         low, high = ax.get_ylim()
         ax.set_ylim(low / 1.3, high * 1.3)
-        figures.plain_log(ax.yaxis)
+        style.plain_log(ax.yaxis)
         ax.set_xticks(sorted({place for line in ax.lines for place in line.get_xdata()}))
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_locator(NullLocator())
         ax.set_xlabel(label)
         ax.set_title(title)
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
-    figures.save(figure, path)
+    style.save(figure, path)

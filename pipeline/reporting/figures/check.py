@@ -1,0 +1,144 @@
+"""The picture of a folder of logs: signals of the first recordings over time, rejected lines, and where was pressed."""
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.patches import Rectangle
+
+from pipeline.reporting.figures import style
+from pipeline.logs import alignment
+from pipeline.datasets import schemas
+
+LINES = (
+    (style.BLUE, "-"),
+    (style.VERMILION, "--"),
+    (style.GREEN, "-."),
+    (style.BLACK, ":"),
+    (style.PURPLE, "-"),
+    (style.SKY, "--"),
+    (style.ORANGE, "-."),
+    (style.GREY, "-"),
+)
+# Panels of an experiment: (title, file pattern, columns); a pattern of columns stands for their sum or mean.
+PANELS = {
+    "touch": (
+        ("Force (N)", r"load_cell.*", r"fz_n"),
+        ("Array, sum above\nrest (counts)", r"array", r"v\d+"),
+        ("Place (mm)", r"cnc.*", r"[xy]_mm"),
+    ),
+    "strain": (("Voltage (V)", r"daq", r"u\d+"), ("Place (mm)", r"robot", r"[xyz]_mm")),
+    "glove": (
+        ("Pressure cells,\nmean (counts)", r"scanner", r"p\d+"),
+        ("Joint cells,\nmean (counts)", r"scanner", r"s\d+"),
+    ),
+}
+COMBINED = {  # of (n, cells)
+    "v": lambda cells: sum(map(alignment.strength_above_rest, cells.T)),
+    "p": lambda cells: cells.mean(axis=1),
+    "s": lambda cells: cells.mean(axis=1),
+}
+SILENT = 20  # median intervals; no line is drawn over a longer silence
+
+
+def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -> None:
+    """Draw recordings (pipeline/commands/check.py: `Checked`) side by side, one column each, to `path` (PNG)."""
+    panels = PANELS[experiment]
+    mapped = experiment == "touch" and any(one.frames is not None for one in recordings)
+    count = len(panels) + mapped
+    figure, axes = plt.subplots(
+        count, len(recordings), figsize=(1.5 + 4.5 * len(recordings), 2.3 * count + mapped), squeeze=False
+    )
+    for column, one in enumerate(recordings):
+        aligned = bool(one.report)
+        note = "" if aligned else "\n(not aligned: each log from its own start)"
+        axes[0, column].set_title(style.literal(one.name) + note, pad=20, fontweight="bold")
+        for ax, (label, files, pattern) in zip(axes[:, column], panels, strict=False):
+            signals(ax, one, files, pattern)
+            ax.set_ylabel(label)
+            ax.set_xlabel("Time (s)")
+        if mapped and one.frames is not None:
+            places(axes[-1, column], one.frames, settings)
+        elif mapped:
+            axes[-1, column].set_axis_off()
+    style.save(figure, path)
+
+
+def signals(ax: plt.Axes, one, files: str, pattern: str) -> None:
+    """The matching columns of the matching logs of a recording, and ticks at the bottom where lines were rejected."""
+    looks, ticks = cycle(LINES), []
+    found = {name: log for name, log in one.logs.items() if re.fullmatch(files + r"\.log", name)}
+    for name, log in found.items():
+        time = reference_time(log, one.report.get(name))
+        silent = np.flatnonzero(np.abs(np.diff(time)) > SILENT * np.median(np.diff(time))) + 1
+        columns = [column for column in log.rows.column_names if re.fullmatch(pattern, column)]
+        values = {column: log.rows[column].to_numpy() for column in columns}
+        if (combined := COMBINED.get(columns[0][0])) is not None:
+            values = {"all": combined(np.column_stack(list(values.values())))}
+        for (column, value), (colour, style) in zip(values.items(), looks, strict=False):
+            broken = np.insert(time, silent, np.nan), np.insert(value.astype(float), silent, np.nan)
+            label = [name.removesuffix(".log")] * (len(found) > 1 or len(values) == 1)
+            label += [column.removesuffix("_mm")] * (len(values) > 1)
+            ax.plot(*broken, color=colour, linestyle=style, linewidth=0.9, label=" ".join(label))
+        ticks += np.interp(log.rejects["line"].to_numpy(), log.rows["line"].to_numpy(), time).tolist()
+    if ticks:
+        ax.plot(
+            ticks,
+            np.full(len(ticks), 0.03),
+            "|",
+            color=style.VERMILION,
+            markersize=9,
+            markeredgewidth=1.5,
+            transform=ax.get_xaxis_transform(),
+            label="rejected",
+        )
+    if ax.lines:
+        handles, names = ax.get_legend_handles_labels()
+        first = [*range(min(len(LINES) - 2, len(handles)))]  # further lines look like one of these
+        first += [len(handles) - 1] * (len(handles) - 1 not in first)
+        ax.legend(
+            [handles[k] for k in first],
+            [names[k] for k in first],
+            loc="lower left",
+            bbox_to_anchor=(0, 1.0),
+            ncols=len(LINES),
+            fontsize=7,
+            handlelength=1.8,
+            columnspacing=1.0,
+            borderaxespad=0.1,
+        )
+
+
+def reference_time(log, report: Mapping | None) -> np.ndarray:
+    """Time in s, (n,), on the recording's reference clock where it is known, else since the log's first line."""
+    time, segment = log.rows["time_s"].to_numpy().copy(), log.rows["segment"].to_numpy()
+    clocks = report.get("clocks", [report.get("clock")]) if report else []
+    if not any(clocks):
+        return time if report else time - time[0]
+    for number, clock in enumerate(clocks):
+        time[segment == number] += clock["offset_ms"] / 1e3 if clock else np.nan
+    return time
+
+
+def places(ax: plt.Axes, frames, settings: Mapping) -> None:
+    """The array's elements from above, and where the tips were while they pressed."""
+    sensor = settings["sensor"]
+    rest = (sensor["pitch_mm"] - sensor["element_mm"]) / 2
+    for k in range(sensor["rows"] * sensor["cols"]):
+        row, col = divmod(k, sensor["cols"])
+        corner = col * sensor["pitch_mm"] + rest, row * sensor["pitch_mm"] + rest
+        ax.add_patch(Rectangle(corner, sensor["element_mm"], sensor["element_mm"], fill=False, color="#BBBBBB"))
+        ax.annotate(f"v{k}", (corner[0] + 0.5, corner[1] + 0.5), fontsize=6, color=style.GREY)
+    force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
+    pressed = force > settings["window"]["contact_threshold_n"]
+    for touch, marker in zip(range(force.shape[1]), "ox+^s", strict=False):
+        own = pressed[:, touch]
+        if own.any():
+            colour = LINES[touch][0]
+            ax.plot(x[own, touch], y[own, touch], marker, color=colour, markersize=3, label=f"touch {touch + 1}")
+    ax.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
+    ax.grid(False)
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4, fontsize=7)

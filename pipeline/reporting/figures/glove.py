@@ -1,0 +1,165 @@
+"""Figures of the glove experiments, those of the SP-ResNet paper first. Every function writes one PNG."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.colors import LogNorm
+from matplotlib.lines import Line2D
+
+from pipeline.reporting.figures import style
+from pipeline.reporting.figures.style import style
+from pipeline.datasets.images import HIGHEST, SIDE
+from pipeline.scoring.results import Fit, estimate
+
+COLOURS = {"pressure": style.BLUE, "strain": style.VERMILION, "combined": style.BLACK}  # of the datasets
+DASHES = {"pressure": "-", "strain": "--", "combined": ":"}
+LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
+
+
+def tactile_images(
+    path: Path, pictures: Mapping[str, np.ndarray], strain_area: tuple[slice, slice], title: str
+) -> None:
+    """Figure 10 b to d: one grasp as joint bending strain (red), palm pressure (blue) and both.
+
+    pictures: dataset -> (SIDE, SIDE), 0 to 255; strain_area: rows and columns of the joints.
+    """
+    joints, everywhere = np.zeros((SIDE, SIDE), dtype=bool), np.ones((SIDE, SIDE), dtype=bool)
+    joints[strain_area] = True
+    panels = {
+        "b) Joint bending strain": ("strain", {"Strain": everywhere}),
+        "c) Palm pressure": ("pressure", {"Pressure": everywhere}),
+        "d) Combination": ("combined", {"Strain": joints, "Pressure": ~joints}),
+    }
+    figure, axes = plt.subplots(1, 3, figsize=(11, 3.7), sharey=True)
+    drawn = {}
+    for ax, (name, (dataset, parts)) in zip(axes, panels.items(), strict=True):
+        for meaning, shown in parts.items():
+            drawn[meaning] = ax.imshow(
+                np.ma.masked_array(pictures[dataset], ~shown), cmap={"Strain": "Reds", "Pressure": "Blues"}[meaning],
+                vmin=0, vmax=HIGHEST, extent=(0.5, SIDE + 0.5, SIDE + 0.5, 0.5),
+            )  # fmt: skip
+        ticks = [1, 8, 16, 24, 32]
+        ax.set(title=name, xlabel="Column of the scan", xticks=ticks, yticks=ticks)
+        ax.grid(False)
+    axes[0].set_ylabel("Row of the scan")
+    for meaning, picture in drawn.items():
+        figure.colorbar(picture, ax=axes, label=f"{meaning}, normalised (0 to 255)", fraction=0.025, pad=0.01)
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def tactile_sequences(path: Path, sequences: Mapping[str, np.ndarray], cells: int, title: str) -> None:
+    """Figure 13: a panel an object, what every sensor reads in the last frames of a session.
+
+    sequences: object -> conductance in mS (sensors, frames), 0 where nothing is wired; cells: how many of the sensors,
+    the first ones, are pressure cells; the others are joints.
+    """
+    columns = 4
+    rows = -(-len(sequences) // columns)
+    figure, axes = plt.subplots(rows, columns, figsize=(12, 3.1 * rows + 0.6), sharex=True, sharey=True, squeeze=False)
+    low = min(values[values > 0].min() for values in sequences.values())
+    high = max(values.max() for values in sequences.values())
+    colours = plt.get_cmap("viridis").with_extremes(bad="#DDDDDD")
+    for ax, (name, values) in zip(axes.flat, sequences.items(), strict=False):
+        sensors, frames = values.shape
+        picture = ax.imshow(
+            np.ma.masked_equal(values, 0), norm=LogNorm(low, high), cmap=colours, aspect="auto",
+            extent=(0.5, frames + 0.5, sensors + 0.5, 0.5), interpolation="nearest",
+        )  # fmt: skip
+        ax.axhline(cells + 0.5, color=style.VERMILION, linewidth=1)
+        ax.set(title=style.literal(name.replace("_", " ")), yticks=[1, cells // 3, 2 * cells // 3, cells])
+        ax.grid(False)
+    for ax in axes.flat[len(sequences) :]:
+        ax.set_axis_off()
+    for ax in axes[:, 0]:
+        ax.set_ylabel("Sensor number")
+    for ax in axes[-1]:
+        ax.set_xlabel("Frame")
+    bar = figure.colorbar(picture, ax=axes, label="Conductance (mS); grey: not wired", fraction=0.02, pad=0.01)
+    style.plain_log(bar.ax.yaxis)
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], title: str) -> None:
+    """Figure 14: how often an object (row) is given each name (column), in percent of its images.
+
+    counts: (classes, classes) images; cells from LEAST_PERCENT are labelled.
+    """
+    images = counts.sum(axis=1, keepdims=True)
+    percent = 100 * np.divide(counts, images, out=np.zeros(counts.shape), where=images > 0)
+    names = [style.literal(name.replace("_", " ")) for name in objects]
+    side = (0.4 if len(names) <= 20 else 0.335) * len(names)
+    figure, ax = plt.subplots(figsize=(side + 2, side + 1.6))
+    picture = ax.imshow(percent, cmap="Blues", vmin=0, vmax=100)
+    for row, column in np.argwhere(percent >= LEAST_PERCENT):
+        value = percent[row, column]
+        ax.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=8, color="w" if value > 55 else "k")
+    places = np.arange(len(names))
+    ax.set_xticks(places, names, rotation=90)
+    ax.set_yticks(places, names)
+    ax.set_xticks(places[1:] - 0.5, minor=True)
+    ax.set_yticks(places[1:] - 0.5, minor=True)
+    ax.grid(False)
+    ax.grid(which="minor")
+    ax.tick_params(which="minor", length=0)
+    ax.set(xlabel="Name given by the model", ylabel="Object", title=title)
+    figure.colorbar(picture, ax=ax, label="Share of the object's images (%)", shrink=0.6, aspect=30, pad=0.02)
+    style.save(figure, path)
+
+
+def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: str) -> None:
+    """Figure 15: macro precision against the number of input frames, a panel a table, a line a model.
+
+    panels: title -> model, seed, frames, metric, value (fraction).
+    """
+    figure, axes = plt.subplots(1, len(panels), figsize=(4.8 * len(panels) + 0.4, 4), squeeze=False)
+    handles = {}
+    for ax, (name, table) in zip(axes[0], panels.items(), strict=True):
+        own = table[table["metric"] == "macro_precision"]
+        models = list(dict.fromkeys(own["model"]))
+        for k, model in enumerate(models):
+            look, place = style(model), 0.12 * (k - (len(models) - 1) / 2)  # side by side: intervals overlap
+            found = {n: estimate(100 * part["value"]) for n, part in own[own["model"] == model].groupby("frames")}
+            mean = np.array([one.mean for one in found.values()])
+            spread = np.array([[one.mean - one.low, one.high - one.mean] for one in found.values()]).T
+            handles[look.label] = ax.errorbar(
+                np.array(list(found)) + place, mean, np.nan_to_num(spread), color=look.color, marker=look.marker,
+                linestyle=look.linestyle, capsize=3, markersize=6,
+            )  # fmt: skip
+        ax.set(xlabel="Number of input frames", title=name, xticks=sorted(set(own["frames"])))
+        ax.set_ylim(top=min(ax.get_ylim()[1], 101))  # an interval may pass 100 %
+    axes[0][0].set_ylabel("Macro precision (%), mean and 95 % interval")
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]], title: str) -> None:
+    """Validation loss over the epochs, a panel a network; fits: model -> dataset -> a fit a seed."""
+    columns = min(3, len(fits))
+    rows = -(-len(fits) // columns)
+    figure, axes = plt.subplots(rows, columns, figsize=(3.6 * columns, 2.9 * rows + 0.7), sharey=True, squeeze=False)
+    for ax, (model, datasets) in zip(axes.flat, fits.items(), strict=False):
+        for dataset, runs in datasets.items():
+            for fit in runs:
+                epochs, loss = fit.history["epoch"], fit.history["validation_loss"]
+                ax.plot(epochs, loss, color=COLOURS[dataset], linestyle=DASHES[dataset], linewidth=1.2)
+                kept = fit.history[epochs == fit.best_epoch]
+                ax.plot(kept["epoch"], kept["validation_loss"], "o", color=COLOURS[dataset], markersize=4)
+        ax.set(title=style(model).label, yscale="log", xlabel="Epoch")
+        style.plain_log(ax.yaxis)
+        ax.xaxis.get_major_locator().set_params(integer=True)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("Validation loss: cross-entropy (nats)")
+    for ax in list(axes.flat)[len(fits) :]:
+        ax.set_axis_off()
+    shown = [name for name in COLOURS if any(name in datasets for datasets in fits.values())]
+    handles = [Line2D([], [], color=COLOURS[name], linestyle=DASHES[name]) for name in shown]
+    handles.append(Line2D([], [], color=style.BLACK, marker="o", linestyle=""))
+    figure.legend(handles, [*shown, "epoch that was kept"], loc="outside lower center", ncols=len(handles))
+    figure.suptitle(title)
+    style.save(figure, path)

@@ -1,0 +1,196 @@
+"""Figures of the strain experiments, those of the latent-space paper first."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from pipeline.reporting.figures import style
+from pipeline.reporting.figures.style import MEASURED, style
+from pipeline.scoring.results import Estimate, estimate
+
+SHOWN_S = 120.0  # of the test part in figures 5 to 8
+AXES = "xyz"
+MOST_PRESSES = 300
+
+
+def performance(
+    path: Path,
+    title: str,
+    time_s: np.ndarray,
+    volts: np.ndarray,
+    truth: np.ndarray,
+    predicted: Mapping[str, np.ndarray],
+    outputs: Sequence[int],
+) -> None:
+    """Figures 5, 6 and 8: sensor readings (if given) and measured and predicted position over time.
+
+    time_s: (T,) from the start of the test part; volts: (T, channels) or (T, 0); truth, predicted: (T, 3) in mm.
+    """
+    chosen = time_s - time_s[0] <= SHOWN_S
+    at = time_s[chosen] - time_s[0]
+    rows = len(outputs) + (volts.shape[1] > 0)
+    figure, axes = plt.subplots(rows, 1, figsize=(9, 2.2 * rows + 0.8), sharex=True, squeeze=False)
+    axes = list(axes[:, 0])
+    if volts.shape[1]:
+        change = volts[chosen] - volts[chosen].mean(axis=0)
+        for channel, colour in zip(change.T, plt.get_cmap("viridis")(np.linspace(0, 0.9, volts.shape[1])), strict=True):
+            axes[0].plot(at, channel, color=colour, linewidth=0.9)
+        axes[0].set(ylabel="Voltage, mean\nremoved (V)", title=f"{volts.shape[1]} strands")
+        axes = axes[1:]
+    handles = {}
+    for ax, column in zip(axes, outputs, strict=True):
+        handles["measured"] = ax.plot(at, truth[chosen, column], **(MEASURED | {"linewidth": 1.1}))[0]
+        for model, values in predicted.items():
+            look = style(model)
+            (handles[look.label],) = ax.plot(
+                at, values[chosen, column], color=look.color, linestyle=look.linestyle, linewidth=1.2
+            )
+        ax.set_ylabel(f"{AXES[column]} (mm)")
+    axes[-1].set_xlabel("Time since the start of the test part (s)")
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def latent_space(path: Path, latents: pd.DataFrame) -> None:
+    """Figure 7: the states of model-0 on task 2; latents: t_s and one column a unit."""
+    at = latents["t_s"] - latents["t_s"].iloc[0]
+    states = latents.drop(columns="t_s").to_numpy()
+    figure, ax = plt.subplots(figsize=(9, 3.2))
+    for state, colour in zip(states.T, plt.get_cmap("viridis")(np.linspace(0, 0.95, states.shape[1])), strict=True):
+        ax.plot(at, state, color=colour, linewidth=0.7)
+    ax.set(
+        xlabel="Time since the start of the test part (s)",
+        ylabel="State (1)",
+        ylim=(-1.02, 1.02),
+        title=f"Figure 7: the {states.shape[1]} states of model-0 while it sees task 2 (one line a state)",
+    )
+    style.save(figure, path)
+
+
+def curves(
+    path: Path,
+    table: pd.DataFrame,
+    x: str,
+    by: str | None,
+    labels: Mapping[str, str],
+    floor: Mapping[str, float],
+) -> None:
+    """Error (mm) against `x` on a logarithmic axis, a panel a task, a line for every value of `by`, 95 % intervals.
+
+    table: protocol, x, seed, value and `by`; labels: title, xlabel; floor: error of the constant model by task.
+    """
+    tasks = list(dict.fromkeys(table["protocol"]))
+    figure, axes = plt.subplots(1, len(tasks), figsize=(4.6 * len(tasks), 3.9), squeeze=False)
+    handles = {}
+    for ax, task in zip(axes[0], tasks, strict=True):
+        own = table[table["protocol"] == task]
+        for name, group in own.groupby(by, sort=False) if by else [("lstm_direct", own)]:
+            look = style(name)
+            found = {size: estimate(part["value"]) for size, part in group.groupby(x)}
+            mean = np.array([one.mean for one in found.values()])
+            spread = np.array([[one.mean - one.low, one.high - one.mean] for one in found.values()]).T
+            handles[look.label] = ax.errorbar(
+                list(found), mean, np.nan_to_num(np.minimum(spread, 0.98 * mean)), color=look.color, marker=look.marker,
+                linestyle=look.linestyle, capsize=2.5, markersize=6,
+            )  # fmt: skip
+        if task in floor:
+            handles["Constant (mean)"] = ax.axhline(floor[task], color=style.GREY, linestyle=":")
+        ax.set(xscale="log", yscale="log", xlabel=labels["xlabel"], title=task.replace("_", " "))
+        style.plain_log(ax.xaxis)
+        style.plain_log(ax.yaxis)
+    axes[0][0].set_ylabel("Test error (mm), mean and 95 % interval")
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=min(4, len(handles)))
+    figure.suptitle(labels["title"])
+    style.save(figure, path)
+
+
+def decoding(path: Path, found: Mapping[tuple[str, str, str], Estimate]) -> None:
+    """How well elapsed time and true drift can be read, by input; found: (task, target, input) -> R2."""
+    tasks = list(dict.fromkeys(task for task, _, _ in found))
+    targets = list(dict.fromkeys(target for _, target, _ in found))
+    found_inputs = {name for _, _, name in found}
+    inputs = sorted(found_inputs, key=lambda name: (not name.startswith("raw"), "model-0" not in name))
+    colours = dict(zip(inputs, (style.GREY, style.BLUE, style.VERMILION), strict=False))
+    figure, axes = plt.subplots(1, len(tasks), figsize=(4.6 * len(tasks), 3.7), sharey=True, squeeze=False)
+    width = 0.8 / len(inputs)
+    for ax, task in zip(axes[0], tasks, strict=True):
+        for k, name in enumerate(inputs):
+            values = [found[task, target, name] for target in targets]
+            mean = np.array([max(one.mean, -0.2) for one in values])
+            spread = np.array([[one.mean - one.low, one.high - one.mean] for one in values]).T
+            place = np.arange(len(targets)) + (k - (len(inputs) - 1) / 2) * width
+            ax.bar(place, mean, width, yerr=np.nan_to_num(spread), capsize=3, color=colours[name], label=name)
+        ax.axhline(0, color=style.BLACK, linewidth=0.8)
+        ax.set_xticks(np.arange(len(targets)), targets)
+        ax.set(title=task.replace("_", " "), ylim=(-0.25, 1.05))
+    axes[0][0].set_ylabel("R2 of a linear decoder,\nheld-out blocks (1)")
+    handles, names = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=len(names))
+    figure.suptitle("Is the latent space free of drift? (0: nothing can be read, 1: everything; bars end at -0.2)")
+    style.save(figure, path)
+
+
+def error_over_time(path: Path, errors: Mapping[str, Mapping[str, np.ndarray]], minutes: np.ndarray) -> None:
+    """Error against time since training ended; errors: task -> model -> (runs, bins) in mm; minutes: (bins,)."""
+    figure, axes = plt.subplots(1, len(errors), figsize=(4.6 * len(errors), 3.9), squeeze=False)
+    handles = {}
+    for ax, (task, models) in zip(axes[0], errors.items(), strict=True):
+        for model, runs in models.items():
+            look = style(model)
+            found = [estimate(column) for column in runs.T]
+            mean = np.array([one.mean for one in found])
+            (handles[look.label],) = ax.plot(
+                minutes, mean, color=look.color, marker=look.marker, linestyle=look.linestyle
+            )
+            if len(runs) > 1:
+                low, high = (np.array([getattr(one, end) for one in found]) for end in ("low", "high"))
+                ax.fill_between(minutes, low, high, color=look.color, alpha=0.15, linewidth=0)
+        ax.set(xlabel="Time since training ended (min)", title=task.replace("_", " "))
+        ax.set_ylim(bottom=0)
+    axes[0][0].set_ylabel("Test error (mm), mean and 95 % interval")
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=min(4, len(handles)))
+    figure.suptitle("Error against time since training ended")
+    style.save(figure, path)
+
+
+def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]]) -> None:
+    """Predicted against true place of test presses, a row a protocol, two columns (x, y) a model.
+
+    Of many presses MOST_PRESSES are drawn, evenly over the test part.
+
+    views: protocol -> (truth (n, 3), press (n,), model -> prediction (n, 3)), samples of presses only.
+    """
+    shown = ("lstm_direct", "lstm_highpass", "press_difference")
+    models = [model for model in shown if all(model in view[2] for view in views.values())]
+    figure, axes = plt.subplots(
+        len(views),
+        2 * len(models),
+        figsize=(2.0 * 2 * len(models), 2.2 * len(views) + 0.5),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+    )
+    for row, (protocol, (truth, press, predicted)) in zip(axes, views.items(), strict=True):
+        _, first, size = np.unique(press, return_index=True, return_counts=True)
+        chosen = np.unique(np.linspace(0, len(first) - 1, min(MOST_PRESSES, len(first))).astype(int))
+        halves = [slice(first[k] + size[k] // 2, first[k] + size[k]) for k in chosen]
+        true = np.array([truth[half].mean(axis=0) for half in halves])
+        for k, model in enumerate(models):
+            guess = np.array([predicted[model][half].mean(axis=0) for half in halves])
+            for column in range(2):
+                ax = row[2 * k + column]
+                ax.plot(true[:, column], guess[:, column], ".", color=style(model).color, markersize=2.5)
+                ax.plot([-22.5, 22.5], [-22.5, 22.5], color=style.VERMILION, linewidth=0.8)
+                ax.set(xlim=(-25, 25), ylim=(-40, 40))
+                if ax.get_subplotspec().is_first_row():
+                    ax.set_title(textwrap.fill(style(model).label, 20) + f"\n{AXES[column]}")
+        row[0].set_ylabel(f"{protocol.replace('_', ' ')}\npredicted (mm)")
+    for ax in axes[-1]:
+        ax.set_xlabel("true (mm)")
+    figure.suptitle(f"Place of test presses (up to {MOST_PRESSES}), mean over the second half of a press's samples")
+    style.save(figure, path)

@@ -1,0 +1,421 @@
+"""Figures of the LoMP paper from our data. Every function writes one PNG; predictions are one run's."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pyarrow as pa
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from pipeline.reporting.figures import style
+from pipeline.datasets import labels, schemas
+from pipeline.reporting.figures.style import MEASURED, style
+from pipeline.scoring.results import Fit
+from pipeline.scenes import material
+
+FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)
+TOUCH_MODELS = ("lomp", "rnn", "cnn", "convlstm")  # of figure 6
+MAP_MODELS = ("rnn", "cnn", "lomp")  # of figure 8a
+SHOWN_WINDOWS = 60  # of figure 4
+SHOWN_PRESSES = 4  # of figure 6
+INSTANTS = 4  # of the slide in figure 8c
+SEVERAL_TOUCHES = ("double", "three", "slide", "tape")  # conditions of figure 8
+
+
+class Windows(NamedTuple):
+    """The dataset as the figures need it: n windows, each described at its last frame."""
+
+    condition: np.ndarray  # (n,)
+    recording: np.ndarray  # (n,)
+    press: np.ndarray  # (n,)
+    t_s: np.ndarray  # (n,)
+    force_n: np.ndarray  # (n, touches), NaN where there is no such touch; x_mm, y_mm likewise
+    x_mm: np.ndarray
+    y_mm: np.ndarray
+    counts: np.ndarray  # (n, elements)
+    truth: np.ndarray  # (n, map_rows, map_cols) in kPa
+    test: np.ndarray  # (n,) bool, of the run whose predictions are shown
+
+
+def windows_of(table: pa.Table, settings: Mapping, protocol: str, seed: int) -> Windows:
+    """The dataset's table as arrays; settings: the block `touch` of params.yaml."""
+    label = settings["label"]
+    return Windows(
+        schemas.names(table["condition"]),
+        schemas.names(table["recording"]),
+        table["press"].to_numpy(),
+        table["t_s"].to_numpy(),
+        *(schemas.matrix(table[name]) for name in ("force_n", "x_mm", "y_mm")),
+        schemas.matrix(table["x"]).reshape(table.num_rows, settings["window"]["frames"], -1)[:, -1],
+        schemas.matrix(table["y"]).reshape(-1, label["map_rows"], label["map_cols"]),
+        schemas.names(table[schemas.split_column(protocol, seed)]) == "test",
+    )
+
+
+def in_contact(windows: Windows, settings: Mapping) -> np.ndarray:
+    """(n,) bool: at least one touch is pressed above touch.window.contact_threshold_n."""
+    return (np.nan_to_num(windows.force_n) > settings["window"]["contact_threshold_n"]).any(axis=1)
+
+
+def characteristic_curve(path: Path, settings: Mapping) -> None:
+    """Figure 2b: resistance of the fitted film over pressure, without and with its memory."""
+    film, scale = material.load_material(), settings["simulate"]["material"]["resistance_scale_ohm"]
+    dt, kpa_a_newton = 0.001, 1e-3 / FILM_AREA_M2
+    kpa = np.geomspace(1, 400, 400)
+    static = scale * np.exp(film.rest - material.static_conductance(film, kpa / kpa_a_newton))
+    ramp = np.linspace(0, 400, round(0.25 / dt))
+    cycle = np.concatenate([ramp, ramp[::-1]])
+    looped = scale * np.exp(material.log_resistance(film, cycle / kpa_a_newton, dt))
+    figure, ax = plt.subplots(figsize=(7, 4.3))
+    ax.plot(kpa, static, **MEASURED, label="static curve (no memory)")
+    middle = len(ramp)
+    ax.plot(cycle[:middle], looped[:middle], color=style.BLUE, label="loading, 0 to 400 kPa in 0.25 s")
+    ax.plot(cycle[middle:], looped[middle:], color=style.VERMILION, linestyle="-.", label="unloading in 0.25 s")
+    ax.set(
+        xlabel="Pressure on a film of 1 cm x 1 cm (kPa)",
+        ylabel="Resistance (ohm)",
+        yscale="log",
+        xlim=(0, 400),
+        title="Figure 2b: characteristic curve of the Velostat model fitted to recordings",
+    )
+    figure.legend(loc="outside lower center", ncols=3)
+    style.save(figure, path)
+
+
+def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
+    """Figure 4: largest value of measured and estimated map, and L1 loss, over windows of test presses."""
+    chosen = np.flatnonzero((windows.condition == "single") & windows.test & in_contact(windows, settings))
+    chosen = chosen[:SHOWN_WINDOWS]
+    truth = windows.truth[chosen]
+    shown = [model for model in maps if model != "constant"]
+    columns = min(3, len(shown))
+    rows = -(-len(shown) // columns)
+    figure, axes = plt.subplots(
+        2 * rows,
+        columns,
+        figsize=(4 * columns, 3 * rows),
+        sharex=True,
+        sharey=False,
+        squeeze=False,
+        height_ratios=[2, 1] * rows,
+    )
+    at = np.arange(len(chosen))
+    losses = {model: np.abs(maps[model][chosen] - truth).mean(axis=(1, 2)) for model in shown}
+    finite = np.concatenate(list(losses.values()))
+    top_loss = finite[np.isfinite(finite)].max(initial=1e-3)
+    values = np.concatenate([maps[model][chosen].ravel() for model in shown])
+    # An exploding model may leave the axes; the measured course must stay readable.
+    limit = 1.05 * min(values[np.isfinite(values)].max(initial=truth.max()), 2 * truth.max())
+    for k, model in enumerate(shown):
+        upper, lower = axes[2 * (k // columns), k % columns], axes[2 * (k // columns) + 1, k % columns]
+        look = style(model)
+        upper.plot(at, truth.max(axis=(1, 2)), **MEASURED)
+        upper.plot(at, maps[model][chosen].max(axis=(1, 2)), color=look.color, linewidth=1.2)
+        lower.bar(at, losses[model], color=look.color, width=1.0)
+        upper.set(title=look.label + _failure(maps[model][chosen]), ylim=(0, limit))
+        lower.set(ylim=(0, 1.05 * top_loss))
+        if k % columns == 0:
+            upper.set_ylabel("Peak pressure\n(kPa)")
+            lower.set_ylabel("L1 loss\n(kPa)")
+        if k + columns >= len(shown):
+            lower.set_xlabel("Window in contact (test presses, in order)")
+            lower.xaxis.set_tick_params(labelbottom=True)
+    for k in range(len(shown), rows * columns):
+        axes[2 * (k // columns), k % columns].set_axis_off()
+        axes[2 * (k // columns) + 1, k % columns].set_axis_off()
+    figure.legend(
+        [Line2D([], [], **MEASURED), Line2D([], [], color=style.GREY)],
+        [
+            "measured (largest value of the label map)",
+            "estimated (coloured; largest value of the predicted map)",
+        ],
+        loc="outside lower center",
+        ncols=2,
+    )
+    figure.suptitle("Figure 4: single touch, measured and estimated peak pressure, and mean L1 loss of the map")
+    style.save(figure, path)
+
+
+def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
+    """Figure 5: counts of an element over pressure for press locations along x within the element."""
+    sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]
+    frames = frames.filter(pa.array(schemas.names(frames["condition"]) == "single"))
+    force, x, y = (schemas.matrix(frames[name])[:, 0] for name in ("force_n", "x_mm", "y_mm"))
+    counts = schemas.matrix(frames["v"])
+    pressed = force > settings["window"]["contact_threshold_n"]
+    # Elements 12, 17 and 22 of the paper: the middle column from the middle row upwards.
+    elements = [row * sensor["cols"] + sensor["cols"] // 2 for row in range(sensor["rows"] // 2, sensor["rows"])]
+    figure, axes = plt.subplots(
+        1, len(elements), figsize=(3.6 * len(elements), 4), sharex=True, sharey=True, squeeze=False
+    )
+    colours = (style.BLUE, style.GREEN, style.ORANGE, style.VERMILION, style.PURPLE, style.SKY)
+    points: dict[str, list[tuple[plt.Axes, np.ndarray, np.ndarray]]] = {}
+    spacing = np.nan
+    for ax, element in zip(axes[0], elements, strict=True):
+        centre_x, centre_y = (
+            (element % sensor["cols"] + 0.5) * pitch,
+            (element // sensor["cols"] + 0.5) * pitch,
+        )
+        inside = pressed & (np.abs(x - centre_x) < pitch / 2) & (np.abs(y - centre_y) < pitch / 2)
+        rounded_y = np.round(y, 1)
+        rows = np.unique(rounded_y[inside])
+        if len(rows):
+            inside &= rounded_y == rows[np.abs(rows - centre_y).argmin()]
+        places, seen = np.unique(np.round(x[inside], 1), return_counts=True)
+        places = places[seen >= 3]  # fewer frames are the CNC on its way
+        if len(places) > 1:
+            spacing = float(np.median(np.diff(places)))
+        for place in places:
+            rows_here = inside & (np.abs(x - place) < 0.051)
+            kpa = labels.pressure_kpa(force[rows_here], settings["label"]["tip_radius_mm"])
+            points.setdefault(f"{place - centre_x:+.1f} mm", []).append((ax, counts[rows_here, element], kpa))
+        ax.set(title=f"Element {element}", xlabel="ADC counts of the element")
+    axes[0, 0].set_ylabel("Pressure under the tip (kPa)")
+    # Offsets are to the element's centre, so the same ones occur in every element.
+    order = sorted(points, key=lambda name: float(name.split()[0]))
+    handles = []
+    for k, name in enumerate(order):
+        look = {"s": 9, "color": colours[k % 6], "marker": "os^Dv*"[k % 6]}
+        handles.append([ax.scatter(read, kpa, **look) for ax, read, kpa in points[name]][-1])
+    figure.legend(
+        handles,
+        order,
+        loc="outside lower center",
+        ncols=min(len(order), 6) or 1,
+        title="press location along x, from the element's centre",
+    )
+    apart = "" if np.isnan(spacing) else f"\n(locations {spacing:g} mm apart, our grid's pitch; paper: 2.875 mm)"
+    figure.suptitle(f"Figure 5: sensor behaviour for press locations within one element, loading and unloading{apart}")
+    style.save(figure, path)
+
+
+def _block_peak(maps: np.ndarray, x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping) -> np.ndarray:
+    """Largest value of maps (n, rows, cols) within the element under each (x_mm, y_mm), (n,)."""
+    centre_x, centre_y = labels.cell_centres(sensor, {"map_rows": maps.shape[1], "map_cols": maps.shape[2]})
+    element_of_cell = elements_at(*np.meshgrid(centre_x, centre_y), sensor)
+    inside = element_of_cell == elements_at(x_mm, y_mm, sensor)[:, None, None]
+    return np.where(inside, maps, -np.inf).max(axis=(1, 2))
+
+
+def elements_at(x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping) -> np.ndarray:
+    """Number of the element under each place, row-major from the bottom row."""
+    column = np.clip(x_mm // sensor["pitch_mm"], 0, sensor["cols"] - 1).astype(int)
+    row = np.clip(y_mm // sensor["pitch_mm"], 0, sensor["rows"] - 1).astype(int)
+    return row * sensor["cols"] + column
+
+
+def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
+    """Figure 6: pressure at both pressed elements and their counts over time, for a stretch of presses."""
+    sensor = settings["sensor"]
+    double = np.flatnonzero((windows.condition == "double") & ~np.isnan(windows.x_mm[:, :2]).any(axis=1))
+    double = double[windows.recording[double] == windows.recording[double[0]]]
+    presses = np.unique(windows.press[double])[:SHOWN_PRESSES]
+    chosen = double[np.isin(windows.press[double], presses)]
+    time = windows.t_s[chosen] - windows.t_s[chosen[0]]
+    drawn = [model for model in TOUCH_MODELS if model in maps]
+    figure, axes = plt.subplots(3, 1, figsize=(10, 8), sharex=True, height_ratios=[2, 2, 1.4])
+    elements = []
+    for touch, ax in enumerate(axes[:2]):
+        place = windows.x_mm[chosen, touch], windows.y_mm[chosen, touch]
+        elements.append(elements_at(*place, sensor))
+        truth = _block_peak(windows.truth[chosen], *place, sensor)
+        for model in drawn:
+            look = style(model)
+            estimated = _block_peak(maps[model][chosen], *place, sensor)
+            ax.plot(time, estimated, color=look.color, linestyle=look.linestyle, marker=look.marker, markersize=4)
+        ax.plot(time, truth, **MEASURED)
+        ax.set_ylabel(f"Touch {touch + 1} ({('CNC', 'hand')[touch]})\npressure (kPa)")
+        low, high = ax.get_ylim()
+        ax.set_ylim(max(low, -0.5 * truth.max()), min(high, 2.5 * truth.max()))
+    for touch, (colour, marker) in enumerate(((style.BLACK, "."), (style.GREY, "+"))):
+        axes[2].plot(
+            time,
+            windows.counts[chosen, elements[touch]],
+            color=colour,
+            marker=marker,
+            linestyle=("-", "--")[touch],
+        )
+    axes[2].set(xlabel="Time (s)", ylabel="ADC counts")
+    axes[2].legend(axes[2].lines, ["element of touch 1", "element of touch 2"], loc="upper left", bbox_to_anchor=(1, 1))
+    for ax in axes:
+        style.press_borders(ax, time, windows.press[chosen])
+    for press in presses:
+        rows = np.flatnonzero(windows.press[chosen] == press)
+        strongest = rows[np.nansum(windows.force_n[chosen[rows]], axis=1).argmax()]
+        axes[0].text(
+            time[rows].mean(),
+            1.02,
+            f"elements {elements[0][strongest]} and {elements[1][strongest]}",
+            transform=axes[0].get_xaxis_transform(),
+            ha="center",
+        )
+    handles = [Line2D([], [], **MEASURED)]
+    handles += [
+        Line2D([], [], color=style(m).color, linestyle=style(m).linestyle, marker=style(m).marker) for m in drawn
+    ]
+    axes[0].legend(
+        handles,
+        ["measured", *(style(m).label + _failure(maps[m][chosen]) for m in drawn)],
+        loc="upper left",
+        bbox_to_anchor=(1, 1),
+    )
+    figure.suptitle("Figure 6: double touch, largest value of label and predicted map within each pressed element")
+    style.save(figure, path)
+
+
+def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
+    """Figure 7: mean squared error a window, for one touch and for two, on a logarithmic axis."""
+    contact = in_contact(windows, settings) & windows.test
+    conditions = [name for name in ("single", "double") if (windows.condition == name).any()]
+    figure, ax = plt.subplots(figsize=(8, 0.62 * len(maps) + 1.6))
+    for k, (model, predicted) in enumerate(maps.items()):
+        for condition in conditions:
+            rows = contact & (windows.condition == condition)
+            mse = np.square(predicted[rows].astype(float) - windows.truth[rows]).mean(axis=(1, 2))
+            mse = np.maximum(mse[np.isfinite(mse)], 1e-6)  # an exact prediction has no place on this axis
+            if not len(mse):
+                ax.text(0.5, k, "failed", transform=ax.get_yaxis_transform(), ha="center", va="center")
+                continue
+            double = condition == "double"
+            boxes = ax.boxplot(
+                mse,
+                positions=[k + (0.18 if double else -0.18)],
+                widths=0.3,
+                whis=(5, 95),
+                showfliers=False,
+                orientation="horizontal",
+                patch_artist=True,
+                medianprops={"color": style.BLACK, "linewidth": 1.6},
+            )
+            boxes["boxes"][0].set(
+                facecolor=style(model).color if double else "white",
+                edgecolor=style(model).color,
+                linewidth=1.5,
+            )
+    ax.set_yticks(range(len(maps)), [style(model).label for model in maps])
+    ax.invert_yaxis()
+    ax.set(
+        xscale="log",
+        xlabel="Mean squared error of a window in contact (kPa², lower is better)",
+        title=f"Figure 7: error with one touch{' and when a second touch is added' if 'double' in conditions else ''}\n"
+        "(line: median, box: quartiles, whiskers: 5 % to 95 % of windows)",
+    )
+    looks = {
+        "single": (Patch(facecolor="white", edgecolor=style.GREY), "single touch (test presses)"),
+        "double": (Patch(facecolor=style.GREY), "double touch"),
+    }
+    shown = [looks[condition] for condition in conditions]
+    figure.legend(*zip(*shown, strict=True), loc="outside lower center", ncols=len(shown))
+    style.save(figure, path)
+
+
+def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
+    """Figure 8: measured and estimated maps of (a) two, (b) three touches, (c) two slides and (d) a tape."""
+    total = np.nansum(windows.force_n, axis=1)
+
+    def strongest(condition: str, strength: np.ndarray) -> int | None:
+        rows = np.flatnonzero(windows.condition == condition)
+        return int(rows[strength[rows].argmax()]) if len(rows) else None
+
+    panels: list[list[tuple[str, np.ndarray, int] | None]] = []
+
+    def row_of(parts: list[tuple[str, int, tuple[str, ...]]]) -> None:
+        row = []
+        for title, window, models in parts:
+            row.append((f"{title}\nmeasured", windows.truth[window], window))
+            row += [(f"{title}\n{style(m).label}", maps[m][window], window) for m in models if m in maps]
+        panels.append((row + [None] * INSTANTS)[:INSTANTS])
+
+    lomp = ("lomp",)
+    smaller = np.nan_to_num(windows.force_n[:, :2]).min(axis=1) if windows.force_n.shape[1] > 1 else total
+    if (two := strongest("double", smaller)) is not None:
+        row_of([("(a) double touch", two, MAP_MODELS)])
+    shapes = [
+        (title, window, lomp)
+        for title, window in (
+            ("(b) three touches", strongest("three", total)),
+            ("(d) tape", strongest("tape", total)),
+        )
+        if window is not None
+    ]
+    if shapes:
+        row_of(shapes)
+    slide = np.flatnonzero((windows.condition == "slide") & in_contact(windows, settings))
+    if len(slide):
+        slide = slide[windows.press[slide] == windows.press[slide[0]]]
+        gaps = np.flatnonzero(np.diff(windows.t_s[slide]) > 2 * np.median(np.diff(windows.t_s[slide])))
+        slide = slide[: gaps[0] + 1] if len(gaps) else slide  # one slide of two fingers
+        picked = slide[np.linspace(0, len(slide) - 1, INSTANTS + 2).round().astype(int)[1:-1]]
+        since = windows.t_s[picked] - windows.t_s[slide[0]]
+        for name, source in [
+            ("measured", windows.truth),
+            *((style(m).label, maps[m]) for m in lomp if m in maps),
+        ]:
+            panels.append([(f"(c) slide, {s:.2f} s\n{name}", source[w], w) for s, w in zip(since, picked, strict=True)])
+    sensor = settings["sensor"]
+    width, height = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
+    figure, axes = plt.subplots(len(panels), INSTANTS, figsize=(2.6 * INSTANTS + 1, 2.75 * len(panels)), squeeze=False)
+    for row, line in zip(axes, panels, strict=True):
+        top = max(windows.truth[panel[2]].max() for panel in line if panel)
+        image = None
+        for ax, panel in zip(row, line, strict=True):
+            if panel is None:
+                ax.set_axis_off()
+                continue
+            title, values, _ = panel
+            ax.set_title(title + _failure(values))
+            image = ax.imshow(values, origin="lower", extent=(0, width, 0, height), vmin=0, vmax=top, cmap="viridis")
+            ax.set_xticks(np.arange(sensor["cols"] + 1) * sensor["pitch_mm"])
+            ax.set_yticks(np.arange(sensor["rows"] + 1) * sensor["pitch_mm"])
+            ax.grid(color="white", alpha=0.3, linewidth=0.6)
+            ax.set_axisbelow(False)
+            if ax.get_subplotspec().is_last_row():
+                ax.set_xlabel("x (mm)")
+            if ax.get_subplotspec().is_first_col():
+                ax.set_ylabel("y (mm)")
+        figure.colorbar(image, ax=list(row), label="Pressure (kPa)", extend="both", shrink=0.9)
+    figure.get_layout_engine().set(h_pad=0.07)
+    figure.suptitle("Figure 8: pressure maps; grid lines are the borders of the elements")
+    style.save(figure, path)
+
+
+def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) -> None:
+    """Loss over epochs of every model trained in epochs; a line a seed, the kept epoch marked."""
+    trained = {model: runs for model, runs in fits.items() if any(len(run.history) > 1 for run in runs)}
+    columns = max(1, min(3, len(trained)))
+    rows = max(1, -(-len(trained) // columns))
+    figure, axes = plt.subplots(rows, columns, figsize=(3.7 * columns, 2.7 * rows + 0.8), squeeze=False)
+    for ax, (model, runs) in zip(axes.flat, trained.items(), strict=False):
+        look = style(model)
+        for run in runs:
+            epoch = run.history["epoch"].to_numpy()
+            ax.plot(epoch, run.history["train_loss"], color=style.GREY, linestyle=":", linewidth=1)
+            ax.plot(epoch, run.history["validation_loss"], color=look.color, linewidth=1.2)
+            kept = run.history[run.history["epoch"] == run.best_epoch]
+            ax.plot(kept["epoch"], kept["validation_loss"], "o", color=look.color, markersize=5)
+        ax.set(title=look.label, yscale="log", xlabel="Epoch")
+        style.plain_log(ax.yaxis)
+        ax.xaxis.get_major_locator().set_params(integer=True)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("Loss: mean squared error (kPa²)")
+    for ax in list(axes.flat)[len(trained) :]:
+        ax.set_axis_off()
+    figure.legend(
+        [
+            Line2D([], [], color=style.GREY, linestyle=":"),
+            Line2D([], [], color=style.BLACK),
+            Line2D([], [], color=style.BLACK, marker="o", linestyle=""),
+        ],
+        ["training", "validation (coloured)", "epoch that was kept"],
+        loc="outside lower center",
+        ncols=3,
+    )
+    figure.suptitle(f"Learning curves, {protocol} split, one line a seed (lower is better)")
+    style.save(figure, path)
+
+
+def _failure(values: np.ndarray) -> str:
+    return "" if np.isfinite(values).all() else ": failed"

@@ -1,0 +1,58 @@
+"""Figures of the recorded Velostat taxel."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pyarrow as pa
+from matplotlib.lines import Line2D
+
+from pipeline.reporting.figures import style
+from pipeline.datasets import schemas
+from pipeline.reporting.figures.style import MEASURED, style
+
+SHOWN_S = 15  # of a recording, around its largest force
+GAP = 3.0  # median intervals between windows; lines are interrupted at longer ones
+
+
+def force_over_time(
+    path: Path,
+    windows: pa.Table,
+    test: np.ndarray,
+    predicted: Mapping[str, np.ndarray],
+    recordings: Sequence[str],
+) -> None:
+    """Measured and predicted force (N) over time, a panel a recording.
+
+    test: (n,) bool; predicted: model -> (n, 1) in N.
+    """
+    recording = schemas.names(windows["recording"])
+    truth, time = schemas.matrix(windows["y"])[:, 0], windows["t_s"].to_numpy()
+    figure, axes = plt.subplots(len(recordings), 1, figsize=(9, 2.2 * len(recordings) + 1), squeeze=False)
+    for ax, name in zip(axes[:, 0], recordings, strict=True):
+        rows = np.flatnonzero(test & (recording == name))
+        middle = time[rows[truth[rows].argmax()]]
+        rows = rows[np.abs(time[rows] - middle) <= SHOWN_S / 2]
+        at = time[rows] - time[rows[0]]
+        steps = np.diff(at)
+        breaks = np.flatnonzero(steps > GAP * np.median(steps)) + 1 if len(steps) else []
+        at = np.insert(at, breaks, np.nan)
+        for model, force in predicted.items():
+            look = style(model)
+            ax.plot(at, np.insert(force[rows, 0], breaks, np.nan), color=look.color, linestyle=look.linestyle)
+        ax.plot(at, np.insert(truth[rows], breaks, np.nan), **(MEASURED | {"linewidth": 1.1}))
+        ax.set(ylabel="Force (N)", title=name)
+    axes[-1, 0].set_xlabel("Time (s)")
+    handles = [
+        Line2D([], [], **MEASURED),
+        *(Line2D([], [], color=style(m).color, linestyle=style(m).linestyle) for m in predicted),
+    ]
+    figure.legend(
+        handles,
+        ["measured", *(style(m).label for m in predicted)],
+        loc="outside lower center",
+        ncols=len(handles),
+    )
+    figure.suptitle("Measured and predicted force on test recordings")
+    style.save(figure, path)

@@ -1,0 +1,190 @@
+"""What reports/glove_recorded says: naming what a robot hand holds, from its touch and its joint angles."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.reporting import sentences
+from pipeline.base import paths
+from pipeline.reporting.figures.style import style
+from pipeline.datasets.images import MODALITIES
+from pipeline.reporting.markdown import interval, number, table
+from pipeline.reporting.glove import METRICS, NETWORKS, gain, score, splits
+from pipeline.reporting.glove_findings import confused_sentences, points, ranked, training_sentence, verdict
+from pipeline.scoring.results import Fit, Scores, estimate, read_csv
+
+SPLITS = {
+    "grasp": "Whole grasps, drawn by the seed",
+    "time": "The first grasps of every object train, its last ones test",
+    "random_frames": "Frames at random: frames of one grasp are on both sides",
+}
+WANTED = 75.0  # % of grasps named rightly from pressure alone
+EXPECTED = {  # accuracy in % of others' models on final frames, five-fold over grasps
+    "pressure": ("support-vector machine", 71.0),
+    "strain": ("extra trees", 98.0),
+}
+DATASETS = {"pressure": "pressure", "strain": "joint angles", "combined": "combined"}
+
+
+def networks(settings: Mapping) -> list[str]:
+    """The networks of params.yaml that the paper has, the ablation too."""
+    return [model for model in settings["models"] if model in (*NETWORKS, "sp_resnet_nogcam")]
+
+
+def best_networks(scores: Scores, settings: Mapping) -> dict[str, str]:
+    """Dataset -> the network with the highest accuracy in the main split; only datasets that have one."""
+    split = next(iter(splits(settings)))
+    found = {}
+    for dataset in MODALITIES:
+        order = ranked(scores, settings, f"{split}_{dataset}", "accuracy")
+        named = [model for model in order if model in networks(settings)]
+        if named:
+            found[dataset] = named[0]
+    return found
+
+
+def score_text(scores: Scores, settings: Mapping, objects: Sequence[str]) -> str:
+    """table.md: accuracy and macro precision of every model, a table a split."""
+    text = [
+        f"# Recorded grasps: which of {len(objects)} objects is held\n",
+        "Percent on the test part, mean [95 % t interval] over seeds; higher is better. Accuracy: share of grasps "
+        "named rightly; macro precision: mean over objects of the share of grasps given that name that are it. "
+        "The dataset `strain` has the joint angles. `Constant (mean)` answers with the most frequent object.\n",
+    ]
+    for split, protocols in splits(settings).items():
+        seeds = len(settings["protocols"][protocols[0]]["seeds"])
+        text.append(f"## {SPLITS[split]} (`{split}`), {seeds} {'seed' if seeds == 1 else 'seeds'}\n")
+        cells = [(metric, f"{split}_{dataset}") for metric in ("accuracy", "macro_precision") for dataset in MODALITIES]
+        rows = [
+            [style(model).label, *(interval(score(scores, protocol, model, metric), 1) for metric, protocol in cells)]
+            for model in settings["models"]
+        ]
+        header = [f"{METRICS[metric]}: {protocol.rsplit('_', 1)[1]}" for metric, protocol in cells]
+        text.append(table(["Model", *header], rows))
+    return "\n".join(text)
+
+
+def findings(
+    scores: Scores,
+    settings: Mapping,
+    *,
+    confusions: Mapping[str, np.ndarray],
+    objects: Sequence[str],
+    probe: pd.DataFrame,
+    trained: Sequence[Fit],
+    differences: Sequence[tuple[str, str]],
+) -> str:
+    """README.md: verdicts on what was asked of the recordings.
+
+    confusions: see report_glove_findings.findings; probe: see `read_probe`.
+    """
+    main = next(iter(splits(settings)))
+    best = best_networks(scores, settings)
+    lines = [
+        "# Recorded grasps (glove): results\n",
+        f"Accuracy in % on the test part of the `{main}` split, mean over seeds [95 % t interval]; differences in "
+        f"points, paired by seed. {len(objects)} objects; the dataset `strain` has the joint angles. "
+        "[Table](table.md), [speed](../speed/table2.md).\n",
+        *pressure_sentences(scores, best, main),
+        *fusion_sentences(scores, best, main),
+        *leak_sentences(scores, best, main, probe),
+        *model_sentences(scores, settings, main),
+        *time_sentences(scores, settings, best),
+        *confused_sentences(confusions, objects),
+        "- Each object was recorded in one session: whatever differs between sessions helps a model to name the "
+        "object, in every split.",
+        training_sentence(trained),
+        "\n## Figures\n",
+        *(f"- [confusion_{d}.png](confusion_{d}.png): {DATASETS[d]}, {style(best[d]).label}" for d in confusions),
+        *(["- [learning_curves.png](learning_curves.png): validation loss over epochs"] if trained else []),
+        *sentences.differences_section(differences),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def pressure_sentences(scores: Scores, best: Mapping[str, str], main: str) -> list[str]:
+    """Whether pressure alone names three of four grasps."""
+    if "pressure" not in best:
+        return ["- Pressure alone: there is no network without a failed run."]
+    found = score(scores, f"{main}_pressure", best["pressure"], "accuracy")
+    said = "reached" if found.mean >= WANTED else f"missed by {number(WANTED - found.mean, 1)} points"
+    if found.low <= WANTED <= found.high:
+        said += " in the mean; the interval includes it"
+    other, value = EXPECTED["pressure"]
+    return [
+        f"- Pressure alone: {style(best['pressure']).label} is the best network with {interval(found, 1)} %; "
+        f"{WANTED:.0f} % is {said} ({other}, to be expected: {value:.0f} %)."
+    ]
+
+
+def fusion_sentences(scores: Scores, best: Mapping[str, str], main: str) -> list[str]:
+    """Whether pressure adds anything to the joint angles."""
+    lines = []
+    for model in dict.fromkeys(best[dataset] for dataset in ("strain", "combined") if dataset in best):
+        alone, both = (score(scores, f"{main}_{dataset}", model, "accuracy") for dataset in ("strain", "combined"))
+        more = gain(scores, (f"{main}_combined", model), (f"{main}_strain", model), "accuracy")
+        helps = {"reproduced": "it helps", "not reproduced": "it harms"}.get(verdict(more), "undecided")
+        other, value = EXPECTED["strain"]
+        lines.append(
+            f"- Joint angles alone, {style(model).label}: {interval(alone, 1)} % ({other}, to be expected: {value:.0f} "
+            f"%); combined {interval(both, 1)} %. Pressure adds {points(more)}: {helps}."
+        )
+    return lines
+
+
+def read_probe() -> pd.DataFrame:
+    """probe.csv: accuracy of extra trees on joint angles as recorded, and on parts of them; a row a seed."""
+    made_by = "python -m pipeline.studies.joint_angles glove_recorded"
+    return read_csv(paths.probe("glove_recorded"), ["input", "seed", "metric", "value"], made_by)
+
+
+def leak_sentences(scores: Scores, best: Mapping[str, str], main: str, probe: pd.DataFrame) -> list[str]:
+    """What the accuracy that others have from joint angles alone comes from."""
+    other, value = EXPECTED["strain"]
+    lines = []
+    if "combined" in best:
+        both = score(scores, f"{main}_combined", best["combined"], "accuracy")
+        said = "reached" if both.mean >= value else f"missed by {number(value - both.mean, 1)} points"
+        lines.append(
+            f"- Combined against the {value:.0f} % to be expected of joint angles as recorded: "
+            f"{style(best['combined']).label} {interval(both, 1)} %, {said}."
+        )
+    found = {name: estimate(100 * own["value"]) for name, own in probe.groupby("input", sort=False)}
+    if found:
+        each = "; ".join(f"{name} {interval(one, 1)} %" for name, one in found.items())
+        lines.append(
+            f"- Joint angles as recorded give the object away by more than its size. Accuracy of {other} on: {each}. "
+            "Three joints never move in a grasp, but rest at angles that differ by thousandths of a degree from one "
+            "object's minutes to another's. Images have steps of 0.2 degrees and more and do not show that."
+        )
+    return lines
+
+
+def model_sentences(scores: Scores, settings: Mapping, main: str) -> list[str]:
+    """The best of all models, and what a constant answer has."""
+    lines = []
+    for dataset in MODALITIES:
+        order = ranked(scores, settings, f"{main}_{dataset}", "accuracy")
+        shown = [f"{style(model).label} {interval(found, 1)}" for model, found in order.items() if model != "constant"]
+        failed = [style(model).label for model in settings["models"] if model not in order]
+        text = f"- Order of the models, {DATASETS[dataset]} (%): {', '.join(shown)}"
+        lines.append(text + (f"; runs failed for {', '.join(failed)}." if failed else "."))
+    if "constant" in settings["models"]:
+        floor = score(scores, f"{main}_pressure", "constant", "accuracy")
+        lines.append(f"- A constant answer (the most frequent object) has {interval(floor, 1)} %.")
+    return lines
+
+
+def time_sentences(scores: Scores, settings: Mapping, best: Mapping[str, str]) -> list[str]:
+    """How the best networks do in the other splits."""
+    main, *others = splits(settings)
+    lines = []
+    for split in others:
+        parts = [
+            f"{DATASETS[dataset]} {interval(score(scores, f'{split}_{dataset}', model, 'accuracy'), 1)} % against "
+            f"{interval(score(scores, f'{main}_{dataset}', model, 'accuracy'), 1)} % by {main} ({style(model).label})"
+            for dataset, model in best.items()
+        ]
+        lines.append(f"- {SPLITS[split]} (`{split}`): {'; '.join(parts)}.")
+    return lines

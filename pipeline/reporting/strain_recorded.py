@@ -1,0 +1,107 @@
+"""What reports/strain_recorded says: real sensors with real drift, within a day and across days."""
+
+from collections.abc import Mapping
+
+from pipeline.reporting.figures.style import style
+from pipeline.reporting.markdown import interval, table
+from pipeline.scoring.results import Scores
+
+SPLITS = {
+    "within_day": "The first 70 % of 30 July train, its last 30 % test",
+    "across_days": "30 July trains, 31 July tests, on the five strands that both days have",
+    "new_places": "30 July trains, without the presses whose places 31 July repeats, and 31 July tests",
+    "failing_channel": "The first 70 % of 31 July train, its last 30 % test, with the strand that fails left in",
+}
+SHORT = {"within_day": "Within the day", "across_days": "Across days", "new_places": "Across days, new places"}
+TASKS = {"xy": "place while pressed", "z": "pressed or not", "xyz": "all three, at all times: task 0 of transfer"}
+YARDSTICK = {"x": 0.94, "y": 0.97}  # R2 a press that extra trees reach on hand-made differences (data README)
+WANTED = {"within_day": 0.90, "across_days": 0.85, "new_places": 0.85}  # R2 a press in x and y, from raw voltages
+HAND_MADE = "press_difference"  # not a model of raw voltages
+
+
+def columns(task: str) -> dict[str, str]:
+    """Header by metric for a task."""
+    if task == "z":
+        return {"error": "Error (mm)", "r2_z": "R2 (1)"}
+    axes = {f"press_r2_{axis}": f"R2 {axis}, per press (1)" for axis in "xy"}
+    return {"error": "Error (mm)", "r2_x": "R2 x (1)", "r2_y": "R2 y (1)"} | (axes if task == "xy" else {})
+
+
+def protocols(settings: Mapping) -> list[tuple[str, str, str]]:
+    """(protocol, split, task) for every protocol of params.yaml."""
+    return [(name, *name.rsplit("_", 1)) for name in settings["protocols"]]
+
+
+def score_text(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> str:
+    """table.md: a table a split and task; tested: protocol -> the condition (day) that was tested on."""
+    text = [
+        "# Recorded strain sensors: place and depth of a press from voltages\n",
+        "Mean [95 % t interval] over seeds on the test part. Per press: a press is predicted as the mean over the "
+        "second half of its samples. Higher R2 and lower error are better.\n",
+    ]
+    for protocol, split, task in protocols(settings):
+        text.append(
+            f"## {SPLITS[split]}; {TASKS[task]} ({task}), {len(settings['protocols'][protocol]['seeds'])} seeds\n"
+        )
+        names = columns(task)
+        rows = [
+            [
+                style(model).label,
+                *(
+                    interval(scores.estimate(protocol, tested[protocol], model, metric), 2 if metric == "error" else 3)
+                    for metric in names
+                ),
+            ]
+            for model in settings["models"]
+        ]
+        text.append(table(["Model", *names.values()], rows))
+    return "\n".join(text)
+
+
+def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> str:
+    """README.md: verdicts on what was asked of the recordings."""
+    lines = [
+        "# Recorded strain sensors: results\n",
+        "[Table](table.md), [speed](../speed/table2.md), [figure](figure.png).\n",
+    ]
+    lines += [f"- {SHORT[split]}: {SPLITS[split].replace('The first', 'the first')}." for split in WANTED]
+    for split, wanted in WANTED.items():
+        protocol = f"{split}_xy"
+        if protocol not in tested:
+            continue
+        found = {
+            model: [scores.estimate(protocol, tested[protocol], model, f"press_r2_{axis}") for axis in "xy"]
+            for model in settings["models"]
+        }
+        if HAND_MADE in found:
+            x, y = found[HAND_MADE]
+            expected = f" (expected {YARDSTICK['x']} and {YARDSTICK['y']})" if split != "new_places" else ""
+            lines.append(
+                f"- {SHORT[split]}: the yardstick, extra trees on hand-made differences, has R2 {interval(x, 3)} in x "
+                f"and {interval(y, 3)} in y per press{expected}."
+            )
+        raw = {m: pair for m, pair in found.items() if m != HAND_MADE and not any(e.failed for e in pair)}
+        best = max(raw, key=lambda m: min(e.mean for e in raw[m]))
+        x, y = raw[best]
+        verdict = "reached" if min(x.mean, y.mean) >= wanted else f"missed by {wanted - min(x.mean, y.mean):.3f}"
+        lines.append(
+            f"- {SHORT[split]}: of the models on raw voltages {style(best).label} is best, R2 {interval(x, 3)} in x "
+            f"and {interval(y, 3)} in y per press; {wanted:.2f} in both is {verdict}."
+        )
+        if "lstm_direct" in raw and best != "lstm_direct":
+            x, y = raw["lstm_direct"]
+            lines.append(
+                f"- {SHORT[split]}: the paper's LSTM, which sees the same voltages, has {interval(x, 3)} and "
+                f"{interval(y, 3)}: drift that lies in the offsets is not removed by training on one day."
+            )
+    lines.append(
+        "- The rule by which the yardstick finds a press in the voltages was changed once after a test score of "
+        "it had been seen (0.928 and 0.961 within the day, one seed); all settings of the other models were chosen on "
+        "the validation part alone."
+    )
+    lines.append(
+        "- The robot's random places start from the same seed on both days: the places of 31 July are the first places "
+        "of 30 July, in the same order. A model that remembers the order could gain by that; the split `new_places` "
+        "trains without those presses and shows how much."
+    )
+    return "\n".join(lines) + "\n"
