@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.stages import agreement
 from pipeline.base import params, paths
+from pipeline.stages import agreement
 
 
 def scores(values, models=("linear", "cnn")) -> pd.DataFrame:

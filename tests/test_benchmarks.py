@@ -10,12 +10,12 @@ import torch
 from benchmarks import growth, made, peers, report, rows
 from benchmarks.test_benchmark_repro import FORBIDDEN
 
-from pipeline.learning import lomp_network
-from pipeline.logs import parse
 from pipeline.experiments import touch
+from pipeline.learning import lomp_network
 from pipeline.learning.regressors import Spec
-from pipeline.models import esn
 from pipeline.learning.series_regressors import Lstm
+from pipeline.logs import parse
+from pipeline.models import esn
 
 
 def test_stacked_peer_equals_lomp():
@@ -61,7 +61,9 @@ def test_a_made_log_has_its_faults_and_can_be_aligned(tmp_path):
     assert 0.6e6 < (folder / "array.log").stat().st_size < 1e6
     frames, rejects, report = touch.read_recording(folder, settings)
     reasons = report["array.log"]["rejects"]
-    assert reasons[parse.TEXT] == 1 and reasons[parse.COLUMNS] and reasons[parse.OUT_OF_RANGE] and reasons[parse.DUPLICATE]
+    assert (
+        reasons[parse.TEXT] == 1 and reasons[parse.COLUMNS] and reasons[parse.OUT_OF_RANGE] and reasons[parse.DUPLICATE]
+    )
     # Boot times, in us, are all that the clocks differ by.
     assert report["array.log"]["clocks"][0]["offset_ms"] == pytest.approx(3000, abs=15)
     assert report["cnc.log"]["clocks"][0]["offset_ms"] == pytest.approx(6000, abs=15)

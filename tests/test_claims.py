@@ -7,14 +7,25 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.reporting import glove as glove_report
-from pipeline.reporting.verdicts import glove as glove_verdicts, rules, strain as strain_verdicts, touch as touch_verdicts
-from pipeline.stages import judge
-from pipeline.scoring import results
 from pipeline.base import params, paths
-from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
 from pipeline.datasets.images import MODALITIES
+from pipeline.reporting import glove as glove_report
 from pipeline.reporting.strain import published
+from pipeline.reporting.verdicts import (
+    glove as glove_verdicts,
+)
+from pipeline.reporting.verdicts import (
+    rules,
+)
+from pipeline.reporting.verdicts import (
+    strain as strain_verdicts,
+)
+from pipeline.reporting.verdicts import (
+    touch as touch_verdicts,
+)
+from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
+from pipeline.scoring import results
+from pipeline.stages import judge
 
 ROOT = Path(__file__).resolve().parent.parent
 VALUES = params.load()

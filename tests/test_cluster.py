@@ -32,7 +32,7 @@ SETTINGS = {
 # What the cluster needs for training, and the same training without it.
 PREPARE = """
 import sys
-from pipeline import dataset, ingest, simulate, train_series
+from pipeline.stages import dataset, ingest, simulate, train_series
 for stage, *model in ((simulate,), (ingest,), (dataset,), (train_series, "model_zero")):
     sys.argv = [stage.__name__, "strain", *model]
     stage.main()
@@ -97,7 +97,7 @@ def endless(number, report):
 
 def main():
     from tqdm import tqdm
-    from pipeline import workers
+    from pipeline.base import workers
     list(workers.run(endless, {0: (0,), 1: (1,)}, tqdm()))
 
 if __name__ == "__main__":

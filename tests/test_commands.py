@@ -16,8 +16,8 @@ from conftest import ROOT
 from dvc.repo import Repo
 from test_architecture import stage_entries
 
-from pipeline.logs import sources
 from pipeline.base import params
+from pipeline.logs import sources
 
 VALUES = params.load()
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]

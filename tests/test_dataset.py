@@ -4,12 +4,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline.scoring import metrics
-from pipeline.datasets import labels, schemas
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.experiments import touch, velostat_recorded
+from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import presses, window_rows, windows_of
+from pipeline.experiments import touch, velostat_recorded
+from pipeline.scoring import metrics
 
 
 @pytest.fixture

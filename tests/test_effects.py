@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.reporting import physics as physics_report
 from pipeline.reporting.verdicts import physics as physics_verdicts
+from pipeline.reporting.verdicts.physics import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
+from pipeline.scoring.variants import COLUMNS, DEFAULT, variants
 from pipeline.stages import render_physics
 from pipeline.studies import physics as physics_study
-from pipeline.base import params, paths
-from pipeline.reporting.verdicts.physics import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
-from pipeline.base.errors import InputError
-from pipeline.scoring.variants import COLUMNS, DEFAULT, variants
 
 # RMSE in kPa: LoMP is best on double touch, the networks are best on single touch.
 SINGLE = {"constant": 11.0, "linear": 9.0, "poly": 6.0, "tree": 7.5, "rbf": 5.5, "cnn": 4.0, "rnn": 4.8, "lomp": 3.5}

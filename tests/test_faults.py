@@ -34,14 +34,14 @@ from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
 from pipeline import tracking
-from pipeline.scoring import results
-from pipeline.logs import own_data, parse, stag
-from pipeline.datasets import schemas, series
 from pipeline.base import availability, blocks, params, paths
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas, series
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
 from pipeline.learning.regressors import Spec
+from pipeline.logs import own_data, parse, stag
 from pipeline.scenes import strain as strain_scene
+from pipeline.scoring import results
 
 LONGEST_S = 1.0  # of processor time that one input may take
 FUZZ = os.environ.get("FUZZ")

@@ -4,15 +4,15 @@ import matplotlib.pyplot as plt
 import own_logs
 import pytest
 
-from pipeline.reporting.figures import style
 from pipeline.base import params
+from pipeline.reporting.figures import style
 
 VALUES = params.load()
 
 
 @pytest.mark.parametrize("experiment", VALUES["experiments"])
 def test_no_two_models_of_an_experiment_look_alike(experiment):
-    styles = [style.style(model) for model in VALUES[experiment]["models"]]
+    styles = [style.model_style(model) for model in VALUES[experiment]["models"]]
     for part in ("label", "color", "marker"):
         found = [getattr(one, part) for one in styles]
         assert len(set(found)) == len(found), f"{experiment}: a {part} twice in {found}"

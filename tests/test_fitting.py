@@ -6,9 +6,9 @@ import torch
 from safetensors.torch import load_file
 from torch import nn
 
-from pipeline.learning import cost, regressors
 from pipeline.base.blocks import EarlyStopping
 from pipeline.base.errors import InputError
+from pipeline.learning import cost, regressors
 from pipeline.learning.regressors import SklearnRegressor, Spec, TorchRegressor, input_scale
 
 SPEC = Spec(2, 1, 3, 2, 2)

@@ -4,11 +4,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline.scoring import classification
-from pipeline.datasets import images, schemas
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.datasets import images, schemas
 from pipeline.experiments import glove
+from pipeline.scoring import classification
 
 CELLS = glove.PRESSURE_CELLS + glove.STRAIN_CELLS
 

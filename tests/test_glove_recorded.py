@@ -9,14 +9,14 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline.datasets import images as tactile
-from pipeline.studies import joint_angles
-from pipeline.logs import parse, sources
-from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.datasets import images as tactile
+from pipeline.datasets import schemas
 from pipeline.experiments import glove_recorded
 from pipeline.experiments.glove_recorded import CELLS, JOINTS, MATRICES, read_recording
+from pipeline.logs import parse, sources
+from pipeline.studies import joint_angles
 
 SETTINGS = {
     "ingest": {"max_reject_fraction": 0.25},

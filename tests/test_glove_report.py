@@ -12,14 +12,24 @@ import pyarrow.parquet
 import pytest
 from scipy.stats import t as student
 
-from pipeline.reporting import glove as glove_report, glove_findings, glove_pages, glove_recorded as glove_recorded_report
-from pipeline.reporting.figures import glove as glove_figures, style
-from pipeline.stages import render
-from pipeline.scoring import classification, results
-from pipeline.datasets import images, schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import load
+from pipeline.datasets import images, schemas
+from pipeline.reporting import (
+    glove as glove_report,
+)
+from pipeline.reporting import (
+    glove_findings,
+    glove_pages,
+)
+from pipeline.reporting import (
+    glove_recorded as glove_recorded_report,
+)
+from pipeline.reporting.figures import glove as glove_figures
+from pipeline.reporting.figures import style
+from pipeline.scoring import classification, results
+from pipeline.stages import render
 
 OBJECTS = ["empty_bottle", "full_bottle_1", "full_bottle_2", "mobile_phone", "paper_roll", "toy"]
 SESSIONS, IMAGES = 5, 3  # of each object, of each session
@@ -72,7 +82,9 @@ def write_experiment(experiment, settings):
     sessions = pa.array([f"session{k:02d}" for k in session]).dictionary_encode()
     columns = {"condition": names, "recording": sessions, "label": pa.array(label.astype(np.int16))}
     for dataset in images.MODALITIES:
-        columns[dataset] = schemas.lists(rng.integers(0, 256, (len(label), images.SIDE**2)).astype(np.uint8), pa.uint8())
+        columns[dataset] = schemas.lists(
+            rng.integers(0, 256, (len(label), images.SIDE**2)).astype(np.uint8), pa.uint8()
+        )
     part = np.where(session < 2, "train", np.where(session < 3, "validation", "test"))
     for protocol, seed in runs(settings):
         columns[schemas.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()

@@ -7,8 +7,8 @@ from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
-from pipeline.learning.image_classifier import ImageClassifier, augmented, spec_of
 from pipeline.datasets.images import SIDE
+from pipeline.learning.image_classifier import ImageClassifier, augmented, spec_of
 
 NONE = {"learning_rate": 1e-2, "batch_size": 8, "max_epochs": 3, "flip": 0.0, "noise": 0.0, "affine": 0.0}
 

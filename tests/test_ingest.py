@@ -8,12 +8,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.stages import ingest
-from pipeline.logs import sources
-from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
 from pipeline.experiments import touch, velostat_recorded
+from pipeline.logs import sources
+from pipeline.stages import ingest
 
 SETTINGS = {
     "source": "simulated",

@@ -15,11 +15,11 @@ import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline.commands import fetch
-from pipeline.logs import sources
-from pipeline.datasets import schemas
 from pipeline.base import errors, paths
 from pipeline.base.errors import InputError
+from pipeline.commands import fetch
+from pipeline.datasets import schemas
+from pipeline.logs import sources
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -171,13 +171,17 @@ def test_an_error_of_the_code_keeps_its_traceback():
 
 # Killed processes.
 
-ORPHAN = """
+ORPHAN = '''
 import os, subprocess, sys, time
-stage = "import time; from pipeline.base.errors import run_stage; run_stage(lambda: print(1, flush=True) or time.sleep(60))"
+stage = """
+import time
+from pipeline.base.errors import run_stage
+run_stage(lambda: print(1, flush=True) or time.sleep(60))
+"""
 child = subprocess.Popen([sys.executable, "-c", stage])
 print(child.pid, flush=True)
 child.wait()
-"""
+'''
 
 
 def test_a_stage_ends_with_the_dvc_that_started_it():

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.stages import latency
 from pipeline.base import params, paths
+from pipeline.stages import latency
 
 SETTINGS = {"warm_up": 3, "calls": 4}
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.logs import parse
 from pipeline.base.errors import InputError
+from pipeline.logs import parse
 from pipeline.logs.parse import Column, Format, read_log
 
 CLOCK = Column("t_us", "us", 0, 1e6 * parse.LONGEST_S, integer=True)  # no time is too late for a log
@@ -195,9 +195,8 @@ def test_a_missing_file(tmp_path):
 def test_reading_a_hopeless_file_stops_early(tmp_path, monkeypatch):
     monkeypatch.setattr(parse, "PIECE", 1000)
     monkeypatch.setattr(parse, "HOPELESS", 100)
-    parsed = []
-    parse = parse._parse_piece
-    monkeypatch.setattr(parse, "_parse_piece", lambda *a: parsed.append(1) or parse(*a))
+    parsed, piece = [], parse._parse_piece
+    monkeypatch.setattr(parse, "_parse_piece", lambda *a: parsed.append(1) or piece(*a))
     with pytest.raises(InputError, match="no line can be read"):
         read_log(write(tmp_path, b"1,2\n" * 100_000), COUNTS)
     assert len(parsed) < 50
@@ -260,8 +259,8 @@ def test_rows_rejected_by_an_experiment_have_the_first_texts_too(tmp_path, monke
 
 def test_a_log_that_will_be_refused_is_not_read_to_its_end(tmp_path, monkeypatch):
     monkeypatch.setattr(parse, "PIECE", 1000)
-    parsed, parse = [], parse._parse_piece
-    monkeypatch.setattr(parse, "_parse_piece", lambda *a: parsed.append(1) or parse(*a))
+    parsed, piece = [], parse._parse_piece
+    monkeypatch.setattr(parse, "_parse_piece", lambda *a: parsed.append(1) or piece(*a))
     path = write(tmp_path, b"".join(map(frame, range(20))) + b"torn\n" * 20_000)
     words = (
         r"device\.log: 9\d\.\d% of the first \d+ lines cannot be used, most often 'banner or text' .* raise x\.limit"
@@ -328,12 +327,12 @@ def peak_and_time(path: Path, limit: float) -> tuple[float, float]:
 import time
 from benchmarks.measure import _memory_mb
 from pathlib import Path
-from pipeline import logs
+from pipeline.logs import parse
 from pipeline.base.errors import InputError
 from test_logs import COUNTS
 memory, started = _memory_mb("VmRSS"), time.process_time()
 try:
-    logs.read_log(Path({str(path)!r}), COUNTS, limit={limit}, key="x.limit")
+    parse.read_log(Path({str(path)!r}), COUNTS, limit={limit}, key="x.limit")
 except InputError:
     pass
 print(_memory_mb("VmHWM") - memory, time.process_time() - started)

@@ -5,8 +5,8 @@ import pytest
 import torch
 from benchmarks.peers import LoopedLomp
 
-from pipeline.learning import lomp_network
 from pipeline.base.errors import InputError
+from pipeline.learning import lomp_network
 from pipeline.learning.regressors import Spec
 from pipeline.models import lomp
 

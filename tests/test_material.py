@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.commands import fit_material
 from pipeline.base.errors import InputError
+from pipeline.commands import fit_material
 from pipeline.scenes import material
 from pipeline.scenes.material import FITTED, load_material, log_resistance
 

@@ -10,15 +10,15 @@ import torch
 from sklearn.naive_bayes import GaussianNB
 from torch import nn
 
-from pipeline.learning import cost
 from pipeline.base import params
-from pipeline.studies.counts import count
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import Spec
 from pipeline.datasets.images import SIDE
-from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
-from pipeline.studies.operations import operations
+from pipeline.learning import cost
+from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import Convolution3x3, GlobalCoordinateAttention
+from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
+from pipeline.studies.counts import count
+from pipeline.studies.operations import operations
 
 TRAINING = dict(learning_rate=1e-3, batch_size=6, max_epochs=1, flip=0.0, noise=0.0, affine=0.0)
 SETTINGS = {

@@ -9,11 +9,11 @@ import sys
 import pytest
 import yaml
 
-from pipeline.stages import ingest
-from pipeline.commands import check
-from pipeline.logs import own_data
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.commands import check
+from pipeline.logs import own_data
+from pipeline.stages import ingest
 
 LOG = "finger/single/run000/array.log"
 

@@ -16,14 +16,14 @@ import pytest
 import yaml
 from conftest import ROOT, Project
 
-from pipeline.reporting.figures import check as check_figures
-from pipeline.stages import ingest
-from pipeline.commands import check
-from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.reporting.page.hypertext import Pages
+from pipeline.commands import check
+from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
+from pipeline.reporting.figures import check as check_figures
+from pipeline.reporting.page.hypertext import Pages
+from pipeline.stages import ingest
 
 ARRAYS = {  # rows, cols, frames a second, highest count, and a map in params.yaml that is a multiple of the array
     "3x7": ((3, 7, 40.0), 1023, (9, 21)),
@@ -250,7 +250,9 @@ def test_ingest_says_that_check_knows_more(root, small):
     folder, values = small
     logs = changed(folder, root / "data" / "own" / "sensor", lambda lines: [line.replace(",", ";") for line in lines])
     settings = values["touch"] | {"source": "data/own/sensor"}
-    with pytest.raises(InputError, match=rf"{logs}.* \(`python -m pipeline.commands.check touch data/own/sensor` says more\)$"):
+    with pytest.raises(
+        InputError, match=rf"{logs}.* \(`python -m pipeline.commands.check touch data/own/sensor` says more\)$"
+    ):
         ingest.ingest("touch", settings)
 
 

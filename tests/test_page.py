@@ -14,10 +14,10 @@ import pandas as pd
 import pytest
 import yaml
 
-from pipeline.reporting.page import charts, hypertext
-from pipeline.stages import page
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.reporting.page import charts, hypertext
+from pipeline.stages import page
 
 ROOT = Path(__file__).resolve().parent.parent
 ABSENT = "glove_recorded"
@@ -87,7 +87,7 @@ def write_claims(reports: Path, rows: list) -> None:
 
 @pytest.fixture
 def reports(tmp_path, monkeypatch) -> Path:
-    """A small reports/ of all experiments, one of them not run, in a project that `pipeline.stages.page` takes for its own."""
+    """A small reports/ of all experiments, one of them not run, which the stage page takes for its own."""
     for part in ("params.yaml", "constraints.txt"):
         shutil.copy(ROOT / part, tmp_path / part)
     shutil.copytree(ROOT / "scales", tmp_path / "scales")

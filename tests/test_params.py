@@ -79,7 +79,7 @@ def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
     key = where.format(canary=canary)
     values = altered(experiment, "models", value={key: {}})
     text_file(project, yaml.safe_dump(values))
-    code = f"import runpy, sys; from pipeline import paths; paths.ROOT = paths.Path({str(project)!r})\n"
+    code = f"import runpy, sys; from pipeline.base import paths; paths.ROOT = paths.Path({str(project)!r})\n"
     code += "paths.PARAMS = paths.ROOT / 'params.yaml'\n"
     code += f"sys.argv = [{program!r}, {experiment!r}, {key!r}]\n"
     code += f"runpy.run_module('pipeline.{program}', run_name='__main__')"
@@ -197,7 +197,7 @@ def test_params_yaml_is_read_in_main_alone():
 STAGE = """
 import os, sys
 from pathlib import Path
-from pipeline import errors, paths
+from pipeline.base import errors, paths
 paths.PARAMS = Path(sys.argv[1])
 errors.run_stage(lambda: paths.PARAMS.write_text(sys.argv[2]))
 """

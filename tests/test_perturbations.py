@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.stability import perturbations
 from pipeline.base.errors import InputError
 from pipeline.datasets.seeding import generator
+from pipeline.stability import perturbations
 
 ELEMENTS, FRAMES = 6, 8
 SETTINGS = {

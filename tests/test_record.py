@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.commands import record
 from pipeline.base.errors import InputError
+from pipeline.commands import record
 
 ROOT = Path(__file__).resolve().parent.parent
 WAIT_S = 20
@@ -55,7 +55,12 @@ def start(device, tmp_path):
     running = []
 
     def one(*arguments):
-        command = [sys.executable, "-m", "pipeline.commands.record", *(arguments or (device.path, tmp_path / "new" / "log"))]
+        command = [
+            sys.executable,
+            "-m",
+            "pipeline.commands.record",
+            *(arguments or (device.path, tmp_path / "new" / "log")),
+        ]
         process = subprocess.Popen(
             command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
         )

@@ -10,9 +10,20 @@ import test_strain_recorded
 from conftest import leaves
 from opened.noted import Noted, ignore_bookkeeping
 
-from pipeline.stages import agreement, dataset, evaluate, ingest, latency, stress, train, train_images, train_series, window
-from pipeline.logs import sources
 from pipeline.base import params, paths
+from pipeline.logs import sources
+from pipeline.stages import (
+    agreement,
+    dataset,
+    evaluate,
+    ingest,
+    latency,
+    stress,
+    train,
+    train_images,
+    train_series,
+    window,
+)
 
 TRAIN = {"velostat_recorded": train, "strain_recorded": train_series, "glove_recorded": train_images}
 # A model in closed form of each, which every processor fits to the same digits but the last, and its protocols.

@@ -11,15 +11,16 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from pipeline.reporting import experiment as experiment_report, touch as touch_report
-from pipeline.stages import render
-from pipeline.scoring import results
-from pipeline.datasets import labels, schemas
 from pipeline.base import paths
-from pipeline.reporting.differences import read_differences
 from pipeline.base.errors import InputError
-from pipeline.reporting.markdown import interval, number, table
 from pipeline.base.params import load
+from pipeline.datasets import labels, schemas
+from pipeline.reporting import experiment as experiment_report
+from pipeline.reporting import touch as touch_report
+from pipeline.reporting.differences import read_differences
+from pipeline.reporting.markdown import interval, number, table
+from pipeline.scoring import results
+from pipeline.stages import render
 
 TRAINING = {"training": {"max_epochs": 3}}
 SENSOR = {"rows": 3, "cols": 3, "pitch_mm": 12.0, "element_mm": 11.5}
@@ -423,7 +424,8 @@ def test_differences_are_collected(tmp_path):
 
 def test_render_needs_neither_torch_nor_scikit_learn():
     code = (
-        "import sys, pipeline.stages.render, pipeline.reporting.glove_pages, pipeline.reporting.strain_pages, pipeline.reporting.touch_pages\n"
+        "import sys, pipeline.stages.render, pipeline.reporting.glove_pages, "
+        "pipeline.reporting.strain_pages, pipeline.reporting.touch_pages\n"
         "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.learning.regressors', 'pipeline.models'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )

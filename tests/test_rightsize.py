@@ -5,13 +5,13 @@ import pandas as pd
 import pytest
 import torch
 
+from pipeline.base.errors import InputError
+from pipeline.models import sp_resnet
+from pipeline.reporting.figures.sizes import Reference
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
+from pipeline.scoring import ladders
 from pipeline.stages import render_rightsize
 from pipeline.studies import narrow_sp_resnet, sizes
-from pipeline.scoring import ladders
-from pipeline.base.errors import InputError
-from pipeline.reporting.figures.sizes import Reference
-from pipeline.models import sp_resnet
 
 NAN = float("nan")
 

@@ -5,17 +5,18 @@ import pyarrow as pa
 import pytest
 from torch import nn
 
-from pipeline.studies import augmentation, narrow_sp_resnet, physics as physics_study, sizes
-from pipeline.scoring import metrics
-from pipeline.logs import stag
-from pipeline.datasets import images, schemas, series
 from pipeline.base import params, paths, runs
+from pipeline.datasets import images, schemas, series
+from pipeline.learning.image_classifier import ImageClassifier, ImageTraining
+from pipeline.learning.regressors import FitSummary, TorchRegressor, Training
+from pipeline.logs import stag
+from pipeline.scoring import metrics
 from pipeline.stages import train as train_stage
 from pipeline.stages import train_images as images_stage
 from pipeline.stages import train_series as series_stage
+from pipeline.studies import augmentation, narrow_sp_resnet, sizes
+from pipeline.studies import physics as physics_study
 from pipeline.studies import stag as stag_stage
-from pipeline.learning.regressors import FitSummary, TorchRegressor, Training
-from pipeline.learning.image_classifier import ImageClassifier, ImageTraining
 
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
 PART = np.repeat(["train", "validation", "test"], [80, 20, 20])

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.scoring import metrics
-from pipeline.datasets import series
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.datasets import series
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, ridge_weights, spec_of
+from pipeline.scoring import metrics
 from pipeline.studies.latent import decoded
 
 RECIPE = {"learning_rate": 5e-3, "max_epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}

@@ -11,10 +11,10 @@ from urllib.parse import quote, unquote
 
 import pytest
 
-from pipeline.commands import fetch
-from pipeline.logs import sources
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.commands import fetch
+from pipeline.logs import sources
 
 CONTENT = {"a/one.txt": b"1.0 2.0\n", "b/two words.txt": b"3.0 4.0\n"}
 

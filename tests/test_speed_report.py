@@ -4,11 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.reporting import speed as speed_report
-from pipeline.reporting.figures import speed as speed_figures, style
-from pipeline.scoring import results
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.reporting import speed as speed_report
+from pipeline.reporting.figures import speed as speed_figures
+from pipeline.reporting.figures import style
+from pipeline.scoring import results
 
 TIMES = {"constant": 0.007, "linear": 0.22, "poly": 0.38, "tree": 0.083, "rbf": 0.33, "cnn": 0.24, "vgg": 1.7}
 TIMES |= {"convlstm": 0.8, "rnn": 0.334, "lomp": 2.8}
@@ -154,7 +155,7 @@ def test_every_model_is_named_and_no_name_covers_another(tmp_path, monkeypatch, 
     figure = drawn(drawable({"single": crowded(spread), "double": as_printed}), tmp_path, monkeypatch, time)
     for ax in figure.axes:
         boxes = {" ".join(text.get_text().split()): text.get_window_extent() for text in ax.texts}
-        assert set(boxes) == {style.style(model).label for model in TIMES}
+        assert set(boxes) == {style.label(model) for model in TIMES}
         inside, names = ax.get_window_extent(), list(boxes)
         for k, one in enumerate(names):
             for other in names[k + 1 :]:

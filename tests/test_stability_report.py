@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.reporting import stability as stability_report
-from pipeline.reporting.figures import stability as stability_figures
-from pipeline.stages import collect, render_stability
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.reporting import stability as stability_report
+from pipeline.reporting.figures import stability as stability_figures
 from pipeline.reporting.stability import FAILED, HOLDS, Level, level
+from pipeline.stages import collect, render_stability
 
 MODELS = {"constant": {}, "linear": {}, "lomp": {}}
 LEVELS = {"noise": [0, 0.1, 0.2], "press_speed": [0, -1, 1], "distance": [48, 12]}

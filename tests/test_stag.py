@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline.studies import stag as stag_study
-from pipeline.logs import own_data, stag
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.logs import own_data, stag
+from pipeline.studies import stag as stag_study
 
 FRAMES, OBJECTS = 12, ["mug", "empty hand", "full can"]
 

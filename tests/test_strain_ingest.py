@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.datasets import schemas
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
 from pipeline.experiments import strain
 from pipeline.scenes import strain as scene_of
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline.logs import parse, sources
-from pipeline.datasets import schemas, series
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas, series
 from pipeline.experiments import strain_recorded
 from pipeline.experiments.strain_recorded import CYCLE, PRESSED, read_recording
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted
+from pipeline.logs import parse, sources
 
 SETTINGS = {"ingest": {"every": 3, "max_reject_fraction": 0.05}, "split": {"train": 0.7, "validation": 0.1}}
 CYCLES = 20
@@ -156,7 +156,9 @@ def test_a_file_too_large_or_with_another_name_is_refused(tmp_path, monkeypatch)
 
 def test_recordings_are_both_days_or_a_sentence(tmp_path):
     save(tmp_path, workspace(), "new_test/para5_long.mat")
-    with pytest.raises(InputError, match=r"para5_long_n\.mat: recording not found; run `python -m pipeline.commands.fetch"):
+    with pytest.raises(
+        InputError, match=r"para5_long_n\.mat: recording not found; run `python -m pipeline.commands.fetch"
+    ):
         strain_recorded.recordings(tmp_path)
     save(tmp_path, workspace(channels=7), "para5_long_n.mat")
     assert [path.name for path in strain_recorded.recordings(tmp_path)] == ["para5_long.mat", "para5_long_n.mat"]

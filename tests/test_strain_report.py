@@ -4,9 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.reporting import strain as strain_report, strain_recorded as strain_recorded_report
-from pipeline.scoring import results
 from pipeline.base import paths
+from pipeline.reporting import strain as strain_report
+from pipeline.reporting import strain_recorded as strain_recorded_report
+from pipeline.scoring import results
 
 MODELS = {"constant": {}, "press_difference": {}, "lstm_direct": {}, "lstm_highpass": {}}
 

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.stages import dataset, evaluate, ingest, simulate, stress, train, window
-from pipeline.stability import windows as stress_windows
-from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.scenes import touch, touch_stress
+from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
+from pipeline.scenes import touch, touch_stress
+from pipeline.stability import windows as stress_windows
+from pipeline.stages import dataset, evaluate, ingest, simulate, stress, train, window
 
 PERTURBATIONS = {"noise": [0.01, 0.03], "dead": [2], "specimen": [1], "press_speed": [-1], "touches": [1, 2]}
 
@@ -103,7 +103,9 @@ def test_other_clean_scores_than_those_of_evaluate_are_refused(project):
     scores.loc[(scores.model == "linear") & (scores.metric == "rmse"), "value"] *= 1.01
     scores.to_csv(file, index=False)
     try:
-        with pytest.raises(InputError, match="linear, press, seed 0 has rmse .* run `python -m pipeline.stages.evaluate"):
+        with pytest.raises(
+            InputError, match="linear, press, seed 0 has rmse .* run `python -m pipeline.stages.evaluate"
+        ):
             stress.main()
     finally:
         file.write_text(before)

@@ -8,14 +8,14 @@ import pyarrow as pa
 import pytest
 import yaml
 
-from pipeline.stages import dataset, evaluate, ingest, simulate, train_images
-from pipeline.stability import images as stress_images
-from pipeline.datasets import images, schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.experiments import glove, glove_recorded
 from pipeline.commands.scale import set_values
+from pipeline.datasets import images, schemas
+from pipeline.experiments import glove, glove_recorded
 from pipeline.scenes import glove_stress
+from pipeline.stability import images as stress_images
+from pipeline.stages import dataset, evaluate, ingest, simulate, train_images
 
 MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
 

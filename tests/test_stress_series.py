@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import yaml
 
-from pipeline.stages import dataset, evaluate, ingest, simulate, train_series
-from pipeline.stability import series as stress_series
-from pipeline.datasets import series
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.commands.scale import set_values
+from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
+from pipeline.stability import series as stress_series
 from pipeline.stability.series import Levels, Run
+from pipeline.stages import dataset, evaluate, ingest, simulate, train_series
 
 SAMPLES, FIRST = 4000, 3500  # the test part is longer ago than WARM_UP from the start
 SEEN = Levels(np.array([1.0, 2.0]), np.array([0.5, 0.5]), 5.0)
@@ -167,7 +167,9 @@ def test_a_score_that_is_out_of_date_is_an_error(project):
     fields = before.split(",")
     fields[7] = str(float(fields[7]) + 0.01)
     paths.scores("strain").write_text(text.replace(before, ",".join(fields)))
-    with pytest.raises(InputError, match="ridge, task_1, seed 0 has error .* run `python -m pipeline.stages.evaluate strain`"):
+    with pytest.raises(
+        InputError, match="ridge, task_1, seed 0 has error .* run `python -m pipeline.stages.evaluate strain`"
+    ):
         stress_series.rows(project, "strain", "ridge", lambda: None)
     paths.scores("strain").write_text(text)
 

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.studies import latent
-from pipeline.datasets import series
 from pipeline.base import params
+from pipeline.datasets import series
+from pipeline.studies import latent
 
 SAMPLES = 100
 

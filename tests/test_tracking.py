@@ -18,9 +18,9 @@ from made_results import EPOCHS, write_results
 from mlflow.exceptions import INVALID_PARAMETER_VALUE, UNAUTHENTICATED, MlflowException
 
 from pipeline import tracking
-from pipeline.stages import track
 from pipeline.base import paths, store
 from pipeline.base.errors import InputError, run_stage
+from pipeline.stages import track
 
 PARAMS = {
     "experiments": ["touch", "velostat_recorded"],
@@ -601,7 +601,9 @@ def test_a_store_that_fails_half_way_loses_nothing(repository, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(tracking.MlflowClient, "log_artifacts", log_artifacts)
-        with pytest.raises(InputError, match="database is locked.*run `python -m pipeline.stages.track` again") as caught:
+        with pytest.raises(
+            InputError, match="database is locked.*run `python -m pipeline.stages.track` again"
+        ) as caught:
             track.track(PARAMS)
     assert "\n" not in str(caught.value)
     assert not store.receipt().exists()

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.stages import train, train_images, train_series
-from pipeline.scoring import metrics
-from pipeline.learning import trained
 from pipeline.base import params, paths, runs
 from pipeline.base.errors import InputError
+from pipeline.learning import trained
 from pipeline.learning.regressors import Spec
+from pipeline.scoring import metrics
+from pipeline.stages import train, train_images, train_series
 
 SPEC = Spec(2, 1, 3, 1, 2)
 
@@ -51,7 +51,9 @@ def test_a_run_that_diverged_predicts_nothing(values):
 
 
 def test_a_run_that_is_not_there_or_broken_says_how_to_train_it(values):
-    with pytest.raises(InputError, match="press-1: not found; run `python -m pipeline.stages.train touch linear` first"):
+    with pytest.raises(
+        InputError, match="press-1: not found; run `python -m pipeline.stages.train touch linear` first"
+    ):
         trained.load(values, "touch", "linear", "press", 1, SPEC)
     with pytest.raises(InputError, match="run `python -m pipeline.stages.train_images glove tree` first"):
         trained.load(values, "glove", "tree", "session_strain", 0, Spec(1, 32, 32, 1, 16))
@@ -76,7 +78,11 @@ def test_a_run_that_is_not_there_or_broken_says_how_to_train_it(values):
         ),
         (train_images, ["strain", "esn"], "run `python -m pipeline.stages.train_series strain esn`"),
         (train, ["tuch", "cnn"], r"usage: python -m pipeline.stages.train touch\|velostat_recorded MODEL"),
-        (train_series, ["strain"], r"usage: python -m pipeline.stages.train_series strain\|strain_recorded MODEL\|model_zero"),
+        (
+            train_series,
+            ["strain"],
+            r"usage: python -m pipeline.stages.train_series strain\|strain_recorded MODEL\|model_zero",
+        ),
         (train, ["touch", "cn"], "touch.models: no model 'cn'"),
     ],
 )

@@ -169,7 +169,7 @@ import time
 from pathlib import Path
 from tqdm import tqdm
 from test_workers import slow
-from pipeline import workers
+from pipeline.base import workers
 from pipeline.base.errors import run_stage
 
 def main():

@@ -40,7 +40,7 @@ ATTEMPTS = 3  # at a task whose process is killed or hangs while its worker live
 STILL_S = 600  # a process that has neither used its core nor reported for so long hangs; an epoch may last hours
 TOPIC = "tactile-reproduction progress"
 NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # whose version may change a result
-SERVE = "import sys; from pipeline import cluster; cluster.serve(int(sys.argv[1]))"
+SERVE = "import sys; from pipeline.base import cluster; cluster.serve(int(sys.argv[1]))"
 
 
 class Job(NamedTuple):

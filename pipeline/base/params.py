@@ -37,7 +37,7 @@ def load(path: Path = paths.PARAMS) -> dict:
 
 
 def check(values) -> None:
-    """Hold all of params.yaml against pipeline/base/blocks.py and pipeline/models; InputError names what fails first."""
+    """Hold params.yaml against pipeline/base/blocks.py and pipeline/models; InputError names what fails first."""
     check_block(values, blocks.Settings, "")
     for experiment, block in values.items():
         if isinstance(block, Mapping) and "models" in block:
@@ -184,8 +184,8 @@ def _kind(argument: ast.arg, path: Path):
     name = argument.annotation.id if isinstance(argument.annotation, ast.Name) else ""
     if not hasattr(blocks, name):
         raise InputError(
-            f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/base/blocks.py as its "
-            "annotation, such as Count, Positive or EarlyStopping"
+            f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/base/blocks.py "
+            "as its annotation, such as Count, Positive or EarlyStopping"
         )
     return getattr(blocks, name)
 

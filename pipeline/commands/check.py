@@ -19,12 +19,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.reporting.figures import check as check_figures
-from pipeline.logs import diagnosis, own_data, parse
-from pipeline.datasets import labels, schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
+from pipeline.logs import diagnosis, own_data, parse
+from pipeline.reporting.figures import check as check_figures
 
 EXPERIMENTS = ("touch", "strain", "glove")
 DRAWN = 3  # recordings in the picture

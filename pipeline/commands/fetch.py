@@ -1,4 +1,6 @@
-"""Public recordings: `python -m pipeline.commands.fetch` lists the sources, `python -m pipeline.commands.fetch NAME` gets one.
+"""Download public recordings.
+
+`python -m pipeline.commands.fetch` lists the sources, `python -m pipeline.commands.fetch NAME` gets one.
 
 From a local copy of it: `python -m pipeline.commands.fetch NAME --from FOLDER`.
 Every file is checked against its SHA-256 before it gets its name. An interrupted call is simply repeated: files that
@@ -14,8 +16,8 @@ from urllib.request import Request, urlopen
 
 from tqdm import tqdm
 
-from pipeline.logs import sources
 from pipeline.base.errors import InputError, run_stage, storage_error
+from pipeline.logs import sources
 
 TIMEOUT_S = 60
 BLOCK = 1 << 16  # bytes between two moves of the bar
@@ -45,7 +47,10 @@ def listing() -> str:
     lines += ["", "from, at pinned commits:"]
     for name, source in sources.SOURCES.items():
         lines.append(f"  {name}: https://github.com/{source.repository}/tree/{source.commit}/{source.folder}")
-    lines += ["", "get one: python -m pipeline.commands.fetch NAME; from a local copy of it: --from FOLDER behind the name"]
+    lines += [
+        "",
+        "get one: python -m pipeline.commands.fetch NAME; from a local copy of it: --from FOLDER behind the name",
+    ]
     return "\n".join(lines)
 
 
@@ -133,7 +138,9 @@ def _found(path: Path, folder: Path, name: str) -> Path:
 
 def main() -> None:
     """Command line: nothing, for the list; or a source's name and, instead of the download, a local folder."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.commands.fetch", description="List or get public recordings.")
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline.commands.fetch", description="List or get public recordings."
+    )
     parser.add_argument("name", nargs="?", help=f"one of: {', '.join(sorted(sources.SOURCES))}; without it, the list")
     parser.add_argument("--from", dest="from_folder", type=Path, metavar="FOLDER", help="copy, do not download")
     arguments = parser.parse_args()

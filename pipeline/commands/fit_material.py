@@ -22,10 +22,10 @@ import matplotlib
 import numpy as np
 from scipy.optimize import least_squares
 
-from pipeline.logs import parse, sources
 from pipeline.base import paths
 from pipeline.base.errors import InputError, run_stage
 from pipeline.experiments import velostat_recorded
+from pipeline.logs import parse, sources
 from pipeline.scenes.material import FITTED, Material, log_resistance
 
 matplotlib.use("Agg")

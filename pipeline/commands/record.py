@@ -165,7 +165,9 @@ def _say(sentence: str) -> None:
 
 def main() -> None:
     """Command line: the port, the new file and the baud rate."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.commands.record", description="Record a serial port to a log.")
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline.commands.record", description="Record a serial port to a log."
+    )
     parser.add_argument("port", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
     parser.add_argument("file", type=Path, help="a new file, such as data/own/finger/single/run000/array.log")
     parser.add_argument("--baud", type=int, default=BAUD, help=f"symbols a second (default {BAUD})")

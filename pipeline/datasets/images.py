@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
 
 SIDE = 32  # pixels of an image's side
 MODALITIES = ("pressure", "strain", "combined")  # the three datasets of the SP-ResNet paper

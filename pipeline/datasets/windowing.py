@@ -6,8 +6,8 @@ A window is `frames` frames, `frame_step` apart, of one press; it never spans a 
 import numpy as np
 import pyarrow as pa
 
-from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
 
 BRIEF_S = 0.1  # contacts closer than this are one press (the finger bounced, or a frame was lost)
 

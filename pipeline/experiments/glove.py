@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline.datasets import images as tactile
-from pipeline.logs import parse
-from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
-from pipeline.logs.parse import Column, Format
+from pipeline.datasets import images as tactile
+from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
+from pipeline.logs import parse
+from pipeline.logs.parse import Column, Format
 
 PRESSURE = (slice(0, 15), slice(0, 18))  # area (a) of the 32 x 32 scan: rows, columns
 STRAIN = (slice(17, 32), slice(23, 32))  # area (b)

@@ -5,9 +5,9 @@ and the third is folded away, so nearly all contact is on the distal matrices of
 
 What the splits cannot show: all grasps of an object were recorded within 1 to 3 minutes, so none tests another day.
 And joints 0, 3 and 4 never move during a grasp, but their resting angles differ by some 0.001 degrees between the
-minutes of one object and another: extra trees name the object from these three alone (pipeline/studies/joint_angles.py). Images, in
-steps of 0.2 degrees for joints that move and 0.7 for the others, do not show it; a model that is given `strain` as it
-stands does.
+minutes of one object and another: extra trees name the object from these three alone
+(pipeline/studies/joint_angles.py). Images, in steps of 0.2 degrees for joints that move and 0.7 for the others, do not
+show it; a model that is given `strain` as it stands does.
 """
 
 import bz2
@@ -21,11 +21,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pyarrow as pa
 
-from pipeline.datasets import images as tactile
-from pipeline.logs import parse
-from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
+from pipeline.datasets import images as tactile
+from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
+from pipeline.logs import parse
 
 MATRICES = ((14, 6), (13, 6)) * 3  # rows, columns: proximal and distal link of each finger
 CELLS = sum(rows * cols for rows, cols in MATRICES)

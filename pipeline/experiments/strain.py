@@ -7,10 +7,10 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import theilslopes
 
-from pipeline.logs import alignment, parse
-from pipeline.datasets import schemas, series
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas, series
+from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.

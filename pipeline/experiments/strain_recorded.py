@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline.logs import matlab, parse
-from pipeline.datasets import schemas, series
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas, series
+from pipeline.logs import matlab, parse
 
 FILES = {"day_1": "new_test/para5_long.mat", "day_2": "para5_long_n.mat"}  # 30 and 31 July 2019
 VARIABLES = ("voltage", "tim", "pos", "deformation")  # of the many in the workspace

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline.logs import alignment, parse
-from pipeline.datasets import schemas
-from pipeline.datasets import labels as labels_kpa
 from pipeline.base.errors import InputError
-from pipeline.logs.parse import Column, Format
+from pipeline.datasets import labels as labels_kpa
+from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
+from pipeline.logs import alignment, parse
+from pipeline.logs.parse import Column, Format
 
 # Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
 CLOCK = Column("t_us", "us", 0, 4e15, integer=True)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline.logs import alignment, parse
-from pipeline.datasets import schemas
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
+from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
 
 CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
@@ -30,7 +30,9 @@ def recordings(folder: Path) -> list[Path]:
     """The Velostat logs in `folder`/velostat_data, sorted. InputError where there is none."""
     found = sorted((folder / "velostat_data").glob("*/*.txt"))
     if not found:
-        raise InputError(f"{folder / 'velostat_data'}: no recordings; run `python -m pipeline.commands.fetch velostat_recorded`")
+        raise InputError(
+            f"{folder / 'velostat_data'}: no recordings; run `python -m pipeline.commands.fetch velostat_recorded`"
+        )
     return found
 
 

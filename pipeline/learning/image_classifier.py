@@ -10,8 +10,8 @@ from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows
 from pipeline.datasets.images import HIGHEST, SIDE
+from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows
 from pipeline.learning.training import Epoch, Progress, device_of, run_epochs
 
 LARGEST_SHIFT = 2.0  # pixels; a glove sits that differently on a hand: pads are 3 pixels wide

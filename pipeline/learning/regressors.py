@@ -15,9 +15,9 @@ from safetensors.torch import load_file, save_file
 from threadpoolctl import threadpool_limits
 from torch import nn
 
-from pipeline.learning import cost
 from pipeline.base.blocks import EarlyStopping
 from pipeline.base.errors import InputError
+from pipeline.learning import cost
 from pipeline.learning.training import Epoch, FitSummary, Plateau, Progress, device_of, history_row, run_epochs
 
 if TYPE_CHECKING:

@@ -13,11 +13,11 @@ import torch
 from safetensors.torch import save_file
 from torch import nn
 
-from pipeline.learning import cost
 from pipeline.base.blocks import SequenceTraining
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import NETWORK_FILE, SklearnRegressor, Spec, TorchRegressor, read_tensors
 from pipeline.datasets.series import Record, Task
+from pipeline.learning import cost
+from pipeline.learning.regressors import NETWORK_FILE, SklearnRegressor, Spec, TorchRegressor, read_tensors
 from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, history_row, run_epochs
 
 MILLIVOLT = 1e3  # window models see mV: the smallest spread that fitting.py scales by is 1

@@ -90,7 +90,7 @@ def is_complete(name: str, at: Path | None = None) -> bool:
         if path not in there or sha256(at / path) != digest:
             wrong = "is not the recorded file (its SHA-256 differs)" if path in there else "is missing"
             raise InputError(
-                f"{at / path}: {wrong}; run `python -m pipeline.commands.fetch {name}`, which gets what is missing or wrong, "
-                f"or remove all of {at} to go on without these recordings"
+                f"{at / path}: {wrong}; run `python -m pipeline.commands.fetch {name}`, which gets what is missing or "
+                f"wrong, or remove all of {at} to go on without these recordings"
             )
     return True

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.logs import matlab, own_data
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST, SIDE
+from pipeline.logs import matlab, own_data
 
 LOWEST_ADC, HIGHEST_ADC = 500, 650  # become 0 and 1 in the authors' own models, clipped beyond
 NAMES = {"objectId": "objects", "recordingId": "recordings", "splitId": "splits"}

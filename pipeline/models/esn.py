@@ -4,8 +4,8 @@ import numpy as np
 from scipy import sparse
 
 from pipeline.base.blocks import NotNegative, Positive, Share, Width
-from pipeline.learning.regressors import Spec
 from pipeline.datasets.seeding import generator
+from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import StateReadout
 
 LINKS = 10  # connections a unit: makes a step cost units x 10 instead of units squared

@@ -3,8 +3,8 @@
 import numpy as np
 
 from pipeline.base.blocks import EarlyStopping, Neighbours, Number, Width, Widths
-from pipeline.learning.regressors import Spec
 from pipeline.learning.lomp_network import LompRegressor, maker
+from pipeline.learning.regressors import Spec
 
 
 def build(

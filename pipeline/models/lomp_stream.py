@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline.learning import cost
 from pipeline.base.blocks import EarlyStopping, Neighbours, Number, Width, Widths
-from pipeline.learning.regressors import LARGEST_BATCH, Spec
+from pipeline.learning import cost
 from pipeline.learning.lomp_network import LompRegressor, maker
+from pipeline.learning.regressors import LARGEST_BATCH, Spec
 
 
 def build(

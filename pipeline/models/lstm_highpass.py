@@ -21,11 +21,11 @@ import torch
 from safetensors.torch import save_file
 from torch import nn
 
-from pipeline.learning import cost
 from pipeline.base.blocks import StretchTraining, Taps, Width
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import NETWORK_FILE, Spec, read_tensors
 from pipeline.datasets.series import Record
+from pipeline.learning import cost
+from pipeline.learning.regressors import NETWORK_FILE, Spec, read_tensors
 from pipeline.learning.series_regressors import Scaling
 from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, run_epochs
 

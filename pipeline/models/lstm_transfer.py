@@ -3,8 +3,8 @@
 import torch
 
 from pipeline.base.blocks import SequenceTraining
-from pipeline.learning.regressors import Spec
 from pipeline.datasets.series import Record
+from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import LstmRegressor
 
 

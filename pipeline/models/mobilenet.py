@@ -3,9 +3,9 @@
 from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
-from pipeline.learning.regressors import Spec
-from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.datasets.images import SIDE
+from pipeline.learning.image_classifier import ImageClassifier
+from pipeline.learning.regressors import Spec
 
 # (channels, stride) of each pair of a 3x3 depthwise convolution, which has the stride, and a 1x1 one
 PAIRS = ((64, 1), (128, 2), (128, 1), (256, 2), (256, 1), (512, 2), *[(512, 1)] * 5, (1024, 2), (1024, 1))

@@ -16,8 +16,8 @@ from sklearn.pipeline import make_pipeline
 
 from pipeline.base.blocks import Count
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import SklearnRegressor, Spec
 from pipeline.datasets.series import Record
+from pipeline.learning.regressors import SklearnRegressor, Spec
 from pipeline.learning.series_regressors import Windowed
 
 REST = (2, 3)  # samples before the first one after the step

@@ -3,8 +3,8 @@
 from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
-from pipeline.learning.regressors import Spec
 from pipeline.learning.image_classifier import ImageClassifier
+from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import BasicBlock
 
 

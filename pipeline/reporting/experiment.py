@@ -4,14 +4,18 @@ from pathlib import Path
 
 import pyarrow.parquet
 
+from pipeline.base import files, params
 from pipeline.reporting import speed as speed_report
+from pipeline.reporting.differences import read_differences
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.scoring import results
-from pipeline.base import files, params
-from pipeline.reporting.differences import read_differences
 
-CODE = Path(__file__).resolve().parent
-FITTING = {"train": "fitting", "train_series": "series_fitting", "train_images": "image_fitting"}  # by training stage
+CODE = Path(__file__).resolve().parents[1]
+FITTING = {
+    "train": "regressors",
+    "train_series": "series_regressors",
+    "train_images": "image_classifier",
+}  # by training stage
 
 
 def read(experiment: str, settings: dict) -> tuple[results.Scores, dict, pyarrow.Table, str, int]:
@@ -24,7 +28,11 @@ def read(experiment: str, settings: dict) -> tuple[results.Scores, dict, pyarrow
 
 def own_differences(experiment: str, settings: dict) -> list[tuple[str, str]]:
     """The differences from its paper in the files of one experiment."""
-    shared = [FITTING[params.training_stage(experiment)], f"experiments/{experiment}", f"scenes/{experiment}"]
+    shared = [
+        f"learning/{FITTING[params.training_stage(experiment)]}",
+        f"experiments/{experiment}",
+        f"scenes/{experiment}",
+    ]
     own = {f"{CODE.name}/{file}.py" for file in (*shared, *(f"models/{model}" for model in settings["models"]))}
     return [(file, text) for file, text in read_differences(CODE) if file in own]
 

@@ -9,15 +9,25 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.reporting import markdown
-from pipeline.scoring import classification
-from pipeline.datasets import schemas
 from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.reporting.figures.style import style
+from pipeline.datasets import schemas
 from pipeline.datasets.images import MODALITIES, classes, modality, split_name
+from pipeline.reporting import markdown
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number, size
-from pipeline.scoring.results import PUBLISHED, Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions, shown
+from pipeline.scoring import classification
+from pipeline.scoring.results import (
+    PUBLISHED,
+    Estimate,
+    Fit,
+    Scores,
+    estimate,
+    read_csv,
+    read_fit,
+    read_predictions,
+    shown,
+)
 
 PRINTED = {  # models as the paper prints them; a model that is not listed has no published number
     "naive_bayes": "Naive Bayes",
@@ -213,14 +223,14 @@ def table_one(scores: Scores, settings: Mapping, counts: pd.DataFrame) -> str:
     ]
     rows = []
     for model in settings["models"]:
-        row = [style(model).label]
+        row = [model_name(model)]
         for dataset, protocol in protocols.items():
             row += [number(paper.get((model, dataset), np.nan)), interval(score(scores, protocol, model))]
         rows.append(row)
     header = [f"{dataset}: {whose}" for dataset in protocols for whose in ("published", "ours")]
     text += [markdown.table(["Model", *header], rows), f"## Accuracy (%), split by {split}, {seeds} seeds\n"]
     rows = [
-        [style(model).label, *(interval(score(scores, protocol, model, "accuracy")) for protocol in protocols.values())]
+        [model_name(model), *(interval(score(scores, protocol, model, "accuracy")) for protocol in protocols.values())]
         for model in settings["models"]
     ]
     text += [markdown.table(["Model", *protocols], rows), split_table(scores, settings, paper), count_table(counts)]
@@ -236,7 +246,7 @@ def split_table(scores: Scores, settings: Mapping, paper: Mapping[tuple[str, str
             cells = [
                 interval(score(scores, f"{split}_{dataset}", model, metric)) for metric in METRICS for split in both
             ]
-            rows.append([style(model).label, dataset, number(paper.get((model, dataset), np.nan)), *cells])
+            rows.append([model_name(model), dataset, number(paper.get((model, dataset), np.nan)), *cells])
     header = ["Model", "Dataset", "published"]
     header += [f"{name}: {split.replace('_', ' ')}" for name in METRICS.values() for split in both]
     return "\n".join(
@@ -258,7 +268,7 @@ def count_table(counts: pd.DataFrame) -> str:
         as_trained = not reduction or "as trained" in reduction
         rows.append(
             [
-                style(row.model).label + reduction,
+                model_name(row.model) + reduction,
                 f"{row.input_shape}, {classes}",
                 *(size(value) for value in (row.published_macs, row.macs, row.published_params, row.params)),
                 row.verdict,
@@ -277,7 +287,7 @@ def count_table(counts: pd.DataFrame) -> str:
             f"like: {shape} images and {classes:.0f} classes, as trained here. Reproduced: both counts equal the "
             "published ones at the precision that is printed.\n",
             markdown.table(header, rows),
-            *(f"{style(model).label}: {note}.\n" for model, note in notes.items()),
+            *(f"{model_name(model)}: {note}.\n" for model, note in notes.items()),
         ]
     )
 
@@ -323,7 +333,7 @@ def table_two(values: Mapping[tuple[str, str], list[float]], settings: Mapping) 
     return "\n".join(
         [
             "# Table 2: data augmentation\n",
-            f"{style(block['model']).label}, split by {block['split'].replace('_', ' ')}, {len(block['seeds'])} seeds "
+            f"{model_name(block['model'])}, split by {block['split'].replace('_', ' ')}, {len(block['seeds'])} seeds "
             "(the paper: 10 runs a method, of which it prints one number). Ours: mean [95 % t interval]; higher is "
             "better. A: flipped, B: noise, C: moved, turned or scaled. `all` is the model of Table 1.\n",
             "## Macro precision (%)\n",

@@ -5,10 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting import sentences
-from pipeline.reporting.figures.style import style
 from pipeline.datasets.images import MODALITIES
-from pipeline.reporting.markdown import code, interval, number, size
+from pipeline.reporting import sentences
 from pipeline.reporting.glove import (
     METHODS,
     METRICS,
@@ -22,6 +20,8 @@ from pipeline.reporting.glove import (
     score,
     splits,
 )
+from pipeline.reporting.labels import model_name
+from pipeline.reporting.markdown import code, interval, number, size
 from pipeline.scoring.results import Estimate, Fit, Scores, estimate
 
 BASELINES = ("naive_bayes", "tree")
@@ -119,19 +119,19 @@ def best_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, st
     lines = []
     for dataset, protocol in protocols.items():
         found = ranked(scores, settings, protocol)
-        failed = [style(model).label for model in settings["models"] if model not in found]
+        failed = [model_name(model) for model in settings["models"] if model not in found]
         if failed:
             lines.append(f"- {dataset.capitalize()}: runs failed for {', '.join(failed)}.")
         if not found:
             continue
         best = next(iter(found))
         close = [
-            f"{style(model).label} ({interval(one)})"
+            f"{model_name(model)} ({interval(one)})"
             for model, one in found.items()
             if model != best and verdict(gain(scores, (protocol, best), (protocol, model))) != "reproduced"
         ]
         lines.append(
-            f"- {dataset.capitalize()}: {style(best).label} is best with {interval(found[best])} %"
+            f"- {dataset.capitalize()}: {model_name(best)} is best with {interval(found[best])} %"
             + (f"; not told apart from it: {', '.join(close)}." if close else ".")
         )
     return lines
@@ -148,8 +148,8 @@ def order_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, s
         pairs = [(a, b) for k, a in enumerate(printed) for b in printed[k + 1 :]]
         same = sum(found.index(a) < found.index(b) for a, b in pairs)
         lines.append(
-            f"- Order, {dataset}: {', '.join(style(model).label for model in found)}; in the paper "
-            f"{', '.join(style(model).label for model in printed)}: {same} of {len(pairs)} pairs of models are in the "
+            f"- Order, {dataset}: {', '.join(model_name(model) for model in found)}; in the paper "
+            f"{', '.join(model_name(model) for model in printed)}: {same} of {len(pairs)} pairs of models are in the "
             "paper's order."
         )
     return lines
@@ -183,7 +183,7 @@ def fusion_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, 
     others = []
     for model in (model for model in settings["models"] if model in PRINTED and model != "sp_resnet"):
         _, more = fusion_gain(scores, protocols, model)
-        others.append(f"{style(model).label} {interval(more)} (paper: {number(published_fusion(model))})")
+        others.append(f"{model_name(model)} {interval(more)} (paper: {number(published_fusion(model))})")
     if others:
         lines.append(f"- Fusion, the other models, over their better single dataset (points): {', '.join(others)}.")
     return lines
@@ -221,7 +221,7 @@ def second_best_sentences(scores: Scores, settings: Mapping, protocol: str, own:
         said = "not reproduced"
     elif certain == possible == 1:
         said = "reproduced"
-    each = ", ".join(f"{style(model).label} {interval(one)}" for model, one in above.items())
+    each = ", ".join(f"{model_name(model)} {interval(one)}" for model, one in above.items())
     lines = [
         f"- Second best, combined: SP-ResNet is number {place} of {len(NETWORKS)} networks by its mean; the others are "
         f"above it by {each} points: {said}."
@@ -230,10 +230,10 @@ def second_best_sentences(scores: Scores, settings: Mapping, protocol: str, own:
         counts = own.loc[list(NETWORKS), name]
         least = counts.idxmin()
         lines.append(
-            f"- Lowest cost, like with like: of these networks {style(least).label} has the fewest {what} "
+            f"- Lowest cost, like with like: of these networks {model_name(least)} has the fewest {what} "
             f"({size(counts[least])}"
             + (
-                f"; next is {style(counts.drop(least).idxmin()).label}, {size(counts.drop(least).min())}): reproduced."
+                f"; next is {model_name(counts.drop(least).idxmin())}, {size(counts.drop(least).min())}): reproduced."
                 if least == "sp_resnet"
                 else f"; SP-ResNet {size(counts['sp_resnet'])}): not reproduced."
             )
@@ -251,9 +251,9 @@ def baseline_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str
         worst = min(NETWORKS, key=lambda model: means[model].mean)
         better = max(BASELINES, key=lambda model: means[model].mean)
         found = gain(scores, (protocol, worst), (protocol, better))
-        values = [f"{style(m).label} {interval(means[m])} % (paper: {number(paper[m, dataset])})" for m in BASELINES]
+        values = [f"{model_name(m)} {interval(means[m])} % (paper: {number(paper[m, dataset])})" for m in BASELINES]
         lines.append(
-            f"- Baselines, {dataset}: {', '.join(values)}; the last of the networks, {style(worst).label}, is above "
+            f"- Baselines, {dataset}: {', '.join(values)}; the last of the networks, {model_name(worst)}, is above "
             f"the better of them by {points(found)}: that every network beats both is {verdict(found)}."
         )
     if "constant" in settings["models"]:
@@ -279,7 +279,7 @@ def optimism_sentences(scores: Scores, settings: Mapping) -> list[str]:
             least, most = min(found, key=found.get), max(found, key=found.get)
             text = (
                 f"- {other.replace('_', ' ').capitalize()} against {main}s, {dataset}: scores are higher by "
-                f"{number(found[least])} ({style(least).label}) to {number(found[most])} points ({style(most).label})"
+                f"{number(found[least])} ({model_name(least)}) to {number(found[most])} points ({model_name(most)})"
             )
             if "sp_resnet" in found:
                 ours = [interval(score(scores, f"{split}_{dataset}", "sp_resnet")) for split in (main, other)]
@@ -332,7 +332,7 @@ def frames_sentences(tables: Mapping[str, pd.DataFrame]) -> list[str]:
             mean = {n: estimate(_at(own, model, n)["value"]).percent() for n in (numbers[0], numbers[-1])}
             more = _difference(_at(own, model, numbers[-1]), _at(own, model, numbers[0]))
             parts.append(
-                f"{style(model).label} from {interval(mean[numbers[0]])} to {interval(mean[numbers[-1]])} %, a gain of "
+                f"{model_name(model)} from {interval(mean[numbers[0]])} to {interval(mean[numbers[-1]])} %, a gain of "
                 f"{points(more)}: {verdict(more)}"
             )
         lines.append(f"- More input frames ({numbers[0]} to {numbers[-1]}) help, {dataset}: {'; '.join(parts)}.")

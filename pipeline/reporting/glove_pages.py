@@ -5,12 +5,24 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting import experiment as experiment_report, glove as glove_report, glove_findings, glove_recorded as glove_recorded_report
-from pipeline.reporting.figures import glove as glove_figures, style
-from pipeline.scoring import results
-from pipeline.datasets import images, schemas
 from pipeline.base import files, params, paths
-from pipeline.reporting.figures.style import style
+from pipeline.datasets import images, schemas
+from pipeline.reporting import (
+    experiment as experiment_report,
+)
+from pipeline.reporting import (
+    glove as glove_report,
+)
+from pipeline.reporting import (
+    glove_findings,
+)
+from pipeline.reporting import (
+    glove_recorded as glove_recorded_report,
+)
+from pipeline.reporting.figures import glove as glove_figures
+from pipeline.reporting.figures import style
+from pipeline.reporting.labels import model_name
+from pipeline.scoring import results
 
 GRASPED = "mobile_phone"  # in figure 10
 SEQUENCE_FRAMES = 50  # of figure 13
@@ -62,7 +74,8 @@ def write_glove(settings: dict, target: Path) -> None:
     rows = rows[sessions[rows] == sessions[rows[0]]]
     grasp = rows[len(rows) // 2]
     pictures = {
-        dataset: schemas.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in images.MODALITIES
+        dataset: schemas.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE)
+        for dataset in images.MODALITIES
     }
     title = style.literal(f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}")
     glove_figures.tactile_images(accuracy / "figure10.png", pictures, glove.STRAIN, title)
@@ -133,7 +146,7 @@ def _draw_confusions(
     split = next(iter(glove_report.splits(settings))).replace("_", " ")
     for dataset, counts in confusions.items():
         runs = f"{len(counts)} {'run' if len(counts) == 1 else 'runs'}"
-        title = f"{dataset.capitalize()}: answers of {style(models[dataset]).label}, split by {split}, {runs} together"
+        title = f"{dataset.capitalize()}: answers of {model_name(models[dataset])}, split by {split}, {runs} together"
         glove_figures.confusion_matrix(folder / f"{name}_{dataset}.png", counts.sum(axis=0), objects, title)
 
 

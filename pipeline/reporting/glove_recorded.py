@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting import sentences
 from pipeline.base import paths
-from pipeline.reporting.figures.style import style
 from pipeline.datasets.images import MODALITIES
-from pipeline.reporting.markdown import interval, number, table
+from pipeline.reporting import sentences
 from pipeline.reporting.glove import METRICS, NETWORKS, gain, score, splits
 from pipeline.reporting.glove_findings import confused_sentences, points, ranked, training_sentence, verdict
+from pipeline.reporting.labels import model_name
+from pipeline.reporting.markdown import interval, number, table
 from pipeline.scoring.results import Fit, Scores, estimate, read_csv
 
 SPLITS = {
@@ -57,7 +57,7 @@ def score_text(scores: Scores, settings: Mapping, objects: Sequence[str]) -> str
         text.append(f"## {SPLITS[split]} (`{split}`), {seeds} {'seed' if seeds == 1 else 'seeds'}\n")
         cells = [(metric, f"{split}_{dataset}") for metric in ("accuracy", "macro_precision") for dataset in MODALITIES]
         rows = [
-            [style(model).label, *(interval(score(scores, protocol, model, metric), 1) for metric, protocol in cells)]
+            [model_name(model), *(interval(score(scores, protocol, model, metric), 1) for metric, protocol in cells)]
             for model in settings["models"]
         ]
         header = [f"{METRICS[metric]}: {protocol.rsplit('_', 1)[1]}" for metric, protocol in cells]
@@ -96,7 +96,7 @@ def findings(
         "object, in every split.",
         training_sentence(trained),
         "\n## Figures\n",
-        *(f"- [confusion_{d}.png](confusion_{d}.png): {DATASETS[d]}, {style(best[d]).label}" for d in confusions),
+        *(f"- [confusion_{d}.png](confusion_{d}.png): {DATASETS[d]}, {model_name(best[d])}" for d in confusions),
         *(["- [learning_curves.png](learning_curves.png): validation loss over epochs"] if trained else []),
         *sentences.differences_section(differences),
     ]
@@ -113,7 +113,7 @@ def pressure_sentences(scores: Scores, best: Mapping[str, str], main: str) -> li
         said += " in the mean; the interval includes it"
     other, value = EXPECTED["pressure"]
     return [
-        f"- Pressure alone: {style(best['pressure']).label} is the best network with {interval(found, 1)} %; "
+        f"- Pressure alone: {model_name(best['pressure'])} is the best network with {interval(found, 1)} %; "
         f"{WANTED:.0f} % is {said} ({other}, to be expected: {value:.0f} %)."
     ]
 
@@ -127,7 +127,7 @@ def fusion_sentences(scores: Scores, best: Mapping[str, str], main: str) -> list
         helps = {"reproduced": "it helps", "not reproduced": "it harms"}.get(verdict(more), "undecided")
         other, value = EXPECTED["strain"]
         lines.append(
-            f"- Joint angles alone, {style(model).label}: {interval(alone, 1)} % ({other}, to be expected: {value:.0f} "
+            f"- Joint angles alone, {model_name(model)}: {interval(alone, 1)} % ({other}, to be expected: {value:.0f} "
             f"%); combined {interval(both, 1)} %. Pressure adds {points(more)}: {helps}."
         )
     return lines
@@ -148,7 +148,7 @@ def leak_sentences(scores: Scores, best: Mapping[str, str], main: str, probe: pd
         said = "reached" if both.mean >= value else f"missed by {number(value - both.mean, 1)} points"
         lines.append(
             f"- Combined against the {value:.0f} % to be expected of joint angles as recorded: "
-            f"{style(best['combined']).label} {interval(both, 1)} %, {said}."
+            f"{model_name(best['combined'])} {interval(both, 1)} %, {said}."
         )
     found = {name: estimate(100 * own["value"]) for name, own in probe.groupby("input", sort=False)}
     if found:
@@ -166,8 +166,8 @@ def model_sentences(scores: Scores, settings: Mapping, main: str) -> list[str]:
     lines = []
     for dataset in MODALITIES:
         order = ranked(scores, settings, f"{main}_{dataset}", "accuracy")
-        shown = [f"{style(model).label} {interval(found, 1)}" for model, found in order.items() if model != "constant"]
-        failed = [style(model).label for model in settings["models"] if model not in order]
+        shown = [f"{model_name(model)} {interval(found, 1)}" for model, found in order.items() if model != "constant"]
+        failed = [model_name(model) for model in settings["models"] if model not in order]
         text = f"- Order of the models, {DATASETS[dataset]} (%): {', '.join(shown)}"
         lines.append(text + (f"; runs failed for {', '.join(failed)}." if failed else "."))
     if "constant" in settings["models"]:
@@ -183,7 +183,7 @@ def time_sentences(scores: Scores, settings: Mapping, best: Mapping[str, str]) -
     for split in others:
         parts = [
             f"{DATASETS[dataset]} {interval(score(scores, f'{split}_{dataset}', model, 'accuracy'), 1)} % against "
-            f"{interval(score(scores, f'{main}_{dataset}', model, 'accuracy'), 1)} % by {main} ({style(model).label})"
+            f"{interval(score(scores, f'{main}_{dataset}', model, 'accuracy'), 1)} % by {main} ({model_name(model)})"
             for dataset, model in best.items()
         ]
         lines.append(f"- {SPLITS[split]} (`{split}`): {'; '.join(parts)}.")

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reporting import markdown
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import FAILED, NEEDED, NOT_NEEDED, Assessment, Judgement
-from pipeline.reporting.figures.style import style
 from pipeline.scoring.variants import DEFAULT
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
@@ -31,10 +31,12 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "is compared with the mean of the same seeds with it; the yardstick is the same comparison between different "
         "seeds. An effect is **needed** if, without it,\n",
         "- a model's error changes by more than its *floor*, and in every seed in the same direction; or",
-        f"- the order of the models (Kendall's tau, 1: the same) changes more than in {physics_verdicts.CONFIDENCE:.0%} of pairs"
+        f"- the order of the models (Kendall's tau, 1: the same) changes more than in "
+        f"{physics_verdicts.CONFIDENCE:.0%} of pairs"
         " of groups of other seeds; or",
         "- a claim that all seeds agree on turns over.\n",
-        f"Errors are compared as ratios: the floor is the {physics_verdicts.CONFIDENCE:.0%} band of the logarithm of the ratio, "
+        f"Errors are compared as ratios: the floor is the {physics_verdicts.CONFIDENCE:.0%} band of the logarithm of "
+        f"the ratio, "
         "t s sqrt(2 / m) for m seeds. The spread s is the model's own over all seeds, or the median of all models and "
         f"conditions where that is larger (some agree by luck); the least floor is {physics_verdicts.LEAST:.0%}.\n",
         "## What could be left out\n",
@@ -117,7 +119,7 @@ def _row(one: Judgement, conditions: list[str]) -> list[str]:
     change = "failed" if failed else f"{most.floors:+.2f} ({most.relative:+.0%})"
     if abs(most.floors) > 1 and not most.steady:
         change += ", seeds differ"
-    of = f"{style(most.model).label}, {most.condition.replace('_', ' ')}"
+    of = f"{model_name(most.model)}, {most.condition.replace('_', ' ')}"
     return [*[markdown.number(one.tau[name]) for name in conditions], change, of, "; ".join(one.flipped) or "none"]
 
 
@@ -137,5 +139,5 @@ def _floors(scores: pd.DataFrame, conditions: list[str]) -> str:
             failed = own.isin([float("inf")]).any()
             middle = markdown.number(float(np.exp(np.log(own).mean())))
             cells.append("failed" if failed else f"{middle} ({low} to {high})")
-        rows.append([style(model).label, *cells])
+        rows.append([model_name(model), *cells])
     return markdown.table(["Model", *[name.replace("_", " ") for name in conditions]], rows)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from pipeline.reporting.figures.style import style
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number
 from pipeline.scoring.results import Fit, Scores
 
@@ -21,7 +21,7 @@ def yardstick(scores: Scores, settings: Mapping, run: tuple[str, str], what: str
     if unit == "%":
         ours, published = ours.percent(), 100 * published
     return (
-        f"- Yardstick of the scene, the one number that it was set by: {style(chosen['model']).label}, {what}: ours "
+        f"- Yardstick of the scene, the one number that it was set by: {model_name(chosen['model'])}, {what}: ours "
         f"{interval(ours)}, published {number(published)} {unit} ({100 * (ours.mean / published - 1):+.0f} %). All "
         "other numbers are predictions."
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
-from pipeline.reporting.figures.style import style
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number, size, table
 from pipeline.scoring.results import Estimate, Scores, read_training_times
 
@@ -82,7 +82,7 @@ def speed_text(found: pd.DataFrame, calls: int, note: str = "") -> str:
     rows = []
     for model, own in found.groupby("model", sort=False):
         one = own.iloc[0]
-        row = [style(model).label, *(interval(_estimate(line), digits) for line in own.itertuples())]
+        row = [model_name(model), *(interval(_estimate(line), digits) for line in own.itertuples())]
         row += [f"{one['p50_ms']:.3f} / {one['p95_ms']:.3f}", f"{one['predictions_per_s']:,.0f}"]
         row.append(" / ".join(_seconds(time) for time in own.drop_duplicates("protocol")["train_s"]))
         row += [size(one[key]) for key in ("params", "macs", "size_bytes")]
@@ -109,7 +109,7 @@ def speed_text(found: pd.DataFrame, calls: int, note: str = "") -> str:
         for panel in panels:
             own = found[(found["panel"] == panel) & (found[FRONTS[key]] == 1)].sort_values(key, kind="stable")
             parts = [
-                f"{style(line.model).label} ({getattr(line, key):.3g} {unit}, {number(line.error, digits)})"
+                f"{model_name(line.model)} ({getattr(line, key):.3g} {unit}, {number(line.error, digits)})"
                 for line in own.itertuples()
             ]
             lines.append(f"- {what.capitalize()}, {panel}: {', '.join(parts) or 'none, all models have a failed run'}.")

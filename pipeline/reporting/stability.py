@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting import markdown
-from pipeline.scoring import results
 from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.reporting.figures.style import style
+from pipeline.reporting import markdown
+from pipeline.reporting.labels import model_name
+from pipeline.scoring import results
 
 FLOOR = "constant"
 TIMES = 2.0  # the clean error: beyond, a model has failed
@@ -212,7 +212,7 @@ def failure_text(found: pd.DataFrame) -> str:
             cells = {row.model: cell(row) for row in own.itertuples()}
             lines.append([perturbation, *(cells[model] for model in models)])
         parts.append(f"## {heading(experiment, protocol, condition)}\n")
-        parts.append(markdown.table(["perturbation", *(style(model).label for model in models)], lines))
+        parts.append(markdown.table(["perturbation", *(model_name(model) for model in models)], lines))
     parts.append("## Severities\n")
     known = {name: SEVERITIES.get(name, UNNAMED)[1] for name in found["perturbation"].unique()}
     parts.append("\n".join(f"- `{name}`: {meaning}" for name, meaning in known.items()) + "\n")
@@ -259,7 +259,7 @@ def training_failures(experiment: str, settings: Mapping) -> pd.DataFrame:
 def training_text(found: pd.DataFrame) -> str:
     """training.md: the table of training failures."""
     header = ["experiment", "model", "runs", "diverged", "no usable epoch", "scores", "NaN", "worse than constant"]
-    lines = [[row[0], style(row[1]).label, *map(str, row[2:])] for row in found.itertuples(index=False, name=None)]
+    lines = [[row[0], model_name(row[1]), *map(str, row[2:])] for row in found.itertuples(index=False, name=None)]
     return (
         "# Trainings that failed\n\nRuns: protocols times seeds. Scores: the error of every run in every condition of "
         "its clean test data.\n\n" + markdown.table(header, lines)
@@ -296,7 +296,7 @@ def findings(found: pd.DataFrame, trained: pd.DataFrame, pictures: Mapping[str, 
     most = by.idxmax() if worse else None
     text = f"- {diverged} of {runs} runs diverged, {unusable} left no usable weights.\n"
     text += f"- {worse} of {scores} clean scores are worse than the constant model's"
-    text += f", most of {style(most[1]).label} in {most[0]} ({by[most]}).\n" if most else ".\n"
+    text += f", most of {model_name(most[1])} in {most[0]} ({by[most]}).\n" if most else ".\n"
     parts.append(text)
     return "\n".join(parts)
 
@@ -347,7 +347,7 @@ def one_perturbation(rows: pd.DataFrame) -> str:
 
 def names(models: Sequence[str]) -> str:
     """The models as the figures call them; some names have commas in them."""
-    return " / ".join(style(model).label for model in models)
+    return " / ".join(model_name(model) for model in models)
 
 
 def verb(models: Sequence[str], one: str, several: str) -> str:

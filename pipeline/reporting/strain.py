@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting import sentences
 from pipeline.base import paths
-from pipeline.reporting.figures.style import style
+from pipeline.reporting import sentences
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number, size, table
 from pipeline.scoring.results import PUBLISHED, Estimate, Scores, estimate, read_csv
 
@@ -57,7 +57,7 @@ def table_one(scores: Scores, settings: Mapping, parameters: Mapping[tuple[str, 
         text.append(f"## {task.replace('_', ' ')} ({TASKS[task]}), n = {len(block['seeds'])}\n")
         rows = [
             [
-                style(model).label,
+                model_name(model),
                 size(paper.get((model, task, "parameters"), np.nan)).replace("not counted", "-"),
                 size(parameters[model, task]),
                 number(paper.get((model, task, "test error"), np.nan)),
@@ -83,7 +83,7 @@ def table_times(train_s: Mapping[tuple[str, str], Sequence[float]], settings: Ma
     for task in settings["protocols"]:
         rows = [
             [
-                style(model).label,
+                model_name(model),
                 number(paper.get((model, task, "training time"), np.nan), 0),
                 f"{np.median(train_s[model, task]):.3g}",
             ]
@@ -223,7 +223,7 @@ def time_sentences(late: Mapping[str, Mapping[str, tuple[Estimate, Estimate]]]) 
     lines = []
     for task, models in late.items():
         parts = [
-            f"{style(model).label} {number(first.mean)} to {number(last.mean)} mm"
+            f"{model_name(model)} {number(first.mean)} to {number(last.mean)} mm"
             for model, (first, last) in models.items()
         ]
         lines.append(

@@ -6,11 +6,19 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.reporting import experiment as experiment_report, strain as strain_report, strain_recorded as strain_recorded_report
+from pipeline.base import files
+from pipeline.datasets import schemas
+from pipeline.reporting import (
+    experiment as experiment_report,
+)
+from pipeline.reporting import (
+    strain as strain_report,
+)
+from pipeline.reporting import (
+    strain_recorded as strain_recorded_report,
+)
 from pipeline.reporting.figures import strain as strain_figures
 from pipeline.scoring import results
-from pipeline.datasets import schemas
-from pipeline.base import files
 
 
 def write_strain(settings: dict, target: Path) -> None:
@@ -49,7 +57,9 @@ def write_strain(settings: dict, target: Path) -> None:
     train_s = {(model, task): results.read_training_times("strain", model, task) for model in models for task in tasks}
     files.write_text(target / "speed" / "table1_times.md", strain_report.table_times(train_s, settings))
     panels = {task.replace("_", " "): (task, task) for task in tasks}
-    experiment_report.write_speed(target, settings, scores, latency, panels, ("error", "Error (mm)"), strain_report.TRANSFER_COSTS)
+    experiment_report.write_speed(
+        target, settings, scores, latency, panels, ("error", "Error (mm)"), strain_report.TRANSFER_COSTS
+    )
 
 
 def _test_rows(settings: dict, table: pa.Table, task: str) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from pipeline.reporting.figures.style import style
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, table
 from pipeline.scoring.results import Scores
 
@@ -46,7 +46,7 @@ def score_text(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> 
         names = columns(task)
         rows = [
             [
-                style(model).label,
+                model_name(model),
                 *(
                     interval(scores.estimate(protocol, tested[protocol], model, metric), 2 if metric == "error" else 3)
                     for metric in names
@@ -85,7 +85,7 @@ def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> st
         x, y = raw[best]
         verdict = "reached" if min(x.mean, y.mean) >= wanted else f"missed by {wanted - min(x.mean, y.mean):.3f}"
         lines.append(
-            f"- {SHORT[split]}: of the models on raw voltages {style(best).label} is best, R2 {interval(x, 3)} in x "
+            f"- {SHORT[split]}: of the models on raw voltages {model_name(best)} is best, R2 {interval(x, 3)} in x "
             f"and {interval(y, 3)} in y per press; {wanted:.2f} in both is {verdict}."
         )
         if "lstm_direct" in raw and best != "lstm_direct":

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reporting import sentences
-from pipeline.reporting.figures.style import style
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, literal, number, size, table
 from pipeline.scoring.results import Estimate, Fit, Scores, published
 
@@ -81,7 +81,7 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
             header += [f"{condition}: published RMSE (kPa)", f"{condition}: our mean RMSE (kPa), n = {n}"]
         rows = []
         for model in settings["models"]:
-            row = [style(model).label]
+            row = [model_name(model)]
             for condition in both:
                 row.append(number(published_value(model, f"{condition} touch")))
                 row.append(interval(scores.estimate(protocol, condition, model, "rmse")))
@@ -95,7 +95,7 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
             text.append("RMSE of the demonstrations, which the paper shows without numbers (kPa, lower is better):\n")
             rows = [
                 [
-                    style(model).label,
+                    model_name(model),
                     *(interval(scores.estimate(protocol, name, model, "rmse")) for name in others),
                 ]
                 for model in settings["models"]
@@ -110,7 +110,7 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
 def _further(scores: Scores, settings: Mapping, protocol: str, condition: str) -> str:
     rows = [
         [
-            style(model).label,
+            model_name(model),
             *(interval(scores.estimate(protocol, condition, model, name), d) for name, (_, d) in METRICS.items()),
         ]
         for model in settings["models"]
@@ -140,9 +140,9 @@ def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> st
             reasons = ", ".join(fit.stop_reason for fit in runs)
         sizes = sorted({fit.parameters for fit in runs})
         shown = size(sizes[0]) if len(sizes) == 1 else f"{size(sizes[0])} to {size(sizes[-1])}"
-        rows.append([style(model).label, protocol, shown, epochs, best, reasons])
+        rows.append([model_name(model), protocol, shown, epochs, best, reasons])
     limits = ", ".join(
-        f"{style(model).label} {block['training']['max_epochs']}"
+        f"{model_name(model)} {block['training']['max_epochs']}"
         for model, block in settings["models"].items()
         if isinstance(block, Mapping) and "training" in block
     )
@@ -257,12 +257,12 @@ def best_sentences(condition: str, found: Mapping[str, Estimate]) -> list[str]:
     if not order:
         return [f"- {condition.capitalize()} touch: every model has a failed run."]
     best = order[0]
-    close = [style(m).label for m in order[1:] if _overlap(found[best], found[m])]
+    close = [model_name(m) for m in order[1:] if _overlap(found[best], found[m])]
     lines = [
-        f"- {condition.capitalize()} touch: {style(best).label} is best with {interval(found[best])} kPa"
+        f"- {condition.capitalize()} touch: {model_name(best)} is best with {interval(found[best])} kPa"
         + (f"; the interval overlaps that of {', '.join(close)}." if close else ".")
     ]
-    if failed := [style(m).label for m, e in found.items() if e.failed]:
+    if failed := [model_name(m) for m, e in found.items() if e.failed]:
         lines.append(f"- {condition.capitalize()} touch: runs failed for {', '.join(failed)}.")
     if condition == "single" and "lomp" in order:
         ratio = found["lomp"].mean / found[best].mean
@@ -270,7 +270,7 @@ def best_sentences(condition: str, found: Mapping[str, Estimate]) -> list[str]:
         lowest = min(paper, key=lambda m: paper[m])
         lines.append(
             f"- Single touch: LoMP has {interval(found['lomp'])} kPa, {ratio:.2f} times the best model's "
-            f"RMSE; in the paper {paper['lomp'] / paper[lowest]:.2f} times (best: {style(lowest).label})."
+            f"RMSE; in the paper {paper['lomp'] / paper[lowest]:.2f} times (best: {model_name(lowest)})."
         )
     return lines
 
@@ -284,7 +284,7 @@ def double_sentence(found: Mapping[str, Estimate]) -> str:
     better = [m for m in order if m != "lomp" and found[m].mean <= lomp.mean]
     ours = f"{interval(lomp)} kPa"
     if better:
-        named = ", ".join(f"{style(m).label} ({interval(found[m])})" for m in better)
+        named = ", ".join(f"{model_name(m)} ({interval(found[m])})" for m in better)
         return f"- Double touch does NOT come out in LoMP's favour here: LoMP has {ours}; as good or better: {named}."
     others = [m for m in order if m != "lomp"]
     if not others:
@@ -294,9 +294,9 @@ def double_sentence(found: Mapping[str, Estimate]) -> str:
     runner_up = min((m for m in paper if m != "lomp"), key=lambda m: paper[m])
     apart = " The two intervals overlap, so this is not certain." if _overlap(lomp, found[second]) else ""
     return (
-        f"- Double touch comes out in LoMP's favour: LoMP has {ours}, the next model, {style(second).label}, "
+        f"- Double touch comes out in LoMP's favour: LoMP has {ours}, the next model, {model_name(second)}, "
         f"{found[second].mean / lomp.mean:.2f} times as much; in the paper "
-        f"{paper[runner_up] / paper['lomp']:.2f} times ({style(runner_up).label}).{apart}"
+        f"{paper[runner_up] / paper['lomp']:.2f} times ({model_name(runner_up)}).{apart}"
     )
 
 
@@ -313,7 +313,7 @@ def stream_sentence(found: Mapping[str, Mapping[str, Estimate]]) -> str:
 def floor_sentence(condition: str, found: Mapping[str, Estimate]) -> str:
     """Which models are no better than the mean map of the training data."""
     floor = found["constant"].mean
-    worse = [style(m).label for m, e in found.items() if m != "constant" and not e.mean < floor]
+    worse = [model_name(m) for m, e in found.items() if m != "constant" and not e.mean < floor]
     text = f"- {condition.capitalize()} touch: a constant map has {number(floor)} kPa; "
     return text + (f"no better than that: {', '.join(worse)}." if worse else "every model is better.")
 
@@ -333,7 +333,7 @@ def optimism_sentences(scores: Scores, settings: Mapping, protocol: str) -> list
             least, most = min(ratios, key=ratios.get), max(ratios, key=ratios.get)
             lines.append(
                 f"- Single touch: the RMSE of the `{protocol}` split is {ratios[least]:.2f} "
-                f"({style(least).label}) to {ratios[most]:.2f} ({style(most).label}) times that of "
+                f"({model_name(least)}) to {ratios[most]:.2f} ({model_name(most)}) times that of "
                 f"the `{other}` split."
             )
     return lines
@@ -346,7 +346,7 @@ def published_times(latency: Mapping[tuple[str, int], Mapping], settings: Mappin
     ours = {m: latency[m, batch]["p50_ms"] for m in paper}
     rows = [
         [
-            style(model).label,
+            model_name(model),
             number(value),
             f"{ours[model]:.3f}",
             number(value / published_value("linear", condition)),

@@ -2,11 +2,20 @@
 
 from pathlib import Path
 
-from pipeline.reporting import experiment as experiment_report, touch as touch_report, velostat_recorded as velostat_recorded_report
-from pipeline.reporting.figures import touch as touch_figures, velostat as velostat_figures
-from pipeline.scoring import results
-from pipeline.datasets import schemas
 from pipeline.base import files, paths
+from pipeline.datasets import schemas
+from pipeline.reporting import (
+    experiment as experiment_report,
+)
+from pipeline.reporting import (
+    touch as touch_report,
+)
+from pipeline.reporting import (
+    velostat_recorded as velostat_recorded_report,
+)
+from pipeline.reporting.figures import touch as touch_figures
+from pipeline.reporting.figures import velostat as velostat_figures
+from pipeline.scoring import results
 
 
 def write_touch(settings: dict, target: Path) -> None:
@@ -92,7 +101,9 @@ def write_velostat_recorded(settings: dict, target: Path) -> None:
         accuracy / "figure.png", table, test, {model: predicted[model] for model in drawn}, chosen
     )
 
-    experiment_report.write_speed(target, settings, scores, latency, {"all recordings": (protocol, "all")}, ("rmse", "RMSE (N)"))
+    experiment_report.write_speed(
+        target, settings, scores, latency, {"all recordings": (protocol, "all")}, ("rmse", "RMSE (N)")
+    )
 
 
 def _by_force(name: str) -> tuple:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting.figures.style import style
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, table
 from pipeline.scoring.results import Scores
 
@@ -55,7 +55,7 @@ def score_text(scores: Scores, settings: Mapping, groups: Sequence[str]) -> str:
                 [group, *(interval(scores.estimate(protocol, group, m, metric), 3) for m in settings["models"])]
                 for protocol, group in chosen
             ]
-            text.append(table(["Recording", *(style(m).label for m in settings["models"])], rows))
+            text.append(table(["Recording", *(model_name(m) for m in settings["models"])], rows))
     return "\n".join(text)
 
 
@@ -74,7 +74,7 @@ def findings(scores: Scores, settings: Mapping, groups: Sequence[str], best: str
         return "\n".join([*lines, "- Every model has a failed run.\n"])
     error, r2 = (scores.estimate(POOLED, "all", best, metric) for metric in ("rmse", "r2"))
     lines.append(
-        f"- One fit for all recordings: {style(best).label} is best, RMSE {interval(error, 3)} N, R2 {interval(r2, 3)}."
+        f"- One fit for all recordings: {model_name(best)} is best, RMSE {interval(error, 3)} N, R2 {interval(r2, 3)}."
     )
     if "linear" in settings["models"] and best != "linear":
         linear = scores.estimate(POOLED, "all", "linear", "rmse")
@@ -87,8 +87,8 @@ def findings(scores: Scores, settings: Mapping, groups: Sequence[str], best: str
         if np.isfinite([*alone.values(), *together.values()]).all():
             first, second = (max(found, key=found.get) for found in (alone, together))
             lines.append(
-                f"- {group}: best R2 {alone[first]:.3f} ({style(first).label}) fitted alone, "
-                f"{together[second]:.3f} ({style(second).label}) with all recordings in one fit."
+                f"- {group}: best R2 {alone[first]:.3f} ({model_name(first)}) fitted alone, "
+                f"{together[second]:.3f} ({model_name(second)}) with all recordings in one fit."
             )
     lines.append(
         "- Where the single fit is worse than the fit alone, recordings disagree about the reading that a force "

@@ -46,9 +46,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
+from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout
 from pipeline.scenes.faults import Fault, inject
-from pipeline.datasets.seeding import generator
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 ACROSS_MM = np.array([12.0, 30.0, 10.0, -10.0, -30.0])  # y of each finger

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from pipeline.base.errors import InputError
-from pipeline.scenes import glove, readout
 from pipeline.datasets.seeding import generator
+from pipeline.scenes import glove, readout
 
 CHANGES = ("specimen", "shift", "turn", "grip")
 

@@ -55,8 +55,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from pipeline.scenes.faults import Fault, inject
 from pipeline.datasets.seeding import generator
+from pipeline.scenes.faults import Fault, inject
 
 STEP_S = 0.05  # the arm moves up to 0.6 mm in it, the finger slips by 5 mm at a time
 STRANDS_DEG = np.array([10.0, 75.0, 135.0, 195.0, 250.0, 315.0])  # phi, before the spread of manual placement

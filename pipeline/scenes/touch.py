@@ -23,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
+from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout
 from pipeline.scenes.faults import Fault, inject
-from pipeline.datasets.seeding import generator
 
 STEP_S = 0.01  # the material is integrated at 100 Hz; presses rise in 0.18 s
 START_S = 1.0  # rest before the first press, so that alignment sees the first rise

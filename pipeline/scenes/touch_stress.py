@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.datasets.seeding import generator
 from pipeline.scenes import touch
 from pipeline.scenes.touch import Recording
-from pipeline.datasets.seeding import generator
 
 # Perturbation -> the conditions in which it acts.
 VARIATIONS = dict.fromkeys(("specimen", "peak_pressure", "press_speed", "tip_radius"), ("double", "single_anew"))

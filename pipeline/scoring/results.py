@@ -11,9 +11,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from scipy.special import stdtrit
 
-from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
 
 PUBLISHED = Path(__file__).with_name("published.csv")
 CONFIDENCE = 0.95

@@ -29,12 +29,12 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline.stability import clean_scores, perturbations
-from pipeline.scoring import classification, metrics, results
-from pipeline.learning import trained
-from pipeline.datasets import images, schemas
 from pipeline.base import params, paths
+from pipeline.datasets import images, schemas
 from pipeline.datasets.seeding import generator
+from pipeline.learning import trained
+from pipeline.scoring import classification, metrics, results
+from pipeline.stability import clean_scores, perturbations
 
 IN_TIME = ("lost_frames", "jitter")
 READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", *IN_TIME)

@@ -27,14 +27,14 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline.stability import clean_scores, perturbations
-from pipeline.scoring import metrics, results
-from pipeline.learning import trained
-from pipeline.logs import alignment, parse
-from pipeline.datasets import schemas, series
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.datasets import schemas, series
 from pipeline.datasets.seeding import generator
+from pipeline.learning import trained
+from pipeline.logs import alignment, parse
+from pipeline.scoring import metrics, results
+from pipeline.stability import clean_scores, perturbations
 
 AS_THEY_ARE = ("stuck", "lost_frames", "jitter")
 SCENES = ("rate", "speed", "specimen")

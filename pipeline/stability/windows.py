@@ -20,13 +20,13 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline.stability import clean_scores, perturbations
-from pipeline.scoring import metrics, results
-from pipeline.learning import trained
-from pipeline.datasets import schemas
 from pipeline.base import files, params, paths, workers
+from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
+from pipeline.learning import trained
+from pipeline.scoring import metrics, results
+from pipeline.stability import clean_scores, perturbations
 
 READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", "lost_frames", "jitter")
 CONDITIONS = {"touch": ("single", "double"), "velostat_recorded": ("all",)}  # of the test windows

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.scoring import results
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError, run_stage
 from pipeline.reporting.markdown import table
+from pipeline.scoring import results
 
 FINGERPRINT = Path(__file__).with_name("fingerprint.csv")
 GROUP = ["experiment", "protocol", "condition", "model", "metric"]

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 
 import pyarrow as pa
 
-from pipeline.datasets import images, schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import run_stage
 from pipeline.base.params import experiment_module
+from pipeline.datasets import images, schemas
 
 
 def main() -> None:

@@ -12,12 +12,12 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline.scoring import classification, metrics
-from pipeline.learning import trained
-from pipeline.datasets import images, schemas, series
 from pipeline.base import files, params, paths, workers
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
+from pipeline.datasets import images, schemas, series
+from pipeline.learning import trained
+from pipeline.scoring import classification, metrics
 
 COLUMNS = ("experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n")
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline.logs import own_data, sources
-from pipeline.datasets import schemas
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import schemas
+from pipeline.logs import own_data, sources
 
 
 def ingest(experiment: str, settings: dict) -> None:

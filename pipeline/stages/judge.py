@@ -10,8 +10,12 @@ from dataclasses import replace
 
 import pandas as pd
 
-from pipeline.reporting.verdicts import glove as glove_verdicts, strain as strain_verdicts, touch as touch_verdicts
 from pipeline.base import files, params, paths
+from pipeline.base.errors import run_stage
+from pipeline.reporting.markdown import number, size, table
+from pipeline.reporting.verdicts import glove as glove_verdicts
+from pipeline.reporting.verdicts import strain as strain_verdicts
+from pipeline.reporting.verdicts import touch as touch_verdicts
 from pipeline.reporting.verdicts.rules import (
     EXPERIMENTS,
     NOT_REPRODUCED,
@@ -23,8 +27,6 @@ from pipeline.reporting.verdicts.rules import (
     Evidence,
     Judgement,
 )
-from pipeline.base.errors import run_stage
-from pipeline.reporting.markdown import number, size, table
 
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
 COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason"]

@@ -14,11 +14,11 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.learning import trained
-from pipeline.datasets import images, schemas, series
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
+from pipeline.datasets import images, schemas, series
+from pipeline.learning import trained
 
 FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
 

@@ -8,20 +8,19 @@ Usage: python -m pipeline.stages.page
 import os
 from collections.abc import Mapping
 from html import escape
-from pathlib import Path
 
 import pandas as pd
 
-from pipeline.reporting.page import charts, hypertext
 from pipeline.base import params, paths
 from pipeline.base.availability import why_not_run
-from pipeline.reporting.verdicts.rules import EXPERIMENTS, NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED
 from pipeline.base.errors import InputError, run_stage
-from pipeline.reporting.figures.style import style
-from pipeline.reporting.page.hypertext import Pages, anchor, cell, read, sections, table, title
-from pipeline.reporting.markdown import number, size
-from pipeline.scoring.results import read_csv
 from pipeline.logs.sources import SOURCES
+from pipeline.reporting.labels import model_name
+from pipeline.reporting.markdown import number, size
+from pipeline.reporting.page import charts, hypertext
+from pipeline.reporting.page.hypertext import Pages, anchor, cell, read, sections, table, title
+from pipeline.reporting.verdicts.rules import EXPERIMENTS, NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED
+from pipeline.scoring.results import read_csv
 
 VERDICTS = {REPRODUCED: ("yes", "✓"), NOT_REPRODUCED: ("no", "✗"), NOT_TESTABLE: ("open", "–")}
 CLAIMS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason", "unit"]
@@ -361,7 +360,7 @@ def count_cell(column: str, value) -> str:
     if value != value:
         return cell("-")
     if column == "model":
-        return cell(style(value).label)
+        return cell(model_name(value))
     if column == "verdict":
         return cell(badge(value), html=True) if value in VERDICTS else cell(str(value))
     return cell(size(value), value) if isinstance(value, (int, float)) else cell(str(value))
@@ -400,7 +399,9 @@ def build(values: Mapping) -> str:
     body.append(provenance(values))
     names["provenance"] = "Scale and provenance"
     links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name in names.items())
-    css, js = (Path(__file__).with_suffix(suffix).read_text(encoding="utf-8") for suffix in (".css", ".js"))
+    css, js = (
+        (paths.CODE / "reporting" / "page" / name).read_text(encoding="utf-8") for name in ("page.css", "page.js")
+    )
     heading = "Soft tactile sensing, reproduced"
     html = (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'

@@ -7,10 +7,10 @@ Usage: python -m pipeline.stages.render EXPERIMENT
 
 import sys
 
-from pipeline.reporting import glove_pages, strain_pages, touch_pages
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
+from pipeline.reporting import glove_pages, strain_pages, touch_pages
 
 WRITERS = {
     "touch": touch_pages.write_touch,

@@ -5,12 +5,12 @@ Usage: python -m pipeline.stages.render_physics
 
 import pandas as pd
 
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError, run_stage
 from pipeline.reporting import physics as physics_report
 from pipeline.reporting.figures import physics as physics_figures
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.scoring import results
-from pipeline.base import files, params, paths
-from pipeline.base.errors import InputError, run_stage
 from pipeline.scoring.variants import COLUMNS, variants
 
 

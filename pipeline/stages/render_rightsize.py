@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.reporting import markdown
-from pipeline.reporting.figures import sizes as sizes_figures
-from pipeline.reporting.verdicts import sizes as sizes_verdicts
-from pipeline.scoring import ladders
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
+from pipeline.reporting import markdown
+from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.figures.sizes import Reference
+from pipeline.reporting.verdicts import sizes as sizes_verdicts
+from pipeline.scoring import ladders
 from pipeline.scoring.results import Estimate, Scores
 
 INTRODUCTION = """# How small a model each scene needs
@@ -88,7 +88,11 @@ def finding(own: pd.DataFrame) -> str:
     if paper["size"] == small["size"]:
         return f"{start}{text}. That is the published size: nothing smaller is enough."
     if paper["size"] < small["size"]:
-        above = sizes_verdicts.error_of(paper["value"], paper["metric"]) / sizes_verdicts.error_of(best["value"], best["metric"]) - 1
+        above = (
+            sizes_verdicts.error_of(paper["value"], paper["metric"])
+            / sizes_verdicts.error_of(best["value"], best["metric"])
+            - 1
+        )
         return (
             f"{start}{text}. The published {scale.published:g} has {small['params'] / paper['params']:.3g} times fewer "
             f"parameters; by this rule they are too few: {shown_error(paper)} {unit}, {100 * above:.0f} % above the "
@@ -167,7 +171,9 @@ def write_csv(path: Path, judged: pd.DataFrame) -> None:
 def main() -> None:
     """Judge and render all ladders; reports/rightsize is replaced whole."""
     values = params.load()
-    judged = {experiment: sizes_verdicts.judge(sizes_verdicts.read(experiment, values)) for experiment in ladders.METRIC}
+    judged = {
+        experiment: sizes_verdicts.judge(sizes_verdicts.read(experiment, values)) for experiment in ladders.METRIC
+    }
     found = {experiment: references(experiment, values, table) for experiment, table in judged.items()}
     everything = pd.concat(judged.values(), ignore_index=True)
     known = {key: value for own in found.values() for key, value in own.items()}

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.reporting import stability as stability_report
-from pipeline.reporting.figures import stability as stability_figures
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError, run_stage
+from pipeline.reporting import stability as stability_report
+from pipeline.reporting.figures import stability as stability_figures
 
 
 def main() -> None:

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pipeline.datasets import images
 from pipeline.base import params, paths, runs
 from pipeline.base.errors import run_stage
+from pipeline.datasets import images
 
 
 def train_run(

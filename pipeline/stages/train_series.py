@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pipeline.datasets import series
 from pipeline.base import params, paths, runs
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import series
 
 
 def train_run(

@@ -7,9 +7,9 @@ import sys
 
 import numpy as np
 
-from pipeline.datasets import schemas
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
 
 
@@ -18,7 +18,9 @@ def main() -> None:
     values = params.load()
     experiment = params.experiment_argument(sys.argv, "window", values)
     if experiment in (*params.SERIES, *params.IMAGES):
-        raise InputError(f"{experiment}: its models see no windows; run `python -m pipeline.stages.dataset {experiment}`")
+        raise InputError(
+            f"{experiment}: its models see no windows; run `python -m pipeline.stages.dataset {experiment}`"
+        )
     frames = schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
     windows = windows_of(frames, values[experiment]["window"])
     schemas.write(paths.windows(experiment), windows.schema, [windows])

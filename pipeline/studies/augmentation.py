@@ -10,10 +10,10 @@ from collections.abc import Mapping
 
 from tqdm import tqdm
 
-from pipeline.scoring import classification, metrics
-from pipeline.datasets import images
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import images
+from pipeline.scoring import classification, metrics
 
 METHODS = {"none": (), "A": ("flip",), "B": ("noise",), "C": ("affine",)}  # what stays on; the others are set to 0
 SETTINGS = ("flip", "noise", "affine")

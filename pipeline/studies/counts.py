@@ -10,12 +10,12 @@ import pandas as pd
 import torch
 from torch import nn
 
-from pipeline.learning import cost
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
+from pipeline.learning import cost
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
-from pipeline.studies.operations import operations
 from pipeline.scoring.results import PUBLISHED
+from pipeline.studies.operations import operations
 
 COLUMNS = ("experiment", "model", "input_shape", "classes", "macs", "params")
 COLUMNS += ("published_macs", "published_params", "verdict", "note")

@@ -11,10 +11,10 @@ import pyarrow as pa
 from sklearn.ensemble import ExtraTreesClassifier
 from tqdm import tqdm
 
-from pipeline.datasets import schemas
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import schemas
 from pipeline.experiments import glove_recorded
 
 EXPERIMENT = "glove_recorded"

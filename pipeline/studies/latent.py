@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.scoring import metrics
-from pipeline.datasets import series
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import series
+from pipeline.scoring import metrics
 
 BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
 FOLDS = 5

@@ -4,8 +4,8 @@ from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import Spec
 from pipeline.learning.image_classifier import ImageClassifier
+from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import separable_network
 
 STEM = 64  # channels of the published network's first half

@@ -18,13 +18,13 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline.scoring import classification, metrics
-from pipeline.learning import trained
-from pipeline.datasets import images, schemas, series
 from pipeline.base import blocks, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
-from pipeline.scoring.variants import COLUMNS, DEFAULT, NONE, variants
+from pipeline.datasets import images, schemas, series
 from pipeline.datasets.windowing import windows_of
+from pipeline.learning import trained
+from pipeline.scoring import classification, metrics
+from pipeline.scoring.variants import COLUMNS, DEFAULT, NONE, variants
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
 CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about the others, demonstrations

@@ -15,13 +15,13 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline.studies import narrow_sp_resnet
-from pipeline.scoring import classification, ladders, metrics
-from pipeline.learning import trained
-from pipeline.datasets import images, schemas
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import images, schemas
+from pipeline.learning import trained
 from pipeline.learning.regressors import Spec
+from pipeline.scoring import classification, ladders, metrics
+from pipeline.studies import narrow_sp_resnet
 
 CONDITIONS = ("single", "double")  # of touch, as in Table I
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.scoring import classification, metrics
-from pipeline.logs import stag
-from pipeline.datasets import seeding
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import seeding
+from pipeline.logs import stag
+from pipeline.scoring import classification, metrics
 
 COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")

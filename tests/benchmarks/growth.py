@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullLocator
 
-from pipeline.reporting.figures import style
 from pipeline.base import files
+from pipeline.reporting.figures import style
 
 COLUMNS = ("task", "against", "size", "size_unit", "seconds", "mb", "time_exponent", "memory_exponent")
 DATA, ELEMENTS = "data", "elements"

@@ -7,10 +7,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from pipeline.datasets import schemas
 from pipeline.base import params
-from pipeline.experiments import touch
+from pipeline.datasets import schemas
 from pipeline.datasets.series import Record
+from pipeline.experiments import touch
 
 ARRAY_HZ, LOAD_CELL_HZ, CNC_HZ = 200, 100, 50  # 1 GB of 5x5 counts lasts 16 hours; 28 are the most that ingest takes
 LINE_BYTES = 92  # of the array's log, about

@@ -39,8 +39,8 @@ def read_log(folder: Path, _):
     """The array's log, all lines checked."""
     from benchmarks.made import touch_settings
 
-    from pipeline.logs import parse
     from pipeline.experiments import touch
+    from pipeline.logs import parse
 
     fmt = touch.array_format(touch_settings())
     return lambda: parse.read_log(folder / "array.log", fmt)
@@ -151,7 +151,9 @@ def lomp_updates(_, windows: float):
 
     model = lomp(5, max_epochs=UPDATES)
     model.training = replace(model.training, batch_size=int(windows))
-    optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as pipeline/learning/regressors.py, and so `update`
+    optimiser = torch.optim.Adam(
+        model.network.parameters(), fused=True
+    )  # as pipeline/learning/regressors.py, and so `update`
     x, y = _batch(windows)
 
     def update(losses) -> torch.Tensor:

@@ -9,10 +9,10 @@ import pytest
 from benchmarks import made, peers
 from benchmarks.measure import measured
 
-from pipeline.logs import parse
-from pipeline.datasets import schemas
 from pipeline.base import params, paths
+from pipeline.datasets import schemas
 from pipeline.experiments import touch
+from pipeline.logs import parse
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,14 @@ from benchmarks import made, measure, peers
 from torch import nn
 from tqdm import tqdm
 
-from pipeline.learning import trained
-from pipeline.datasets import schemas, series
 from pipeline.base import params, paths, workers
 from pipeline.base.blocks import SequenceTraining
+from pipeline.datasets import schemas, series
+from pipeline.learning import trained
 from pipeline.learning.regressors import Spec, TorchRegressor
-from pipeline.models import esn, lstm_transfer_ridge
 from pipeline.learning.series_regressors import LstmRegressor
 from pipeline.learning.series_regressors import spec_of as spec_of_series
+from pipeline.models import esn, lstm_transfer_ridge
 
 WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
 

@@ -9,9 +9,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Rectangle
 
-from pipeline.reporting.figures import style
-from pipeline.logs import alignment
 from pipeline.datasets import schemas
+from pipeline.logs import alignment
+from pipeline.reporting.figures import style
 
 LINES = (
     (style.BLUE, "-"),
@@ -78,11 +78,11 @@ def signals(ax: plt.Axes, one, files: str, pattern: str) -> None:
         values = {column: log.rows[column].to_numpy() for column in columns}
         if (combined := COMBINED.get(columns[0][0])) is not None:
             values = {"all": combined(np.column_stack(list(values.values())))}
-        for (column, value), (colour, style) in zip(values.items(), looks, strict=False):
+        for (column, value), (colour, dashes) in zip(values.items(), looks, strict=False):
             broken = np.insert(time, silent, np.nan), np.insert(value.astype(float), silent, np.nan)
             label = [name.removesuffix(".log")] * (len(found) > 1 or len(values) == 1)
             label += [column.removesuffix("_mm")] * (len(values) > 1)
-            ax.plot(*broken, color=colour, linestyle=style, linewidth=0.9, label=" ".join(label))
+            ax.plot(*broken, color=colour, linestyle=dashes, linewidth=0.9, label=" ".join(label))
         ticks += np.interp(log.rejects["line"].to_numpy(), log.rows["line"].to_numpy(), time).tolist()
     if ticks:
         ax.plot(

@@ -9,9 +9,10 @@ import pandas as pd
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 
-from pipeline.reporting.figures import style
-from pipeline.reporting.figures.style import style
 from pipeline.datasets.images import HIGHEST, SIDE
+from pipeline.reporting.figures import style
+from pipeline.reporting.figures.style import model_style
+from pipeline.reporting.labels import model_name
 from pipeline.scoring.results import Fit, estimate
 
 COLOURS = {"pressure": style.BLUE, "strain": style.VERMILION, "combined": style.BLACK}  # of the datasets
@@ -122,7 +123,7 @@ def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: s
         own = table[table["metric"] == "macro_precision"]
         models = list(dict.fromkeys(own["model"]))
         for k, model in enumerate(models):
-            look, place = style(model), 0.12 * (k - (len(models) - 1) / 2)  # side by side: intervals overlap
+            look, place = model_style(model), 0.12 * (k - (len(models) - 1) / 2)  # side by side: intervals overlap
             found = {n: estimate(100 * part["value"]) for n, part in own[own["model"] == model].groupby("frames")}
             mean = np.array([one.mean for one in found.values()])
             spread = np.array([[one.mean - one.low, one.high - one.mean] for one in found.values()]).T
@@ -150,7 +151,7 @@ def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]],
                 ax.plot(epochs, loss, color=COLOURS[dataset], linestyle=DASHES[dataset], linewidth=1.2)
                 kept = fit.history[epochs == fit.best_epoch]
                 ax.plot(kept["epoch"], kept["validation_loss"], "o", color=COLOURS[dataset], markersize=4)
-        ax.set(title=style(model).label, yscale="log", xlabel="Epoch")
+        ax.set(title=model_name(model), yscale="log", xlabel="Epoch")
         style.plain_log(ax.yaxis)
         ax.xaxis.get_major_locator().set_params(integer=True)
     for ax in axes[:, 0]:

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 
 from pipeline.reporting.figures import style
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.verdicts.physics import NEEDED, Assessment
-from pipeline.reporting.figures.style import style
 
 FULL = 3.0  # floors at which the colour is full
 # White up to one floor, then two hues; the sign is in the numbers, so that nothing is lost in grey.
@@ -43,7 +43,7 @@ def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
             ax.text(len(models), row, f"{one.tau[condition]:.2f}", ha="center", va="center", fontsize=7, weight=weight)
         drawn = ax.imshow(floors, cmap=COLOURS, vmin=-FULL, vmax=FULL, aspect="auto")
         ax.axvline(len(models) - 0.5, color=style.GREY, linewidth=0.8)
-        labels = [style(model).label for model in models]
+        labels = [model_name(model) for model in models]
         ax.set_xticks(range(len(models) + 1), [*labels, "order: tau"], rotation=50, ha="right", rotation_mode="anchor")
         ax.set_title(f"{condition.replace('_', ' ')} (other seeds: tau ≥ {assessment.floor_tau[condition]:.2f})")
         ax.set_xticks(np.arange(len(models) + 2) - 0.5, minor=True)

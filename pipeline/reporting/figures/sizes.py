@@ -48,7 +48,9 @@ def curves(path: Path, title: str, judged: pd.DataFrame, references: Mapping[tup
 def _panel(ax: plt.Axes, name: str, own: pd.DataFrame, reference: Reference, handles: dict) -> None:
     scale, metric = sizes_verdicts.SCALES[name], own.iloc[0]["metric"]
     across = own["size" if name == "window" else "params"].to_numpy(float)
-    value, low, high = (sizes_verdicts.error_of(own[column], metric).to_numpy(float) for column in ("value", "low", "high"))
+    value, low, high = (
+        sizes_verdicts.error_of(own[column], metric).to_numpy(float) for column in ("value", "low", "high")
+    )
     spread = np.abs(np.array([value - low, high - value]))  # an error of 1 - a fraction swaps low and high
     spread[0] = np.minimum(spread[0], 0.95 * value)  # the axis is logarithmic
     handles["mean over seeds, 95 % interval"] = ax.errorbar(

@@ -1,4 +1,4 @@
-"""Charts of speed against accuracy, one look for all experiments; drawn from the table of pipeline/reporting/speed.py."""
+"""Charts of speed against accuracy, drawn from the table of pipeline/reporting/speed.py."""
 
 import textwrap
 from pathlib import Path
@@ -12,7 +12,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from pipeline.reporting.figures import style
-from pipeline.reporting.figures.style import style
+from pipeline.reporting.figures.style import model_style
 from pipeline.reporting.speed import FRONTS
 
 NAME_WIDTH = 19  # characters of a line of a model's name
@@ -113,7 +113,7 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
 
     found = []
     for line in own.itertuples():
-        at, look, area = getattr(line, time), style(line.model), marker_area(line.params)
+        at, look, area = getattr(line, time), model_style(line.model), marker_area(line.params)
         name = textwrap.fill(look.label, NAME_WIDTH)
         if line.failed:
             edge = ax.get_xaxis_transform()

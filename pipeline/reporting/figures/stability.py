@@ -6,7 +6,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pipeline.reporting.figures.style import BLACK, plain_log, save, style
+from pipeline.reporting.figures.style import BLACK, model_style, plain_log, save
 from pipeline.reporting.stability import FLOOR, Level
 
 COLUMNS = 4
@@ -29,7 +29,7 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
         if 0 in severities:
             severities.sort()
         for model, own in models.items():
-            look, floor = style(model), model == FLOOR
+            look, floor = model_style(model), model == FLOOR
             place = np.arange(len(severities))
             mean, low, high = (
                 np.array([getattr(own[one], part) for one in severities]) for part in ("mean", "low", "high")

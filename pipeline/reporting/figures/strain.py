@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reporting.figures import style
-from pipeline.reporting.figures.style import MEASURED, style
+from pipeline.reporting.figures.style import MEASURED, model_style
+from pipeline.reporting.labels import model_name
 from pipeline.scoring.results import Estimate, estimate
 
 SHOWN_S = 120.0  # of the test part in figures 5 to 8
@@ -45,7 +46,7 @@ def performance(
     for ax, column in zip(axes, outputs, strict=True):
         handles["measured"] = ax.plot(at, truth[chosen, column], **(MEASURED | {"linewidth": 1.1}))[0]
         for model, values in predicted.items():
-            look = style(model)
+            look = model_style(model)
             (handles[look.label],) = ax.plot(
                 at, values[chosen, column], color=look.color, linestyle=look.linestyle, linewidth=1.2
             )
@@ -90,7 +91,7 @@ def curves(
     for ax, task in zip(axes[0], tasks, strict=True):
         own = table[table["protocol"] == task]
         for name, group in own.groupby(by, sort=False) if by else [("lstm_direct", own)]:
-            look = style(name)
+            look = model_style(name)
             found = {size: estimate(part["value"]) for size, part in group.groupby(x)}
             mean = np.array([one.mean for one in found.values()])
             spread = np.array([[one.mean - one.low, one.high - one.mean] for one in found.values()]).T
@@ -141,7 +142,7 @@ def error_over_time(path: Path, errors: Mapping[str, Mapping[str, np.ndarray]], 
     handles = {}
     for ax, (task, models) in zip(axes[0], errors.items(), strict=True):
         for model, runs in models.items():
-            look = style(model)
+            look = model_style(model)
             found = [estimate(column) for column in runs.T]
             mean = np.array([one.mean for one in found])
             (handles[look.label],) = ax.plot(
@@ -184,11 +185,11 @@ def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mappin
             guess = np.array([predicted[model][half].mean(axis=0) for half in halves])
             for column in range(2):
                 ax = row[2 * k + column]
-                ax.plot(true[:, column], guess[:, column], ".", color=style(model).color, markersize=2.5)
+                ax.plot(true[:, column], guess[:, column], ".", color=model_style(model).color, markersize=2.5)
                 ax.plot([-22.5, 22.5], [-22.5, 22.5], color=style.VERMILION, linewidth=0.8)
                 ax.set(xlim=(-25, 25), ylim=(-40, 40))
                 if ax.get_subplotspec().is_first_row():
-                    ax.set_title(textwrap.fill(style(model).label, 20) + f"\n{AXES[column]}")
+                    ax.set_title(textwrap.fill(model_name(model), 20) + f"\n{AXES[column]}")
         row[0].set_ylabel(f"{protocol.replace('_', ' ')}\npredicted (mm)")
     for ax in axes[-1]:
         ax.set_xlabel("true (mm)")

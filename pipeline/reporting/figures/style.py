@@ -1,4 +1,4 @@
-"""The look of all figures: nine colours and grey, one fixed style a model, and files that never carry a date."""
+"""The look of all figures: nine colours and grey, one fixed style per model, and files that never carry a date."""
 
 import zlib
 from pathlib import Path
@@ -9,6 +9,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.ticker import LogLocator, NullFormatter
+
+from pipeline.reporting.labels import model_name
 
 DPI = 150
 BLACK, GREY = "#000000", "#777777"
@@ -27,31 +29,31 @@ class Style(NamedTuple):
     linestyle: str
 
 
-STYLES = {
-    "constant": Style("Constant (mean)", GREY, "x", ":"),
-    "linear": Style("Linear", ORANGE, "o", "-"),
-    "poly": Style("Polynomial", WINE, "^", "--"),
-    "tree": Style("Decision tree", YELLOW, "s", "-"),
-    "rbf": Style("RBF-Net", OLIVE, "D", (0, (1, 1))),
-    "cnn": Style("CNN", GREEN, "v", "-."),
-    "vgg": Style("VGG-16", SKY, "P", "-"),
-    "convlstm": Style("ConvLSTM", PURPLE, "h", (0, (4, 1, 1, 1))),
-    "rnn": Style("RNN", BLUE, "<", (0, (5, 1.5))),
-    "lomp": Style("LoMP", VERMILION, "*", "-"),
-    "lomp_stream": Style("LoMP streaming", INDIGO, "d", (0, (5, 1.5))),
-    "ridge": Style("Ridge, raw window", ORANGE, "o", "-"),
-    "esn": Style("Echo state network", GREEN, "v", "-."),
-    "lstm_direct": Style("LSTM, direct", BLUE, "s", "-"),
-    "lstm_transfer": Style("LSTM, transfer (Adam)", VERMILION, "^", "--"),
-    "lstm_highpass": Style("LSTM on high-passed voltages", SKY, "*", (0, (5, 1.5))),
-    "press_difference": Style("Extra trees, press minus rest", BLACK, "P", (0, (1, 1))),
-    "lstm_transfer_ridge": Style("LSTM, transfer (closed form)", PURPLE, "D", (0, (4, 1, 1, 1))),
-    "naive_bayes": Style("Naive Bayes", ORANGE, "o", ":"),
-    "resnet18": Style("ResNet-18", GREEN, "v", "-."),
-    "mobilenet": Style("MobileNet", SKY, "P", (0, (5, 1.5))),
-    "resnet3x3": Style("ResNet_3x3", BLUE, "D", "--"),
-    "sp_resnet_nogcam": Style("SP-ResNet (no GCAM)", PURPLE, "h", (0, (4, 1, 1, 1))),
-    "sp_resnet": Style("SP-ResNet", VERMILION, "*", "-"),
+STYLES = {  # colour, marker, line
+    "constant": (GREY, "x", ":"),
+    "linear": (ORANGE, "o", "-"),
+    "poly": (WINE, "^", "--"),
+    "tree": (YELLOW, "s", "-"),
+    "rbf": (OLIVE, "D", (0, (1, 1))),
+    "cnn": (GREEN, "v", "-."),
+    "vgg": (SKY, "P", "-"),
+    "convlstm": (PURPLE, "h", (0, (4, 1, 1, 1))),
+    "rnn": (BLUE, "<", (0, (5, 1.5))),
+    "lomp": (VERMILION, "*", "-"),
+    "lomp_stream": (INDIGO, "d", (0, (5, 1.5))),
+    "ridge": (ORANGE, "o", "-"),
+    "esn": (GREEN, "v", "-."),
+    "lstm_direct": (BLUE, "s", "-"),
+    "lstm_transfer": (VERMILION, "^", "--"),
+    "lstm_highpass": (SKY, "*", (0, (5, 1.5))),
+    "press_difference": (BLACK, "P", (0, (1, 1))),
+    "lstm_transfer_ridge": (PURPLE, "D", (0, (4, 1, 1, 1))),
+    "naive_bayes": (ORANGE, "o", ":"),
+    "resnet18": (GREEN, "v", "-."),
+    "mobilenet": (SKY, "P", (0, (5, 1.5))),
+    "resnet3x3": (BLUE, "D", "--"),
+    "sp_resnet_nogcam": (PURPLE, "h", (0, (4, 1, 1, 1))),
+    "sp_resnet": (VERMILION, "*", "-"),
 }
 
 plt.rcParams.update(
@@ -69,13 +71,13 @@ plt.rcParams.update(
 )
 
 
-def style(model: str) -> Style:
-    """The style of a model; a new model gets one that depends on its name alone."""
+def model_style(model: str) -> Style:
+    """Return how a model is drawn; a new model gets a style that depends on its name alone."""
     if model in STYLES:
-        return STYLES[model]
+        return Style(model_name(model), *STYLES[model])
     place = zlib.crc32(model.encode())
     colours = (BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE)
-    return Style(model, colours[place % len(colours)], "Xd>8p"[place // 7 % 5], (0, (2, 1)))
+    return Style(model_name(model), colours[place % len(colours)], "Xd>8p"[place // 7 % 5], (0, (2, 1)))
 
 
 def literal(name: str) -> str:

@@ -10,11 +10,12 @@ import pyarrow as pa
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pipeline.reporting.figures import style
 from pipeline.datasets import labels, schemas
-from pipeline.reporting.figures.style import MEASURED, style
-from pipeline.scoring.results import Fit
+from pipeline.reporting.figures import style
+from pipeline.reporting.figures.style import MEASURED, model_style
+from pipeline.reporting.labels import model_name
 from pipeline.scenes import material
+from pipeline.scoring.results import Fit
 
 FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)
 TOUCH_MODELS = ("lomp", "rnn", "cnn", "convlstm")  # of figure 6
@@ -111,7 +112,7 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
     limit = 1.05 * min(values[np.isfinite(values)].max(initial=truth.max()), 2 * truth.max())
     for k, model in enumerate(shown):
         upper, lower = axes[2 * (k // columns), k % columns], axes[2 * (k // columns) + 1, k % columns]
-        look = style(model)
+        look = model_style(model)
         upper.plot(at, truth.max(axis=(1, 2)), **MEASURED)
         upper.plot(at, maps[model][chosen].max(axis=(1, 2)), color=look.color, linewidth=1.2)
         lower.bar(at, losses[model], color=look.color, width=1.0)
@@ -223,7 +224,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
         elements.append(elements_at(*place, sensor))
         truth = _block_peak(windows.truth[chosen], *place, sensor)
         for model in drawn:
-            look = style(model)
+            look = model_style(model)
             estimated = _block_peak(maps[model][chosen], *place, sensor)
             ax.plot(time, estimated, color=look.color, linestyle=look.linestyle, marker=look.marker, markersize=4)
         ax.plot(time, truth, **MEASURED)
@@ -254,11 +255,12 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
         )
     handles = [Line2D([], [], **MEASURED)]
     handles += [
-        Line2D([], [], color=style(m).color, linestyle=style(m).linestyle, marker=style(m).marker) for m in drawn
+        Line2D([], [], color=model_style(m).color, linestyle=model_style(m).linestyle, marker=model_style(m).marker)
+        for m in drawn
     ]
     axes[0].legend(
         handles,
-        ["measured", *(style(m).label + _failure(maps[m][chosen]) for m in drawn)],
+        ["measured", *(model_name(m) + _failure(maps[m][chosen]) for m in drawn)],
         loc="upper left",
         bbox_to_anchor=(1, 1),
     )
@@ -291,11 +293,11 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarr
                 medianprops={"color": style.BLACK, "linewidth": 1.6},
             )
             boxes["boxes"][0].set(
-                facecolor=style(model).color if double else "white",
-                edgecolor=style(model).color,
+                facecolor=model_style(model).color if double else "white",
+                edgecolor=model_style(model).color,
                 linewidth=1.5,
             )
-    ax.set_yticks(range(len(maps)), [style(model).label for model in maps])
+    ax.set_yticks(range(len(maps)), [model_name(model) for model in maps])
     ax.invert_yaxis()
     ax.set(
         xscale="log",
@@ -326,7 +328,7 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
         row = []
         for title, window, models in parts:
             row.append((f"{title}\nmeasured", windows.truth[window], window))
-            row += [(f"{title}\n{style(m).label}", maps[m][window], window) for m in models if m in maps]
+            row += [(f"{title}\n{model_name(m)}", maps[m][window], window) for m in models if m in maps]
         panels.append((row + [None] * INSTANTS)[:INSTANTS])
 
     lomp = ("lomp",)
@@ -352,7 +354,7 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
         since = windows.t_s[picked] - windows.t_s[slide[0]]
         for name, source in [
             ("measured", windows.truth),
-            *((style(m).label, maps[m]) for m in lomp if m in maps),
+            *((model_name(m), maps[m]) for m in lomp if m in maps),
         ]:
             panels.append([(f"(c) slide, {s:.2f} s\n{name}", source[w], w) for s, w in zip(since, picked, strict=True)])
     sensor = settings["sensor"]
@@ -389,7 +391,7 @@ def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) ->
     rows = max(1, -(-len(trained) // columns))
     figure, axes = plt.subplots(rows, columns, figsize=(3.7 * columns, 2.7 * rows + 0.8), squeeze=False)
     for ax, (model, runs) in zip(axes.flat, trained.items(), strict=False):
-        look = style(model)
+        look = model_style(model)
         for run in runs:
             epoch = run.history["epoch"].to_numpy()
             ax.plot(epoch, run.history["train_loss"], color=style.GREY, linestyle=":", linewidth=1)

@@ -8,9 +8,10 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.lines import Line2D
 
-from pipeline.reporting.figures import style
 from pipeline.datasets import schemas
-from pipeline.reporting.figures.style import MEASURED, style
+from pipeline.reporting.figures import style
+from pipeline.reporting.figures.style import MEASURED, model_style
+from pipeline.reporting.labels import model_name
 
 SHOWN_S = 15  # of a recording, around its largest force
 GAP = 3.0  # median intervals between windows; lines are interrupted at longer ones
@@ -39,18 +40,18 @@ def force_over_time(
         breaks = np.flatnonzero(steps > GAP * np.median(steps)) + 1 if len(steps) else []
         at = np.insert(at, breaks, np.nan)
         for model, force in predicted.items():
-            look = style(model)
+            look = model_style(model)
             ax.plot(at, np.insert(force[rows, 0], breaks, np.nan), color=look.color, linestyle=look.linestyle)
         ax.plot(at, np.insert(truth[rows], breaks, np.nan), **(MEASURED | {"linewidth": 1.1}))
         ax.set(ylabel="Force (N)", title=name)
     axes[-1, 0].set_xlabel("Time (s)")
     handles = [
         Line2D([], [], **MEASURED),
-        *(Line2D([], [], color=style(m).color, linestyle=style(m).linestyle) for m in predicted),
+        *(Line2D([], [], color=model_style(m).color, linestyle=model_style(m).linestyle) for m in predicted),
     ]
     figure.legend(
         handles,
-        ["measured", *(style(m).label for m in predicted)],
+        ["measured", *(model_name(m) for m in predicted)],
         loc="outside lower center",
         ncols=len(handles),
     )

@@ -7,7 +7,8 @@ from math import ceil, floor, log10
 import pandas as pd
 from matplotlib.markers import MarkerStyle
 
-from pipeline.reporting.figures.style import style
+from pipeline.reporting.figures.style import model_style
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number, size
 from pipeline.reporting.speed import FRONTS
 from pipeline.scoring.results import Estimate
@@ -38,7 +39,7 @@ def legend(table: pd.DataFrame) -> str:
     """Marker and name of every model, and what filled and hollow mean."""
     items = [
         f'<li data-model="{escape(model)}"><svg viewBox="-9 -9 18 18" width="18" height="18" aria-hidden="true">'
-        f"{marker(model, 0, 0, True)}</svg>{escape(style(model).label)}</li>"
+        f"{marker(model, 0, 0, True)}</svg>{escape(model_name(model))}</li>"
         for model in dict.fromkeys(table["model"])
     ]
     return (
@@ -108,7 +109,7 @@ def describe(row: Mapping, time: str) -> str:
     error = interval(Estimate(*(row[key] for key in ("error", "low", "high", "runs", "failed"))))
     on = "on the front" if row[FRONTS[time]] == 1 else "not on the front"
     return (
-        f"{style(row['model']).label}, {row['panel']}: {row['measure']} {error}; {row['p50_ms']:.3g} ms median and "
+        f"{model_name(row['model'])}, {row['panel']}: {row['measure']} {error}; {row['p50_ms']:.3g} ms median and "
         f"{row['p95_ms']:.3g} ms 95th percentile at batch {row['batch']}, {row['predictions_per_s']:,.0f} predictions "
         f"a second at batch {row['large_batch']}; training {number(row['train_s'])} s; {size(row['params'])} "
         f"parameters; MACs {size(row['macs'])}; file {size(row['size_bytes'])} bytes; {on}"
@@ -117,7 +118,7 @@ def describe(row: Mapping, time: str) -> str:
 
 def marker(model: str, x: float, y: float, filled: bool) -> str:
     """A model's marker of `figures.STYLES` around (x, y); hollow where not `filled`."""
-    look = style(model)
+    look = model_style(model)
     shape = MarkerStyle(look.marker)
     path = shape.get_path().transformed(shape.get_transform())
     vertices = [part for part in path.to_polygons(closed_only=False) if len(part) > 1]

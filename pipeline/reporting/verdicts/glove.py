@@ -7,26 +7,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting.verdicts.rules import (
-    REPRODUCED,
-    Claim,
-    Evidence,
-    Judgement,
-    NotTestable,
-    all_positive,
-    at_most,
-    count,
-    each,
-    interval,
-    number,
-    positive,
-    untestable,
-)
-from pipeline.reporting.figures.style import style
 from pipeline.datasets.images import MODALITIES, classes
-from pipeline.reporting.markdown import interval as shown
-from pipeline.reporting.markdown import number as digits
-from pipeline.reporting.markdown import size
 from pipeline.reporting.glove import (
     METHODS,
     NETWORKS,
@@ -44,6 +25,25 @@ from pipeline.reporting.glove_findings import (
     pair_shares,
     published_fusion,
     ranked_pairs,
+)
+from pipeline.reporting.labels import model_name
+from pipeline.reporting.markdown import interval as shown
+from pipeline.reporting.markdown import number as digits
+from pipeline.reporting.markdown import size
+from pipeline.reporting.verdicts.rules import (
+    REPRODUCED,
+    Claim,
+    Evidence,
+    Judgement,
+    NotTestable,
+    all_positive,
+    at_most,
+    count,
+    each,
+    interval,
+    number,
+    positive,
+    untestable,
 )
 from pipeline.scoring.results import PUBLISHED, estimate
 
@@ -82,7 +82,7 @@ def order(e: Evidence, dataset: str, experiment: str = "glove") -> Judgement:
     paper = published()
     models = sorted(PRINTED, key=lambda model: -paper[model, dataset])
     pairs = [(a, b) for k, a in enumerate(models) for b in models[k + 1 :]]
-    named = {f"{style(a).label} above {style(b).label}": above(e, a, b, dataset, experiment) for a, b in pairs}
+    named = {f"{model_name(a)} above {model_name(b)}": above(e, a, b, dataset, experiment) for a, b in pairs}
     found = all_positive(named)
     if found.verdict == REPRODUCED:
         return found
@@ -96,7 +96,7 @@ def second_best(e: Evidence, experiment: str = "glove") -> Judgement:
     """One network certainly above SP-ResNet, the others certainly below it."""
     over = {m: above(e, m, "sp_resnet", "combined", experiment) for m in NETWORKS if m != "sp_resnet"}
     best = max(over, key=lambda model: over[model].mean())
-    label = {model: style(model).label for model in over}
+    label = {model: model_name(model) for model in over}
     named = {f"{label[best]} above SP-ResNet": over[best]}
     named |= {f"SP-ResNet above {label[m]}": -own for m, own in over.items() if m != best}
     return all_positive(named)
@@ -108,7 +108,7 @@ def cheapest(e: Evidence, column: str) -> Judgement:
     others = own.drop("sp_resnet")
     ratio = own["sp_resnet"] / others.min()
     found = count(ratio, np.nan, equal=bool(ratio < 1))
-    each = ", ".join(f"{style(model).label} {size(value)}" for model, value in own.items())
+    each = ", ".join(f"{model_name(model)} {size(value)}" for model, value in own.items())
     return found._replace(reason=each)
 
 
@@ -137,7 +137,7 @@ def counted(e: Evidence, model: str, column: str) -> Judgement:
     rows = e.counts()
     rows = rows[(rows["model"] == model) & rows["published_macs"].notna()]
     if not len(rows):
-        raise NotTestable(f"{style(model).label} was not counted")
+        raise NotTestable(f"{model_name(model)} was not counted")
     printed, unit = printed_counts()[model, column]
     ours = int(rows.iloc[0][column])
     equal = (Decimal(ours) / unit).quantize(printed) == printed
@@ -292,7 +292,7 @@ def why_number(model: str, dataset: str):
             return text + lookalikes(e, dataset) + training(e)
         chosen = e.values["glove"]["yardstick"]
         return text + (
-            f"The scene's difficulty was set by {style(chosen['model']).label}, {chosen['condition']}, on frames split "
+            f"The scene's difficulty was set by {model_name(chosen['model'])}, {chosen['condition']}, on frames split "
             "at random; it is fitted in closed form, so training has no part in it."
         )
 
@@ -458,7 +458,7 @@ def why_recorded(e: Evidence) -> str:
 
 def claims() -> list[Claim]:
     """Every claim that is looked at, in the order of the paper."""
-    paper, label = published(), {model: style(model).label for model in PRINTED}
+    paper, label = published(), {model: model_name(model) for model in PRINTED}
     found = [
         claim(
             "fusion",

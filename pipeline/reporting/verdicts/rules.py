@@ -24,12 +24,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.scoring import results
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
-from pipeline.reporting.figures.style import style
 from pipeline.reporting.glove import METHODS, read_augmentation, read_counts, read_stag
+from pipeline.reporting.labels import model_name
 from pipeline.reporting.strain import read_study
+from pipeline.scoring import results
 from pipeline.scoring.results import estimate
 
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
@@ -80,7 +80,7 @@ class Evidence:
                 raise NotTestable(reason)
         for model in models:
             if model not in self.values[experiment]["models"]:
-                raise NotTestable(f"{style(model).label} is not among the models of params.yaml")
+                raise NotTestable(f"{model_name(model)} is not among the models of params.yaml")
 
     def scores(self, experiment: str):
         """scores.csv of an experiment (results.Scores)."""
@@ -98,7 +98,7 @@ class Evidence:
         except InputError as error:
             raise NotTestable(str(error)) from error
         seeds = self.values[experiment]["protocols"][protocol]["seeds"]
-        return complete(pd.Series(found, index=seeds, dtype=float), f"{style(model).label} ({protocol}, {condition})")
+        return complete(pd.Series(found, index=seeds, dtype=float), f"{model_name(model)} ({protocol}, {condition})")
 
     def latency(self, experiment: str, model: str, column: str = "p50_ms") -> float:
         """A number of latency.csv at the first batch size: the median time in ms, or another column."""
@@ -112,7 +112,7 @@ class Evidence:
         self.require(experiment, model)
         key = ("training_times", experiment, model, protocol)
         found = self.once(key, lambda: results.read_training_times(experiment, model, protocol))
-        return complete(pd.Series(found, dtype=float), f"{style(model).label} ({protocol})")
+        return complete(pd.Series(found, dtype=float), f"{model_name(model)} ({protocol})")
 
     def fits(self, experiment: str, model: str, protocol: str) -> list[results.Fit]:
         """How the runs of a model were trained, one a seed."""
@@ -201,7 +201,7 @@ def interval(values: pd.Series) -> results.Estimate:
 
 def each(models: Iterable[str], text: Callable[[str], str]) -> str:
     """`text(model)` behind the name of every model."""
-    return ", ".join(f"{style(model).label} {text(model)}" for model in models)
+    return ", ".join(f"{model_name(model)} {text(model)}" for model in models)
 
 
 def untestable(reason: str) -> Callable[[Evidence], Judgement]:

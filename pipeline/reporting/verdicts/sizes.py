@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.scoring import ladders
 from pipeline.base.errors import InputError
-from pipeline.reporting.figures.style import style
+from pipeline.reporting.labels import model_name
+from pipeline.scoring import ladders
 from pipeline.scoring.results import estimate, read_csv, shown
 
 JUDGED = ("experiment", "condition", "family", "size", "params", "metric", "unit", "value", "low", "high", "chosen")
@@ -35,7 +35,7 @@ SCALES = {
 
 def label(family: str) -> str:
     """The name of a family's model."""
-    return style(ladders.FAMILIES[family].model).label
+    return model_name(ladders.FAMILIES[family].model)
 
 
 def wanted(experiment: str, values: Mapping) -> dict[str, tuple[list, list]]:

@@ -6,6 +6,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.datasets import schemas
+from pipeline.reporting.labels import model_name
+from pipeline.reporting.markdown import interval as shown
+from pipeline.reporting.markdown import number as digits
+from pipeline.reporting.strain import TIME_BINS, mean_error, published
 from pipeline.reporting.verdicts.rules import (
     Claim,
     Evidence,
@@ -20,10 +24,6 @@ from pipeline.reporting.verdicts.rules import (
     positive,
     untestable,
 )
-from pipeline.reporting.figures.style import style
-from pipeline.reporting.markdown import interval as shown
-from pipeline.reporting.markdown import number as digits
-from pipeline.reporting.strain import TIME_BINS, mean_error, published
 from pipeline.scoring.results import estimate, read_predictions
 
 TASKS = ("task_1", "task_2")
@@ -70,7 +70,7 @@ def at_samples(e: Evidence, task: str, model: str, samples: int) -> pd.Series:
     e.require("strain")
     rows = e.study("samples")
     rows = rows[(rows["protocol"] == task) & (rows["model"] == model) & (rows["samples"] == samples)]
-    return complete(rows.set_index("seed")["value"], f"{style(model).label}, {samples:,} samples, {task}")
+    return complete(rows.set_index("seed")["value"], f"{model_name(model)}, {samples:,} samples, {task}")
 
 
 def sizes(e: Evidence) -> list[int]:
@@ -147,7 +147,7 @@ def why_error(task: str):
         first, last = by_age(e, "lstm_direct", task)
         solved = score(e, "lstm_transfer_ridge", task).mean() - score(e, "lstm_transfer", task).mean()
         return (
-            f"Errors (mm): {errors}. The scene was set by one number, {style(chosen['model']).label} on "
+            f"Errors (mm): {errors}. The scene was set by one number, {model_name(chosen['model'])} on "
             f"{chosen['condition'].replace('_', ' ')}, on the validation part; everything else is a prediction. One "
             f"recording's parts differ: from the first to the last tenth of the test part direct training goes from "
             f"{digits(first)} to {digits(last)} mm. The paper says neither how its finger slips nor how far its "

@@ -5,8 +5,13 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline.datasets import labels, schemas
 from pipeline.base import paths
+from pipeline.datasets import labels, schemas
+from pipeline.reporting.labels import model_name
+from pipeline.reporting.markdown import interval as shown
+from pipeline.reporting.markdown import number as digits
+from pipeline.reporting.markdown import size
+from pipeline.reporting.touch import PRINTED, published_value, unseen_products
 from pipeline.reporting.verdicts.rules import (
     Claim,
     Evidence,
@@ -20,11 +25,6 @@ from pipeline.reporting.verdicts.rules import (
     untestable,
     within,
 )
-from pipeline.reporting.figures.style import style
-from pipeline.reporting.markdown import interval as shown
-from pipeline.reporting.markdown import number as digits
-from pipeline.reporting.markdown import size
-from pipeline.reporting.touch import PRINTED, published_value, unseen_products
 from pipeline.scoring.results import estimate, read_predictions
 
 CONVENTIONAL = ("linear", "poly", "tree")
@@ -54,7 +54,7 @@ def better(e: Evidence, one: str, other: str, condition: str = "single", metric:
 def all_better(e: Evidence, ones, others, condition: str = "single", metric: str = "rmse") -> Judgement:
     """Every one of `ones` has a lower error than every one of `others`."""
     pairs = {(one, other) for one in ones for other in others if one != other}
-    named = {f"{style(a).label} below {style(b).label}": better(e, a, b, condition, metric) for a, b in sorted(pairs)}
+    named = {f"{model_name(a)} below {model_name(b)}": better(e, a, b, condition, metric) for a, b in sorted(pairs)}
     return all_positive(named)
 
 
@@ -165,7 +165,7 @@ def taxel(e: Evidence, one: str, other: str) -> pd.Series:
 
 def taxel_all(e: Evidence, ones, others) -> Judgement:
     """Every one of `ones` has a lower error on the taxel than every one of `others`."""
-    named = {f"{style(a).label} below {style(b).label}": taxel(e, a, b) for a in ones for b in others}
+    named = {f"{model_name(a)} below {model_name(b)}": taxel(e, a, b) for a in ones for b in others}
     return all_positive(named)
 
 
@@ -192,9 +192,9 @@ def memory(e: Evidence, model: str) -> str:
         best = fit.history[fit.history["epoch"] == fit.best_epoch]
         gap += list(np.sqrt(best["validation_loss"] / best["train_loss"]))
     if not gap or not np.isfinite(gap).all():
-        return f"{style(model).label} is fitted in closed form."
+        return f"{model_name(model)} is fitted in closed form."
     return (
-        f"At its best epoch, {style(model).label} has {np.mean(gap):.2f} times the error on validation windows that it "
+        f"At its best epoch, {model_name(model)} has {np.mean(gap):.2f} times the error on validation windows that it "
         f"has on training windows; {limit} of {len(fits)} runs reached the allowed number of epochs, and in {last} the "
         "best epoch was the last."
     )
@@ -388,7 +388,7 @@ def why_touches(condition: str):
         )
         if condition == "tape":
             text += "The tape presses neighbouring elements together, as no single press of the training data does" + (
-                f", and ahead of LoMP are {', '.join(style(m).label for m in ahead)}. " if ahead else ". "
+                f", and ahead of LoMP are {', '.join(model_name(m) for m in ahead)}. " if ahead else ". "
             )
         else:
             found = each(models, lambda m: f"{100 * score(e, m, condition, 'touches_found').mean():.0f}")
@@ -424,7 +424,7 @@ def why_taxel(e: Evidence) -> str:
 
 def claims() -> list[Claim]:
     """Every claim that is looked at, in the order of the paper."""
-    label = {model: style(model).label for model in PRINTED}
+    label = {model: model_name(model) for model in PRINTED}
     found = [
         claim(
             "learning-single",

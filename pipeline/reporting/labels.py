@@ -1,0 +1,33 @@
+"""The names of models in reports."""
+
+LABELS = {
+    "constant": "Constant (mean)",
+    "linear": "Linear",
+    "poly": "Polynomial",
+    "tree": "Decision tree",
+    "rbf": "RBF-Net",
+    "cnn": "CNN",
+    "vgg": "VGG-16",
+    "convlstm": "ConvLSTM",
+    "rnn": "RNN",
+    "lomp": "LoMP",
+    "lomp_stream": "LoMP streaming",
+    "ridge": "Ridge, raw window",
+    "esn": "Echo state network",
+    "lstm_direct": "LSTM, direct",
+    "lstm_transfer": "LSTM, transfer (Adam)",
+    "lstm_highpass": "LSTM on high-passed voltages",
+    "press_difference": "Extra trees, press minus rest",
+    "lstm_transfer_ridge": "LSTM, transfer (closed form)",
+    "naive_bayes": "Naive Bayes",
+    "resnet18": "ResNet-18",
+    "mobilenet": "MobileNet",
+    "resnet3x3": "ResNet_3x3",
+    "sp_resnet_nogcam": "SP-ResNet (no GCAM)",
+    "sp_resnet": "SP-ResNet",
+}
+
+
+def model_name(model: str) -> str:
+    """Return the name of a model in tables and sentences: as the paper prints it, or its key where there is none."""
+    return LABELS.get(model, model)
