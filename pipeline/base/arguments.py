@@ -1,0 +1,21 @@
+"""Command lines of stages, studies and commands: one parser, with `--help` from the module's own docstring."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+
+def parse(description: str, **positionals: Sequence[str] | None) -> argparse.Namespace:
+    """Return the positional arguments of the module that runs; a wrong one ends it with a sentence (exit status 2).
+
+    description: the module's docstring; positionals: name -> allowed words, or None where any text will do.
+    """
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    parser = argparse.ArgumentParser(
+        prog=f"python -m {spec.name}" if spec else None,
+        description=description.partition("\nUsage:")[0],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for name, words in positionals.items():
+        parser.add_argument(name, choices=words, metavar=None if words else name.upper())
+    return parser.parse_args()
