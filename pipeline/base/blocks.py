@@ -645,15 +645,6 @@ class GloveRecorded(Block):
     latency: Latency
 
 
-class StressTests(Block):
-    touch: Stress
-    velostat_recorded: Stress
-    strain: Stress
-    strain_recorded: Stress
-    glove: SeededStress
-    glove_recorded: SeededStress
-
-
 class TouchAblation(Ablation):
     protocols: distinct(Literal["press"])
 
@@ -704,14 +695,8 @@ class Rightsize(Block):
 
 
 class Settings(Block):
-    experiments: distinct(Literal["touch", "velostat_recorded", "strain", "strain_recorded", "glove", "glove_recorded"])
+    """All of params.yaml but `experiments`, their blocks and `stress`: params.settings_block adds these."""
+
     device: Literal["auto", "cpu", "cuda"]
-    touch: Touch
-    strain: Strain
-    strain_recorded: StrainRecorded
-    velostat_recorded: VelostatRecorded
-    glove: Glove
-    glove_recorded: GloveRecorded
-    stress: StressTests
     physics: Physics
     rightsize: Rightsize

@@ -3,7 +3,6 @@
 import ast
 import difflib
 import functools
-import importlib
 import re
 import reprlib
 from collections.abc import Iterable, Mapping
@@ -38,12 +37,39 @@ def load(path: Path = paths.PARAMS) -> dict:
 
 def check(values) -> None:
     """Hold params.yaml against pipeline/base/blocks.py and pipeline/models; InputError names what fails first."""
-    check_block(values, blocks.Settings, "")
+    check_block(values, settings_block(), "")
     for experiment, block in values.items():
         if isinstance(block, Mapping) and "models" in block:
             check_models(block["models"], f"{experiment}.models")
     for experiment, block in values.get("physics", {}).items():
         check_models(block["models"], f"physics.{experiment}.models")
+
+
+@functools.cache
+def settings_block() -> type[blocks.Block]:
+    """Return the pydantic model of params.yaml: one block per file of pipeline/experiments, beside blocks.Settings.
+
+    A file names the class of its block as SETTINGS. It is parsed, not imported, as the models' are.
+    """
+    files = sorted(path for path in paths.EXPERIMENTS.glob("*.py") if path.stem != "__init__")
+    experiments = {path.stem: (getattr(blocks, _assigned(path, "SETTINGS")), ...) for path in files}
+    stressed = {
+        path.stem: (blocks.SeededStress if _assigned(path, "KIND") == "images" else blocks.Stress, ...)
+        for path in files
+    }
+    stress = create_model("StressTests", __base__=blocks.Block, **stressed)
+    names = blocks.distinct(Literal[tuple(experiments)])
+    return create_model(
+        "Settings", __base__=blocks.Settings, experiments=(names, ...), stress=(stress, ...), **experiments
+    )
+
+
+def _assigned(path: Path, name: str) -> str:
+    """Return the text that a file assigns to a name at its top level; InputError where there is none."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == name:
+            return ast.literal_eval(node.value)
+    raise InputError(f"pipeline/experiments/{path.name}: {name} is missing; name a class of pipeline/base/blocks.py")
 
 
 def parsed(path: Path):
@@ -190,14 +216,6 @@ def _kind(argument: ast.arg, path: Path):
     return getattr(blocks, name)
 
 
-def build_model(key: str, spec, settings: Mapping, where: str):
-    """Return the model of `pipeline/models/<key>.py`, built for `spec` with its block of params.yaml.
-
-    Raises InputError when there is no such file or when the block does not fit `build`'s signature.
-    """
-    return importlib.import_module(f"pipeline.models.{key}").build(spec, **dict(check_model(key, settings, where)))
-
-
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:
     """One model's block, or the sentence that says which models params.yaml lists."""
     models = params[experiment]["models"]
@@ -218,40 +236,6 @@ def experiment_argument(argv: list[str], stage: str, params: Mapping) -> str:
     return argv[1]
 
 
-def experiment_module(experiment: str):
-    """`pipeline/experiments/<experiment>.py`: its task, labels, splits and metrics."""
-    return importlib.import_module(f"pipeline.experiments.{experiment}")
-
-
-def training_stage(experiment: str) -> str:
-    """The stage that trains an experiment's models."""
-    return "train_series" if experiment in SERIES else "train_images" if experiment in IMAGES else "train"
-
-
 def training_command(experiment: str, model: str) -> str:
     """What to run to have one model trained."""
-    return f"python -m pipeline.{training_stage(experiment)} {experiment} {model}"
-
-
-def training_arguments(argv: list[str], stage: str, params: Mapping, what: str = "MODEL") -> tuple[str, str]:
-    """Experiment and model named on the command line of a stage that trains; `what` may stand for the model.
-
-    The model may also be given as DVC's name of the stage, `train_touch@lomp`: DVC hands it over in the variable
-    DVC_STAGE, and so nothing that params.yaml says is ever part of a shell command.
-    """
-    own = [experiment for experiment in params["experiments"] if training_stage(experiment) == stage]
-    if len(argv) == 3 and argv[1] in params["experiments"] and argv[1] not in own:
-        raise InputError(f"{argv[1]} is not trained by {stage}; run `{training_command(argv[1], argv[2])}`")
-    if len(argv) != 3 or argv[1] not in own:
-        raise InputError(f"usage: python -m pipeline.{stage} {'|'.join(own)} {what}")
-    return argv[1], argv[2].rpartition("@")[2]
-
-
-SERIES = ("strain", "strain_recorded")  # experiments whose models see a whole series, not windows
-IMAGES = ("glove", "glove_recorded")  # experiments whose models see one tactile image and name the object
-
-
-def shapes(settings: Mapping) -> tuple[int, int, int, int, int]:
-    """(frames, rows, cols, map_rows, map_cols) of an experiment's task; settings: its block of params.yaml."""
-    sensor, label = settings["sensor"], settings["label"]
-    return settings["window"]["frames"], sensor["rows"], sensor["cols"], label["map_rows"], label["map_cols"]
+    return f"python -m pipeline.stages.train {experiment} {model}"

@@ -8,6 +8,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from
 PARAMS = ROOT / "params.yaml"
 CODE = ROOT / "pipeline"
+EXPERIMENTS = CODE / "experiments"  # one file per experiment
 MODELS = CODE / "models"  # one file per row of a table
 SOURCES = ROOT / "data" / "sources"
 REPORTS = ROOT / "reports"

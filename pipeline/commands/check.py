@@ -19,6 +19,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline import experiments
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import labels, schemas
@@ -67,7 +68,7 @@ class Checked(NamedTuple):
 
 def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse.Format]:
     """What the lines of each log in a recording's folder should look like."""
-    module = params.experiment_module(experiment)
+    module = experiments.module(experiment)
     if experiment == "strain":
         return module.formats(settings)
     if experiment == "glove":
@@ -109,7 +110,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     if not problems:
         problems += conventions(folder, read, settings)
         try:
-            frames, _, report = params.experiment_module(experiment).read_recording(folder, settings)
+            frames, _, report = experiments.module(experiment).read_recording(folder, settings)
         except InputError as error:
             problems += [*falls(folder, read, settings), f"{error}{lengths(read, settings)}"]
     return Checked(folder, read, frames, report, problems)
@@ -239,7 +240,7 @@ def ranges(rows: pa.Table) -> str:
 
 def whole(experiment: str, read: list[Checked], settings: Mapping) -> tuple[pa.Table, list[str], list[str]]:
     """All usable recordings as the stage dataset sees them: (rows to split, what was found, problems)."""
-    module = params.experiment_module(experiment)
+    module = experiments.module(experiment)
     schema = module.frames_schema(settings)
     frames = pa.concat_tables([one.frames.select(schema.names).cast(schema) for one in read])
     frames = frames.unify_dictionaries().combine_chunks()
@@ -351,7 +352,7 @@ def strain_problems(frames: pa.Table, settings: Mapping) -> list[str]:
 
 def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], list[str]]:
     """How many rows train, validate and test in the first run of every protocol, and which of them are none."""
-    module, said, problems = params.experiment_module(experiment), [], []
+    module, said, problems = experiments.module(experiment), [], []
     for protocol, block in values[experiment]["protocols"].items():
         try:
             part = module.split(rows, values[experiment], protocol, block["seeds"][0])
@@ -399,7 +400,7 @@ def unfit(experiment: str, frames: pa.Table, values: Mapping) -> list[str]:
 
 def too_old(frames: pa.Table, ages: list[float], values: Mapping) -> list[str]:
     """Ages in minutes that the test part of a task does not reach."""
-    module, problems = params.experiment_module("strain"), []
+    module, problems = experiments.module("strain"), []
     for task in values["stress"]["strain"]["protocols"]:
         part = module.split(frames, values["strain"], task, 0)
         time = frames["t_s"].to_numpy()[part == "test"]
@@ -431,7 +432,7 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
 def check(experiment: str, folder: Path, values: Mapping) -> str | None:
     """Print all that was understood, draw it, and return the first thing to mend, or None if ingest can have it."""
     settings = values[experiment]
-    recordings = params.experiment_module(experiment).recordings(folder)
+    recordings = experiments.module(experiment).recordings(folder)
     read = []
     for path in recordings:
         read.append(checked(experiment, path, settings))

@@ -1,0 +1,24 @@
+"""The experiments, one module per experiment: what its recordings are and what its models are asked.
+
+Every module provides
+
+* `KIND`: `windows`, `series` or `images`, the kind of input its models see (pipeline/tasks), and `SETTINGS`: the name
+  of the class in pipeline/base/blocks.py that its block of params.yaml must fit;
+* `recordings(folder)` -> the recordings in a folder of raw logs, sorted;
+* `read_recording(path, settings)` -> (frames, rejected lines, report) of one recording; a module whose recordings may
+  be long also has `read_in_parts`, which returns the frames part by part;
+* `frames_schema(settings)` -> the schema of its frames table;
+* `split(rows, settings, protocol, seed)` -> (n,) name of the part that each row belongs to;
+
+and, by kind: windows `labels(windows, settings)` -> pressure maps (n, map_rows * map_cols), and `SCORES`, the name of
+the function in pipeline/scoring/metrics.py that scores them; series `task(protocol, settings)` -> datasets.series.Task;
+images `chosen(frames, settings)` -> rows that become images, and `images(frames, settings)` -> the images by modality.
+"""
+
+import importlib
+from types import ModuleType
+
+
+def module(experiment: str) -> ModuleType:
+    """Return the module of an experiment that params.yaml names."""
+    return importlib.import_module(f"pipeline.experiments.{experiment}")

@@ -14,6 +14,9 @@ from pipeline.datasets.seeding import generator
 from pipeline.logs import parse
 from pipeline.logs.parse import Column, Format
 
+KIND = "images"
+SETTINGS = "Glove"
+
 PRESSURE = (slice(0, 15), slice(0, 18))  # area (a) of the 32 x 32 scan: rows, columns
 STRAIN = (slice(17, 32), slice(23, 32))  # area (b)
 PRESSURE_CELLS, STRAIN_CELLS = 15 * 18, 15 * 9

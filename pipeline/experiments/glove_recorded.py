@@ -27,6 +27,9 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.logs import parse
 
+KIND = "images"
+SETTINGS = "GloveRecorded"
+
 MATRICES = ((14, 6), (13, 6)) * 3  # rows, columns: proximal and distal link of each finger
 CELLS = sum(rows * cols for rows, cols in MATRICES)
 FULL_SCALE = 4095  # of a cell

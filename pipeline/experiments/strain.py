@@ -13,6 +13,9 @@ from pipeline.datasets import schemas, series
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
 
+KIND = "series"
+SETTINGS = "Strain"
+
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)
 ROBOT = Format((CLOCK, *(Column(name, "mm", -5e3, 5e3) for name in ("x_mm", "y_mm", "z_mm"))), time="t_s")

@@ -16,6 +16,9 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.logs import matlab, parse
 
+KIND = "series"
+SETTINGS = "StrainRecorded"
+
 FILES = {"day_1": "new_test/para5_long.mat", "day_2": "para5_long_n.mat"}  # 30 and 31 July 2019
 VARIABLES = ("voltage", "tim", "pos", "deformation")  # of the many in the workspace
 CHANNELS = 7  # of day_2; day_1 has no c6

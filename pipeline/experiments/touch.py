@@ -13,6 +13,10 @@ from pipeline.datasets.seeding import generator
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
 
+KIND = "windows"
+SETTINGS = "Touch"
+SCORES = "touch"
+
 # Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
 CLOCK = Column("t_us", "us", 0, 4e15, integer=True)
 LOAD_CELL = Format((CLOCK, Column("fz_n", "N", -1e3, 1e3)), time="t_us")

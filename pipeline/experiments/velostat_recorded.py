@@ -12,6 +12,10 @@ from pipeline.datasets import schemas
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
 
+KIND = "windows"
+SETTINGS = "VelostatRecorded"
+SCORES = "velostat_recorded"
+
 CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
 VELOSTAT = Format((Column("reading", "1", 0, 1e5), CLOCK), time="unix_time_s", separator=" ")
 LOAD_CELL = Format((Column("fz_n", "N", -1e3, 1e3), CLOCK), time="unix_time_s", separator=" ")

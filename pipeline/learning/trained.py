@@ -1,28 +1,44 @@
-"""The trained models of an experiment, as `train`, `train_series` and `train_images` saved them."""
+"""A model after training: fitted in this process, or loaded as the stage train saved it."""
 
-import json
-from collections.abc import Mapping
+import time
 from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.base import params, paths
-from pipeline.base.errors import InputError
 from pipeline.datasets.schemas import Dataset
+
+# A run's protocol and seed, and for each part of its test rows: the rows' numbers in the dataset (n,), predictions
+# (n, outputs), and scores, each with its condition.
+Tested = tuple[str, int, list[tuple[np.ndarray, np.ndarray, list[tuple]]]]
+
+
+class Fitted(NamedTuple):
+    """A model, its history (one dictionary per epoch) and the seconds that fitting took."""
+
+    model: object
+    history: list[dict]
+    seconds: float
+
+
+def fitted(model, *data, **fitting) -> Fitted:
+    """Fit a model to `data` and return it; fitting: further arguments of its `fit`."""
+    started = time.perf_counter()
+    history = model.fit(*data, **fitting)
+    return Fitted(model, history, time.perf_counter() - started)
 
 
 class Trained(NamedTuple):
-    """One run."""
+    """A model that can predict, and whether its training diverged before any usable epoch."""
 
     model: object
-    failed: bool  # training diverged before any usable epoch
+    failed: bool
 
     def predict(self, x: np.ndarray) -> np.ndarray:
-        """As the model's; NaN of a failed run."""
+        """Return the model's predictions; NaN of a failed run."""
         return self._unless_failed(self.model.predict(x))
 
     def predict_windows(self, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray:
-        """As the function `predict_windows`; NaN of a failed run."""
+        """Return what the function `predict_windows` returns; NaN of a failed run."""
         return self._unless_failed(predict_windows(self.model, x, data, rows))
 
     def _unless_failed(self, predicted: np.ndarray) -> np.ndarray:
@@ -30,29 +46,8 @@ class Trained(NamedTuple):
 
 
 def predict_windows(model, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray:
-    """A model's answers to the windows x (n, frames, elements): these rows of a dataset, or what became of them.
+    """Predict windows x (n, frames, elements), which are rows `rows` (n,) of `data` or perturbed copies of them.
 
-    A model of streams carries its state from those that the others go on from.
+    A streaming model starts each window from the state that its predecessor left (`data.previous`).
     """
     return model.predict(x, data.previous(rows)) if model.streams else model.predict(x)
-
-
-def load(values: Mapping, experiment: str, model: str, protocol: str, seed: int, spec) -> Trained:
-    """The model of one run of params.yaml (`values`); spec: the shapes of the experiment's task.
-
-    Raises InputError where the run has not been trained.
-    """
-    block = params.model_settings(values, experiment, model)
-    built = params.build_model(model, spec, block, f"{experiment}.models.{model}")
-    if experiment in params.SERIES:
-        from pipeline.learning.series_regressors import adapted
-
-        built = adapted(built, spec)
-    made_by = params.training_command(experiment, model)
-    folder = paths.require(paths.run_folder(experiment, model, protocol, seed), made_by)
-    built.load(folder)
-    try:
-        failed = json.loads((folder / "fit.json").read_text(encoding="utf-8"))["best_epoch"] == 0
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{folder / 'fit.json'}: no fit summary ({error!r}); run `{made_by}` again") from error
-    return Trained(built, failed)

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files, params, paths
+from pipeline import experiments
+from pipeline.base import files, paths
 from pipeline.datasets import images, schemas
 from pipeline.reporting import (
     experiment as experiment_report,
@@ -67,7 +68,7 @@ def write_glove(settings: dict, target: Path) -> None:
         ),
     )
 
-    glove = params.experiment_module("glove")
+    glove = experiments.module("glove")
     names, sessions = schemas.names(table["condition"]), schemas.names(table["recording"])
     grasped = GRASPED if GRASPED in objects else objects[0]
     rows = np.flatnonzero(names == grasped)
@@ -127,7 +128,7 @@ def _sequences(settings: dict, objects: list[str]) -> dict[str, np.ndarray]:
     path = paths.require(paths.frames("glove"), "python -m pipeline.stages.ingest glove")
     frames = schemas.read(path, columns=["condition", "recording", "pressure", "strain"])
     names, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
-    glove, ohm = params.experiment_module("glove"), settings["sensor"]["reference_ohm"]
+    glove, ohm = experiments.module("glove"), settings["sensor"]["reference_ohm"]
     pressure, strain = (1e3 * glove.conductance(schemas.matrix(frames[c]), ohm) for c in ("pressure", "strain"))
     joints = glove.joint_means(strain.reshape(-1, 15, 9)).reshape(len(names), -1)
     values = np.column_stack([pressure, joints[:, joints.any(axis=0)]])

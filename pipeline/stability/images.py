@@ -21,7 +21,6 @@ alone, so that all models see the same.
 """
 
 import functools
-import importlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
@@ -29,12 +28,14 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline.base import params, paths
+from pipeline import experiments, tasks
+from pipeline.base import paths
 from pipeline.datasets import images, schemas
 from pipeline.datasets.seeding import generator
-from pipeline.learning import trained
+from pipeline.scenes import glove_stress
 from pipeline.scoring import classification, metrics, results
 from pipeline.stability import clean_scores, perturbations
+from pipeline.tasks import images as tasks_images
 
 IN_TIME = ("lost_frames", "jitter")
 READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", *IN_TIME)
@@ -64,6 +65,17 @@ class Frames(NamedTuple):
     areas: Mapping[str, Area]
 
 
+def prepare(values: Mapping, experiment: str) -> None:
+    """Check the names in the experiment's block of stress tests: every model's rows would stumble over a wrong one."""
+    planned(values, experiment)
+
+
+def planned(values: Mapping, experiment: str) -> dict[str, list]:
+    """Return the perturbations that params.yaml asks for, with their severities."""
+    asked = values["stress"][experiment]["perturbations"]
+    return perturbations.planned(experiment, values[experiment], asked, READINGS, SCENES)
+
+
 def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
     """Rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model's trained runs.
 
@@ -74,7 +86,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 
     torch.set_num_threads(1)
     settings, block = values[experiment], values["stress"][experiment]
-    plan = perturbations.planned(experiment, settings, block["perturbations"], READINGS, SCENES)
+    plan = planned(values, experiment)
     written = results.Scores(experiment, settings)
     found = {}
     for split in dict.fromkeys(map(images.split_name, block["protocols"])):
@@ -106,14 +118,11 @@ class Run:
     """One trained model and its answers to the test images as they are."""
 
     def __init__(self, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
-        from pipeline.learning.image_classifier import spec_of
-
         data = images.read(paths.dataset(experiment), protocol, seed)
-        spec = spec_of(len(data.objects))
-        self.model, self.failed = trained.load(values, experiment, model, protocol, seed, spec)
+        spec = tasks_images.spec(data.objects)
+        self.model, self.failed = tasks.load(values, experiment, model, protocol, seed, spec)
         self.modality, self.part = images.modality(protocol), data.part
-        test = data.part == "test"
-        self.x, self.y = data.x[test], data.y[test]
+        self.x, self.y = tasks_images.part_of(data, "test")
         self.answers = self.model.predict(self.x)
         self.clean = self._scores(self.answers)
 
@@ -132,7 +141,7 @@ class Run:
 
 def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
     """The frames table, and its areas as they were in training; part: (images,) of one split."""
-    module = params.experiment_module(experiment)
+    module = experiments.module(experiment)
     path = paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}")
     table = schemas.read(path)
     chosen = module.chosen(table, settings)
@@ -170,7 +179,7 @@ def stressed(
         kind = table.schema.field(area).type.value_type
         place = table.schema.get_field_index(area)
         table = table.set_column(place, area, schemas.lists(readings[area], kind))
-    return params.experiment_module(experiment).images(table, settings)
+    return experiments.module(experiment).images(table, settings)
 
 
 def perturbed(frames: Frames, area: str, name: str, severity: float, seed: int) -> np.ndarray:
@@ -232,5 +241,4 @@ def changed_scene(settings: Mapping, frames: Frames, change: str, severity: floa
 @functools.cache
 def session(block: str, name: str, recording: str, change: str, severity: float) -> np.ndarray:
     """As scenes/glove_stress.py; `block`: `glove` as JSON. Kept, because all models of a process see the same."""
-    scene = importlib.import_module("pipeline.scenes.glove_stress")
-    return scene.session(json.loads(block), name, recording, change, severity).astype(np.int16)
+    return glove_stress.session(json.loads(block), name, recording, change, severity).astype(np.int16)

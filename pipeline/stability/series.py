@@ -17,7 +17,6 @@ so that all models see the same.
 """
 
 import functools
-import importlib
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -27,14 +26,16 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline.base import params, paths
+from pipeline import experiments, scenes, tasks
+from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.datasets.seeding import generator
-from pipeline.learning import trained
 from pipeline.logs import alignment, parse
+from pipeline.scenes import strain_stress
 from pipeline.scoring import metrics, results
 from pipeline.stability import clean_scores, perturbations
+from pipeline.tasks import series as tasks_series
 
 AS_THEY_ARE = ("stuck", "lost_frames", "jitter")
 SCENES = ("rate", "speed", "specimen")
@@ -69,6 +70,17 @@ class Run(NamedTuple):
         return metrics.unless_failed(found, self.failed)
 
 
+def prepare(values: Mapping, experiment: str) -> None:
+    """Check the names in the experiment's block of stress tests: every model's rows would stumble over a wrong one."""
+    planned(values, experiment)
+
+
+def planned(values: Mapping, experiment: str) -> dict[str, list]:
+    """Return the perturbations that params.yaml asks for, with their severities."""
+    asked = values["stress"][experiment]["perturbations"]
+    return perturbations.planned(experiment, values[experiment], asked, READINGS, SCENES)
+
+
 def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
     """Rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model's trained runs.
 
@@ -79,7 +91,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 
     torch.set_num_threads(1)
     settings, block = values[experiment], values["stress"][experiment]
-    plan = perturbations.planned(experiment, settings, block["perturbations"], READINGS, SCENES)
+    plan = planned(values, experiment)
     written, found = results.Scores(experiment, settings), []
     for protocol in block["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
@@ -99,12 +111,10 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 
 
 def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> Run:
-    """A run of params.yaml as `train_series` left it."""
-    from pipeline.learning import series_regressors
-
-    task = params.experiment_module(experiment).task(protocol, values[experiment])
-    spec = series_regressors.spec_of(task, values[experiment]["window"]["frames"])
-    run = trained.load(values, experiment, model, protocol, seed, spec)
+    """A run of params.yaml as the stage train left it."""
+    task = experiments.module(experiment).task(protocol, values[experiment])
+    spec = tasks_series.spec(experiment, values[experiment], protocol)
+    run = tasks.load(values, experiment, model, protocol, seed, spec)
     return Run(run.model.predict, run.failed, task, protocol, seed)
 
 
@@ -177,13 +187,12 @@ def scene_record(block: str, task: str, change: str, severity: float) -> series.
     Its clocks agree: to find out how they differ is ingest's task, and its error (up to 0.4 s at a quarter of the rate)
     would be taken for the models'. Kept, because all models of one process see the same recordings.
     """
-    settings, module = json.loads(block), params.experiment_module("strain")
-    scene = importlib.import_module("pipeline.scenes.strain_stress")
-    changed, lines, formats = scene.changed(settings, change, severity), {}, module.formats(settings)
+    settings, module = json.loads(block), experiments.module("strain")
+    changed, lines, formats = strain_stress.changed(settings, change, severity), {}, module.formats(settings)
     with tempfile.TemporaryDirectory() as folder:
-        for name, (text, _) in scene.logs_of(changed, task, settings["simulate"]["seed"]).items():
+        for name, (text, _) in strain_stress.logs_of(changed, task, settings["simulate"]["seed"]).items():
             path = Path(folder) / name
-            path.write_text("\n".join(text) + "\n", encoding="ascii")
+            scenes.write_log(path, text)
             if name in formats:
                 lines[name], _ = parse.read_log(path, formats[name])
     (daq_s, volts), (robot_s, place) = (matrix(lines[name]) for name in formats)

@@ -10,7 +10,6 @@ Perturbed scenes (touch, where it is simulated). `scenes/touch_stress.py` writes
 through the ingest, the windows and the labels of the experiment. `prepare` does that once for all models.
 """
 
-import importlib
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -20,13 +19,16 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
+from pipeline import experiments, scenes, tasks
 from pipeline.base import files, params, paths, workers
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
-from pipeline.learning import trained
-from pipeline.scoring import metrics, results
+from pipeline.learning.trained import predict_windows
+from pipeline.scenes import touch_stress
+from pipeline.scoring import results
 from pipeline.stability import clean_scores, perturbations
+from pipeline.tasks import windows as tasks_windows
 
 READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", "lost_frames", "jitter")
 CONDITIONS = {"touch": ("single", "double"), "velostat_recorded": ("all",)}  # of the test windows
@@ -58,8 +60,7 @@ def prepare(values: Mapping, experiment: str) -> None:
 def scene_cases(values: Mapping, experiment: str) -> list[Case]:
     """Every scene to simulate; none without a simulator. InputError for a perturbation that nobody knows."""
     asked = values["stress"][experiment]["perturbations"]
-    scene = importlib.import_module(f"pipeline.scenes.{experiment}_stress") if experiment == "touch" else None
-    known = scene.VARIATIONS | scene.LAYOUTS if scene else {}
+    known = touch_stress.VARIATIONS | touch_stress.LAYOUTS if "simulate" in values[experiment] else {}
     params.check_known(asked, (*READINGS, *known), f"stress.{experiment}.perturbations")
     if values[experiment].get("source") != "simulated":
         return []
@@ -75,18 +76,14 @@ def scene_cases(values: Mapping, experiment: str) -> list[Case]:
 
 def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[], None]) -> None:
     """Logs, frames, windows and labels of one perturbed scene, as a dataset in the folder of `prepare`."""
-    module = params.experiment_module(experiment)
-    scene = importlib.import_module(f"pipeline.scenes.{experiment}_stress")
-    varied = scene.varied(settings, case.perturbation, case.severity)
-    recordings, logs_of = scene.plan(settings, *case)
-    frames = []
-    with tempfile.TemporaryDirectory() as folder:
-        for recording in recordings:
-            target = Path(folder) / recording.condition / recording.name
-            target.mkdir(parents=True)
-            for name, (lines, _) in logs_of(recording).items():
-                (target / name).write_text("\n".join(lines) + "\n", encoding="ascii")
-            frames.append(module.read_recording(target, varied)[0])
+    module = experiments.module(experiment)
+    varied = touch_stress.varied(settings, case.perturbation, case.severity)
+    recordings, logs_of = touch_stress.plan(settings, *case)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        scenes.write_logs(folder, recordings, logs_of)
+        paths_of = (folder / recording.condition / recording.name for recording in recordings)
+        frames = [module.read_recording(path, varied)[0] for path in paths_of]
     windows = windows_of(pa.concat_tables(frames).unify_dictionaries().combine_chunks(), varied["window"])
     table = windows.append_column("y", schemas.lists(module.labels(windows, varied), pa.float32()))
     schemas.write(_scene_file(experiment, case), table.schema, [table])
@@ -101,22 +98,20 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     """
     import torch
 
-    from pipeline.learning.regressors import Spec
-
     torch.set_num_threads(1)
     settings, stress = values[experiment], values["stress"][experiment]
-    spec = Spec(*params.shapes(settings))
+    spec = tasks_windows.spec(settings)
     data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
-    scenes = {
+    perturbed_scenes = {
         case: schemas.read_dataset(_scene_file(experiment, case), spec.frames)
         for case in scene_cases(values, experiment)
     }
     written, found = results.Scores(experiment, settings), []
     for protocol in stress["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
-            run = trained.load(values, experiment, model, protocol, seed, spec)
+            run = tasks.load(values, experiment, model, protocol, seed, spec)
             own = _readings_rows(experiment, values, data, protocol, seed, run.model)
-            own += _scene_rows(experiment, settings, scenes, run.model)
+            own += _scene_rows(experiment, settings, perturbed_scenes, run.model)
             if run.failed:
                 own = [(*row[:5], float("nan"), row[6]) for row in own]
             for condition in CONDITIONS[experiment]:
@@ -172,6 +167,7 @@ def _readings_rows(
 ) -> list[tuple]:
     """(condition, perturbation, severity, metric, unit, value, n) of the test windows, unchanged and perturbed."""
     settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
+    module = experiments.module(experiment)
     part = data.part(protocol, seed)
     test = np.flatnonzero(part == "test")
     x, condition = data.x[test], schemas.names(data.rows["condition"])[test]
@@ -180,24 +176,23 @@ def _readings_rows(
     found = []
     for name, severity in wanted:
         changed = x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name))
-        predicted = trained.predict_windows(model, changed, data, test)
+        predicted = predict_windows(model, changed, data, test)
         for one in CONDITIONS[experiment]:
             chosen = np.full(len(test), True) if one == "all" else condition == one
             if chosen.any():
                 windows = data.rows.take(pa.array(test[chosen]))
-                scores = getattr(metrics, experiment)(windows, data.y[test[chosen]], predicted[chosen], settings)
+                scores = tasks_windows.score(module, windows, data.y[test[chosen]], predicted[chosen], settings)
                 found += [(one, name, severity, *row) for row in scores if row[0] in REPORTED]
     return found
 
 
-def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, schemas.Dataset], model) -> list:
+def _scene_rows(experiment: str, settings: Mapping, perturbed_scenes: Mapping[Case, schemas.Dataset], model) -> list:
     """As `_readings_rows`, of the perturbed scenes."""
-    found = []
-    for case, data in scenes.items():
-        scene = importlib.import_module(f"pipeline.scenes.{experiment}_stress")
-        varied = scene.varied(settings, case.perturbation, case.severity)
-        predicted = trained.predict_windows(model, data.x, data, np.arange(len(data.x)))
-        scores = getattr(metrics, experiment)(data.rows, data.y, predicted, varied)
+    found, module = [], experiments.module(experiment)
+    for case, data in perturbed_scenes.items():
+        varied = touch_stress.varied(settings, case.perturbation, case.severity)
+        predicted = predict_windows(model, data.x, data, np.arange(len(data.x)))
+        scores = tasks_windows.score(module, data.rows, data.y, predicted, varied)
         found += [(*case, *row) for row in scores if row[0] in REPORTED]
     return found
 

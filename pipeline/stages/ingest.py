@@ -4,7 +4,6 @@ Usage: python -m pipeline.stages.ingest EXPERIMENT
 """
 
 import json
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -12,7 +11,8 @@ from pathlib import Path
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline.base import files, params, paths
+from pipeline import experiments
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import schemas
 from pipeline.logs import own_data, sources
@@ -26,7 +26,7 @@ def ingest(experiment: str, settings: dict) -> None:
     cannot be read, for a public source with a missing or wrong file, and for a folder in which DVC would not notice a
     change.
     """
-    module = params.experiment_module(experiment)
+    module = experiments.module(experiment)
     schema = module.frames_schema(settings)
     if experiment in sources.SOURCES:
         if not sources.is_complete(experiment):
@@ -93,7 +93,7 @@ def _write(
 def main() -> None:
     """Ingest the experiment named on the command line."""
     values = params.load()
-    experiment = params.experiment_argument(sys.argv, "ingest", values)
+    experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     ingest(experiment, values[experiment])
 
 

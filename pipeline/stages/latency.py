@@ -8,17 +8,15 @@ Usage: python -m pipeline.stages.latency EXPERIMENT
 import csv
 import os
 import statistics
-import sys
 import time
 
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.base import files, params, paths
+from pipeline import tasks
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
-from pipeline.datasets import images, schemas, series
-from pipeline.learning import trained
 
 FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
 
@@ -61,38 +59,10 @@ def training_seconds(experiment: str, model: str, protocol: str) -> float:
         return statistics.median(float(row["train_s"]) for row in csv.DictReader(file) if row["protocol"] == protocol)
 
 
-def _windows(values: dict, experiment: str) -> tuple:
-    """Shapes of the task and the test windows (n, frames, elements) of the first run."""
-    from pipeline.learning.regressors import Spec
-
-    spec = Spec(*params.shapes(values[experiment]))
-    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
-    return spec, data.x[data.part(*params.runs(values, experiment)[0]) == "test"]
-
-
-def _series_inputs(values: dict, experiment: str) -> tuple:
-    """Shapes of the first run's task and its test samples (n, channels)."""
-    from pipeline.learning.series_regressors import spec_of
-
-    protocol, seed = params.runs(values, experiment)[0]
-    task = params.experiment_module(experiment).task(protocol, values[experiment])
-    pieces = series.read(paths.dataset(experiment), task, protocol, seed)
-    x = np.concatenate([piece.record.x[piece.part == "test"] for piece in pieces])
-    return spec_of(task, values[experiment]["window"]["frames"]), x
-
-
-def _images(values: dict, experiment: str) -> tuple:
-    """Shapes of the task and the test images (n, 1, pixels) of the first run."""
-    from pipeline.learning.image_classifier import spec_of
-
-    data = images.read(paths.dataset(experiment), *params.runs(values, experiment)[0])
-    return spec_of(len(data.objects)), data.x[data.part == "test"]
-
-
 def main() -> None:
     """Time every model of the experiment named on the command line, first run of each."""
     values = params.load()
-    experiment = params.experiment_argument(sys.argv, "latency", values)
+    experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     settings = values[experiment]["latency"]
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = str(settings["threads"])
@@ -103,21 +73,18 @@ def main() -> None:
 
         torch.set_num_threads(settings["threads"])
         protocol, seed = params.runs(values, experiment)[0]
-        on_series = experiment in params.SERIES
-        inputs = _series_inputs if on_series else _images if experiment in params.IMAGES else _windows
-        spec, x = inputs(values, experiment)
+        task = tasks.of(experiment)
+        spec, x = task.stream(experiment, values[experiment], protocol, seed)
         if len(x) < max(settings["batches"]):  # a tiny dataset: the time does not depend on the values
             x = np.resize(x, (max(settings["batches"]), *x.shape[1:]))
         for model in tqdm(values[experiment]["models"], desc=f"latency {experiment}", unit="model"):
             folder = paths.run_folder(experiment, model, protocol, seed)
-            regressor = trained.load(values, experiment, model, protocol, seed, spec).model
-            steps = on_series or regressor.streams
-            predict = regressor.step if steps else regressor.predict
-            newest = x[:, -1] if steps and not on_series else x  # a stream sees one frame at a time
+            regressor = tasks.load(values, experiment, model, protocol, seed, spec).model
+            predict, inputs = task.timed(regressor, x)
             size = sum(file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json"))
             with threadpool_limits(settings["threads"]):
                 for batch in settings["batches"]:
-                    times = prediction_times(predict, newest, batch, settings)
+                    times = prediction_times(predict, inputs, batch, settings)
                     p50, p95 = np.percentile(times, [50, 95])
                     costs = (regressor.parameters(), regressor.macs(), training_seconds(experiment, model, protocol))
                     rows.append((experiment, model, batch, settings["threads"], p50, p95, *costs, size))

@@ -3,11 +3,10 @@
 Usage: python -m pipeline.stages.window touch|velostat_recorded
 """
 
-import sys
-
 import numpy as np
 
-from pipeline.base import params, paths
+from pipeline import experiments
+from pipeline.base import arguments, params, paths
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
@@ -16,8 +15,8 @@ from pipeline.datasets.windowing import windows_of
 def main() -> None:
     """Window the experiment named on the command line."""
     values = params.load()
-    experiment = params.experiment_argument(sys.argv, "window", values)
-    if experiment in (*params.SERIES, *params.IMAGES):
+    experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
+    if experiments.module(experiment).KIND != "windows":
         raise InputError(
             f"{experiment}: its models see no windows; run `python -m pipeline.stages.dataset {experiment}`"
         )

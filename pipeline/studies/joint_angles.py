@@ -4,16 +4,14 @@ Joints that never move rest at angles that differ by thousandths of a degree fro
 Usage: python -m pipeline.studies.joint_angles glove_recorded
 """
 
-import sys
-
 import numpy as np
 import pyarrow as pa
 from sklearn.ensemble import ExtraTreesClassifier
 from tqdm import tqdm
 
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import run_stage
 from pipeline.datasets import schemas
 from pipeline.experiments import glove_recorded
 
@@ -39,20 +37,19 @@ def probe(settings: dict) -> list[tuple]:
     frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))
     objects = schemas.names(frames["condition"])
     seeds = settings["protocols"]["grasp_strain"]["seeds"]
-    found = []
+    rows = []
     for name, x in tqdm(inputs(schemas.matrix(frames["strain"])).items(), desc=f"probe {EXPERIMENT}", unit="input"):
         for seed in seeds:
             part = glove_recorded.split(frames, settings, "grasp_strain", seed)
             train, test = part == "train", part == "test"
             trees = ExtraTreesClassifier(TREES, random_state=seed).fit(x[train], objects[train])
-            found.append((name, seed, "accuracy", "1", float(trees.score(x[test], objects[test])), int(test.sum())))
-    return found
+            rows.append((name, seed, "accuracy", "1", float(trees.score(x[test], objects[test])), int(test.sum())))
+    return rows
 
 
 def main() -> None:
     """Probe the recordings; without them the table is empty."""
-    if sys.argv[1:] != [EXPERIMENT]:
-        raise InputError(f"usage: python -m pipeline.studies.joint_angles {EXPERIMENT}")
+    arguments.parse(__doc__, experiment=[EXPERIMENT])
     rows = probe(params.load()[EXPERIMENT]) if why_not_run(EXPERIMENT) is None else []
     files.write_csv(paths.probe(EXPERIMENT), COLUMNS, rows)
 

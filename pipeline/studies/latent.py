@@ -7,17 +7,17 @@ drift.csv is from held-out blocks of the whole recording.
 Usage: python -m pipeline.studies.latent strain
 """
 
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.base import files, params, paths, workers
-from pipeline.base.errors import InputError, run_stage
+from pipeline import experiments, models
+from pipeline.base import arguments, files, params, paths, workers
+from pipeline.base.errors import run_stage
 from pipeline.datasets import series
-from pipeline.scoring import metrics
+from pipeline.tasks import series as tasks_series
 
 BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
 FOLDS = 5
@@ -30,22 +30,18 @@ def train_with(values: Mapping, model: str, block: dict, protocol: str, seed: in
 
     As in the stage `train`, transfer takes its frozen part from model-0, which has seen all of task 0.
     """
-    from pipeline.learning import series_regressors
-
-    experiment, module = "strain", params.experiment_module("strain")
-    task = module.task(protocol, values[experiment])
-    spec = series_regressors.spec_of(task, values[experiment]["window"]["frames"])
+    experiment = "strain"
+    task = experiments.module(experiment).task(protocol, values[experiment])
+    spec = tasks_series.spec(experiment, values[experiment], protocol)
     (piece,) = series.read(paths.dataset(experiment), task, protocol, seed)
     (record,) = series.seen_in_training([piece])
     if samples is not None:
         record = series.Record(*(column[-samples:] for column in record))
         record = record._replace(training=np.ones(len(record.x), dtype=bool))
-    regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
+    regressor = models.build(model, spec, block, f"{experiment}.models.{model}")
     zero = paths.run_folder(experiment, paths.MODEL_ZERO, task.base, seed)
     regressor.fit([record], seed=seed, device=values["device"], base=zero)
-    test = piece.part == "test"
-    predicted = regressor.predict(piece.record.x)[test]
-    rows = metrics.series(series.Record(*(column[test] for column in piece.record)), predicted, task.outputs)
+    rows = tasks_series.score(piece, regressor.predict(piece.record.x)[piece.part == "test"], task)
     error = next(value for name, _, value, _ in rows if name == "error")
     return regressor.parameters(), error if np.isfinite(error) else float("nan")
 
@@ -79,9 +75,9 @@ def one_drift(values: Mapping, protocol: str, seed: int, report: Callable) -> li
 def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
     from pipeline.learning import series_regressors
 
-    module, settings = params.experiment_module("strain"), values["strain"]
+    module, settings = experiments.module("strain"), values["strain"]
     task = module.task(protocol, settings)
-    spec = series_regressors.spec_of(task, settings["window"]["frames"])
+    spec = tasks_series.spec("strain", settings, protocol)
     (piece,) = series.read(paths.dataset("strain"), task, protocol, seed)
     frames = settings["window"]["frames"]
     x, rows = piece.record.x, np.arange(frames - 1, len(piece.record.x))
@@ -130,8 +126,7 @@ def _single_thread(function: Callable, *arguments):
 
 def main() -> None:
     """Run the studies of the experiment named on the command line."""
-    if sys.argv[1:] != ["strain"]:
-        raise InputError("usage: python -m pipeline.studies.latent strain")
+    arguments.parse(__doc__, experiment=["strain"])
     values = params.load()
     study = values["strain"]["study"]
     tasks, seeds = study["tasks"], study["seeds"]
@@ -164,9 +159,9 @@ def main() -> None:
         ),
     }
     with files.replacing_folder(paths.experiment_folder("strain") / "study") as draft:
-        for name, (function, arguments, columns) in plans.items():
-            with tqdm(total=len(arguments), desc=f"study strain {name}", unit="run") as bar:
-                found = dict(workers.run(function, {k: (values, *task) for k, task in enumerate(arguments)}, bar))
+        for name, (function, runs, columns) in plans.items():
+            with tqdm(total=len(runs), desc=f"study strain {name}", unit="run") as bar:
+                found = dict(workers.run(function, {k: (values, *task) for k, task in enumerate(runs)}, bar))
             rows = [row for key in sorted(found) for row in found[key]]
             files.write_csv(draft / f"{name}.csv", columns, sorted(rows, key=lambda row: tuple(map(str, row[:4]))))
         _write_latents(values, draft / "latents.csv")
@@ -176,10 +171,9 @@ def _write_latents(values: Mapping, path: Path) -> None:
     """t_s and the states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
     from pipeline.learning import series_regressors
 
-    module, settings = params.experiment_module("strain"), values["strain"]
+    module, settings = experiments.module("strain"), values["strain"]
     task, seed = module.task("task_2", settings), settings["study"]["seeds"][0]
-    base = module.task(task.base, settings)
-    spec = series_regressors.spec_of(base, settings["window"]["frames"])
+    spec = tasks_series.spec("strain", settings, task.base)
     network = series_regressors.LstmRegressor(spec, 1, None, transfer=False)
     network.load(paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed))
     (piece,) = series.read(paths.dataset("strain"), task, "task_2", seed)

@@ -8,8 +8,6 @@ Writes data/<experiment>/physics.csv; `render_physics` judges it.
 Usage: python -m pipeline.studies.physics touch|strain|glove
 """
 
-import importlib
-import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -18,13 +16,15 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline.base import blocks, files, params, paths, workers
+from pipeline import experiments, models, scenes, tasks
+from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import images, schemas, series
-from pipeline.datasets.windowing import windows_of
-from pipeline.learning import trained
+from pipeline.learning.trained import Trained, predict_windows
 from pipeline.scoring import classification, metrics
 from pipeline.scoring.variants import COLUMNS, DEFAULT, NONE, variants
+from pipeline.tasks import images as tasks_images
+from pipeline.tasks import series as tasks_series
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
 CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about the others, demonstrations
@@ -38,7 +38,9 @@ def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dic
     """
     settings = _merged(values[experiment], values["physics"][experiment]["scene"])
     params.check_block(
-        settings, blocks.Settings.model_fields[experiment].annotation, f"{experiment} with physics.{experiment}.scene"
+        settings,
+        params.settings_block().model_fields[experiment].annotation,
+        f"{experiment} with physics.{experiment}.scene",
     )
     scene = settings["simulate"]
     on = dict.fromkeys(scene["effects"], True)
@@ -68,19 +70,18 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
         folder = Path(name)
         protocols = [*chosen["protocols"], *_bases(experiment, settings, chosen["protocols"])]
         write_dataset(experiment, settings, dict.fromkeys(protocols), seed, folder)
-        for condition, model, found in score(settings, chosen, seed, folder, values["device"]):
+        for condition, model, scores in score(settings, chosen, seed, folder, values["device"]):
             metric = MAIN_METRIC[experiment]
-            unit, value = next((unit, value) for name, unit, value, _ in found if name == metric)
+            unit, value = next((unit, value) for name, unit, value, _ in scores if name == metric)
             rows.append((experiment, effect, condition, model, seed, metric, unit, value))
     report()
     return rows
 
 
 def _bases(experiment: str, settings: Mapping, protocols: list[str]) -> list[str]:
-    """Protocols that model-0 of `protocols` is trained on."""
-    if experiment not in params.SERIES:
-        return []
-    return [params.experiment_module(experiment).task(protocol, settings).base for protocol in protocols]
+    """Return the protocols that model-0 of `protocols` is trained on."""
+    bases = [tasks.of(experiment).base(experiment, settings, protocol) for protocol in protocols]
+    return [base for base in bases if base]
 
 
 def dataset_of(folder: Path) -> Path:
@@ -90,109 +91,86 @@ def dataset_of(folder: Path) -> Path:
 
 def write_dataset(experiment: str, settings: dict, protocols: Iterable[str], seed: int, folder: Path) -> None:
     """Simulate, ingest and label in `folder`: what the stages simulate, ingest, window and dataset do, unsaved."""
-    module = params.experiment_module(experiment)
-    recordings, logs_of = importlib.import_module(f"pipeline.scenes.{experiment}").plan(settings)
-    for recording in recordings:
-        if recording.condition not in CONDITIONS.get(experiment, (recording.condition,)):
-            continue
-        place = folder / "logs" / recording.condition / recording.name
-        place.mkdir(parents=True)
-        for name, (lines, _) in logs_of(recording).items():
-            (place / name).write_text("\n".join(lines) + "\n", encoding="ascii")
-    schema_of = module.frames_schema(settings)
+    module = experiments.module(experiment)
+    recordings, logs_of = scenes.plan(experiment, settings)
+    conditions = CONDITIONS.get(experiment)
+    recordings = [each for each in recordings if conditions is None or each.condition in conditions]
+    scenes.write_logs(folder / "logs", recordings, logs_of)
+    schema = module.frames_schema(settings)
     parts = [module.read_recording(path, settings)[0] for path in module.recordings(folder / "logs")]
-    frames = pa.concat_tables([part.select(schema_of.names).cast(schema_of) for part in parts])
-    frames = frames.unify_dictionaries().combine_chunks()
-    if experiment in params.SERIES:
-        rows = frames
-        table = frames.rename_columns({"y_mm": "y"})
-    elif experiment in params.IMAGES:
-        rows = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
-        table = images.dataset_rows(rows, module.images(rows, settings))
-    else:
-        rows = windows_of(frames, settings["window"])
-        table = rows.append_column("y", schemas.lists(module.labels(rows, settings), pa.float32()))
-    for protocol in protocols:
-        part = pa.array(module.split(rows, settings, protocol, seed), pa.string()).dictionary_encode()
-        table = table.append_column(schemas.split_column(protocol, seed), part)
-    schemas.write(dataset_of(folder), table.schema, [table])
+    frames = pa.concat_tables([part.select(schema.names).cast(schema) for part in parts])
+    inputs = tasks.of(experiment).inputs(frames.unify_dictionaries().combine_chunks(), settings)
+    tasks.write_dataset(dataset_of(folder), experiment, inputs, settings, [(name, seed) for name in protocols])
+
+
+def fitted(
+    experiment: str, model: str, settings: dict, chosen: Mapping, folder: Path, run: tuple, **fitting
+) -> Trained:
+    """Return a model of physics.<experiment>.models trained on the variant's dataset; run: protocol and seed."""
+    if model not in chosen["models"]:
+        raise InputError(
+            f"params.yaml, physics.{experiment}.models: '{model}' is missing; {experiment}.model_zero names it"
+        )
+    where = f"physics.{experiment}.models.{model}"
+
+    def build(spec):
+        return models.build(model, spec, chosen["models"][model], where)
+
+    regressor = tasks.of(experiment).fit(dataset_of(folder), experiment, settings, *run, build, **fitting).model
+    return Trained(regressor, failed=regressor.summary.best_epoch == 0)
 
 
 def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
-    """(condition, model, rows of metrics.touch) of every model; settings: the scene's, chosen: physics.touch."""
-    from pipeline.learning.regressors import Spec
-
-    spec = Spec(*params.shapes(settings))
-    data = schemas.read_dataset(dataset_of(folder), spec.frames)
+    """Yield (condition, model, rows of metrics.touch) of every model; settings: the scene's, chosen: physics.touch."""
+    data = schemas.read_dataset(dataset_of(folder), settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     (protocol,) = chosen["protocols"]
     part = data.part(protocol, seed)
-    for model, block in chosen["models"].items():
-        regressor = params.build_model(model, spec, block, f"physics.touch.models.{model}")
-        train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
-        regressor.fit(train, validation, seed=seed, device=device)
+    for model in chosen["models"]:
+        run = fitted("touch", model, settings, chosen, folder, (protocol, seed), device=device)
         for name in CONDITIONS["touch"]:
             rows = np.flatnonzero((part == "test") & (condition == name))
-            predicted = trained.predict_windows(regressor, data.x[rows], data, rows)
-            found = metrics.touch(data.rows.take(pa.array(rows)), data.y[rows], predicted, settings)
-            yield name, model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
+            predicted = predict_windows(run.model, data.x[rows], data, rows)
+            scores = metrics.touch(data.rows.take(pa.array(rows)), data.y[rows], predicted, settings)
+            yield name, model, metrics.unless_failed(scores, run.failed)
 
 
 def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
     """As `touch_scores`; a condition is a task. Model-0 of transfer is trained on all of task 0 first."""
-    from pipeline.learning import series_regressors
-
-    module, zeros = params.experiment_module("strain"), {}
-
-    def fitted(protocol: str, model: str, base: Path | None):
-        if model not in chosen["models"]:
-            raise InputError(f"params.yaml, physics.strain.models: '{model}' is missing; strain.model_zero names it")
-        block, task = chosen["models"][model], module.task(protocol, settings)
-        spec = series_regressors.spec_of(task, settings["window"]["frames"])
-        regressor = params.build_model(model, spec, block, f"physics.strain.models.{model}")
-        regressor = series_regressors.adapted(regressor, spec)
-        (piece,) = series.read(dataset_of(folder), task, protocol, seed)
-        regressor.fit(series.seen_in_training([piece]), seed=seed, device=device, base=base)
-        return regressor, piece, task
-
+    module, zeros = experiments.module("strain"), {}
+    common = settings, chosen, folder
     for protocol in chosen["protocols"]:
-        base = module.task(protocol, settings).base
-        if base not in zeros:
-            zeros[base] = folder / base
-            zeros[base].mkdir()
-            fitted(base, settings["model_zero"], None)[0].save(zeros[base])
+        task = module.task(protocol, settings)
+        if task.base not in zeros:
+            zeros[task.base] = folder / task.base
+            zeros[task.base].mkdir()
+            zero = fitted("strain", settings["model_zero"], *common, (task.base, seed), device=device, base=None)
+            zero.model.save(zeros[task.base])
         for model in chosen["models"]:
-            regressor, piece, task = fitted(protocol, model, zeros[base])
-            test = piece.part == "test"
-            own = series.Record(*(column[test] for column in piece.record))
-            found = metrics.series(own, regressor.predict(piece.record.x)[test], task.outputs)
-            yield protocol, model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
+            run = fitted("strain", model, *common, (protocol, seed), device=device, base=zeros[task.base])
+            (piece,) = series.read(dataset_of(folder), task, protocol, seed)
+            predicted = run.model.predict(piece.record.x)[piece.part == "test"]
+            yield protocol, model, metrics.unless_failed(tasks_series.score(piece, predicted, task), run.failed)
 
 
 def glove_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
     """As `touch_scores`; a condition is a dataset of images."""
-    from pipeline.learning.image_classifier import spec_of
-
     for protocol in chosen["protocols"]:
-        data = images.read(dataset_of(folder), protocol, seed)
-        train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
-        for model, block in chosen["models"].items():
-            regressor = params.build_model(model, spec_of(len(data.objects)), block, f"physics.glove.models.{model}")
-            regressor.fit(train, validation, seed=seed, device=device)
-            found = classification.scores(test[1], regressor.predict(test[0]))
-            yield images.modality(protocol), model, metrics.unless_failed(found, regressor.summary.best_epoch == 0)
+        test = tasks_images.part_of(images.read(dataset_of(folder), protocol, seed), "test")
+        for model in chosen["models"]:
+            run = fitted("glove", model, settings, chosen, folder, (protocol, seed), device=device)
+            scores = classification.scores(test[1], run.model.predict(test[0]))
+            yield images.modality(protocol), model, metrics.unless_failed(scores, run.failed)
 
 
 def main() -> None:
     """Run every variant of the experiment named on the command line."""
     values = params.load()
-    experiment = sys.argv[1] if len(sys.argv) == 2 else ""
-    if experiment not in values["physics"]:
-        raise InputError(f"usage: python -m pipeline.studies.physics {'|'.join(values['physics'])}")
+    experiment = arguments.parse(__doc__, experiment=values["physics"]).experiment
     wanted = variants(values, experiment)
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
-        found = dict(workers.run(run_variant, {key: (values, experiment, *key) for key in wanted}, bar))
-    files.write_csv(paths.physics(experiment), COLUMNS, (row for key in wanted for row in found[key]))
+        rows = dict(workers.run(run_variant, {key: (values, experiment, *key) for key in wanted}, bar))
+    files.write_csv(paths.physics(experiment), COLUMNS, (row for key in wanted for row in rows[key]))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ The errors choose nothing but the ladders' own verdict: no other table depends o
 Usage: python -m pipeline.studies.sizes touch|strain|glove
 """
 
-import sys
 from collections.abc import Mapping
 
 import numpy as np
@@ -15,13 +14,16 @@ import pandas as pd
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline.base import files, params, paths, workers
+from pipeline import models, tasks
+from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import images, schemas
-from pipeline.learning import trained
-from pipeline.learning.regressors import Spec
+from pipeline.learning.trained import Trained
 from pipeline.scoring import classification, ladders, metrics
 from pipeline.studies import narrow_sp_resnet
+from pipeline.tasks import images as tasks_images
+from pipeline.tasks import series as tasks_series
+from pipeline.tasks import windows as tasks_windows
 
 CONDITIONS = ("single", "double")  # of touch, as in Table I
 
@@ -32,7 +34,7 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
 
     torch.set_num_threads(1)
     settings, protocol = values["touch"], ladders.protocol("touch", "single")
-    spec = Spec(*params.shapes(settings))
+    spec = tasks_windows.spec(settings)
     data = schemas.read_dataset(paths.dataset("touch"), spec.frames)
     x = data.x
     model = ladders.FAMILIES[family].model
@@ -46,12 +48,12 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
         block = block | {"training": block["training"] | values["rightsize"]["touch"][family]["training"]}
     part = data.part(protocol, seed)
     if of_tables:
-        run = trained.load(values, "touch", model, protocol, seed, spec)
+        run = tasks.load(values, "touch", model, protocol, seed, spec)
     else:
-        regressor = params.build_model(model, spec, block, f"rightsize.touch.{family}")
+        regressor = models.build(model, spec, block, f"rightsize.touch.{family}")
         train, validation = ((x[part == name], data.y[part == name]) for name in ("train", "validation"))
         regressor.fit(train, validation, seed=seed, device=values["device"])
-        run = trained.Trained(regressor, failed=regressor.summary.best_epoch == 0)
+        run = Trained(regressor, failed=regressor.summary.best_epoch == 0)
     predicted, rows = np.full(data.y.shape, np.nan, np.float32), np.flatnonzero(part == "test")
     predicted[rows] = run.predict(x[rows])
     condition, found = schemas.names(data.rows["condition"]), []
@@ -69,22 +71,20 @@ def glove_run(values: Mapping, condition: str, width: float, seed: int, report) 
     """Train and score one SP-ResNet narrower than the published one, with its settings; load the published one."""
     import torch
 
-    from pipeline.learning.image_classifier import spec_of
-
     torch.set_num_threads(1)
     block = params.model_settings(values, "glove", "sp_resnet")
     protocol = ladders.protocol("glove", condition)
     data = images.read(paths.dataset("glove"), protocol, seed)
-    spec = spec_of(len(data.objects))
-    train, validation, test = ((data.x[data.part == name], data.y[data.part == name]) for name in images.PARTS)
+    spec = tasks_images.spec(data.objects)
+    train, validation, test = (tasks_images.part_of(data, name) for name in images.PARTS)
     if width == 1:
-        run = trained.load(values, "glove", "sp_resnet", protocol, seed, spec)
+        run = tasks.load(values, "glove", "sp_resnet", protocol, seed, spec)
     else:
         classifier = narrow_sp_resnet.build(
             spec, width=width, **dict(params.check_model("sp_resnet", block, "glove.models.sp_resnet"))
         )
         classifier.fit(train, validation, seed=seed, device=values["device"])
-        run = trained.Trained(classifier, failed=classifier.summary.best_epoch == 0)
+        run = Trained(classifier, failed=classifier.summary.best_epoch == 0)
     scores = metrics.unless_failed(classification.scores(test[1], run.predict(test[0])), run.failed)
     report()
     return [_row("glove", condition, "sp_resnet", width, run.model, scores, seed)]
@@ -126,16 +126,14 @@ def glove(values: dict) -> list[tuple]:
 
 def strain(values: dict) -> list[tuple]:
     """The runs of `study`'s capacity.csv, as rows of a ladder."""
-    from pipeline.learning import series_regressors
-
     path = paths.experiment_folder("strain") / "study" / "capacity.csv"
     table = pd.read_csv(paths.require(path, "python -m pipeline.studies.latent strain"))
-    model, module = ladders.FAMILIES["lstm"].model, params.experiment_module("strain")
-    block, frames = params.model_settings(values, "strain", model), values["strain"]["window"]["frames"]
+    model = ladders.FAMILIES["lstm"].model
+    block = params.model_settings(values, "strain", model)
     found = []
     for row in table[table["metric"] == ladders.METRIC["strain"]].itertuples():
-        spec = series_regressors.spec_of(module.task(row.protocol, values["strain"]), frames)
-        network = params.build_model(model, spec, block | {"units": int(row.units)}, f"strain.models.{model}")
+        spec = tasks_series.spec("strain", values["strain"], row.protocol)
+        network = models.build(model, spec, block | {"units": int(row.units)}, f"strain.models.{model}")
         size = (int(row.units), int(row.params), row.metric, row.unit, row.seed, row.value, network.macs())
         found.append(("strain", row.protocol, "lstm", *size))
     return found
@@ -154,9 +152,7 @@ def _climbed(function, values: Mapping, runs: list[tuple], title: str) -> list[t
 
 def main() -> None:
     """Climb the ladders of the experiment named on the command line."""
-    if len(sys.argv) != 2 or sys.argv[1] not in ladders.METRIC:
-        raise InputError(f"usage: python -m pipeline.studies.sizes {'|'.join(ladders.METRIC)}")
-    experiment = sys.argv[1]
+    experiment = arguments.parse(__doc__, experiment=ladders.METRIC).experiment
     rows = {"touch": touch, "strain": strain, "glove": glove}[experiment](params.load())
     conditions = list(dict.fromkeys(row[1] for row in rows))
     rows.sort(key=lambda row: (row[2], conditions.index(row[1]), row[3], row[7]))  # family, condition, size, seed

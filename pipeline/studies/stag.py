@@ -5,18 +5,19 @@ test part for every number of input frames. Without the file (`none`) the table 
 Usage: python -m pipeline.studies.stag glove
 """
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.base import files, params, paths, workers
+from pipeline import models
+from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import seeding
 from pipeline.logs import stag
 from pipeline.scoring import classification, metrics
+from pipeline.tasks import images as tasks_images
 
 COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")
@@ -26,14 +27,12 @@ def train_run(values: Mapping, experiment: str, model: str, seed: int, file: str
     """Train one model and score it with 1 to MOST_FRAMES frames of a recording; rows of stag.csv."""
     import torch
 
-    from pipeline.learning.image_classifier import spec_of
-
     torch.set_num_threads(1)
     data = stag.read(paths.ROOT / file)
     y = np.eye(len(data.objects), dtype=np.float32)[data.label]
     part = parts(data, values[experiment]["stag"]["validation"], seed)
     block = params.model_settings(values, experiment, model)
-    classifier = params.build_model(model, spec_of(len(data.objects)), block, f"{experiment}.models.{model}")
+    classifier = models.build(model, tasks_images.spec(data.objects), block, f"{experiment}.models.{model}")
     train, validation = ((data.images[part == name], y[part == name]) for name in ("train", "validation"))
     classifier.fit(train, validation, seed=seed, device=values["device"], progress=report)
     test = part == "test"
@@ -62,19 +61,18 @@ def parts(data: stag.Stag, validation: float, seed: int) -> np.ndarray:
 
 def main() -> None:
     """Train and score on the user's file, or write an empty table."""
+    arguments.parse(__doc__, experiment=["glove"])
     values = params.load()
-    if sys.argv[1:] != ["glove"]:
-        raise InputError("usage: python -m pipeline.studies.stag glove")
     settings = values["glove"]["stag"]
-    found: dict = {}
+    rows: dict = {}
     if settings["file"] != "none":
         if not Path(paths.ROOT / settings["file"]).is_file():
             raise InputError(f"params.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
-        tasks = {(m, seed): (values, "glove", m, seed, settings["file"]) for m in MODELS for seed in settings["seeds"]}
+        runs = {(m, seed): (values, "glove", m, seed, settings["file"]) for m in MODELS for seed in settings["seeds"]}
         epochs = max(values["glove"]["models"][model]["training"]["max_epochs"] for model in MODELS)
-        with tqdm(total=epochs * len(tasks), desc="train STAG", unit="epoch") as bar:
-            found = dict(workers.run(train_run, tasks, bar, steps=epochs))
-    files.write_csv(paths.stag("glove"), COLUMNS, (row for key in sorted(found) for row in found[key]))
+        with tqdm(total=epochs * len(runs), desc="train STAG", unit="epoch") as bar:
+            rows = dict(workers.run(train_run, runs, bar, steps=epochs))
+    files.write_csv(paths.stag("glove"), COLUMNS, (row for key in sorted(rows) for row in rows[key]))
 
 
 if __name__ == "__main__":

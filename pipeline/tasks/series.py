@@ -1,0 +1,106 @@
+"""Models that see a whole series (strain, strain_recorded): data, training, tests; see __init__.py."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import experiments
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+from pipeline.datasets import schemas, series
+from pipeline.learning.trained import Fitted, Tested, fitted
+from pipeline.scoring import metrics
+
+
+def source(experiment: str) -> pa.Table:
+    """Return the frames that the stage ingest wrote."""
+    return schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
+
+
+def inputs(frames: pa.Table, settings: Mapping) -> pa.Table:
+    """Return the frames: a series is all of them."""
+    return frames
+
+
+def rows(frames: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa.Table, pa.Table]:
+    """Return the frames, as what is split, and with the column `y` as the dataset's columns."""
+    return frames, frames.rename_columns({"y_mm": "y"})
+
+
+def labelled(table: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa.Schema, list[pa.Table]]:
+    """Return schema and parts of the dataset: a series carries its labels."""
+    return table.schema, [table]
+
+
+def spec(experiment: str, settings: Mapping, protocol: str):
+    """Return the shapes of a protocol's task (learning.regressors.Spec)."""
+    from pipeline.learning.series_regressors import spec_of
+
+    return spec_of(experiments.module(experiment).task(protocol, settings), settings["window"]["frames"])
+
+
+def base(experiment: str, settings: Mapping, protocol: str) -> str:
+    """Return the protocol that model-0 of a protocol is trained on (section III-B)."""
+    return experiments.module(experiment).task(protocol, settings).base
+
+
+def fit(path: Path, experiment: str, settings: Mapping, protocol: str, seed: int, build: Callable, **fitting) -> Fitted:
+    """Return a model fitted to the recordings of one run. Raises InputError where no sample is for training."""
+    shapes = spec(experiment, settings, protocol)
+    regressor = adapted(build(shapes), shapes)
+    task = experiments.module(experiment).task(protocol, settings)
+    records = series.seen_in_training(series.read(path, task, protocol, seed))
+    if not any(record.training.any() for record in records):
+        raise InputError(f"{experiment}, {protocol}: no sample in the training part; record longer")
+    return fitted(regressor, records, seed=seed, **fitting)
+
+
+def adapted(model, spec):
+    """Return the model itself if it is made for series, else its use on a series."""
+    from pipeline.learning import series_regressors
+
+    return series_regressors.adapted(model, spec)
+
+
+def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable) -> Iterator[Tested]:
+    """Yield the tests of all runs: a model goes through each whole recording, and the samples of the test part count.
+
+    Predictions have the three columns x, y, z (mm), NaN where the task does not ask for one. load: as of windows.
+    """
+    module = experiments.module(experiment)
+    for protocol, seed in runs:
+        task = module.task(protocol, settings)
+        run, tests = load(protocol, seed, spec(experiment, settings, protocol)), []
+        for piece in series.read(paths.dataset(experiment), task, protocol, seed):
+            test = piece.part == "test"
+            if not test.any():
+                continue
+            predicted = run.predict(piece.record.x)[test]
+            scores = metrics.unless_failed(score(piece, predicted, task), run.failed)
+            wide = np.full((len(predicted), 3), np.nan, np.float32)
+            wide[:, list(task.outputs)] = predicted
+            tests.append((piece.rows[test], wide, [(piece.condition, *row) for row in scores]))
+        yield protocol, seed, tests
+
+
+def score(piece: series.Piece, predicted: np.ndarray, task: series.Task) -> list:
+    """Return rows (metric, unit, value, n) of predictions (n, outputs) of a piece's test samples."""
+    test = piece.part == "test"
+    record = series.Record(*(column[test] for column in piece.record))
+    return metrics.series(record, predicted, task.outputs)
+
+
+def stream(experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
+    """Return (spec, test samples (n, channels)) of one run."""
+    task = experiments.module(experiment).task(protocol, settings)
+    pieces = series.read(paths.dataset(experiment), task, protocol, seed)
+    x = np.concatenate([piece.record.x[piece.part == "test"] for piece in pieces])
+    return spec(experiment, settings, protocol), x
+
+
+def timed(model, x: np.ndarray) -> tuple[Callable, np.ndarray]:
+    """Return what answers the next sample, with the state carried along, and the samples."""
+    return model.step, x

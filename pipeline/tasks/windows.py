@@ -1,0 +1,112 @@
+"""Models that see windows of frames (touch, velostat_recorded): data, training, tests; see __init__.py."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import experiments
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
+from pipeline.datasets.windowing import windows_of
+from pipeline.learning.trained import Fitted, Tested, fitted
+from pipeline.scoring import metrics
+
+
+def source(experiment: str) -> pa.Table:
+    """Return the windows that the stage window wrote."""
+    return schemas.read(paths.require(paths.windows(experiment), f"python -m pipeline.stages.window {experiment}"))
+
+
+def inputs(frames: pa.Table, settings: Mapping) -> pa.Table:
+    """Return the windows of a frames table."""
+    return windows_of(frames, settings["window"])
+
+
+def rows(windows: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa.Table, pa.Table]:
+    """Return the windows, as what is split and as the dataset's columns."""
+    return windows, windows
+
+
+def labelled(table: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa.Schema, Iterator[pa.Table]]:
+    """Return schema and parts of the dataset with its maps `y`, some windows at a time: maps are most of a dataset."""
+    kind = pa.list_(pa.float32(), settings["label"]["map_rows"] * settings["label"]["map_cols"])
+
+    def parts() -> Iterator[pa.Table]:
+        for first in range(0, table.num_rows, schemas.GROUP_ROWS):
+            some = table.slice(first, schemas.GROUP_ROWS)
+            yield some.append_column("y", schemas.lists(module.labels(some, settings), pa.float32()))
+
+    return table.schema.append(pa.field("y", kind)), parts()
+
+
+def spec(settings: Mapping):
+    """Return the shapes of an experiment's task (learning.regressors.Spec); settings: its block of params.yaml."""
+    from pipeline.learning.regressors import Spec
+
+    sensor, label = settings["sensor"], settings["label"]
+    return Spec(settings["window"]["frames"], sensor["rows"], sensor["cols"], label["map_rows"], label["map_cols"])
+
+
+def base(experiment: str, settings: Mapping, protocol: str) -> None:
+    """Return None: no model of windows starts from another network."""
+
+
+def fit(
+    path: Path, experiment: str, settings: Mapping, protocol: str, seed: int, build: Callable, *, base=None, **fitting
+) -> Fitted:
+    """Return a model fitted to the training windows of one run. Raises InputError where a part has no window."""
+    regressor = build(spec(settings))
+    data = schemas.read_dataset(path, settings["window"]["frames"])
+    part = data.part(protocol, seed)
+    train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
+    for name, windows in (("train", train), ("validation", validation)):
+        if not len(windows[0]):
+            raise InputError(
+                f"{experiment}, {protocol} split, seed {seed}: no window in the {name} part; record more presses"
+            )
+    del data
+    return fitted(regressor, train, validation, seed=seed, **fitting)
+
+
+def adapted(model, spec):
+    """Return the model as it is: models are made for windows."""
+    return model
+
+
+def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable) -> Iterator[Tested]:
+    """Yield the tests of all runs of one model; `load(protocol, seed, spec)` gives its Trained."""
+    module = experiments.module(experiment)
+    pooled = metrics.POOLED.get(experiment, ())
+    data = schemas.read_dataset(paths.dataset(experiment), settings["window"]["frames"])
+    condition = schemas.names(data.rows["condition"])
+    for protocol, seed in runs:
+        run = load(protocol, seed, spec(settings))
+        test = np.flatnonzero(data.part(protocol, seed) == "test")
+        predicted = run.predict_windows(data.x[test], data, test)
+        conditions, scores = np.unique(condition[test]), []
+        for name in [*conditions, *(pooled if len(conditions) > 1 else ())]:
+            chosen = np.full(len(test), name in pooled) | (condition[test] == name)
+            windows = data.rows.take(pa.array(test[chosen]))
+            values = score(module, windows, data.y[test[chosen]], predicted[chosen], settings)
+            scores += [(name, *row) for row in metrics.unless_failed(values, run.failed)]
+        yield protocol, seed, [(test, predicted, scores)]
+
+
+def score(module: ModuleType, windows: pa.Table, y: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list:
+    """Return rows (metric, unit, value, n) by the function of scoring/metrics.py that the experiment names."""
+    return getattr(metrics, module.SCORES)(windows, y, predicted, settings)
+
+
+def stream(experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
+    """Return (spec, test windows (n, frames, elements)) of one run."""
+    data = schemas.read_dataset(paths.dataset(experiment), settings["window"]["frames"])
+    return spec(settings), data.x[data.part(protocol, seed) == "test"]
+
+
+def timed(model, x: np.ndarray) -> tuple[Callable, np.ndarray]:
+    """Return what answers one window, and its inputs; a model of streams sees one new frame at a time."""
+    return (model.step, x[:, -1]) if model.streams else (model.predict, x)
