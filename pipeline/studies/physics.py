@@ -37,11 +37,8 @@ def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dic
     not what pipeline/base/blocks.py allows.
     """
     settings = _merged(values[experiment], values["physics"][experiment]["scene"])
-    params.check_block(
-        settings,
-        params.settings_block().model_fields[experiment].annotation,
-        f"{experiment} with physics.{experiment}.scene",
-    )
+    block = params.settings_block().model_fields[experiment].annotation
+    params.check_block(settings, block, f"{experiment} with physics.{experiment}.scene")
     scene = settings["simulate"]
     on = dict.fromkeys(scene["effects"], True)
     effects = {NONE: on, DEFAULT: scene["effects"]}.get(effect, on | {effect: False})
