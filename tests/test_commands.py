@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from builders.project import ROOT
 from dvc.repo import Repo
 from test_architecture import stage_entries
 

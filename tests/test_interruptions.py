@@ -14,14 +14,13 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 import yaml
+from builders.project import ROOT
 
 from pipeline.base import errors, paths
 from pipeline.base.errors import InputError
 from pipeline.commands import fetch
 from pipeline.datasets import schemas
 from pipeline.logs import sources
-
-ROOT = Path(__file__).resolve().parent.parent
 
 # Runs stages one after the other, each in a fork in which no file can grow beyond its limit, as on a full disk.
 LIMITED = """

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import yaml
-from conftest import ROOT, Project, noting_opened
+from builders.project import ROOT, Project, noting_opened
 from opened.sitecustomize import NATIVE
 
 # Python's own files are imported (test_architecture.py), params.yaml is watched by its keys, and what stages write is

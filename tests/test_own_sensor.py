@@ -9,12 +9,12 @@ import sys
 from html import escape
 
 import numpy as np
-import own_logs
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from conftest import ROOT, Project
+from builders import own_logs
+from builders.project import ROOT, Project
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError

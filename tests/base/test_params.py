@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 
-ROOT = Path(__file__).resolve().parent.parent
 WHOLE = params.load()
 NETWORK = WHOLE["touch"]["models"]["cnn"]
 
