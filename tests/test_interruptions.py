@@ -43,16 +43,16 @@ for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 STAGES = {
-    "simulate_glove": ["simulate", "glove"],
-    "ingest_glove": ["ingest", "glove"],
-    "dataset_glove": ["dataset", "glove"],
-    "train_glove@sp_resnet": ["train_images", "glove", "sp_resnet"],
-    "window@touch": ["window", "touch"],
-    "dataset@touch": ["dataset", "touch"],
-    "train_touch@tree": ["train", "touch", "tree"],
-    "evaluate@touch": ["evaluate", "touch"],
-    "count": ["count"],
-    "collect": ["collect"],
+    "simulate_glove": ["stages.simulate", "glove"],
+    "ingest_glove": ["stages.ingest", "glove"],
+    "dataset_glove": ["stages.dataset", "glove"],
+    "train_glove@sp_resnet": ["stages.train_images", "glove", "sp_resnet"],
+    "window@touch": ["stages.window", "touch"],
+    "dataset@touch": ["stages.dataset", "touch"],
+    "train_touch@tree": ["stages.train", "touch", "tree"],
+    "evaluate@touch": ["stages.evaluate", "touch"],
+    "count": ["studies.counts"],
+    "collect": ["stages.collect"],
 }
 
 

@@ -311,7 +311,7 @@ def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words)
     shutil.copytree(miniature.folder / "data" / "touch", copy / "data" / "touch")
     stage = ["train", "touch", "lompp"] if "lompp" in words else ["window", "touch"]
     done = subprocess.run(
-        [sys.executable, "-m", f"pipeline.{stage[0]}", *stage[1:]],
+        [sys.executable, "-m", f"pipeline.stages.{stage[0]}", *stage[1:]],
         cwd=copy,
         env=miniature.environment | {"PYTHONPATH": str(copy)},
         capture_output=True,

@@ -214,7 +214,7 @@ def runs(params: Mapping, experiment: str) -> list[tuple[str, int]]:
 def experiment_argument(argv: list[str], stage: str, params: Mapping) -> str:
     """The experiment named on a stage's command line (`python -m pipeline.<stage> <experiment>`)."""
     if len(argv) != 2 or argv[1] not in params["experiments"]:
-        raise InputError(f"usage: python -m pipeline.{stage} {'|'.join(params['experiments'])}")
+        raise InputError(f"usage: python -m pipeline.stages.{stage} {'|'.join(params['experiments'])}")
     return argv[1]
 
 
@@ -230,7 +230,7 @@ def training_stage(experiment: str) -> str:
 
 def training_command(experiment: str, model: str) -> str:
     """What to run to have one model trained."""
-    return f"python -m pipeline.{training_stage(experiment)} {experiment} {model}"
+    return f"python -m pipeline.stages.{training_stage(experiment)} {experiment} {model}"
 
 
 def training_arguments(argv: list[str], stage: str, params: Mapping, what: str = "MODEL") -> tuple[str, str]:
@@ -243,7 +243,7 @@ def training_arguments(argv: list[str], stage: str, params: Mapping, what: str =
     if len(argv) == 3 and argv[1] in params["experiments"] and argv[1] not in own:
         raise InputError(f"{argv[1]} is not trained by {stage}; run `{training_command(argv[1], argv[2])}`")
     if len(argv) != 3 or argv[1] not in own:
-        raise InputError(f"usage: python -m pipeline.{stage} {'|'.join(own)} {what}")
+        raise InputError(f"usage: python -m pipeline.stages.{stage} {'|'.join(own)} {what}")
     return argv[1], argv[2].rpartition("@")[2]
 
 
