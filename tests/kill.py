@@ -21,8 +21,7 @@ import time
 from pathlib import Path
 
 import yaml
-from conftest import Project, run_miniature
-from test_pipeline import lock, mlflow_runs
+from builders.project import Project, lock, mlflow_runs, run_miniature
 
 GONE_S = 20  # within which all that DVC started must be gone
 

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 
 import pytest
-from conftest import ROOT
+from builders.project import ROOT
 
 TOOLS = ("awk", "bash", "cat", "chmod", "dirname", "env", "git", "id", "mktemp", "rm", "sed", "tail", "timeout")
 INSTALLS = """echo "$@" >>"$LOG"

@@ -12,9 +12,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from builders.project import ROOT
 from dvc.repo import Repo
-from test_architecture import stage_entries
 
 from pipeline.base import params
 from pipeline.logs import sources
@@ -25,7 +24,7 @@ CODE = sorted((ROOT / "pipeline").rglob("*.py"))
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "data").rglob("README.md")), *sorted((ROOT / "reports").rglob("*.md"))]
 # A command ends with its line, its quotes, a comment behind it, or where the next one starts.
 END = r"(?=[`\"\n#;,)]|\s\s|\.\s|\.$| && | again| says | first| with |$)"
-MODULE = re.compile(r"python -m pipeline\.(?P<name>[\w{}<>]+)(?P<arguments>.*?)" + END)
+MODULE = re.compile(r"python -m pipeline\.(?P<name>[\w{}<>]+(?:\.[\w{}<>]+)*)(?P<arguments>.*?)" + END)
 REPRO = re.compile(r"dvc repro(?P<arguments>.*?)" + END)
 OPEN = re.compile(r"[{<].*|[A-Z]+")  # a word that stands for others: {experiment}, <name>, MODEL
 ANYTHING = {"FOLDER", "PORT", "FILE", "N"}
@@ -52,10 +51,15 @@ def texts(path: Path) -> Iterator[tuple[str, bool]]:
             yield "".join(one.value if isinstance(one, ast.Constant) else "{}" for one in node.values), False
 
 
+def file_of(name: str) -> Path:
+    """Return the file of the module `pipeline.<name>`."""
+    return ROOT.joinpath("pipeline", *name.split(".")).with_suffix(".py")
+
+
 @cache
 def usages(name: str) -> list[list[str]]:
     """The arguments, word by word, of every call of a module that its docstring shows."""
-    docstring = ast.get_docstring(ast.parse((ROOT / "pipeline" / f"{name}.py").read_text())) or ""
+    docstring = ast.get_docstring(ast.parse(file_of(name).read_text())) or ""
     calls = []
     for found in MODULE.finditer(docstring):
         if found["name"] == name:
@@ -76,9 +80,9 @@ def fits(word: str, wanted: str, before: list[str]) -> bool:
 
 def wrong_call(name: str, arguments: list[str], named_only: bool) -> str | None:
     """What is wrong with `python -m pipeline.<name> <arguments>`, or None; named_only: it need not be complete."""
-    if OPEN.fullmatch(name):
+    if any(OPEN.fullmatch(part) for part in name.split(".")):
         return None
-    path = ROOT / "pipeline" / f"{name}.py"
+    path = file_of(name)
     if not path.is_file() or "__main__" not in path.read_text():
         return "there is no such command"
     if named_only and not arguments:
@@ -92,8 +96,9 @@ def wrong_call(name: str, arguments: list[str], named_only: bool) -> str | None:
 
 @cache
 def targets() -> set[str]:
-    """Names of DVC's stages, and of groups of them."""
-    names = {name.removesuffix("@") for name, _, _ in stage_entries()}
+    """Return the names of DVC's stages, and of groups of them."""
+    with Repo(str(ROOT)) as repo:
+        names = {stage.addressing for stage in repo.index.stages}
     return names | {name.partition("@")[0] for name in names}
 
 

@@ -23,11 +23,8 @@ import pydantic
 import pytest
 import scipy.io
 import scipy.sparse
-import test_glove_recorded
-import test_ingest
-import test_stag
-import test_strain_recorded
 import yaml
+from builders import grasps, stag_metadata, strain_workspaces, touch_logs
 from hypothesis import HealthCheck, example, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -381,10 +378,10 @@ def finite(table) -> None:
             assert np.isfinite(values.to_numpy(zero_copy_only=False)).all(), name
 
 
-TOUCH = {name: [f"{line}\n".encode() for line in lines] for name, lines in test_ingest.logs_of(12.0).items()}
+TOUCH = {name: [f"{line}\n".encode() for line in lines] for name, lines in touch_logs.logs_of(12.0).items()}
 TOUCH_TWO = {
     name: [f"{line}\n".encode() for line in lines]
-    for name, lines in test_ingest.logs_of(12.0, touches=2, shared=False).items()
+    for name, lines in touch_logs.logs_of(12.0, touches=2, shared=False).items()
 }
 LENIENT = {"max_reject_fraction": 0.9}
 
@@ -411,7 +408,7 @@ def test_a_damaged_touch_recording_is_accounted_for(name, damages, two, tmp_path
     folder.mkdir(parents=True)
     for other, lines in files.items():
         (folder / other).write_bytes(content if other == name else b"".join(lines))
-    settings = test_ingest.SETTINGS | {"ingest": test_ingest.SETTINGS["ingest"] | LENIENT}
+    settings = touch_logs.SETTINGS | {"ingest": touch_logs.SETTINGS["ingest"] | LENIENT}
     try:
         with in_time():
             found = touch.read_recording(folder, settings)
@@ -511,7 +508,7 @@ WEIRD = {
     "bytes": np.ones((800, 6), np.int8),
     "text": "t",
     "texts": np.array(["mug", "can"]),
-    "cells": test_stag.cells(["a", "b"]),
+    "cells": stag_metadata.cells(["a", "b"]),
     "struct": {"a": 1.0, "b": np.ones(3)},
     "sparse": scipy.sparse.csc_matrix(np.eye(6)),
     "one column": np.ones((800, 1)),
@@ -538,7 +535,7 @@ CUT = st.one_of(st.just(1000), st.integers(0, 1000))
 def workspaces(tmp_path_factory):
     """Plain and compressed bytes of a valid file of each kind."""
     folder, found = tmp_path_factory.mktemp("workspaces"), {}
-    for name, content in (("strain_recorded", test_strain_recorded.workspace()), ("stag", test_stag.metadata())):
+    for name, content in (("strain_recorded", strain_workspaces.workspace()), ("stag", stag_metadata.metadata())):
         for compress in (False, True):
             scipy.io.savemat(folder / "file.mat", content, do_compression=compress)
             found[name, compress] = (folder / "file.mat").read_bytes()
@@ -578,10 +575,10 @@ MATLAB = {
     "strain_recorded": (
         read_strain_recorded,
         "para5_long.mat",
-        test_strain_recorded.workspace,
+        strain_workspaces.workspace,
         strain_recorded.VARIABLES,
     ),
-    "stag": (read_stag, "metadata.mat", test_stag.metadata, stag.VARIABLES),
+    "stag": (read_stag, "metadata.mat", stag_metadata.metadata, stag.VARIABLES),
 }
 
 
@@ -624,7 +621,7 @@ def test_a_workspace_with_other_contents_is_one_sentence_or_whole(name, data, tm
     read(path)
 
 
-GRASP = test_glove_recorded.xml(test_glove_recorded.grasp()).encode().replace(b"><", b">\n<").splitlines(keepends=True)
+GRASP = grasps.xml(grasps.grasp()).encode().replace(b"><", b">\n<").splitlines(keepends=True)
 
 
 @fuzz(150)
@@ -634,7 +631,7 @@ def test_a_damaged_grasp_is_one_sentence_or_accounted_for(damages, changes, cut,
     if not packed:  # damage the XML, else the compressed file
         content = overwritten(content, changes, cut)
     compressed = bz2.compress(content)
-    path = tmp_path / test_glove_recorded.NAME
+    path = tmp_path / grasps.NAME
     path.write_bytes(overwritten(compressed, changes, cut) if packed else compressed)
     try:
         with in_time():

@@ -14,14 +14,13 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 import yaml
+from builders.project import ROOT
 
 from pipeline.base import errors, paths
 from pipeline.base.errors import InputError
 from pipeline.commands import fetch
 from pipeline.datasets import schemas
 from pipeline.logs import sources
-
-ROOT = Path(__file__).resolve().parent.parent
 
 # Runs stages one after the other, each in a fork in which no file can grow beyond its limit, as on a full disk.
 LIMITED = """
@@ -44,16 +43,16 @@ for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 STAGES = {
-    "simulate_glove": ["simulate", "glove"],
-    "ingest_glove": ["ingest", "glove"],
-    "dataset_glove": ["dataset", "glove"],
-    "train_glove@sp_resnet": ["train_images", "glove", "sp_resnet"],
-    "window@touch": ["window", "touch"],
-    "dataset@touch": ["dataset", "touch"],
-    "train_touch@tree": ["train", "touch", "tree"],
-    "evaluate@touch": ["evaluate", "touch"],
-    "count": ["count"],
-    "collect": ["collect"],
+    "simulate_glove": ["stages.simulate", "glove"],
+    "ingest_glove": ["stages.ingest", "glove"],
+    "dataset_glove": ["stages.dataset", "glove"],
+    "train_glove@sp_resnet": ["stages.train_images", "glove", "sp_resnet"],
+    "window@touch": ["stages.window", "touch"],
+    "dataset@touch": ["stages.dataset", "touch"],
+    "train_touch@tree": ["stages.train", "touch", "tree"],
+    "evaluate@touch": ["stages.evaluate", "touch"],
+    "count": ["studies.counts"],
+    "collect": ["stages.collect"],
 }
 
 

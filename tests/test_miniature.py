@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from conftest import leaves, run_miniature
+from builders.project import leaves, run_miniature
 
 PINNED = Path(__file__).with_name("miniature.csv")
 KEY = ["table", "experiment", "protocol", "condition", "model", "seed", "metric"]
@@ -68,7 +68,7 @@ def test_numbers_of_the_miniature_are_the_pinned_ones(miniature):
 
 
 def test_every_setting_is_read_by_something(miniature):
-    """Of experiments with recordings, which do not run here: tests/test_recorded.py."""
+    """Of experiments with recordings, which do not run here: tests/stages/test_recorded.py."""
     values = yaml.safe_load((miniature.folder / "params.yaml").read_text())
     read = set((miniature.folder.parent / "settings.txt").read_text().split())
     unread = [name for name in leaves(values) if name not in read and "_recorded." not in name]

@@ -9,12 +9,12 @@ import sys
 from html import escape
 
 import numpy as np
-import own_logs
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from conftest import ROOT, Project
+from builders import own_logs
+from builders.project import ROOT, Project
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
@@ -347,9 +347,9 @@ def test_own_array_in_two_minutes(written, tmp_path):
     shutil.copytree(written / "6x4", project.folder / "data" / "own" / "sensor")
     set_touch(project, "6x4")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    train = [f"train touch {model}" for model in MODELS_OF_ARRAYS]
-    then = ("evaluate touch", "latency touch", "render touch")
-    project.stages("ingest touch", "window touch", "dataset touch", *train, *then)
+    train = [f"stages.train touch {model}" for model in MODELS_OF_ARRAYS]
+    then = ("stages.evaluate touch", "stages.latency touch", "stages.render touch")
+    project.stages("stages.ingest touch", "stages.window touch", "stages.dataset touch", *train, *then)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < TWO_MINUTES_S
     rmse = tables_and_figures(project, "touch", "double", "figure8.png")
@@ -364,9 +364,9 @@ def test_own_strain_sensor_end_to_end(written, tmp_path):
     project.set({f"strain.{key}": values[key] for key in ("source", "sensor", "ingest")})
     models = ("constant", "ridge", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge")
     project.set({"strain.models": {key: MODELS["strain.models"][key] for key in models}})
-    train = [f"train_series strain {model}" for model in ("model_zero", *models)]
-    then = ("study strain", "evaluate strain", "latency strain", "render strain")
-    project.stages("ingest strain", "dataset strain", *train, *then)
+    train = [f"stages.train_series strain {model}" for model in ("model_zero", *models)]
+    then = ("studies.latent strain", "stages.evaluate strain", "stages.latency strain", "stages.render strain")
+    project.stages("stages.ingest strain", "stages.dataset strain", *train, *then)
     error = tables_and_figures(project, "strain", "task 2", "figure6.png")
     assert error["task_1", "ridge"] < error["task_1", "constant"] / 2
 
@@ -410,9 +410,11 @@ def test_any_name_of_a_touch_condition(tmp_path):
     project.set({"touch.models": {"constant": {}, "linear": {}}})
     project.set({"stress.touch.perturbations": {"noise": [0.01]}})
     assert "ready" in project.run("-m", "pipeline.commands.check", "touch", str(logs)).stdout
-    then = ("evaluate touch", "latency touch", "stress touch", "render touch")
+    then = ("stages.evaluate touch", "stages.latency touch", "stages.stress touch", "stages.render touch")
     project.dvc("repro", "ingest_touch")
-    project.stages("window touch", "dataset touch", "train touch constant", "train touch linear", *then)
+    project.stages(
+        "stages.window touch", "stages.dataset touch", "stages.train touch constant", "stages.train touch linear", *then
+    )
     accuracy = project.folder / "reports" / "touch" / "accuracy"
     for table in (project.folder / "data" / "touch" / "scores.csv", accuracy / "table1.csv"):
         rows = pd.read_csv(table, dtype=str, keep_default_na=False, encoding="utf-8")
@@ -431,9 +433,16 @@ def test_any_name_of_a_glove_object(tmp_path):
     models = ("constant", "sp_resnet")
     project.set({"glove.models": {key: MODELS["glove.models"][key] for key in models}})
     assert "ready" in project.run("-m", "pipeline.commands.check", "glove", str(logs)).stdout
-    train = [f"train_images glove {model}" for model in models]
-    then = ("augment glove", "train_stag glove", "count", "evaluate glove", "latency glove", "render glove")
-    project.stages("ingest glove", "dataset glove", *train, *then)
+    train = [f"stages.train_images glove {model}" for model in models]
+    then = (
+        "studies.augmentation glove",
+        "studies.stag glove",
+        "studies.counts",
+        "stages.evaluate glove",
+        "stages.latency glove",
+        "stages.render glove",
+    )
+    project.stages("stages.ingest glove", "stages.dataset glove", *train, *then)
     accuracy = project.folder / "reports" / "glove" / "accuracy"
     for name in ("figure10.png", "figure13.png", "figure14_combined.png"):
         assert (accuracy / name).stat().st_size > 20_000

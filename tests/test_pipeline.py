@@ -17,29 +17,9 @@ from html import unescape
 import pandas as pd
 import pytest
 import yaml
+from builders.project import lock, mlflow_runs
 
 MODELS = ["constant", "linear", "tree", "cnn", "rnn", "lomp", "lomp_stream"]
-
-
-def lock(project) -> dict:
-    """Hash of every output of dvc.lock but the measured times and what is judged by them."""
-    stages = yaml.safe_load((project.folder / "dvc.lock").read_text())["stages"]
-    outs = {out["path"]: out["md5"] for stage in stages.values() for out in stage.get("outs", [])}
-    measured = ("latency", "speed", "claims", "index.html")
-    return {path: value for path, value in outs.items() if not any(word in path for word in measured)}
-
-
-def mlflow_runs(project) -> list[tuple]:
-    """(experiment, protocol, model, seed) of every complete run in the MLflow store."""
-    with sqlite3.connect(project.folder / "mlruns" / "mlflow.db") as store:
-        rows = store.execute(
-            "select run_uuid, key, value from tags join runs using (run_uuid) "
-            "where lifecycle_stage = 'active' and status = 'FINISHED'"
-        ).fetchall()
-    runs: dict = {}
-    for run, key, value in rows:
-        runs.setdefault(run, {})[key] = value
-    return sorted((r["experiment"], r["protocol"], r["model"], int(r["seed"])) for r in runs.values())
 
 
 def killed_and_repeated(project) -> dict:
@@ -331,7 +311,7 @@ def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words)
     shutil.copytree(miniature.folder / "data" / "touch", copy / "data" / "touch")
     stage = ["train", "touch", "lompp"] if "lompp" in words else ["window", "touch"]
     done = subprocess.run(
-        [sys.executable, "-m", f"pipeline.{stage[0]}", *stage[1:]],
+        [sys.executable, "-m", f"pipeline.stages.{stage[0]}", *stage[1:]],
         cwd=copy,
         env=miniature.environment | {"PYTHONPATH": str(copy)},
         capture_output=True,

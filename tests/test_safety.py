@@ -2,12 +2,11 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 import yaml
+from builders.project import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 CODE = sorted((ROOT / "pipeline").rglob("*.py"))
 
 UNSAFE_MODULES = {

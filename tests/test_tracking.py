@@ -13,8 +13,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from conftest import ROOT, Project
-from made_results import EPOCHS, write_results
+from builders.made_results import EPOCHS, write_results
+from builders.project import ROOT, Project
 from mlflow.exceptions import INVALID_PARAMETER_VALUE, UNAUTHENTICATED, MlflowException
 
 from pipeline import tracking
@@ -622,7 +622,7 @@ class Tiny:
         self.project = Project(folder)
         self.folder, self.environment = self.project.folder, self.project.environment
         self.project.set({"experiments": ["touch"], "touch.models": self.LINEAR_AND_TREE})
-        for name in (".gitignore", "tests/made_results.py"):
+        for name in (".gitignore", "tests/builders/made_results.py"):
             shutil.copy(ROOT / name, self.folder)
         entry = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["track"]
         entry["deps"] = [dep for dep in entry["deps"] if not dep.startswith("data/") or dep.startswith("data/touch/")]

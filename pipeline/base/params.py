@@ -229,13 +229,6 @@ def runs(params: Mapping, experiment: str) -> list[tuple[str, int]]:
     return [(name, seed) for name, block in params[experiment]["protocols"].items() for seed in block["seeds"]]
 
 
-def experiment_argument(argv: list[str], stage: str, params: Mapping) -> str:
-    """The experiment named on a stage's command line (`python -m pipeline.<stage> <experiment>`)."""
-    if len(argv) != 2 or argv[1] not in params["experiments"]:
-        raise InputError(f"usage: python -m pipeline.{stage} {'|'.join(params['experiments'])}")
-    return argv[1]
-
-
 def training_command(experiment: str, model: str) -> str:
     """What to run to have one model trained."""
     return f"python -m pipeline.stages.train {experiment} {model}"

@@ -1,7 +1,7 @@
 """Your own files: in data/own, and behind no link to a folder, DVC notices when they change.
 
 DVC 3.67 reads what a link to a file leads to, and data/own where it is a link or a mounted disk itself. It skips links
-to folders: results would go stale without a word. tests/test_own.py holds DVC to this.
+to folders: results would go stale without a word. tests/logs/test_own_data.py holds DVC to this.
 """
 
 import os

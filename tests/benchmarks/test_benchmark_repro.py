@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+from builders.project import Project
 
 from pipeline.base import paths
 
@@ -17,10 +18,9 @@ FORBIDDEN += r"|train_(?!touch@tree$)|@(?!touch$|tree$)|_(strain|glove|velostat)
 
 
 @pytest.fixture(scope="module")
-def miniature(request, tmp_path_factory):
+def miniature(tmp_path_factory):
     """The pipeline at miniature scale, run once, and how long that took; not in the background as in the tests."""
-    conftest = request.config.pluginmanager.get_plugin(str(paths.ROOT / "tests" / "conftest.py"))
-    project = conftest.Project(tmp_path_factory.mktemp("miniature"))
+    project = Project(tmp_path_factory.mktemp("miniature"))
     began = time.perf_counter()
     project.dvc("repro")
     return project, time.perf_counter() - began

@@ -6,54 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from builders.stag_metadata import FRAMES, OBJECTS, cells, metadata, save
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.logs import own_data, stag
 from pipeline.studies import stag as stag_study
 
-FRAMES, OBJECTS = 12, ["mug", "empty hand", "full can"]
-
-
-def cells(names):
-    """A MATLAB cell array of texts, one row."""
-    array = np.empty((1, len(names)), dtype=object)
-    array[0, :] = names
-    return array
-
-
-def metadata(**others):
-    """The variables of metadata.mat: 12 frames of 3 objects in 4 recordings, of which the last is the test."""
-    pressure = np.random.default_rng(0).integers(450, 700, (FRAMES, 32, 32)).astype(np.uint16)
-    pressure[0, 0, :4] = [499, 500, 575, 651]
-    recording = np.arange(FRAMES) // 3
-    return {
-        "pressure": pressure,
-        "objectId": (recording % 3).astype(np.uint8)[:, None],
-        "objects": cells(OBJECTS),
-        "recordingId": recording.astype(float)[:, None],
-        "recordings": cells([f"2018_{k}" for k in range(4)]),
-        "splitId": (recording == 3).astype(np.uint8)[:, None],
-        "splits": cells(["train", "test"]),
-        "hasValidLabel": (np.arange(FRAMES) != 1)[:, None],
-        "isBalanced": (np.arange(FRAMES) % 3 != 2)[:, None],
-        "frame": np.arange(FRAMES)[:, None],
-        "ts": np.arange(FRAMES)[:, None] * 0.14,
-        "batchId": np.zeros((FRAMES, 1), np.uint8),
-        "batches": cells(["2018"]),
-    } | others
-
 
 @pytest.fixture(autouse=True)
 def anywhere(monkeypatch):
     """Files of these tests need not lie in data/own."""
     monkeypatch.setattr(own_data, "unnoticed", lambda path: None)
-
-
-def save(folder, content, compress=True):
-    path = folder / "metadata.mat"
-    scipy.io.savemat(path, content, do_compression=compress)
-    return path
 
 
 def test_frames_with_a_valid_label_and_their_names(tmp_path):

@@ -41,7 +41,7 @@ SMALL_SETTINGS = {
     "convlstm": dict(filters=8, training=training()),
     "vgg": dict(channels=[16, 16, 32, 32, 32], training=training()),
     "lomp": dict(hidden=16, readout=[8], neighbours=4, alpha=0.1, training=training()),
-}  # lomp_stream: tests/test_lomp_stream.py
+}  # lomp_stream: tests/models/test_lomp_stream.py
 NETWORKS = [key for key, settings in SMALL_SETTINGS.items() if "training" in settings]
 ONE_ELEMENT = ["constant", "linear", "poly", "tree", "rbf", "rnn"]  # rows of the recorded single-element task
 

@@ -17,8 +17,8 @@ def values(tmp_path, monkeypatch):
     """params.yaml with three runs of `linear`, in a folder of its own that has an earlier training of it."""
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setenv("WORKERS", "1")
-    (tmp_path / "pipeline").mkdir()
-    (tmp_path / "pipeline" / "train.py").write_text("first")
+    (tmp_path / "pipeline" / "stages").mkdir(parents=True)
+    (tmp_path / "pipeline" / "stages" / "train.py").write_text("first")
     files.write_text(paths.dataset("touch"), "data")
     files.write_text(paths.ingest_report("touch"), '{"run": true}')
     files.write_text(paths.model_folder("touch", "linear") / "press-0" / "fit.json", "earlier")
@@ -70,7 +70,7 @@ def test_finished_runs_of_other_settings_data_or_code_are_not_taken(values, chan
     elif change == "data":
         files.write_text(paths.dataset("touch"), "other data")
     else:
-        (paths.ROOT / "pipeline" / "train.py").write_text("second")
+        (paths.ROOT / "pipeline" / "stages" / "train.py").write_text("second")
     assert train(values) == RUNS
 
 

@@ -10,7 +10,8 @@ import time
 import numpy as np
 import psutil
 import pytest
-from conftest import ROOT
+from builders.project import ROOT
+from builders.tasks import slow
 from tqdm import tqdm
 
 from pipeline.base import errors, workers
@@ -70,11 +71,6 @@ def wrong(number, report):
 
 def unsendable(number, report):
     return threading.Lock()
-
-
-def slow(folder, report):
-    (folder / str(os.getpid())).touch()
-    time.sleep(60)
 
 
 @pytest.fixture
@@ -168,7 +164,7 @@ import sys
 import time
 from pathlib import Path
 from tqdm import tqdm
-from test_workers import slow
+from builders.tasks import slow
 from pipeline.base import workers
 from pipeline.base.errors import run_stage
 

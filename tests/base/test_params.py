@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 
-ROOT = Path(__file__).resolve().parent.parent
 WHOLE = params.load()
 NETWORK = WHOLE["touch"]["models"]["cnn"]
 
@@ -82,7 +82,7 @@ def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
     code = f"import runpy, sys; from pipeline.base import paths; paths.ROOT = paths.Path({str(project)!r})\n"
     code += "paths.PARAMS = paths.ROOT / 'params.yaml'\n"
     code += f"sys.argv = [{program!r}, {experiment!r}, {key!r}]\n"
-    code += f"runpy.run_module('pipeline.{program}', run_name='__main__')"
+    code += f"runpy.run_module('pipeline.stages.{program}', run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr.startswith("error: params.yaml"), done.stderr
     assert "cannot name a model" in done.stderr

@@ -10,11 +10,11 @@ import tty
 from pathlib import Path
 
 import pytest
+from builders.project import ROOT
 
 from pipeline.base.errors import InputError
 from pipeline.commands import record
 
-ROOT = Path(__file__).resolve().parent.parent
 WAIT_S = 20
 
 

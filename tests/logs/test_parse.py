@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders.log_formats import COUNTS, SPACED
+from builders.project import ROOT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.logs import parse
-from pipeline.logs.parse import Column, Format, read_log
-
-CLOCK = Column("t_us", "us", 0, 1e6 * parse.LONGEST_S, integer=True)  # no time is too late for a log
-COUNTS = Format((CLOCK, Column("v0", "counts", 0, 1023, True), Column("v1", "counts", 0, 1023, True)), "t_us")
-SPACED = Format((Column("reading", "1", 0, 1e5), Column("unix_s", "s", 1e9, 4e9)), "unix_s", separator=" ")
+from pipeline.logs.parse import Format, read_log
 
 
 def write(tmp_path: Path, content: bytes) -> Path:
@@ -329,7 +327,7 @@ from benchmarks.measure import _memory_mb
 from pathlib import Path
 from pipeline.logs import parse
 from pipeline.base.errors import InputError
-from test_logs import COUNTS
+from builders.log_formats import COUNTS
 memory, started = _memory_mb("VmRSS"), time.process_time()
 try:
     parse.read_log(Path({str(path)!r}), COUNTS, limit={limit}, key="x.limit")
@@ -337,8 +335,7 @@ except InputError:
     pass
 print(_memory_mb("VmHWM") - memory, time.process_time() - started)
 """
-    here = Path(__file__).parent
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (here.parent, here)))}
+    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
     done = subprocess.run([sys.executable, "-c", source], env=environment, check=True, capture_output=True, text=True)
     return tuple(map(float, done.stdout.split()))
 

@@ -9,17 +9,17 @@ from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
-import browser
 import pandas as pd
 import pytest
 import yaml
+from builders import browser
+from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.reporting.page import charts, hypertext
 from pipeline.stages import page
 
-ROOT = Path(__file__).resolve().parent.parent
 ABSENT = "glove_recorded"
 EVIL = '<script>alert("x")</script> & <b>'
 CLAIMS = [

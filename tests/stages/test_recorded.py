@@ -5,9 +5,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-import test_glove_recorded
-import test_strain_recorded
-from conftest import leaves
+from builders import grasps, strain_workspaces
+from builders.project import leaves
 from opened.noted import Noted, ignore_bookkeeping
 
 from pipeline.base import params, paths
@@ -50,15 +49,15 @@ def made_velostat(folder):
 def made_strain(folder):
     """60 presses on one day and 30 on the next, which has a channel more."""
     for name, channels, cycles in (("new_test/para5_long.mat", 6, 60), ("para5_long_n.mat", 7, 30)):
-        test_strain_recorded.save(folder, test_strain_recorded.workspace(channels, cycles), name)
+        strain_workspaces.save(folder, strain_workspaces.workspace(channels, cycles), name)
 
 
 def made_glove(folder):
     """Six grasps of each of two objects."""
     for first in range(0, 1200, 100):
-        content = test_glove_recorded.xml(test_glove_recorded.grasp(seed=first))
+        content = grasps.xml(grasps.grasp(seed=first))
         condition = "ball" if first < 600 else "mug"
-        test_glove_recorded.save(folder, content, f"{condition}_{first:06d}-{first + 90:06d}.dsa", condition)
+        grasps.save(folder, content, f"{condition}_{first:06d}-{first + 90:06d}.dsa", condition)
 
 
 MADE = {"velostat_recorded": made_velostat, "strain_recorded": made_strain, "glove_recorded": made_glove}

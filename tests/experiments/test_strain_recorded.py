@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-import scipy.io
+from builders.strain_workspaces import CYCLES, save, workspace
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -16,28 +16,6 @@ from pipeline.learning.series_regressors import adapted
 from pipeline.logs import parse, sources
 
 SETTINGS = {"ingest": {"every": 3, "max_reject_fraction": 0.05}, "split": {"train": 0.7, "validation": 0.1}}
-CYCLES = 20
-
-
-def workspace(channels=6, cycles=CYCLES, extra=0, **others):
-    """What the robot's program saves: `extra` samples of a cycle that was not finished."""
-    rng = np.random.default_rng(0)
-    n = cycles * CYCLE + extra
-    pressed = np.arange(n) % CYCLE >= PRESSED
-    return {
-        "voltage": 1.8 + 0.1 * pressed[:, None] + 0.005 * rng.standard_normal((n, channels)),
-        "tim": 0.2 + 0.07 * np.arange(n)[None],
-        "pos": rng.uniform(-22.5, 22.5, (2, cycles + (extra > 0))),
-        "deformation": np.uint8(5),
-        "flag": 3.0,
-    } | others
-
-
-def save(folder, content, name="para5_long.mat", compress=True):
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    scipy.io.savemat(path, content, do_compression=compress)
-    return path
 
 
 def test_every_third_sample_with_its_place_and_press(tmp_path):

@@ -16,7 +16,7 @@ from pathlib import Path
 import distributed
 import psutil
 import pytest
-from conftest import ROOT, Project
+from builders.project import ROOT, Project
 from tqdm import tqdm
 
 from pipeline.base import cluster, paths, workers

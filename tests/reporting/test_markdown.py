@@ -3,8 +3,8 @@
 import re
 from html import escape, unescape
 
-import own_logs
 import pytest
+from builders import own_logs
 
 from pipeline.reporting import markdown
 from pipeline.reporting.page.hypertext import Pages

@@ -6,9 +6,10 @@ import pytest
 from torch import nn
 
 from pipeline.base import params, paths, runs
+from pipeline.base.blocks import AugmentedTraining, EarlyStopping
 from pipeline.datasets import images, schemas, series
-from pipeline.learning.image_classifier import ImageClassifier, ImageTraining
-from pipeline.learning.regressors import FitSummary, TorchRegressor, Training
+from pipeline.learning.image_classifier import ImageClassifier
+from pipeline.learning.regressors import FitSummary, TorchRegressor
 from pipeline.logs import stag
 from pipeline.scoring import metrics
 from pipeline.stages import train as train_stage
@@ -27,10 +28,11 @@ SP_RESNET = {"reduction": 16, "training": TRAINING | {"flip": 0.0, "noise": 0.0,
 
 def linear(spec, *, training: dict, **others) -> TorchRegressor:
     """In place of every network: one layer, whose loss falls in every epoch where the labels are right."""
-    make = ImageClassifier if "flip" in training else TorchRegressor
-    settings = ImageTraining(**training) if "flip" in training else Training(**training)
+    make, block = (ImageClassifier, AugmentedTraining) if "flip" in training else (TorchRegressor, EarlyStopping)
     return make(
-        lambda: nn.Sequential(nn.Flatten(), nn.Linear(spec.frames * spec.elements, spec.outputs)), spec, settings
+        lambda: nn.Sequential(nn.Flatten(), nn.Linear(spec.frames * spec.elements, spec.outputs)),
+        spec,
+        block(**training),
     )
 
 

@@ -1,8 +1,8 @@
 """Models that stand in one chart can be told apart, and nothing is cut off."""
 
 import matplotlib.pyplot as plt
-import own_logs
 import pytest
+from builders import own_logs
 
 from pipeline.base import params
 from pipeline.reporting.figures import style

@@ -1,11 +1,11 @@
 """A verdict must follow from the numbers, whatever they are: altered scores turn it."""
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.datasets.images import MODALITIES
@@ -27,7 +27,6 @@ from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, REPR
 from pipeline.scoring import results
 from pipeline.stages import judge
 
-ROOT = Path(__file__).resolve().parent.parent
 VALUES = params.load()
 EXPERIMENTS = VALUES["experiments"]
 CLAIMS = {one.key: one for one in judge.all_claims()}

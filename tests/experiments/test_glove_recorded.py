@@ -1,6 +1,5 @@
 """The reader of the recorded grasps: compressed XML in; frames, tactile images and splits by grasp out."""
 
-import bz2
 import re
 import time
 from collections import Counter
@@ -8,6 +7,7 @@ from collections import Counter
 import numpy as np
 import pyarrow as pa
 import pytest
+from builders.grasps import NAME, START_MS, angle, frame, grasp, pressed, save, words, xml
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
@@ -23,67 +23,6 @@ SETTINGS = {
     "window": {"frames": 3, "stride": 2},
     "split": {"train": 0.6, "validation": 0.2},
 }
-NAME = "mug_000083-000147.dsa"
-START_MS = 1_410_000_000_000
-NOTHING = np.zeros(CELLS)
-
-
-def pressed(seed=0):
-    """The cells of a frame in contact, whole counts with runs of 0."""
-    rng = np.random.default_rng(seed)
-    return np.where(rng.random(CELLS) < 0.2, rng.integers(1, 4000, CELLS), 0).astype(float)
-
-
-def words(cells):
-    """As the device writes them: hex words of big-endian float32, -n for n cells of 0, ten words a line."""
-    values, zeros = [], 0
-    for cell in [*cells, np.nan]:
-        if cell == 0:
-            zeros += 1
-            continue
-        values += [-zeros] * (zeros > 0) + [cell]
-        zeros = 0
-    text = np.array(values[:-1], ">f4").tobytes().hex().upper()
-    return "\n        ".join(text[k : k + 80] for k in range(0, len(text), 80))
-
-
-def frame(number, data, at=None):
-    at = START_MS + 32 * number if at is None else at
-    return f'<frame index="{number}"><time_stamp>{at}</time_stamp><frame_data>\n {data}\n </frame_data></frame>'
-
-
-def angle(number, data=None, at=None):
-    at = START_MS - 10 + 10 * number if at is None else at
-    data = ", ".join(f"{10 * joint + number / 100:.5f}" for joint in range(JOINTS)) if data is None else data
-    return f'<angle index="{number}"><time_stamp>{at}</time_stamp><angle_data>{data}</angle_data></angle>'
-
-
-def xml(frames, angles=None, matrices=MATRICES, full_scale=4095, head='<?xml version="1.0" encoding="utf-8"?>'):
-    """A recording; angles go from 10 ms before the first frame to 990 ms after it."""
-    angles = [angle(k) for k in range(101)] if angles is None else angles
-    sensor = "".join(
-        f'<matrix index="{k}"><cells_x>{cols}</cells_x><cells_y>{rows}</cells_y>'
-        f"<fullscale>{full_scale}</fullscale></matrix>"
-        for k, (rows, cols) in enumerate(matrices)
-    )
-    return (
-        f"{head}\n<root><sensor>{sensor}</sensor><data><frame_count>{len(frames)}</frame_count>{''.join(frames)}</data>"
-        f"<temperatures></temperatures><joint_angles>{''.join(angles)}</joint_angles></root>"
-    )
-
-
-def save(folder, content, name=NAME, condition="mug"):
-    path = folder / condition / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(bz2.compress(content.encode() if isinstance(content, str) else content))
-    return path
-
-
-def grasp(before=3, contact=10, seed=0):
-    """Frames of one grasp: `before` without contact, then `contact` frames of growing pressure."""
-    cells = pressed(seed)
-    found = [frame(k, words(NOTHING)) for k in range(before)]
-    return found + [frame(before + k, words(np.ceil(cells * (k + 1) / contact))) for k in range(contact)]
 
 
 def test_a_grasp_becomes_frames_with_interpolated_angles(tmp_path):

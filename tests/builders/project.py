@@ -1,0 +1,150 @@
+"""A scratch copy of the project in which the pipeline can run without touching the checkout."""
+
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import yaml
+
+from pipeline.commands.scale import set_values
+
+ROOT = Path(__file__).resolve().parents[2]
+PARTS = ("pipeline", "data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
+PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
+PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params.yaml", "scales")
+
+
+def leaves(block: dict, path: str = "") -> Iterator[str]:
+    """Dotted names of all settings but those of models, which are held against the signature of `build`."""
+    for key, value in block.items():
+        if key in ("models", "training"):
+            continue
+        if isinstance(value, dict) and value:
+            yield from leaves(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}"
+
+
+class Project:
+    """A copy of the project in `folder`, at miniature scale, with a DVC of its own."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder / "project"
+        for part in PARTS:
+            source, target = ROOT / part, self.folder / part
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if source.is_dir():
+                shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
+            else:
+                shutil.copy(source, target)
+        self.environment = os.environ | {
+            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+            "PYTHONPATH": str(self.folder),
+            "WORKERS": "1",  # for runs this small, starting processes costs more than it saves
+            "DVC_NO_ANALYTICS": "1",
+            "DVC_GLOBAL_CONFIG_DIR": str(folder / "global"),
+            "DVC_SYSTEM_CONFIG_DIR": str(folder / "system"),
+            "DVC_SITE_CACHE_DIR": str(folder / "site"),
+        }
+        # As on most machines: a store of its own, and bytecode beside the code, which must change no stage.
+        for variable in ("MLFLOW_TRACKING_URI", "PYTHONDONTWRITEBYTECODE"):
+            self.environment.pop(variable, None)
+        self.set(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()))
+        self.dvc("init", "--no-scm", "--quiet")
+
+    def set(self, values: dict) -> None:
+        """Change dotted keys of params.yaml."""
+        set_values(values, self.folder / "params.yaml")
+
+    def dvc(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
+        """Run dvc in the copy; with `check`, a failure shows what it printed."""
+        return self.run("-m", "dvc", *arguments, check=check)
+
+    def stages(self, *lines: str) -> None:
+        """Run stages (`stages.train touch lomp`) in turn in one Python, which imports torch once, not for each of them."""
+        each = "    sys.argv = line.split()\n    runpy.run_module('pipeline.' + sys.argv[0], run_name='__main__')"
+        self.run("-c", f"import runpy, sys\nfor line in sys.argv[1:]:\n{each}", *lines)
+
+    def run(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
+        """Run this Python in the copy; with `check`, a failure shows what it printed."""
+        done = subprocess.run(
+            [sys.executable, *arguments], cwd=self.folder, env=self.environment, capture_output=True, text=True
+        )
+        assert not check or done.returncode == 0, f"{arguments}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+        return done
+
+
+# Two halves of the pipeline that share no stage but `settings`: run side by side, they take half as long.
+HALVES = (
+    ["render@touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
+    + ["stress@velostat_recorded", "stress@strain_recorded", "physics_touch", "physics_strain"],
+    ["render_strain", "render_glove", "render_glove_recorded", "rightsize_strain", "rightsize_glove", "stress@strain"]
+    + ["stress@glove", "stress@glove_recorded", "physics_glove"],
+)
+
+
+def run_miniature(folder: Path) -> Project:
+    """The whole pipeline, run once in `folder` at miniature scale.
+
+    `folder`/opened tells what each stage opened, `folder`/settings.txt which settings were read.
+    """
+    project = Project(folder)
+    quiet = project.environment
+    project.environment = noting_opened(project)
+    project.dvc("repro", "settings")  # which both halves need, and which takes seconds
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(lambda targets: run_half(project, targets), HALVES))
+    project.dvc("repro")
+    project.environment = quiet
+    return project
+
+
+def run_half(project: Project, targets: list[str]) -> None:
+    """Run stages beside another DVC in the same project.
+
+    Both look whether `settings` is up to date. DVC stops what comes to a stage that the other is looking at, even with
+    --wait-for-lock; the other is there for a few hundredths of a second, so a second try does.
+    """
+    first = project.dvc("--wait-for-lock", "repro", *targets, check=False)
+    if first.returncode and "settings.txt' is busy" in first.stderr:
+        project.dvc("--wait-for-lock", "repro", *targets)
+    else:
+        assert first.returncode == 0, f"{targets}\n{first.stdout[-4000:]}\n{first.stderr[-4000:]}"
+
+
+def noting_opened(project: Project) -> dict[str, str]:
+    """The environment in which the stages of a project note what they open and which settings they read.
+
+    See opened/sitecustomize.py and opened/noted.py.
+    """
+    notes = project.folder.parent / "opened"
+    notes.mkdir()
+    path = f"{ROOT / 'tests' / 'opened'}{os.pathsep}{project.environment['PYTHONPATH']}"
+    settings = str(project.folder.parent / "settings.txt")
+    return project.environment | {"OPENED": str(notes), "SETTINGS_READ": settings, "PYTHONPATH": path}
+
+
+def lock(project) -> dict:
+    """Hash of every output of dvc.lock but the measured times and what is judged by them."""
+    stages = yaml.safe_load((project.folder / "dvc.lock").read_text())["stages"]
+    outs = {out["path"]: out["md5"] for stage in stages.values() for out in stage.get("outs", [])}
+    measured = ("latency", "speed", "claims", "index.html")
+    return {path: value for path, value in outs.items() if not any(word in path for word in measured)}
+
+
+def mlflow_runs(project) -> list[tuple]:
+    """(experiment, protocol, model, seed) of every complete run in the MLflow store."""
+    with sqlite3.connect(project.folder / "mlruns" / "mlflow.db") as store:
+        rows = store.execute(
+            "select run_uuid, key, value from tags join runs using (run_uuid) "
+            "where lifecycle_stage = 'active' and status = 'FINISHED'"
+        ).fetchall()
+    runs: dict = {}
+    for run, key, value in rows:
+        runs.setdefault(run, {})[key] = value
+    return sorted((r["experiment"], r["protocol"], r["model"], int(r["seed"])) for r in runs.values())
