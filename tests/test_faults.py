@@ -30,7 +30,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import tracking
+from pipeline import models, tracking
 from pipeline.base import availability, blocks, params, paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
@@ -783,7 +783,7 @@ SAVED = {
 
 
 def built(name: str):
-    return params.build_model(name, SPEC, SAVED[name], "test")
+    return models.build(name, SPEC, SAVED[name], "test")
 
 
 @pytest.fixture(scope="module", params=SAVED)

@@ -46,7 +46,7 @@ STAGES = {
     "simulate_glove": ["stages.simulate", "glove"],
     "ingest_glove": ["stages.ingest", "glove"],
     "dataset_glove": ["stages.dataset", "glove"],
-    "train_glove@sp_resnet": ["stages.train_images", "glove", "sp_resnet"],
+    "train_glove@sp_resnet": ["stages.train", "glove", "sp_resnet"],
     "window@touch": ["stages.window", "touch"],
     "dataset@touch": ["stages.dataset", "touch"],
     "train_touch@tree": ["stages.train", "touch", "tree"],

@@ -16,6 +16,7 @@ import yaml
 from builders import own_logs
 from builders.project import ROOT, Project
 
+from pipeline import experiments
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.commands import check
@@ -90,7 +91,7 @@ def test_own_array_becomes_a_dataset(root, written, name):
     counts = schemas.matrix(frames["v"])
     assert counts.shape[1] == rows * cols and counts.max() > highest / 2
     windows = windows_of(frames, values["touch"]["window"])
-    module = params.experiment_module("touch")
+    module = experiments.module("touch")
     maps = module.labels(windows, values["touch"]).reshape(-1, map_rows, map_cols)
     parts = module.split(windows, values["touch"], "press", 0)
     assert set(parts) == {"train", "validation", "test"}
@@ -112,7 +113,7 @@ def test_own_strain_sensor_becomes_a_dataset(root, written):
     for one in report.values():
         # The daq starts 1.2 s and the robot 0.3 s after the recording began; the robot counts from 1970.
         assert one["files"]["robot.log"]["clock"]["offset_ms"] == pytest.approx(-1.7e12 - 1.2e3, abs=400)
-    parts = params.experiment_module("strain").split(frames, values["strain"], "task_1", 0)
+    parts = experiments.module("strain").split(frames, values["strain"], "task_1", 0)
     assert set(parts) == {"train", "validation", "test", "unused"}
 
 
@@ -364,7 +365,7 @@ def test_own_strain_sensor_end_to_end(written, tmp_path):
     project.set({f"strain.{key}": values[key] for key in ("source", "sensor", "ingest")})
     models = ("constant", "ridge", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge")
     project.set({"strain.models": {key: MODELS["strain.models"][key] for key in models}})
-    train = [f"stages.train_series strain {model}" for model in ("model_zero", *models)]
+    train = [f"stages.train strain {model}" for model in ("model_zero", *models)]
     then = ("studies.latent strain", "stages.evaluate strain", "stages.latency strain", "stages.render strain")
     project.stages("stages.ingest strain", "stages.dataset strain", *train, *then)
     error = tables_and_figures(project, "strain", "task 2", "figure6.png")
@@ -391,7 +392,7 @@ def test_a_name_that_is_no_line_of_text_is_one_sentence(root, small, undrawn, na
 @pytest.mark.parametrize("experiment", ["strain", "glove"])
 def test_names_of_every_experiment_are_looked_at(written, tmp_path, experiment):
     shutil.copytree(written / experiment, tmp_path / "logs")
-    recordings = params.experiment_module(experiment).recordings
+    recordings = experiments.module(experiment).recordings
     last = recordings(tmp_path / "logs")[-1]
     last.rename(last.with_name(own_logs.UNPRINTABLE[0]))
     with pytest.raises(InputError, match="rename the folder"):
@@ -433,7 +434,7 @@ def test_any_name_of_a_glove_object(tmp_path):
     models = ("constant", "sp_resnet")
     project.set({"glove.models": {key: MODELS["glove.models"][key] for key in models}})
     assert "ready" in project.run("-m", "pipeline.commands.check", "glove", str(logs)).stdout
-    train = [f"stages.train_images glove {model}" for model in models]
+    train = [f"stages.train glove {model}" for model in models]
     then = (
         "studies.augmentation glove",
         "studies.stag glove",

@@ -32,8 +32,8 @@ SETTINGS = {
 # What the cluster needs for training, and the same training without it.
 PREPARE = """
 import sys
-from pipeline.stages import dataset, ingest, simulate, train_series
-for stage, *model in ((simulate,), (ingest,), (dataset,), (train_series, "model_zero")):
+from pipeline.stages import dataset, ingest, simulate, train
+for stage, *model in ((simulate,), (ingest,), (dataset,), (train, "model_zero")):
     sys.argv = [stage.__name__, "strain", *model]
     stage.main()
 """
@@ -197,7 +197,7 @@ def test_a_lost_worker_changes_no_byte(project, client, heard):
     project.run("-c", PREPARE)
     local = files(models(project))
     shutil.rmtree(models(project))
-    stage = start(project, client, "pipeline.stages.train_series", "strain", "model_zero")
+    stage = start(project, client, "pipeline.stages.train", "strain", "model_zero")
     reports = [heard.get(timeout=300)]
     number, _ = reports[0]
     lost = worker_at(client, number)

@@ -7,6 +7,7 @@ from benchmarks import made, measure, peers
 from torch import nn
 from tqdm import tqdm
 
+from pipeline import experiments, tasks
 from pipeline.base import params, paths, workers
 from pipeline.base.blocks import SequenceTraining
 from pipeline.datasets import schemas, series
@@ -15,6 +16,7 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 from pipeline.learning.series_regressors import LstmRegressor
 from pipeline.learning.series_regressors import spec_of as spec_of_series
 from pipeline.models import esn, lstm_transfer_ridge
+from pipeline.tasks import windows as tasks_windows
 
 WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
 
@@ -24,10 +26,10 @@ def touch():
     """The touch experiment's dataset, and what loads a model of its first run; needs what `dvc repro` has made."""
     values = params.load()
     data = schemas.read_dataset(paths.require(paths.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
-    spec = Spec(*params.shapes(values["touch"]))
+    spec = tasks_windows.spec(values["touch"])
 
     def load(model: str):
-        return trained.load(values, "touch", model, "press", 0, spec).model
+        return tasks.load(values, "touch", model, "press", 0, spec).model
 
     return data, load
 
@@ -170,7 +172,7 @@ def test_strain_two_seeds(race, record, sizes, monkeypatch):
 def transfer():
     """Series, scaling, base and settings of transfer to task 1, seed 0; needs what `dvc repro` has made."""
     settings = params.load()["strain"]
-    module = params.experiment_module("strain")
+    module = experiments.module("strain")
     task = module.task("task_1", settings)
     pieces = series.read(paths.require(paths.dataset("strain"), "dvc repro"), task, "task_1", 0)
     base = paths.require(paths.run_folder("strain", paths.MODEL_ZERO, task.base, 0), "dvc repro")

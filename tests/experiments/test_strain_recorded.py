@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from builders.strain_workspaces import CYCLES, save, workspace
 
-from pipeline.base import params
+from pipeline import models
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.experiments import strain_recorded
@@ -209,7 +209,7 @@ BLOCKS = {
 
 def built(name, block=None):
     spec = Spec(10, 1, 6, 1, 2)
-    return adapted(params.build_model(name, spec, BLOCKS[name] if block is None else block, "test"), spec)
+    return adapted(models.build(name, spec, BLOCKS[name] if block is None else block, "test"), spec)
 
 
 def record(folder):

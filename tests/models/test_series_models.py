@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.base import params
+from pipeline import models
 from pipeline.base.errors import InputError
 from pipeline.datasets import series
 from pipeline.learning.regressors import Spec
@@ -29,7 +29,7 @@ def spec(outputs: int, channels: int = 6) -> Spec:
 
 
 def build(name: str, shapes: Spec, block: dict | None = None):
-    return adapted(params.build_model(name, shapes, BLOCKS[name] if block is None else block, "test"), shapes)
+    return adapted(models.build(name, shapes, BLOCKS[name] if block is None else block, "test"), shapes)
 
 
 def record(samples: int = 400, outputs: int = 2) -> series.Record:
@@ -264,7 +264,7 @@ def test_ridge_weights_are_the_minimum():
 
 def test_reservoir_in_pieces_forgets_where_they_start():
     block = {"units": 200, "spectral_radius": 0.95, "leak": 0.3, "input_scale": 0.5, "ridge": 1e-6}  # of params.yaml
-    model = params.build_model("esn", spec(2), block, "test")
+    model = models.build("esn", spec(2), block, "test")
     system = model.make(6, 0)
     x = np.random.default_rng(0).normal(size=(1, 9001, 6)).astype(np.float32)
     whole = model.advance(system, x, None)[0]

@@ -15,7 +15,7 @@ from pipeline.datasets import images, schemas
 from pipeline.experiments import glove, glove_recorded
 from pipeline.scenes import glove_stress
 from pipeline.stability import images as stress_images
-from pipeline.stages import dataset, evaluate, ingest, simulate, train_images
+from pipeline.stages import dataset, evaluate, ingest, simulate, train
 
 MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
 
@@ -42,7 +42,7 @@ def project(tmp_path_factory):
             for protocol, seed in params.runs(values, "glove"):
                 target = paths.run_folder("glove", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
-                train_images.train_run(values, "glove", model, protocol, seed, target, lambda *numbers: None)
+                train.train_run(values, "glove", model, protocol, seed, target, lambda *numbers: None)
             scores += evaluate.evaluate_model(values, "glove", model, folder, lambda: None)
         with open(paths.scores("glove"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])

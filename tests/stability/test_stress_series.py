@@ -14,7 +14,7 @@ from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
 from pipeline.stability import series as stress_series
 from pipeline.stability.series import Levels, Run
-from pipeline.stages import dataset, evaluate, ingest, simulate, train_series
+from pipeline.stages import dataset, evaluate, ingest, simulate, train
 
 SAMPLES, FIRST = 4000, 3500  # the test part is longer ago than WARM_UP from the start
 SEEN = Levels(np.array([1.0, 2.0]), np.array([0.5, 0.5]), 5.0)
@@ -127,7 +127,7 @@ def project(tmp_path_factory):
             for protocol, seed in params.runs(values, "strain"):
                 target = paths.run_folder("strain", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
-                train_series.train_run(values, "strain", model, protocol, seed, target, lambda *numbers: None)
+                train.train_run(values, "strain", model, protocol, seed, target, lambda *numbers: None)
             scores += evaluate.evaluate_model(values, "strain", model, folder, lambda: None)
         with open(paths.scores("strain"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])

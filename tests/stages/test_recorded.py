@@ -19,12 +19,9 @@ from pipeline.stages import (
     latency,
     stress,
     train,
-    train_images,
-    train_series,
     window,
 )
 
-TRAIN = {"velostat_recorded": train, "strain_recorded": train_series, "glove_recorded": train_images}
 # A model in closed form of each, which every processor fits to the same digits but the last, and its protocols.
 MODEL = {"velostat_recorded": "linear", "strain_recorded": "ridge", "glove_recorded": "naive_bayes"}
 PROTOCOLS = {
@@ -76,8 +73,8 @@ def stages(tmp_path, monkeypatch):
         monkeypatch.setattr(sources, "folder", lambda name: folder)
         monkeypatch.setattr(params, "load", lambda: values)
         windows = [window] if experiment == "velostat_recorded" else []
-        for module in [ingest, *windows, dataset, TRAIN[experiment], evaluate, *more]:
-            models = values[experiment]["models"] if module in TRAIN.values() else {}
+        for module in [ingest, *windows, dataset, train, evaluate, *more]:
+            models = values[experiment]["models"] if module is train else {}
             monkeypatch.setattr("sys.argv", [module.__name__, experiment, *models])
             module.main()
 

@@ -5,6 +5,7 @@ import pyarrow as pa
 import pytest
 from torch import nn
 
+from pipeline import models
 from pipeline.base import params, paths, runs
 from pipeline.base.blocks import AugmentedTraining, EarlyStopping
 from pipeline.datasets import images, schemas, series
@@ -13,8 +14,6 @@ from pipeline.learning.regressors import FitSummary, TorchRegressor
 from pipeline.logs import stag
 from pipeline.scoring import metrics
 from pipeline.stages import train as train_stage
-from pipeline.stages import train_images as images_stage
-from pipeline.stages import train_series as series_stage
 from pipeline.studies import augmentation, narrow_sp_resnet, sizes
 from pipeline.studies import physics as physics_study
 from pipeline.studies import stag as stag_stage
@@ -108,7 +107,7 @@ def values(tmp_path, monkeypatch):
     values["physics"]["glove"] |= {"protocols": ["session_pressure"], "models": {"sp_resnet": SP_RESNET}}
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(metrics, "touch", lambda *arguments: [("rmse", "kPa", 1.0, 1)])
-    monkeypatch.setattr(params, "build_model", lambda key, spec, block, where: linear(spec, **block))
+    monkeypatch.setattr(models, "build", lambda key, spec, block, where: linear(spec, **block))
     monkeypatch.setattr(narrow_sp_resnet, "build", linear)
     return values
 
@@ -136,7 +135,7 @@ def of_train(values, wrong, folder):
 
 def of_train_images(values, wrong, folder):
     images_dataset(paths.dataset("glove"), wrong)
-    images_stage.train_run(values, "glove", "sp_resnet", "session_pressure", 0, folder / "run", nothing)
+    train_stage.train_run(values, "glove", "sp_resnet", "session_pressure", 0, folder / "run", nothing)
 
 
 def of_augment(values, wrong, folder):
@@ -189,9 +188,7 @@ def test_an_augmentation_method_is_on_alone_and_the_others_off(method, on, value
     usual = {"flip": 0.3, "noise": 0.02, "affine": 0.3}
     values["glove"]["models"]["sp_resnet"] = SP_RESNET | {"training": SP_RESNET["training"] | usual}
     used = []
-    monkeypatch.setattr(
-        params, "build_model", lambda key, spec, block, where: used.append(block) or linear(spec, **block)
-    )
+    monkeypatch.setattr(models, "build", lambda key, spec, block, where: used.append(block) or linear(spec, **block))
     augmentation.train_run(values, "glove", method, "session_pressure", 0, nothing)
     ((training, reduction),) = [(block["training"], block["reduction"]) for block in used]
     assert training == TRAINING | {name: usual[name] if name in on else 0.0 for name in usual} and reduction == 16
@@ -219,11 +216,11 @@ class Noting:
 
 
 def of_train_series(values, folder):
-    series_stage.train_run(values, "strain", "ridge", "task_1", 0, folder / "run", nothing)
+    train_stage.train_run(values, "strain", "ridge", "task_1", 0, folder / "run", nothing)
 
 
 def of_model_zero(values, folder):
-    series_stage.model_zero_run(values, "strain", "lstm_direct", "task_0", 0, folder / "run", nothing)
+    train_stage.model_zero_run(values, "strain", "lstm_direct", "task_0", 0, folder / "run", nothing)
 
 
 def of_physics_strain(values, folder):
@@ -237,7 +234,7 @@ def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(stage, t
     x, y = np.arange(100.0)[:, None], np.arange(100.0)[:, None]
     record = series.Record(x, y, np.ones(100, bool), part == "train", np.full(100, -1))
     piece, model = series.Piece("task_1", np.arange(100), part, np.arange(100) / 5, record), Noting()
-    monkeypatch.setattr(params, "build_model", lambda *arguments: model)
+    monkeypatch.setattr(models, "build", lambda *arguments: model)
     monkeypatch.setattr(series, "read", lambda *arguments: [piece])
     monkeypatch.setattr(metrics, "series", lambda *arguments: [("error", "mm", 1.0, 20)])
     monkeypatch.setattr(runs, "save", lambda *arguments: None)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.base import params
+from pipeline import experiments, models
 from pipeline.datasets import series
 from pipeline.studies import latent
 
@@ -37,8 +37,8 @@ def regressor(monkeypatch):
     record = series.Record(x, y, np.ones(SAMPLES, bool), part == "train", np.full(SAMPLES, -1))
     noting = Noting(series.Piece("task_1", np.arange(SAMPLES), part, np.arange(SAMPLES) / 5, record))
     task = SimpleNamespace(outputs=(2,), channels={"task_1": list(range(6))}, base="task_0", pressed_only=False)
-    monkeypatch.setattr(params, "experiment_module", lambda name: SimpleNamespace(task=lambda *arguments: task))
-    monkeypatch.setattr(params, "build_model", lambda *arguments: noting)
+    monkeypatch.setattr(experiments, "module", lambda name: SimpleNamespace(task=lambda *arguments: task))
+    monkeypatch.setattr(models, "build", lambda *arguments: noting)
     monkeypatch.setattr(series, "read", lambda *arguments: [noting.piece])
     return noting
 
