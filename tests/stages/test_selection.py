@@ -25,13 +25,14 @@ CNN = {"channels": [4], "hidden": [16], "training": TRAINING | {"patience": EPOC
 SP_RESNET = {"reduction": 16, "training": TRAINING | {"flip": 0.0, "noise": 0.0, "affine": 0.0}}
 
 
-def linear(spec, *, training: dict, **others) -> TorchRegressor:
+def linear(spec, *, training, **others) -> TorchRegressor:
     """In place of every network: one layer, whose loss falls in every epoch where the labels are right."""
-    make, block = (ImageClassifier, AugmentedTraining) if "flip" in training else (TorchRegressor, EarlyStopping)
+    given = dict(training)
+    make, block = (ImageClassifier, AugmentedTraining) if "flip" in given else (TorchRegressor, EarlyStopping)
     return make(
         lambda: nn.Sequential(nn.Flatten(), nn.Linear(spec.frames * spec.elements, spec.outputs)),
         spec,
-        block(**training),
+        block(**given),
     )
 
 
