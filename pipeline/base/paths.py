@@ -14,6 +14,11 @@ SOURCES = ROOT / "data" / "sources"
 REPORTS = ROOT / "reports"
 
 
+def shown(path: Path) -> str:
+    """Return `path` as a message names it: relative to the repository."""
+    return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else str(path)
+
+
 def experiment_folder(experiment: str) -> Path:
     """`data/<experiment>`: everything the stages of one experiment write."""
     return ROOT / "data" / experiment

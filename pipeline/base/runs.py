@@ -84,24 +84,3 @@ def _begin(draft: Path, origin: str) -> dict[tuple[str, int], float]:
 
 def _write_times(path: Path, seconds: Mapping[tuple[str, int], float]) -> None:
     files.write_csv(path, TIMES, [(*run, taken) for run, taken in seconds.items()])
-
-
-def save(target: Path, regressor, history: list[dict], settings: Mapping) -> None:
-    """Write a fitted run to the new folder `target`: the model's own files, history.csv and fit.json.
-
-    history: a dictionary an epoch, losses in the label's unit squared (images: cross-entropy); settings: the
-    model's block of params.yaml.
-    """
-    target.mkdir(parents=True)
-    regressor.save(target)
-    columns = list(history[0])
-    files.write_csv(target / "history.csv", columns, ([epoch[name] for name in columns] for epoch in history))
-    fit = {
-        "stop_reason": regressor.summary.stop_reason,
-        "best_epoch": regressor.summary.best_epoch,
-        "epochs": len(history),
-        "parameters": regressor.parameters(),
-        "macs": regressor.macs(),
-        "settings": settings,
-    }
-    files.write_text(target / "fit.json", json.dumps(fit, indent=1) + "\n")

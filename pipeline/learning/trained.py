@@ -1,10 +1,13 @@
-"""A model after training: fitted in this process, or loaded as the stage train saved it."""
+"""A model after training: fitted in this process, saved, or loaded again."""
 
 import time
+from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.datasets import fits
 from pipeline.datasets.schemas import Dataset
 
 # A run's protocol and seed, and for each part of its test rows: the rows' numbers in the dataset (n,), predictions
@@ -18,6 +21,12 @@ class Fitted(NamedTuple):
     model: object
     history: list[dict]
     seconds: float
+
+    def save(self, target: Path, settings: Mapping) -> None:
+        """Write the model's own files, history.csv and fit.json to the new folder `target`; settings: its block."""
+        target.mkdir(parents=True)
+        self.model.save(target)
+        fits.write(target, self.model, self.history, settings)
 
 
 def fitted(model, *data, **fitting) -> Fitted:

@@ -19,7 +19,7 @@ from pipeline.base.errors import InputError, run_stage
 def train_run(
     values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
 ) -> float:
-    """Train one run of params.yaml (`values`) and write its files (see `runs.save`); return the seconds of fitting.
+    """Train one run of params.yaml (`values`) and write its files (see `Fitted.save`); return the seconds of fitting.
 
     A run that is the very network which transfer starts from is copied, not trained twice.
     """
@@ -59,7 +59,7 @@ def _train(
 
     place = paths.dataset(experiment), experiment, values[experiment], protocol, seed
     fitted = tasks.of(experiment).fit(*place, build, device=values["device"], progress=report, base=zero)
-    runs.save(target, fitted.model, fitted.history, block)
+    fitted.save(target, block)
     return fitted.seconds
 
 

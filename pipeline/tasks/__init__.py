@@ -15,7 +15,6 @@ What differs between experiments of one kind is in the experiment's module (pipe
 """
 
 import importlib
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -24,8 +23,7 @@ import pyarrow as pa
 
 from pipeline import experiments, models
 from pipeline.base import params, paths
-from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
+from pipeline.datasets import fits, schemas
 from pipeline.learning.trained import Trained
 
 
@@ -60,8 +58,4 @@ def load(values: Mapping, experiment: str, model: str, protocol: str, seed: int,
     made_by = params.training_command(experiment, model)
     folder = paths.require(paths.run_folder(experiment, model, protocol, seed), made_by)
     built.load(folder)
-    try:
-        failed = json.loads((folder / "fit.json").read_text(encoding="utf-8"))["best_epoch"] == 0
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{folder / 'fit.json'}: no fit summary ({error!r}); run `{made_by}` again") from error
-    return Trained(built, failed)
+    return Trained(built, failed=fits.read(folder, made_by)["best_epoch"] == 0)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from pipeline import models, tasks
-from pipeline.base import params, paths, runs
+from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec
+from pipeline.learning.trained import Fitted
 from pipeline.scoring import metrics
 from pipeline.stages import train
 
@@ -25,7 +26,7 @@ def values(tmp_path, monkeypatch):
     values = params.load()
     model = models.build("linear", SPEC, {}, "test")
     history = model.fit((x[:30], y[:30]), (x[30:], y[30:]), seed=0, device="cpu")
-    runs.save(paths.run_folder("touch", "linear", "press", 0), model, history, {})
+    Fitted(model, history, 1.0).save(paths.run_folder("touch", "linear", "press", 0), {})
     return values | {"x": x, "expected": model.predict(x), "history": history}
 
 
@@ -58,7 +59,9 @@ def test_a_run_that_is_not_there_or_broken_says_how_to_train_it(values):
     with pytest.raises(InputError, match="run `python -m pipeline.stages.train glove tree` first"):
         tasks.load(values, "glove", "tree", "session_strain", 0, Spec(1, 32, 32, 1, 16))
     (paths.run_folder("touch", "linear", "press", 0) / "fit.json").write_text("{}")
-    with pytest.raises(InputError, match="no fit summary .*; run `python -m pipeline.stages.train touch linear` again"):
+    with pytest.raises(
+        InputError, match="key 'stop_reason' is missing; run `python -m pipeline.stages.train touch linear` again"
+    ):
         tasks.load(values, "touch", "linear", "press", 0, SPEC)
 
 

@@ -6,11 +6,12 @@ import pytest
 from torch import nn
 
 from pipeline import models
-from pipeline.base import params, paths, runs
+from pipeline.base import params, paths
 from pipeline.base.blocks import AugmentedTraining, EarlyStopping
 from pipeline.datasets import images, schemas, series
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import FitSummary, TorchRegressor
+from pipeline.learning.trained import Fitted
 from pipeline.logs import stag
 from pipeline.scoring import metrics
 from pipeline.stages import train as train_stage
@@ -238,7 +239,7 @@ def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(stage, t
     monkeypatch.setattr(models, "build", lambda *arguments: model)
     monkeypatch.setattr(series, "read", lambda *arguments: [piece])
     monkeypatch.setattr(metrics, "series", lambda *arguments: [("error", "mm", 1.0, 20)])
-    monkeypatch.setattr(runs, "save", lambda *arguments: None)
+    monkeypatch.setattr(Fitted, "save", lambda *arguments: None)
     stage(params.load(), tmp_path)
     assert model.records
     for seen in model.records:

@@ -1,0 +1,39 @@
+"""How one run was trained: fit.json and history.csv in the run's folder, beside the model's own files."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from pipeline.base import files, paths
+from pipeline.base.errors import InputError
+
+KEYS = ("stop_reason", "best_epoch", "epochs", "parameters", "macs", "settings")
+
+
+def write(folder: Path, model, history: Sequence[Mapping], settings: Mapping) -> None:
+    """Write both files of a fitted model.
+
+    history: one dictionary per epoch, losses in the label's unit squared (images: cross-entropy); settings: the
+    model's block of params.yaml.
+    """
+    columns = list(history[0])
+    files.write_csv(folder / "history.csv", columns, ([epoch[name] for name in columns] for epoch in history))
+    summary = model.summary.stop_reason, model.summary.best_epoch, len(history)
+    fit = dict(zip(KEYS, (*summary, model.parameters(), model.macs(), settings), strict=True))
+    files.write_text(folder / "fit.json", json.dumps(fit, indent=1) + "\n")
+
+
+def read(folder: Path, made_by: str) -> dict:
+    """Return fit.json as a dictionary that has KEYS; InputError where it is missing or broken.
+
+    made_by: the command that trains the run.
+    """
+    path = paths.require(folder / "fit.json", made_by)
+    try:
+        fit = json.loads(path.read_text(encoding="utf-8"))
+        absent = [key for key in KEYS if key not in fit]
+    except (OSError, ValueError, TypeError, RecursionError) as error:
+        raise InputError(f"{paths.shown(path)}: no fit summary ({error}); run `{made_by}` again") from error
+    if absent:
+        raise InputError(f"{paths.shown(path)}: key '{absent[0]}' is missing; run `{made_by}` again")
+    return fit
