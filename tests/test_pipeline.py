@@ -290,6 +290,48 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     assert "constant" not in set(pd.read_csv(copy / "reports/touch/accuracy/table1.csv").model)
 
 
+BENCH = '''"""The array on another bench: own logs, in the formats of touch."""
+
+from pipeline.experiments.touch import SCORES, STRESSED, frames_schema, labels, read_recording, recordings, split
+
+KIND = "windows"
+SETTINGS = "Touch"
+__all__ = ["SCORES", "STRESSED", "frames_schema", "labels", "read_recording", "recordings", "split"]
+'''
+
+
+def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_path):
+    """No other edit takes it from its logs to scores and stress tests."""
+    copy = tmp_path / "project"
+    shutil.copytree(miniature.folder, copy, symlinks=True)
+    project = type(miniature).__new__(type(miniature))
+    project.folder = copy
+    project.environment = miniature.environment | {"PYTHONPATH": str(copy)}
+    (copy / "pipeline" / "experiments" / "bench.py").write_text(BENCH)
+    shutil.copytree(copy / "data" / "touch" / "logs", copy / "data" / "own" / "bench")
+    values = yaml.safe_load((copy / "params.yaml").read_text())
+    values["experiments"].append("bench")
+    models = {name: values["touch"]["models"][name] for name in ("constant", "linear")}
+    values["bench"] = values["touch"] | {"source": "data/own/bench", "models": models}
+    values["stress"]["bench"] = values["stress"]["touch"] | {"perturbations": {"noise": [0.1]}}
+    (copy / "params.yaml").write_text(yaml.safe_dump(values, sort_keys=False))
+    stages = yaml.safe_load((copy / "dvc.yaml").read_text())
+    for name in ("ingest_touch", "train_touch"):
+        entry = json.dumps(stages["stages"][name]).replace("touch", "bench")
+        stages["stages"][name.replace("touch", "bench")] = json.loads(entry)
+    ingest = stages["stages"]["ingest_bench"]["deps"]
+    ingest.remove("data/bench/logs")
+    for entry in stages["stages"].values():
+        if "touch" in entry.get("matrix", {}).get("experiment", []):
+            entry["matrix"]["experiment"].append("bench")
+    stages["stages"].pop("render")  # its report is a file in pipeline/reporting
+    (copy / "dvc.yaml").write_text(yaml.safe_dump(stages, sort_keys=False))
+    project.dvc("repro", "stress@bench")
+    scores = pd.read_csv(copy / "data" / "bench" / "scores.csv")
+    assert set(scores.model) == {"constant", "linear"} and scores.value.notna().all()
+    assert set(pd.read_csv(copy / "data" / "bench" / "stress.csv").perturbation) == {"noise"}
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -10,13 +10,19 @@ Every module provides
 * `frames_schema(settings)` -> the schema of its frames table;
 * `split(rows, settings, protocol, seed)` -> (n,) name of the part that each row belongs to;
 
-and, by kind: windows `labels(windows, settings)` -> pressure maps (n, map_rows * map_cols), and `SCORES`, the name of
-the function in pipeline/scoring/metrics.py that scores them; series `task(protocol, settings)` -> datasets.series.Task;
-images `chosen(frames, settings)` -> rows that become images, and `images(frames, settings)` -> the images by modality.
+and, by kind:
+
+* windows: `labels(windows, settings)` -> pressure maps (n, map_rows * map_cols); `SCORES`, the name of the function in
+  pipeline/scoring/metrics.py that scores them; `STRESSED`, the conditions that stress tests report;
+* series: `task(protocol, settings)` -> datasets.series.Task;
+* images: `chosen(frames, settings)` -> rows that become images; `images(frames, settings)` -> the images by modality.
 """
 
 import importlib
 from types import ModuleType
+
+EVERY = ("KIND", "SETTINGS", "recordings", "read_recording", "frames_schema", "split")
+OF_KIND = {"windows": ("labels", "SCORES", "STRESSED"), "series": ("task",), "images": ("chosen", "images")}
 
 
 def module(experiment: str) -> ModuleType:

@@ -16,6 +16,7 @@ from pipeline.logs.parse import Column, Format
 KIND = "windows"
 SETTINGS = "Touch"
 SCORES = "touch"
+STRESSED = ("single", "double")
 
 # Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
 CLOCK = Column("t_us", "us", 0, 4e15, integer=True)

@@ -15,6 +15,7 @@ from pipeline.logs.parse import Column, Format
 KIND = "windows"
 SETTINGS = "VelostatRecorded"
 SCORES = "velostat_recorded"
+STRESSED = ("all",)
 
 CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
 VELOSTAT = Format((Column("reading", "1", 0, 1e5), CLOCK), time="unix_time_s", separator=" ")

@@ -31,7 +31,6 @@ from pipeline.stability import clean_scores, perturbations
 from pipeline.tasks import windows as tasks_windows
 
 READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", "lost_frames", "jitter")
-CONDITIONS = {"touch": ("single", "double"), "velostat_recorded": ("all",)}  # of the test windows
 REPORTED = ("rmse", "location_error", "touches_found")  # as far as the experiment has them
 UNCHANGED = "unchanged"
 ROUNDING = 1e-4  # relative: other processors sum in another order
@@ -114,7 +113,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
             own += _scene_rows(experiment, settings, perturbed_scenes, run.model)
             if run.failed:
                 own = [(*row[:5], float("nan"), row[6]) for row in own]
-            for condition in CONDITIONS[experiment]:
+            for condition in experiments.module(experiment).STRESSED:
                 clean = [row[3:] for row in own if row[:2] == (condition, UNCHANGED)]
                 clean_scores.check(written, (protocol, condition, model, seed), settings, clean, ROUNDING)
             found += [(protocol, condition, seed, *rest) for condition, *rest in with_clean(own)]
@@ -122,11 +121,11 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     return found
 
 
-def perturber(experiment: str, settings: Mapping, data: schemas.Dataset, train: np.ndarray) -> Callable:
+def perturber(settings: Mapping, data: schemas.Dataset, train: np.ndarray) -> Callable:
     """`change(x, perturbation, severity, rng)` for windows x (n, frames, elements); train: (n of `data`,) bool."""
-    readings = data.x[train]
-    if experiment == "touch":
-        low, high = 0.0, float(settings["ingest"]["highest_count"])
+    readings, highest_count = data.x[train], settings["ingest"].get("highest_count")
+    if highest_count:
+        low, high = 0.0, float(highest_count)
     else:
         low, high = float(readings.min()), float(readings.max())
     force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1)[train]
@@ -145,7 +144,7 @@ def perturber(experiment: str, settings: Mapping, data: schemas.Dataset, train: 
         changed = getattr(perturbations, perturbation)(x, severity, rng, **needed.get(perturbation, {}))
         if severity == 0:
             return changed
-        return np.clip(np.rint(changed) if experiment == "touch" else changed, low, high)
+        return np.clip(np.rint(changed) if highest_count else changed, low, high)
 
     return change
 
@@ -171,13 +170,13 @@ def _readings_rows(
     part = data.part(protocol, seed)
     test = np.flatnonzero(part == "test")
     x, condition = data.x[test], schemas.names(data.rows["condition"])[test]
-    change = perturber(experiment, settings, data, part == "train")
+    change = perturber(settings, data, part == "train")
     wanted = [(UNCHANGED, 0), *((name, severity) for name in asked if name in READINGS for severity in asked[name])]
     found = []
     for name, severity in wanted:
         changed = x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name))
         predicted = predict_windows(model, changed, data, test)
-        for one in CONDITIONS[experiment]:
+        for one in experiments.module(experiment).STRESSED:
             chosen = np.full(len(test), True) if one == "all" else condition == one
             if chosen.any():
                 windows = data.rows.take(pa.array(test[chosen]))

@@ -80,7 +80,7 @@ def adapted(model, spec):
 def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable) -> Iterator[Tested]:
     """Yield the tests of all runs of one model; `load(protocol, seed, spec)` gives its Trained."""
     module = experiments.module(experiment)
-    pooled = metrics.POOLED.get(experiment, ())
+    pooled = metrics.POOLED.get(module.SCORES, ())
     data = schemas.read_dataset(paths.dataset(experiment), settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:

@@ -162,7 +162,7 @@ def test_perturbed_counts_stay_what_the_adc_can_print(trained, project):
     values = small()
     data = schemas.read_dataset(paths.dataset("touch"), 8)
     train_part = data.part("press", 0) == "train"
-    change = stress_windows.perturber("touch", values["touch"], data, train_part)
+    change = stress_windows.perturber(values["touch"], data, train_part)
     for name, severity in (("noise", 0.5), ("gain_drift", 2.0), ("offset_drift", 0.5), ("jitter", 1.0)):
         x = change(data.x[:50], name, severity, generator(0, name))
         assert x.min() >= 0 and x.max() <= 1023 and np.array_equal(x, np.rint(x)), name
