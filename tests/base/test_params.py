@@ -68,7 +68,7 @@ def test_a_model_without_a_file_is_refused():
         params.check(altered("touch", "models", value={"lompp": {}}))
 
 
-@pytest.mark.parametrize("stage", ["stages.train touch", "stages.train strain", "stages.train glove"])
+@pytest.mark.parametrize("stage", ["train touch", "train strain", "train glove"])
 @pytest.mark.parametrize("where", ["{canary}", "../../../canary"])
 def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
     """The first removed thing would be the draft or the model's folder, which the key is the name of."""
