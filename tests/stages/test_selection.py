@@ -15,7 +15,7 @@ from pipeline.learning.trained import Fitted
 from pipeline.logs import stag
 from pipeline.scoring import metrics
 from pipeline.stages import train as train_stage
-from pipeline.studies import augmentation, narrow_sp_resnet, sizes
+from pipeline.studies import augmentation, sizes
 from pipeline.studies import physics as physics_study
 from pipeline.studies import stag as stag_stage
 
@@ -110,7 +110,7 @@ def values(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(metrics, "touch", lambda *arguments: [("rmse", "kPa", 1.0, 1)])
     monkeypatch.setattr(models, "build", lambda key, spec, block, where: linear(spec, **block))
-    monkeypatch.setattr(narrow_sp_resnet, "build", linear)
+    monkeypatch.setattr(sizes, "narrow_sp_resnet", linear)
     return values
 
 

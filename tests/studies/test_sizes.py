@@ -11,7 +11,7 @@ from pipeline.reporting.figures.sizes import Reference
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.scoring import ladders
 from pipeline.stages import render_rightsize
-from pipeline.studies import narrow_sp_resnet, sizes
+from pipeline.studies import sizes
 
 NAN = float("nan")
 
@@ -112,7 +112,7 @@ def test_failed_runs_are_said_in_table_file_and_figure(tmp_path):
 def test_full_width_is_the_published_network():
     x = torch.randn(2, 1, 32, 32)
     networks = []
-    for make in (lambda: narrow_sp_resnet.network(1, 16, 1.0, 16), lambda: sp_resnet.network(1, 16, 16)):
+    for make in (lambda: sizes.narrow_network(1, 16, 1.0, 16), lambda: sp_resnet.network(1, 16, 16)):
         torch.manual_seed(0)
         networks.append(make().eval())
     ours, published = networks
@@ -123,12 +123,12 @@ def test_full_width_is_the_published_network():
 
 def test_narrow_networks_shrink_and_impossible_widths_are_refused():
     counts = [
-        sum(weight.numel() for weight in narrow_sp_resnet.network(1, 16, width, 16).parameters())
+        sum(weight.numel() for weight in sizes.narrow_network(1, 16, width, 16).parameters())
         for width in (1 / 64, 0.125, 0.25, 0.5, 1.0)
     ]
     assert counts == sorted(counts) and counts[3] < counts[4] / 3
     with pytest.raises(InputError, match="a width of 0.3 leaves 19.2 of 64 channels"):
-        narrow_sp_resnet.network(1, 16, 0.3, 16)
+        sizes.narrow_network(1, 16, 0.3, 16)
 
 
 def test_settings_that_cannot_be_are_refused():
