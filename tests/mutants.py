@@ -178,7 +178,7 @@ MUTANTS = [
     ),
     Mutant(
         "transfer-counts-the-recurrent-part",
-        "pipeline/learning/series_regressors.py",
+        "pipeline/learning/lstm.py",
         "            self.network.lstm.requires_grad_(False)",
         "            self.network.lstm.requires_grad_(True)",
         "test_series.py::test_published_numbers_of_parameters",
