@@ -16,7 +16,7 @@ PIECES, FORGOTTEN = 16, 500
 
 def build(
     spec: Spec, *, units: Width, spectral_radius: Positive, leak: Share, input_scale: Positive, ridge: NotNegative
-):
+) -> StateReadout:
     """Return the network with states s <- (1 - leak) s + leak tanh(W s + V tanh(x) + b); only the read-out is fitted.
 
     The inputs x go through the same tanh as the LSTM's. W (units, units) has LINKS numbers per row and the spectral
