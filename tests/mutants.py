@@ -192,7 +192,7 @@ MUTANTS = [
     ),
     Mutant(
         "transfer-counts-the-recurrent-part",
-        "pipeline/learning/series_regressors.py",
+        "pipeline/learning/lstm.py",
         "            self.network.lstm.requires_grad_(False)",
         "            self.network.lstm.requires_grad_(True)",
         "models/test_series_models.py::test_published_numbers_of_parameters",

@@ -12,8 +12,8 @@ from benchmarks.test_benchmark_repro import FORBIDDEN
 
 from pipeline.experiments import touch
 from pipeline.learning import lomp_network
+from pipeline.learning.lstm import Lstm
 from pipeline.learning.regressors import Spec
-from pipeline.learning.series_regressors import Lstm
 from pipeline.logs import parse
 from pipeline.models import esn
 

@@ -275,7 +275,7 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     shutil.rmtree(copy / "mlruns")
     (copy / "pipeline" / "models" / "nearest.py").write_text(
         "from sklearn.neighbors import KNeighborsRegressor\n\n"
-        "from pipeline.learning.regressors import SklearnRegressor\nfrom pipeline.base.blocks import Count\n\n\n"
+        "from pipeline.learning.estimators import SklearnRegressor\nfrom pipeline.base.blocks import Count\n\n\n"
         "def build(spec, *, k: Count):\n"
         "    return SklearnRegressor(lambda seed: KNeighborsRegressor(k), spec, count=lambda fitted: 0, macs=None,\n"
         "                            trusted=('sklearn.metrics._dist_metrics.EuclideanDistance64',\n"

@@ -1,20 +1,20 @@
-"""How large a network is: trainable parameters and multiply-accumulates."""
+"""Count what a network costs: its trainable parameters and multiply-accumulates."""
 
 import torch
 from torch import nn
 
 
 def parameters(network: nn.Module) -> int:
-    """Number of trainable parameters (frozen ones and buffers do not count)."""
+    """Return the number of trainable parameters (frozen weights and buffers do not count)."""
     return sum(weight.numel() for weight in network.parameters() if weight.requires_grad)
 
 
 def multiply_accumulates(network: nn.Module, *inputs: torch.Tensor) -> int:
-    """Multiply-accumulates of one forward pass of `network` on `inputs`, without biases and activations.
+    """Return the multiply-accumulates of one forward pass of `network` on `inputs`, without biases and activations.
 
-    Counts linear and convolution layers and LSTM and GRU sequences, each time they are called. Zeros that
-    padding adds are counted as multiplied. A module with weights of its own says its cost through a method
-    `macs(*inputs)` (then its children are not counted again).
+    Counts linear layers, convolutions, and LSTM and GRU sequences, each time they are called. Zeros that padding
+    adds count as multiplied. A module that multiplies by weights of its own says its cost through a method
+    `macs(*inputs)`; its children are then not counted again.
     """
     counted = []
     hooks = []

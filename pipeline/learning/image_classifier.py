@@ -1,4 +1,4 @@
-"""Networks that name the object in a tactile image: training with augmentation, on top of `fitting`."""
+"""Train a network to name the object in a tactile image, with augmentation."""
 
 import math
 from collections.abc import Callable
@@ -12,24 +12,24 @@ from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows
-from pipeline.learning.training import Epoch, Progress, device_of, run_epochs
+from pipeline.learning.training import Epoch, Progress, device_of, new_network, run_epochs
 
-LARGEST_SHIFT = 2.0  # pixels; a glove sits that differently on a hand: pads are 3 pixels wide
+LARGEST_SHIFT = 2.0  # pixels; a glove sits so differently on a hand: pads are 3 pixels wide
 LARGEST_TURN = 10.0  # degrees
 LARGEST_STRETCH = 0.1  # of the image's size
 
 
 def spec_of(classes: int) -> Spec:
-    """An image as a window of one frame, scores of the classes as a map of one row."""
+    """Return the shapes of images (windows of one frame) and of scores per class (maps of one row)."""
     return Spec(1, SIDE, SIDE, 1, classes)
 
 
 class ImageClassifier(TorchRegressor):
-    """A network from images (n, 1, SIDE, SIDE) in 0 .. 1 to a score of each class (n, classes).
+    """A network from images (n, 1, SIDE, SIDE) in 0 .. 1 to a score per class (n, classes).
 
     Windows x are (n, 1, SIDE * SIDE) in 0 .. 255, labels y one-hot (n, classes); `predict` gives probabilities.
-    Saving, loading and counting are TorchRegressor's. Methods A, C and B (SP-ResNet paper, section 2.2) are the
-    settings flip, affine and noise.
+    Saving, loading and counting are TorchRegressor's. The settings flip, affine and noise are the augmentation methods
+    A, C and B (SP-ResNet paper, section 2.2).
     Differs from paper: its learning rate, printed as 10^7, is read as 10^-3, Adam's usual one; here the rate rises and
     falls once around it, with which a few epochs are enough in place of 50. Translation, rotation and scaling have no
     printed ranges: up to 2 pixels, 10 degrees and 10 %. Images are altered anew in every epoch; the paper also says
@@ -53,19 +53,20 @@ class ImageClassifier(TorchRegressor):
         device: str = "auto",
         progress: Progress = None,
     ) -> list[dict]:
-        """Train on the cross-entropy and keep the weights of the epoch with the lowest one on the validation part.
+        """Train on the cross-entropy and keep the weights of the epoch with the lowest validation loss.
 
-        Arguments and result as for TorchRegressor.fit; losses are the mean cross-entropy in nats.
+        Arguments and result as for TorchRegressor.fit; losses are the mean cross-entropy in nats. Raises InputError for
+        fewer than 2 training images, or none to validate on.
         """
         for windows, part, least in ((train, "training", 2), (validation, "validation", 1)):
             if len(windows[0]) < least:
                 raise InputError(f"the {part} part has fewer than {least} images; record more or change the split")
         place = device_of(device)
         training, order = self.training, torch.Generator().manual_seed(seed)
-        network = self.network = self._new_network(seed).to(place)
+        network = self.network = new_network(self.make_network, seed).to(place)
         optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
         (x, y), (x_validation, y_validation) = (self._normalised(part, place) for part in (train, validation))
-        # Batch normalisation cannot train on a batch of one image: where it would be the last one, it waits.
+        # Batch normalisation cannot train on one image: an image that would be the last batch waits for the next epoch.
         used = len(x) - (len(x) % training.batch_size == 1)
         steps = training.max_epochs * -(-used // training.batch_size)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, training.learning_rate, total_steps=steps + 1)
@@ -84,7 +85,9 @@ class ImageClassifier(TorchRegressor):
             network.eval()
             with torch.no_grad():
                 parts = zip(x_validation.split(LARGEST_BATCH), y_validation.split(LARGEST_BATCH), strict=True)
-                sums = [nn.functional.cross_entropy(network(a), b, reduction="sum") for a, b in parts]
+                sums = [
+                    nn.functional.cross_entropy(network(images), labels, reduction="sum") for images, labels in parts
+                ]
             return Epoch(float(total) / used, float(sum(sums)) / len(x_validation), learning_rate)
 
         history, self.summary = run_epochs(network, training.max_epochs, run_epoch, progress=progress)
@@ -92,14 +95,14 @@ class ImageClassifier(TorchRegressor):
         return history
 
     def predict(self, x: np.ndarray) -> np.ndarray:
-        """Probability of each class, (n, classes) float32, for images x (n, 1, SIDE * SIDE) in 0 .. 255."""
+        """Return probabilities (n, classes), float32, for images x (n, 1, SIDE * SIDE) in 0 .. 255."""
         return softmax(super().predict(x), axis=1)
 
 
 def augmented(images: torch.Tensor, training: AugmentedTraining, rng: torch.Generator) -> torch.Tensor:
-    """Images (n, 1, SIDE, SIDE) in 0 .. 1 altered by methods A, B and C, in this order.
+    """Return images (n, 1, SIDE, SIDE) in 0 .. 1 altered by flip (method A), noise (B) and affine (C), in this order.
 
-    rng is a generator on the CPU, so that a GPU sees the same images.
+    rng: a generator on the CPU, so that a GPU sees the same images.
     """
     n = len(images)
     draw = torch.rand(n, 5, generator=rng)

@@ -1,4 +1,4 @@
-"""Local Message Passing Network (LoMP paper, section III): a small network for every sensor element.
+"""Compute LoMP, the Local Message Passing Network (LoMP paper, section III): a small network per sensor element.
 
 For each frame t of a window and each element i, from a zero state h:
 
@@ -30,9 +30,11 @@ aten = torch.ops.aten
 
 
 def maker(spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float) -> Callable[[], "Lomp"]:
-    """What makes networks of these settings; `neighbours` is 4 (sharing an edge) or 8 (a corner too).
+    """Return a function that makes a network of these settings.
 
-    Raises InputError for another number, and for a map that does not divide into one block an element.
+    `hidden`: numbers in h, h1, s and m; `readout`: widths of f's hidden layers; `neighbours`: 4 (sharing an edge) or 8
+    (sharing a corner, too); `alpha`: weight of the messages (eq. 4).
+    Raises InputError for another number of neighbours, and for a map that does not divide into one block per element.
     """
     if neighbours not in (4, 8):
         raise InputError(f"lomp: neighbours must be 4 or 8, not {neighbours!r}")
@@ -45,7 +47,7 @@ def maker(spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: f
 
 
 def neighbour_matrix(rows: int, cols: int, neighbours: int) -> torch.Tensor:
-    """(elements, elements) matrix A of eq. 3: A[i, j] is 1 where j is one of the 4 or 8 neighbours of i."""
+    """Return eq. 3's sum as a matrix A (elements, elements): A[i, j] is 1 where j is one of the neighbours of i."""
     index = torch.arange(rows * cols)
     down = (index[:, None] // cols - index // cols).abs()
     across = (index[:, None] % cols - index % cols).abs()
@@ -54,7 +56,7 @@ def neighbour_matrix(rows: int, cols: int, neighbours: int) -> torch.Tensor:
 
 
 class Lomp(nn.Module):
-    """Windows (n, frames, elements) to maps (n, map_rows * map_cols); both normalised.
+    """The network from windows (n, frames, elements) to maps (n, map_rows * map_cols), both normalised.
 
     GRU_i is torch's: r, z = sigmoid(gate_input x + gate_state h + both biases), candidate
     c = tanh(candidate_input x + bias + r (candidate_state h + bias)), h1 = (1 - z) c + z h. Weights are
@@ -89,9 +91,9 @@ class Lomp(nn.Module):
         return self.go_on(x, None)[0]
 
     def go_on(self, x: torch.Tensor, state: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
-        """Maps (n, outputs), and the state (elements, n, hidden) after the last frame of x (n, frames, elements).
+        """Return maps (n, outputs) and the state (elements, n, hidden) after the last frame of x (n, frames, elements).
 
-        state: that before the first frame, None for zero; no gradient goes into it.
+        state: the state before the first frame, None for zero; no gradient goes into `state`.
         """
         elements_first = x.permute(1, 2, 0).unsqueeze(3).contiguous()  # (frames, cells, n, 1)
         both = _Recurrence.apply(
@@ -122,9 +124,9 @@ class Lomp(nn.Module):
         return maps, both[..., : self.hidden].detach()
 
     def macs(self, x: torch.Tensor) -> int:
-        """Multiply-accumulates for windows x, biases and neighbour sums not counted."""
-        a_frame = [self.gate_input, self.gate_state, self.candidate_input, self.candidate_state, self.update]
-        recurrent = sum(weight.numel() for weight in a_frame) + self.spec.elements * self.message.numel()
+        """Return the multiply-accumulates for windows x, biases and neighbour sums not counted."""
+        per_frame = [self.gate_input, self.gate_state, self.candidate_input, self.candidate_state, self.update]
+        recurrent = sum(weight.numel() for weight in per_frame) + self.spec.elements * self.message.numel()
         return len(x) * (x.shape[1] * recurrent + sum(weight.numel() for weight in self.readout))
 
     def _buffers_for(self, x: torch.Tensor) -> "_Buffers":
@@ -135,15 +137,16 @@ class Lomp(nn.Module):
 
 
 def _uniform(fan_in: int, *shape: int) -> nn.Parameter:
+    """Return weights drawn as torch draws those of a layer with `fan_in` inputs."""
     return nn.Parameter(torch.empty(*shape).uniform_(-1 / sqrt(fan_in), 1 / sqrt(fan_in)))
 
 
 class _Buffers:
-    """What the forward pass leaves for the backward pass, and the temporaries of both.
+    """The values that the forward pass leaves for the backward pass, and the temporaries of both passes.
 
-    Kept from batch to batch (0.9 MB a window), and cut out of the memory of the batch before where that is
-    large enough: taking that much fresh memory costs page faults, which take a fifth of the training time.
-    `passes` counts forward passes, each of which overwrites the one before.
+    Kept from batch to batch (0.9 MB per window), and cut out of the memory of the batch before where that memory is
+    large enough: fresh memory of this size costs page faults, which take a fifth of the training time.
+    `passes` counts forward passes, each of which overwrites the values of the pass before.
     """
 
     def __init__(self, x: torch.Tensor, hidden: int, key: tuple, before: "_Buffers | None"):
@@ -167,8 +170,10 @@ class _Recurrence(torch.autograd.Function):
 
     state: h before the first frame (cells, n, hidden), None for zero.
 
-    Names as in Lomp, and q = h1 + alpha m, v = candidate_state h + bias. Weight gradients are added up in
-    place over the frames. x and state get no gradient. Products with a state of zero are left out.
+    Names as in the equations above, and q = h1 + alpha m, v = candidate_state h + bias. Weights are the arguments of
+    Lomp.go_on in its order: gi, gs of the gates and ci, cs of the candidate (for input and state), u of eq. 3, p of
+    eq. 4; gb, cb, vb, ub, pb are the biases. Weight gradients are added up in place over the frames. x and state get
+    no gradient. Products with a state of zero are left out.
     """
 
     @staticmethod
@@ -252,23 +257,26 @@ class _Recurrence(torch.autograd.Function):
 
 
 class LompRegressor(TorchRegressor):
-    """Networks of `maker`; a batch goes through them in parts that fit the cache, a single window in numpy."""
+    """A regressor of LoMP: batches go through the network in parts that fit the cache, a single window in numpy."""
 
     chunk = 128  # windows; an update of 256 takes 0.41 s, in one piece 0.62 s, in pieces of 32 0.52 s
     arrays: "_Arrays | None" = None
 
     def fit(self, *arguments, **settings) -> list[dict]:
-        """As of TorchRegressor."""
+        """Train as TorchRegressor does."""
         self.arrays = None
         return super().fit(*arguments, **settings)
 
     def load(self, folder) -> None:
-        """As of TorchRegressor."""
+        """Read the model as TorchRegressor does."""
         super().load(folder)
         self.arrays = None
 
     def one_row(self, frames: np.ndarray, state: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Map (1, outputs) in kPa after frames (n, elements) in ADC counts, and the state (elements, 1, hidden)."""
+        """Return the map (1, outputs) in kPa after `frames` and the state (elements, 1, hidden).
+
+        frames: (n, elements) in ADC counts; state: the state before the first frame, None for zero.
+        """
         if self.arrays is None:
             self.arrays = _Arrays(self.network)
         mean, spread = self.input_mean.numpy(), self.input_spread.numpy()
@@ -278,7 +286,7 @@ class LompRegressor(TorchRegressor):
 
 
 class _Arrays:
-    """The forward pass of a Lomp for one window in numpy, float32: a row times a matrix an element and layer.
+    """The forward pass of a Lomp for one window in numpy, float32: a row times a matrix per element and layer.
 
     With one row, numpy's `matmul` calls BLAS's gemv for each element, which streams the weights 1.6 times as fast as
     torch's `bmm`. Gates and candidate are one product. bfloat16 weights gain nothing: torch widens them first.
@@ -302,7 +310,7 @@ class _Arrays:
         self.sums = array(network.neighbours) * np.float32(network.alpha)
 
     def run(self, x: np.ndarray, h: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Map (outputs,) and state (elements, hidden) after the frames x (n, elements) from the state h, None for 0."""
+        """Return map (outputs,) and state (elements, hidden) after frames x (n, elements); h: state before, or None."""
         gates = 2 * self.hidden
         h = np.zeros_like(self.v_bias) if h is None else h
         for frame in x:

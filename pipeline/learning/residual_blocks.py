@@ -1,4 +1,4 @@
-"""Parts of convolutional networks for images that several models share.
+"""Build the parts of convolutional networks for images that several models share.
 
 All maps are (n, channels, rows, cols). Every convolution without a bias is followed by batch normalisation.
 """
@@ -33,9 +33,9 @@ class BasicBlock(nn.Module):
 class SeparableBlock(nn.Module):
     """Residual block of SP-ResNet (paper, figure 11b): 1x1, 3x3 depthwise, GCAM, 1x1, and a shortcut.
 
-    (n, inputs, rows, cols) to (n, outputs, rows / stride, cols / stride). The first 1x1 widens, the last one has the
-    stride: only so the printed counts without GCAM come out. Without `reduction` there is no GCAM. H-swish follows
-    both of the first convolutions, and the addition, as ReLU does in ResNet (the figure does not show the end).
+    (n, inputs, rows, cols) to (n, outputs, rows / stride, cols / stride). The first 1x1 widens and the last 1x1 has the
+    stride: only so do the printed counts without GCAM come out. Without `reduction` there is no GCAM. H-swish follows
+    each of the first two convolutions, and the addition, as ReLU does in ResNet (the figure does not show the end).
     """
 
     def __init__(self, inputs: int, outputs: int, stride: int = 1, reduction: int | None = None):
@@ -60,8 +60,8 @@ class SeparableBlock(nn.Module):
 class GlobalCoordinateAttention(nn.Module):
     """GCAM (SP-ResNet paper, figure 11c), as coordinate attention of Hou et al. 2021, section 3.2.
 
-    Every map is multiplied by one weight a row and one a column, each between 0 and 1, which a bottleneck of
-    channels / reduction channels computes from the means over the rows and over the columns; the shape stays.
+    Every map is multiplied by one weight per row and one per column, each between 0 and 1. A bottleneck of
+    channels / reduction channels computes the weights from the means of the rows and of the columns. The shape stays.
     Raises InputError for a reduction that leaves the bottleneck no channel.
     """
 
@@ -77,7 +77,7 @@ class GlobalCoordinateAttention(nn.Module):
         self.column_weights = nn.Sequential(nn.Conv2d(narrow, channels, 1), nn.Sigmoid())
 
     def attention(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Weights of the rows (n, channels, rows, 1) and of the columns (n, channels, 1, cols) of maps x."""
+        """Return the weights of the rows (n, channels, rows, 1) and of the columns (n, channels, 1, cols) of maps x."""
         means = torch.cat([self.along_rows(x), self.along_columns(x).transpose(2, 3)], 2)  # (n, c, rows + cols, 1)
         rows, columns = self.squeeze(means).split(x.shape[2:], 2)
         return self.row_weights(rows), self.column_weights(columns.transpose(2, 3))
@@ -90,8 +90,9 @@ class GlobalCoordinateAttention(nn.Module):
 class Convolution3x3(nn.Conv2d):
     """3x3 convolution with padding 1, without bias. On a map of one pixel only the kernel's centre meets data.
 
-    The same result for a ninth of the work: on 32x32 images in 3 of ResNet-18's 17 such convolutions, which makes
-    training 1.3 times and a window 1.6 times faster. (MobileNet has one, depthwise: 1.03 times, not worth it.)
+    There the centre alone gives the same result for a ninth of the work: on 32x32 images in 3 of ResNet-18's 17 such
+    convolutions, which makes training 1.3 times and a window 1.6 times faster. (MobileNet has one such convolution,
+    depthwise: 1.03 times, not worth a class.)
     """
 
     def __init__(self, inputs: int, outputs: int, stride: int = 1):
@@ -104,9 +105,10 @@ class Convolution3x3(nn.Conv2d):
 
 
 def separable_network(channels: int, classes: int, reduction: int | None = None, stem: int = 64) -> nn.Sequential:
-    """SP-ResNet (paper, figure 11a) from (n, channels, rows, cols) to (n, classes); without `reduction` no GCAM.
+    """Return SP-ResNet (paper, figure 11a), from images (n, channels, rows, cols) to scores (n, classes).
 
-    `stem`: channels of the first half, of which the second half has twice as many; 64 in the paper.
+    `reduction`: as for GlobalCoordinateAttention; None for a network without GCAM. `stem`: channels of the first half;
+    the second half has twice as many; 64 in the paper.
     """
     return nn.Sequential(
         nn.Conv2d(channels, stem, 3, padding=1, bias=False),
@@ -124,6 +126,7 @@ def separable_network(channels: int, classes: int, reduction: int | None = None,
 
 
 def _shortcut(inputs: int, outputs: int, stride: int) -> nn.Module:
+    """Return the identity where a block keeps the shape, else a 1x1 convolution and batch normalisation."""
     if (inputs, stride) == (outputs, 1):
         return nn.Identity()
     return nn.Sequential(nn.Conv2d(inputs, outputs, 1, stride, bias=False), nn.BatchNorm2d(outputs))

@@ -1,4 +1,4 @@
-"""CNN (LoMP paper, Table I, its reference 19): the frames of a window are the channels of one image."""
+"""Build the CNN of the LoMP paper (Table I, its reference 19): a window's frames are the channels of one image."""
 
 from torch import nn
 
@@ -7,7 +7,11 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, channels: Widths, hidden: Widths, training: EarlyStopping) -> TorchRegressor:
-    """Convolutions 3x3 8-32-64-64 on 5x5, linear 1600-256-256-400: 636,208 parameters."""
+    """Return the untrained CNN.
+
+    Convolutions 3x3 8-32-64-64 on 5x5 and linear 1600-256-256-400 are 636,208 parameters.
+    `channels`: width of each convolution; `hidden`: width of each hidden linear layer.
+    """
     return TorchRegressor(lambda: _network(spec, channels, hidden), spec, training)
 
 

@@ -1,12 +1,13 @@
-"""The mean pressure map of the training part: the floor of every table."""
+"""Build the model that predicts the mean map of the training part: the floor of every table."""
 
 from sklearn.dummy import DummyRegressor
 
-from pipeline.learning.regressors import SklearnRegressor, Spec
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec
 
 
 def build(spec: Spec) -> SklearnRegressor:
-    """A regressor that answers every window with the mean map; 400 fitted numbers for a 20x20 map."""
+    """Return a regressor that answers every window with the mean map; 400 fitted numbers for a 20x20 map."""
     return SklearnRegressor(
         lambda seed: DummyRegressor(strategy="mean"),
         spec,

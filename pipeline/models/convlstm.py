@@ -1,4 +1,4 @@
-"""ConvLSTM (LoMP paper, Table I, its reference 15): an LSTM whose states are images of the sensor's shape."""
+"""Build the ConvLSTM of the LoMP paper (Table I, its reference 15): an LSTM whose states are images of the sensor."""
 
 import torch
 from torch import nn
@@ -8,11 +8,13 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, filters: Width, training: EarlyStopping) -> TorchRegressor:
-    """32 filters 3x3 on 5x5 (38,144), linear 800-400: 358,544 parameters."""
+    """Return the untrained ConvLSTM; 32 filters 3x3 on 5x5 (38,144) and linear 800-400 are 358,544 parameters."""
     return TorchRegressor(lambda: _ConvLstm(spec, filters), spec, training)
 
 
 class _ConvLstm(nn.Module):
+    """Normalised windows (n, frames, elements) to normalised maps (n, outputs), read out after the last frame."""
+
     def __init__(self, spec: Spec, filters: int):
         super().__init__()
         self.shape = (filters, spec.rows, spec.cols)

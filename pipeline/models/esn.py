@@ -1,4 +1,4 @@
-"""Echo state network (suggested in the latent-space paper, its reference 19): a random reservoir, a ridge read-out."""
+"""Build an echo state network (the latent-space paper's reference 19): a random reservoir with a ridge read-out."""
 
 import numpy as np
 from scipy import sparse
@@ -8,20 +8,24 @@ from pipeline.datasets.seeding import generator
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import StateReadout
 
-LINKS = 10  # connections a unit: makes a step cost units x 10 instead of units squared
-# A long series goes in pieces side by side. After 400 samples nothing is left of where they started, 8 reservoirs say.
+LINKS = 10  # connections per unit: makes a step cost units x 10 instead of units squared
+# A long series is cut into PIECES that run side by side, each started FORGOTTEN samples early from rest: nothing was
+# left of the first state after 400 samples in 8 reservoirs.
 PIECES, FORGOTTEN = 16, 500
 
 
 def build(
     spec: Spec, *, units: Width, spectral_radius: Positive, leak: Share, input_scale: Positive, ridge: NotNegative
-):
-    """State s <- (1 - leak) s + leak tanh(W s + V tanh(x) + b); only the read-out is fitted.
+) -> StateReadout:
+    """Return the network with states s <- (1 - leak) s + leak tanh(W s + V tanh(x) + b); only the read-out is fitted.
 
-    The inputs go through the same tanh as the LSTM's. `leak` is a sample's share of the state.
+    The inputs x go through the same tanh as the LSTM's. W (units, units) has LINKS numbers per row and the spectral
+    radius `spectral_radius`; V and b are uniform in +-`input_scale`. `leak`: share of the state that a sample replaces;
+    `ridge`: penalty as for `ridge_weights`.
     """
 
     def make(channels: int, seed: int) -> dict[str, np.ndarray]:
+        """Return W, V and b of the docstring above, drawn by `seed`."""
         rng = generator(seed, "reservoir")
         reservoir = np.zeros((units, units), np.float32)
         for row in reservoir:
@@ -35,6 +39,7 @@ def build(
         }
 
     def advance(system: dict, x: np.ndarray, state: np.ndarray | None) -> np.ndarray:
+        """Return the states as `StateReadout` asks."""
         links = sparse.csr_matrix(system["reservoir"])
         drive = np.tanh(x) @ system["input"] + system["bias"]  # (n, T, units)
         if state is not None or drive.shape[1] < 4 * FORGOTTEN:
@@ -42,6 +47,7 @@ def build(
         return in_pieces(links, drive)
 
     def sample_by_sample(links: sparse.csr_matrix, drive: np.ndarray, state: np.ndarray | None) -> np.ndarray:
+        """Return states (n, T, units) for drives (n, T, units) from a state (n, units), None at rest."""
         states = np.ascontiguousarray(drive.transpose(1, 2, 0))  # (T, units, n): the drive, replaced by the states
         s = np.zeros(states.shape[1:], np.float32) if state is None else state.T
         for step in states:
@@ -55,18 +61,18 @@ def build(
         return states.transpose(2, 0, 1)
 
     def in_pieces(links: sparse.csr_matrix, drive: np.ndarray) -> np.ndarray:
-        """States of series (n, T, units) from rest: pieces of each side by side, all started FORGOTTEN samples early.
+        """Return states (n, T, units) from rest for drives (n, T, units), the pieces of each series side by side.
 
-        The samples before the first are zero, which keeps it at rest; the others differ by rounding (a test says how
-        little). Six times as fast as sample by sample.
+        The samples before the first piece are zero, which keeps its state at rest; states of the other pieces differ by
+        rounding (a test says how little). Six times as fast as sample by sample.
         """
         length = -(-drive.shape[1] // PIECES)
         states = np.empty((len(drive), PIECES, length, units), np.float32)
-        for series, found in zip(drive, states, strict=True):
+        for series, its_states in zip(drive, states, strict=True):
             padded = np.zeros((FORGOTTEN + PIECES * length, units), np.float32)
             padded[FORGOTTEN : FORGOTTEN + len(series)] = series
             pieces = np.lib.stride_tricks.sliding_window_view(padded, FORGOTTEN + length, axis=0)[::length]
-            found[:] = sample_by_sample(links, pieces.transpose(0, 2, 1), None)[:, FORGOTTEN:]
+            its_states[:] = sample_by_sample(links, pieces.transpose(0, 2, 1), None)[:, FORGOTTEN:]
         return states.reshape(len(drive), -1, units)[:, : drive.shape[1]]
 
     macs = units * min(LINKS, units) + spec.elements * units + units * spec.outputs

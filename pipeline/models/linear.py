@@ -1,14 +1,15 @@
-"""Linear regression (LoMP paper, Table I): ordinary least squares on all frames of the window."""
+"""Build linear regression (LoMP paper, Table I): ordinary least squares on all frames of a window."""
 
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from pipeline.learning.regressors import SklearnRegressor, Spec
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec
 
 
 def build(spec: Spec) -> SklearnRegressor:
-    """200 inputs, 400 outputs and their intercepts: 80,400 fitted numbers."""
+    """Return the unfitted model; 200 inputs, 400 outputs and their intercepts are 80,400 fitted numbers."""
     return SklearnRegressor(
         lambda seed: make_pipeline(StandardScaler(), LinearRegression()),
         spec,

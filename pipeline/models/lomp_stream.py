@@ -1,7 +1,8 @@
-"""LoMP as a stream: one frame in, one pressure map out, the state carried along (network: `message_passing`).
+"""Build LoMP as a stream: one frame in, one pressure map out, the state carried along.
 
-The state is zero where a press begins and goes through its windows in turn. Training goes the same way: a batch is
-`batch_size` presses side by side, with an update after each window and no gradient through the state before it.
+Its equations and the network are in pipeline/learning/lomp_network.py. The state is zero where a press begins and is
+carried through the press's windows in order of time. Training does the same: a batch is `batch_size` presses side by
+side, with an update after each window and no gradient through the state that the window starts from.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -19,12 +20,18 @@ from pipeline.learning.regressors import LARGEST_BATCH, Spec
 def build(
     spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: EarlyStopping
 ) -> "StreamingLomp":
-    """Settings as of `lomp`; a frame costs its share of a window and one read-out. InputError as `maker`."""
+    """Return the untrained network; settings as `lomp`'s. A frame costs its share of a window and one read-out.
+
+    Raises InputError as `maker`.
+    """
     return StreamingLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training)
 
 
 class StreamingLomp(LompRegressor):
-    """Windows are (x, y, previous): previous (n,) is the window that each one goes on from, -1 where none does."""
+    """LoMP on windows (x, y, previous).
+
+    previous (n,): index of the window that ends just before each window starts and hands its state on, or -1.
+    """
 
     streams = True
 
@@ -35,7 +42,7 @@ class StreamingLomp(LompRegressor):
     def train_epoch(
         self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[Iterable], torch.Tensor]
     ) -> float:
-        """As of TorchRegressor, an update for each window of the presses of a batch."""
+        """Train once over the part as TorchRegressor does, with one update per window of the presses of a batch."""
         x, y, previous = train
         chains = streams(previous)
         total = torch.zeros((), device=x.device)
@@ -45,19 +52,25 @@ class StreamingLomp(LompRegressor):
         return float(total) / len(x)
 
     def loss(self, part: tuple[torch.Tensor, ...]) -> float:
-        """As of TorchRegressor."""
+        """Return the mean loss over a normalised part (x, y, previous)."""
         x, y, previous = part
         return float(nn.functional.mse_loss(self._all_maps(x, previous), y))
 
     def predict(self, x: np.ndarray, previous: np.ndarray | None = None) -> np.ndarray:
-        """Maps (n, outputs) in kPa at the end of windows (n, frames, elements); without `previous` each is a press."""
+        """Return maps (n, outputs) in kPa at the end of windows x (n, frames, elements) in ADC counts.
+
+        previous (n,): as in the class; without it every window starts from a zero state.
+        """
         x = (torch.from_numpy(np.array(x, dtype=np.float32)) - self.input_mean) / self.input_spread
         alone = np.full(len(x), -1)
         with torch.no_grad():
             return (self._all_maps(x, alone if previous is None else previous) * self.output_scale).numpy()
 
     def step(self, frame: np.ndarray) -> np.ndarray:
-        """Maps (n, outputs) in kPa for the next frame (n, elements) in ADC counts of n streams."""
+        """Return maps (n, outputs) in kPa for the next frame (n, elements) in ADC counts of n streams.
+
+        Another number of streams than in the call before starts all of them from a zero state.
+        """
         if self.state is not None and self.state.shape[1] != len(frame):
             self.state = None
         if len(frame) == 1:
@@ -69,18 +82,18 @@ class StreamingLomp(LompRegressor):
             return (maps * self.output_scale).numpy()
 
     def macs(self) -> int:
-        """Multiply-accumulates for one frame."""
+        """Return the multiply-accumulates for one frame."""
         return cost.multiply_accumulates(self.network, torch.zeros(1, 1, self.spec.elements))
 
     def _all_maps(self, x: torch.Tensor, previous: np.ndarray) -> torch.Tensor:
-        found, chains = x.new_empty(len(x), self.spec.outputs), streams(previous)
+        all_maps, chains = x.new_empty(len(x), self.spec.outputs), streams(previous)
         for start in range(0, len(chains), LARGEST_BATCH):
             for windows, maps in self._maps(x, chains[start : start + LARGEST_BATCH]):
-                found[windows] = maps
-        return found
+                all_maps[windows] = maps
+        return all_maps
 
     def _maps(self, x: torch.Tensor, chains: list[list[int]]) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
-        """(windows, their maps), first the first window of each stream, then the second of those that have one."""
+        """Yield (windows, their maps): the first window of every stream, then the second of longer streams ..."""
         longest_first, state = sorted(chains, key=len, reverse=True), None
         for turn in range(len(longest_first[0])):
             windows = torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn], device=x.device)
@@ -89,8 +102,8 @@ class StreamingLomp(LompRegressor):
 
 
 def streams(previous: np.ndarray) -> list[list[int]]:
-    """Windows that go on from each other, in turn; previous (n,) comes before each window or is -1."""
-    chains: dict[int, list[int]] = {}  # by the last window so far
+    """Group windows into streams, each in order of time; previous (n,): as in `StreamingLomp`."""
+    chains: dict[int, list[int]] = {}  # by their last window so far
     for window, before in enumerate(previous.tolist()):
         chain = chains.pop(before, [])
         chain.append(window)

@@ -1,4 +1,4 @@
-"""An LSTM behind learned high-pass filters: blind to any constant offset of its inputs, and so to slow drift.
+"""Build an LSTM behind learned high-pass filters: blind to any constant offset of its inputs, and so to slow drift.
 
 Drift of soft strain sensors is in their offsets, and an LSTM on absolute voltages learns the offsets of the day it
 was trained on. Here every input reaches the LSTM only through causal filters over the last `taps` samples,
@@ -6,32 +6,31 @@ was trained on. Here every input reaches the LSTM only through causal filters ov
     u_f(t) = b_f + sum_c sum_k (w_fck - mean_k w_fck) x_c(t - k),
 
 whose weights sum to zero over time for every channel: a constant cancels, whatever w is. The filters are learned
-together with the LSTM, which has to remember what a press has changed for as long as the press lasts.
+together with the LSTM, which has to remember the change at a press's start for as long as the press lasts.
 
-On the recorded sensors, trained on one day and tested on the next (R2 a press, x and y, one seed): without filters
+On the recorded sensors, trained on one day and tested on the next (R2 per press, x and y, one seed): without filters
 -1.41 and 0.32, with filters of free sum -1.26 and 0.76, with random offsets added in training 0.94 and 0.97, with
 sums of zero 0.96 and 0.98. Within a day all four are between 0.90 and 0.97: validation on the day of training
-cannot tell them apart, so the constraint is a choice made before.
+cannot tell them apart, so the constraint is a choice made beforehand.
 """
 
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch import nn
 
 from pipeline.base.blocks import StretchTraining, Taps, Width
 from pipeline.base.errors import InputError
 from pipeline.datasets.series import Record
-from pipeline.learning import cost
-from pipeline.learning.regressors import NETWORK_FILE, Spec, read_tensors
+from pipeline.learning import cost, weights
+from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling
-from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, run_epochs
+from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, new_network, run_epochs
 
 
 def build(spec: Spec, *, filters: Width, taps: Taps, units: Width, training: StretchTraining) -> "HighpassLstm":
-    """`filters` filters of `taps` samples, an LSTM of `units`, a linear read-out."""
+    """Return the untrained network: `filters` filters of `taps` samples, an LSTM of `units`, a linear read-out."""
     return HighpassLstm(spec, filters, taps, units, training)
 
 
@@ -53,14 +52,14 @@ class _Network(nn.Module):
         return self.readout(latent), state
 
     def macs(self, x: torch.Tensor) -> int:
-        """Multiply-accumulates: filters, the LSTM's matrices and the read-out, for every sample of x."""
+        """Return the multiply-accumulates for x: filters, the LSTM's matrices and the read-out, for every sample."""
         samples = len(x) * (x.shape[1] - self.kernel.shape[2] + 1)
         lstm = self.lstm.weight_ih_l0.numel() + self.lstm.weight_hh_l0.numel()
         return samples * (self.kernel.numel() + lstm + self.readout.weight.numel())
 
 
 class HighpassLstm:
-    """The regressor; methods as all regressors for series have them (pipeline/learning/series_regressors.py)."""
+    """The regressor; methods as those of every model of series (pipeline/models/__init__.py)."""
 
     def __init__(self, spec: Spec, filters: int, taps: int, units: int, training: StretchTraining):
         self.spec, self.taps, self.training = spec, taps, training
@@ -75,20 +74,18 @@ class HighpassLstm:
     ) -> list[dict]:
         """Train on the training samples and keep the weights of the epoch with the least validation loss.
 
-        Returns a row an epoch (losses in mm squared, over counted samples). Raises InputError where the training
+        Returns one row per epoch (losses in mm squared, over counted samples). Raises InputError where the training
         part has no stretch of `length` samples.
         """
         t, self.scaling = self.training, Scaling(records)
         place = device_of(device)
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            self.network = _Network(*self.shape).to(place)
+        self.network = new_network(lambda: _Network(*self.shape), seed).to(place)
         x = torch.cat([self._padded(self.scaling.inputs(record.x)) for record in records]).to(place)
         y = torch.cat([self._padded(self.scaling.targets(record.y)) for record in records]).to(place)
         counted = np.concatenate([np.pad(record.counted, (self.taps - 1, 0)) for record in records])
         training = np.concatenate([np.pad(record.training, (self.taps - 1, 0)) for record in records])
         starts = torch.from_numpy(_starts(training, t.length))
-        weight = torch.from_numpy(counted).float().to(place)
+        counts = torch.from_numpy(counted).float().to(place)
         held = [self._held(record) for record in records if (record.counted & ~record.training).any()]
 
         optimiser = torch.optim.Adam(self.network.parameters(), lr=t.learning_rate)
@@ -100,30 +97,30 @@ class HighpassLstm:
         with_past, offsets = torch.arange(1 - self.taps, t.length), torch.arange(t.length)
 
         def run_epoch() -> Epoch:
-            total = samples = 0.0
+            total = scored = 0.0
             rate = schedule.get_last_lr()[0]
             for _ in range(updates):
                 first = starts[torch.randint(len(starts), (t.batch, 1), generator=draw)]
-                rows = (first + offsets).to(place)
+                samples = (first + offsets).to(place)
                 guess, _ = self.network(x[(first + with_past).to(place)])
-                weights = weight[rows]
-                weights[:, : t.warm_up] = 0
-                squares = ((guess - y[rows]).square().mean(2) * weights).sum()
-                loss = squares / weights.sum().clamp(min=1)
+                mask = counts[samples]
+                mask[:, : t.warm_up] = 0
+                squares = ((guess - y[samples]).square().mean(2) * mask).sum()
+                loss = squares / mask.sum().clamp(min=1)
                 optimiser.zero_grad()
                 loss.backward()
                 nn.utils.clip_grad_norm_(self.network.parameters(), t.clip)
                 optimiser.step()
                 schedule.step()
-                total, samples = total + float(squares.detach()), samples + float(weights.sum())
-            return Epoch(total / max(samples, 1) * self.scaling.squared_mm(), self._loss(held, place), rate)
+                total, scored = total + float(squares.detach()), scored + float(mask.sum())
+            return Epoch(total / max(scored, 1) * self.scaling.squared_mm(), self._loss(held, place), rate)
 
         history, self.summary = run_epochs(self.network, t.max_epochs, run_epoch, progress=progress)
         self.network.to("cpu")
         return history
 
     def predict(self, x: np.ndarray) -> np.ndarray:
-        """Outputs (T, outputs) in mm for a series of voltages (T, channels), from a zero state.
+        """Return outputs (T, outputs) in mm for a series of voltages (T, channels), from a zero state.
 
         Before the first sample, that sample is repeated.
         """
@@ -131,7 +128,7 @@ class HighpassLstm:
             return self.scaling.millimetres(self.network(self._padded(self.scaling.inputs(x))[None])[0][0])
 
     def step(self, x: np.ndarray) -> np.ndarray:
-        """Outputs (n, outputs) in mm for the next sample (n, channels) of n streams."""
+        """Return outputs (n, outputs) in mm for the next sample (n, channels) of n streams."""
         newest = self.scaling.inputs(x)[:, None]
         if self.recent is None or len(self.recent) != len(x):
             self.recent, self.state = newest.repeat(1, self.taps, 1), None
@@ -141,53 +138,47 @@ class HighpassLstm:
             return self.scaling.millimetres(guess[:, 0])
 
     def save(self, folder: Path) -> None:
-        """Weights and scaling as safetensors in `folder` (which exists)."""
-        tensors = {f"network.{name}": value.contiguous() for name, value in self.network.state_dict().items()}
-        save_file(tensors | self.scaling.tensors, Path(folder) / NETWORK_FILE)
+        """Write weights and scaling to `folder` (which exists), as safetensors."""
+        weights.save(folder, weights.grouped("network", self.network.state_dict()) | self.scaling.tensors)
 
     def load(self, folder: Path) -> None:
-        """Take weights and scaling from `folder`; InputError if absent, damaged or of other settings."""
-        tensors = read_tensors(folder)
-        try:
-            self.network.load_state_dict(
-                {name.removeprefix("network."): value for name, value in tensors.items() if "." in name}
-            )
-        except RuntimeError as error:
-            raise InputError(f"{folder}: was saved by a model with other settings; train the model again") from error
-        self.scaling = Scaling.loaded({name: value for name, value in tensors.items() if "." not in name})
+        """Read weights and scaling from `folder`; InputError if absent, damaged or of other settings."""
+        tensors = weights.read(folder)
+        weights.load_network(self.network, tensors, folder)
+        self.scaling = Scaling.loaded(tensors, folder)
         self.recent = self.state = None
 
     def parameters(self) -> int:
-        """Number of trainable parameters. One weight a filter and channel is without effect: it is its mean."""
+        """Return the number of trainable parameters; one per filter and channel has no effect, the mean over time."""
         return cost.parameters(self.network)
 
     def macs(self) -> int:
-        """Multiply-accumulates for one sample."""
+        """Return the multiply-accumulates for one sample."""
         return cost.multiply_accumulates(self.network, torch.zeros(1, self.taps, self.spec.elements))
 
     def _padded(self, values: torch.Tensor) -> torch.Tensor:
-        """(T, columns) with the first row repeated taps - 1 times before it."""
+        """Return values (T, columns) with the first row repeated taps - 1 times before it."""
         return torch.cat([values[:1].expand(self.taps - 1, -1), values])
 
     def _held(self, record: Record) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Inputs, outputs and mask of the validation part, with a stretch before it in which the state builds up."""
+        """Return inputs, outputs and mask of the validation part, after a stretch in which the state builds up."""
         first = max(0, int(np.argmin(record.training)) - self.training.length)
-        own = torch.from_numpy((record.counted & ~record.training)[first:])
-        return self._padded(self.scaling.inputs(record.x[first:]))[None], self.scaling.targets(record.y[first:]), own
+        mask = torch.from_numpy((record.counted & ~record.training)[first:])
+        return self._padded(self.scaling.inputs(record.x[first:]))[None], self.scaling.targets(record.y[first:]), mask
 
     def _loss(self, held: list[tuple], place: torch.device) -> float | None:
-        """Mean squared error over the validation part in mm squared; None without one."""
+        """Return the mean squared error over the validation part in mm squared; None without a validation part."""
         squares, samples = 0.0, 0
         with torch.no_grad():
-            for x, y, own in held:
+            for x, y, mask in held:
                 guess = self.network(x.to(place))[0][0].cpu()
-                squares += float((guess - y)[own].square().mean(1).sum())
-                samples += int(own.sum())
+                squares += float((guess - y)[mask].square().mean(1).sum())
+                samples += int(mask.sum())
         return squares / samples * self.scaling.squared_mm() if samples else None
 
 
 def _starts(training: np.ndarray, length: int) -> np.ndarray:
-    """Rows from which `length` rows are all training; training (T,) bool. InputError where there is none."""
+    """Return the samples from which `length` samples are all training; training (T,) bool. InputError if none is."""
     sums = np.concatenate([[0], np.cumsum(training)])
     starts = np.flatnonzero(sums[length:] - sums[:-length] == length) if len(training) >= length else []
     if not len(starts):

@@ -1,23 +1,23 @@
-"""Transfer (latent-space paper, section III-B): the recurrent part of model-0, frozen; the read-out trained by Adam."""
+"""Build transfer (latent-space paper, section III-B): model-0's recurrent part, frozen; a read-out trained by Adam."""
 
 import torch
 
 from pipeline.base.blocks import SequenceTraining
 from pipeline.datasets.series import Record
+from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec
-from pipeline.learning.series_regressors import LstmRegressor
 
 
 def build(spec: Spec, *, training: SequenceTraining) -> "Transfer":
-    """Read-out of model-0's 50 states: 50 trained parameters for one output, 100 for two."""
+    """Return the model before transfer; 50 states are 50 trained parameters for one output, 100 for two."""
     return Transfer(spec, 1, training, transfer=True)
 
 
 class Transfer(LstmRegressor):
-    """Draws the read-out's start from `seed` too: its size is known only once model-0 has been read."""
+    """An LstmRegressor whose read-out starts from `seed`, too: model-0, read in `fit`, gives the read-out's size."""
 
-    def fit(self, records: list[Record], *, seed: int, **how) -> list[dict]:
-        """As LstmRegressor.fit."""
+    def fit(self, records: list[Record], *, seed: int, **options) -> list[dict]:
+        """Train the read-out; arguments and result as for LstmRegressor.fit."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            return super().fit(records, seed=seed, **how)
+            return super().fit(records, seed=seed, **options)

@@ -1,4 +1,4 @@
-"""MobileNet, version 1, width 1.0 (Howard et al. 2017, table 1; a row of the SP-ResNet paper's Table 1)."""
+"""Build MobileNet, version 1, width 1.0 (Howard et al. 2017, table 1; a row of the SP-ResNet paper's Table 1)."""
 
 from torch import nn
 
@@ -13,7 +13,9 @@ SHRINKING = 32  # an image's side over that of the last map
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
-    """On 1x32x32 images of 16 objects: 3,222,800 parameters; the last pair sees maps of one pixel.
+    """Return the untrained network; 3,222,800 parameters on 1x32x32 images of 16 objects.
+
+    The last pair sees maps of one pixel.
 
     Differs from paper: the counts printed there are those of 3x224x224 images and 1000 classes; this one sees the
     same images as every other model.
@@ -22,9 +24,11 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
 
 
 def network(channels: int, classes: int, side: int) -> nn.Sequential:
-    """From images (n, channels, side, side) to scores (n, classes); 3 channels, 1000 classes: 4,231,976 parameters.
+    """Return a network from images (n, channels, side, side) to scores (n, classes).
 
-    The average pool has a fixed size, as in Howard et al.: the printed count takes it for 1 an output.
+    With 3 channels and 1000 classes it has 4,231,976 parameters.
+
+    The average pool has a fixed size, as in Howard et al.: the printed count takes it for 1 per output.
     """
     layers = _convolution(channels, 32, 3, stride=2)
     width = 32
@@ -37,5 +41,6 @@ def network(channels: int, classes: int, side: int) -> nn.Sequential:
 
 
 def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> list[nn.Module]:
+    """Return a convolution without bias, its batch normalisation and ReLU; the map keeps its size / stride."""
     convolution = nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, groups=groups, bias=False)
     return [convolution, nn.BatchNorm2d(outputs), nn.ReLU(inplace=True)]

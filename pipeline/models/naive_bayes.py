@@ -1,17 +1,20 @@
-"""Gaussian naive Bayes on the pixels (SP-ResNet paper, Table 1): every pixel normal, given the object."""
+"""Build Gaussian naive Bayes on the pixels (SP-ResNet paper, Table 1): every pixel normal, given the object."""
 
 import numpy as np
 from sklearn.naive_bayes import GaussianNB
 
 from pipeline.base.blocks import Positive
-from pipeline.learning.regressors import SklearnRegressor, Spec
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec
 
 
 def build(spec: Spec, *, smoothing: Positive) -> SklearnRegressor:
-    """On 1x32x32 images of 16 objects 32,784 fitted numbers: mean and variance a pixel and object, and 16 priors.
+    """Return the unfitted model; 32,784 fitted numbers on 1x32x32 images of 16 objects.
+
+    They are a mean and a variance per pixel and object, and 16 priors.
 
     `smoothing`: added to all variances, in units of the largest variance of a pixel; above 0, because a pixel that
-    is not wired never varies. Multiply-accumulates: a square and a weighting a pixel and object.
+    is not wired never varies. Multiply-accumulates: a square and a weighting per pixel and object.
     Differs from paper: it does not say which naive Bayes; pixels are numbers, so the normal one.
     """
     return SklearnRegressor(
@@ -27,12 +30,12 @@ class OneHotNaiveBayes(GaussianNB):
     """GaussianNB whose labels are one-hot (n, classes) and whose predictions are probabilities (n, classes)."""
 
     def fit(self, x: np.ndarray, y: np.ndarray) -> "OneHotNaiveBayes":
-        """Fit to x (n, pixels); a class without an image gets no distribution."""
+        """Fit to x (n, pixels) and one-hot y (n, classes); a class without an image gets no distribution."""
         self.width_ = y.shape[1]
         return super().fit(x, y.argmax(1))
 
     def predict(self, x: np.ndarray) -> np.ndarray:
-        """Probability of each class (n, classes) for x (n, pixels); 0 for a class that `fit` never saw."""
+        """Return the probability of each class (n, classes) for x (n, pixels); 0 for a class that `fit` never saw."""
         probability = np.zeros((len(x), self.width_))
         probability[:, self.classes_] = self.predict_proba(x)
         return probability

@@ -1,4 +1,4 @@
-"""Polynomial regression (LoMP paper, Table I): all products of the last frame's values, ridge read-out."""
+"""Build polynomial regression (LoMP paper, Table I): ridge regression on all products of the last frame's values."""
 
 from math import comb
 
@@ -7,11 +7,12 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from pipeline.base.blocks import Degree, NotNegative
-from pipeline.learning.regressors import SklearnRegressor, Spec
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec
 
 
 def build(spec: Spec, *, degree: Degree, ridge: NotNegative) -> SklearnRegressor:
-    """Degree 2 of 25 elements gives 350 features and the intercept: 140,400 fitted numbers.
+    """Return the unfitted model; degree 2 of 25 elements gives 350 features and the intercept: 140,400 fitted numbers.
 
     Double touch is where it must fail: products of two elements that are not neighbours were never far from zero
     in training, so their weights are free. Clipping these products alone to their training range takes the

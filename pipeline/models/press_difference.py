@@ -1,9 +1,9 @@
-"""Yardstick of the recorded strain sensors: extra trees on a hand-made difference, pressed minus at rest.
+"""Build the yardstick of the recorded strain sensors: extra trees on a hand-made difference, pressed minus at rest.
 
-A press is found in the voltages themselves: it began with the largest step of the last `press` samples. The mean
-of what came after that step, minus the mean of the two samples before it (leaving one out that the step may have
-caught half-way), is free of any offset. That a step happens and how long a press may last is knowledge of this
-experiment; no network is told it. A prediction uses the past alone.
+The voltages themselves say when a press began: with the largest step of the last `press` samples. The mean of the
+samples after that step, minus the mean of two samples before the step (leaving one out that the step may have caught
+half-way), is free of any offset. That a step happens and how long a press may last is knowledge of this experiment,
+which no network is given. A prediction uses the past alone.
 """
 
 import warnings
@@ -17,16 +17,18 @@ from sklearn.pipeline import make_pipeline
 from pipeline.base.blocks import Count
 from pipeline.base.errors import InputError
 from pipeline.datasets.series import Record
-from pipeline.learning.regressors import SklearnRegressor, Spec
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Windowed
 
 REST = (2, 3)  # samples before the first one after the step
 
 
 def build(spec: Spec, *, press: Count, trees: Count, min_samples_leaf: Count) -> "PressDifference":
-    """`press`: within how many samples the step is looked for, almost the length of a press.
+    """Return the unfitted model; `press`: within how many samples the step is looked for, almost a press's length.
 
-    Fitted numbers: one threshold an inner node, the outputs of every leaf. No multiply-accumulates: trees compare.
+    Fitted numbers: one threshold per inner node, the outputs of every leaf. No multiply-accumulates: trees compare.
+    Raises InputError where windows are too short for `press`.
     """
     needed = press + max(REST)
     if press < 1 or needed > spec.frames:
@@ -50,14 +52,14 @@ def build(spec: Spec, *, press: Count, trees: Count, min_samples_leaf: Count) ->
 
 
 class PressDifference(Windowed):
-    """Fitted without the first half of every press, where the arm is still moving down."""
+    """Windowed trees that are fitted without the first half of every press, where the arm is still moving down."""
 
-    def fit(self, records: list[Record], **how) -> list[dict]:
-        """As Windowed.fit."""
-        late = [one._replace(counted=one.counted & ~_first_half(one.press)) for one in records]
+    def fit(self, records: list[Record], **options) -> list[dict]:
+        """Fit to the second half of every press; arguments and result as for Windowed.fit."""
+        late = [record._replace(counted=record.counted & ~_first_half(record.press)) for record in records]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DataConversionWarning)  # a column of one output is what we mean
-            return super().fit(late, **how)
+            return super().fit(late, **options)
 
 
 class Difference(TransformerMixin, BaseEstimator):
@@ -68,17 +70,17 @@ class Difference(TransformerMixin, BaseEstimator):
         self.channels = channels
 
     def fit(self, x: np.ndarray, y=None) -> "Difference":
-        """Nothing to learn."""
+        """Return self: there is nothing to learn."""
         self.fitted_ = True
         return self
 
     def transform(self, x: np.ndarray) -> np.ndarray:
-        """The difference of every window."""
+        """Return the difference (n, channels) of every window x (n, frames * channels)."""
         newest_first = x.reshape(len(x), -1, self.channels)[:, ::-1].astype(np.float64)
         steps = np.square(newest_first[:, : self.press] - newest_first[:, 1 : self.press + 1]).sum(2)
         first = steps.argmax(1)  # how long ago the first sample after the step was
-        rows = np.arange(len(x))
-        rest = np.mean([newest_first[rows, first + before] for before in REST], axis=0)
+        every = np.arange(len(x))
+        rest = np.mean([newest_first[every, first + before] for before in REST], axis=0)
         # The first sample after the step may be half-way, too: it counts only where it is the newest.
         after = np.arange(self.press) <= np.maximum(first - 1, 0)[:, None]
         pressed = np.einsum("nk,nkc->nc", after, newest_first[:, : self.press]) / after.sum(1, keepdims=True)
@@ -86,10 +88,10 @@ class Difference(TransformerMixin, BaseEstimator):
 
 
 def _first_half(press: np.ndarray) -> np.ndarray:
-    """(T,) bool: samples in the first half of a press."""
+    """Return (T,) bool: samples in the first half of a press; press (T,): number of the press, or negative."""
     first = np.zeros(len(press), dtype=bool)
-    rows = np.flatnonzero(press >= 0)
-    _, start, size = np.unique(press[rows], return_index=True, return_counts=True)
-    for one, count in zip(start, size, strict=True):
-        first[rows[one : one + count // 2]] = True
+    pressed = np.flatnonzero(press >= 0)
+    _, starts, sizes = np.unique(press[pressed], return_index=True, return_counts=True)
+    for start, size in zip(starts, sizes, strict=True):
+        first[pressed[start : start + size // 2]] = True
     return first

@@ -1,4 +1,4 @@
-"""RBF-Net (LoMP paper, Table I, its reference 17): Gaussian units around k-means centres, ridge read-out."""
+"""Build the RBF-Net of the LoMP paper (Table I, its reference 17): Gaussians at k-means centres, ridge read-out."""
 
 import numpy as np
 from sklearn.base import BaseEstimator, TransformerMixin
@@ -9,11 +9,14 @@ from sklearn.preprocessing import StandardScaler
 
 from pipeline.base.blocks import Count, NotNegative, Positive
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import SklearnRegressor, Spec
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec
 
 
 def build(spec: Spec, *, centres: Count, width: Positive, ridge: NotNegative) -> SklearnRegressor:
-    """500 centres on 200 inputs (100,000) and a read-out to 400 outputs (200,400): 300,400 fitted numbers.
+    """Return the unfitted model; 300,400 fitted numbers for 500 centres on 200 inputs and 400 outputs.
+
+    They are 100,000 of the centres and 200,400 of the read-out.
 
     `width`: width of all Gaussians in units of the mean distance from a centre to its nearest neighbour.
     `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
@@ -50,9 +53,10 @@ class GaussianFeatures(TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, x: np.ndarray) -> np.ndarray:
-        """Activations (n, centres), each between 0 and 1."""
+        """Return activations (n, centres), each between 0 and 1, for x (n, inputs)."""
         return np.exp(self._squares(x) / (-2 * self.width_**2))
 
     def _squares(self, x: np.ndarray) -> np.ndarray:
+        """Return squared distances (n, centres) from x (n, inputs) to the centres."""
         squares = np.square(x).sum(1)[:, None] - 2 * x @ self.centres_.T + np.square(self.centres_).sum(1)
         return np.maximum(squares, 0)  # rounding can leave -1e-12

@@ -1,4 +1,4 @@
-"""ResNet-18 (He et al. 2016, table 1; SP-ResNet paper, Table 1, its model to be made lighter)."""
+"""Build ResNet-18 (He et al. 2016, table 1; SP-ResNet paper, Table 1: the network that SP-ResNet makes lighter)."""
 
 from torch import nn
 
@@ -9,7 +9,9 @@ from pipeline.learning.residual_blocks import BasicBlock
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
-    """On 1x32x32 images of 16 objects: 11,178,448 parameters; the last block sees maps of one pixel.
+    """Return the untrained network; 11,178,448 parameters on 1x32x32 images of 16 objects.
+
+    The last block sees maps of one pixel.
 
     Differs from paper: the counts printed there are those of 3x224x224 images and 1000 classes; this one sees the
     same images as every other model.
@@ -18,7 +20,10 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
 
 
 def network(channels: int, classes: int) -> nn.Sequential:
-    """From images (n, channels, rows, cols) to scores (n, classes); 3 channels, 1000 classes: 11,689,512 parameters."""
+    """Return a network from images (n, channels, rows, cols) to scores (n, classes).
+
+    With 3 channels and 1000 classes it has 11,689,512 parameters.
+    """
     layers = [
         nn.Conv2d(channels, 64, 7, stride=2, padding=3, bias=False),
         nn.BatchNorm2d(64),

@@ -1,4 +1,4 @@
-"""ResNet_3x3 (Sundaram et al. 2019, the STAG glove; SP-ResNet paper, Table 1): ResNet-18's first half, 3x3 stem."""
+"""Build ResNet_3x3 (Sundaram et al. 2019, the STAG glove; SP-ResNet paper, Table 1): half of ResNet-18, 3x3 stem."""
 
 from torch import nn
 
@@ -9,7 +9,7 @@ from pipeline.learning.residual_blocks import BasicBlock
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
-    """On 1x32x32 images of 16 objects: 676,304 parameters.
+    """Return the untrained network; 676,304 parameters on 1x32x32 images of 16 objects.
 
     Differs from paper: its counts are those of `trunk`. Sundaram et al. also have a dropout of channels (0.2) after
     the second block and a 1x1 convolution that joins the trunks of several frames; here there is one frame.
@@ -18,12 +18,15 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
 
 
 def network(channels: int, classes: int) -> nn.Sequential:
-    """From images (n, channels, rows, cols) to scores (n, classes)."""
+    """Return a network from images (n, channels, rows, cols) to scores (n, classes)."""
     return nn.Sequential(trunk(channels), nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Linear(128, classes))
 
 
 def trunk(channels: int) -> nn.Sequential:
-    """From images (n, channels, rows, cols) to features (n, 128, rows / 4, cols / 4); 1 channel: 674,240 parameters."""
+    """Return a network from images (n, channels, rows, cols) to features (n, 128, rows / 4, cols / 4).
+
+    With 1 channel it has 674,240 parameters.
+    """
     return nn.Sequential(
         nn.Conv2d(channels, 64, 3, padding=1, bias=False),
         nn.BatchNorm2d(64),

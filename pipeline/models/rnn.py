@@ -1,4 +1,4 @@
-"""RNN (LoMP paper, Table I, its reference 18): an LSTM over the frames, read out from its last state."""
+"""Build the RNN of the LoMP paper (Table I, its reference 18): an LSTM over frames, read out from its last state."""
 
 import torch
 from torch import nn
@@ -8,11 +8,13 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, layers: Layers, hidden: Width, training: EarlyStopping) -> TorchRegressor:
-    """LSTM 2 x 128 on (8, 25), linear 128-400: 263,056 parameters."""
+    """Return the untrained network; LSTM 2 x 128 on (8, 25) and linear 128-400 are 263,056 parameters."""
     return TorchRegressor(lambda: _Lstm(spec, layers, hidden), spec, training)
 
 
 class _Lstm(nn.Module):
+    """Normalised windows (n, frames, elements) to normalised maps (n, outputs)."""
+
     def __init__(self, spec: Spec, layers: int, hidden: int):
         super().__init__()
         self.lstm = nn.LSTM(spec.elements, hidden, layers, batch_first=True)

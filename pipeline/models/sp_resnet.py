@@ -1,4 +1,4 @@
-"""SP-ResNet (SP-ResNet paper, section 2.3): separable residual blocks with attention to rows and columns."""
+"""Build SP-ResNet (SP-ResNet paper, section 2.3): separable residual blocks with attention to rows and columns."""
 
 from torch import nn
 
@@ -9,9 +9,10 @@ from pipeline.learning.residual_blocks import separable_network
 
 
 def build(spec: Spec, *, reduction: Reduction, training: AugmentedTraining) -> ImageClassifier:
-    """On 1x32x32 images of 16 objects: 99,224 parameters at reduction 16, 106,976 at 8, 215,504 at 1.
+    """Return the untrained network.
 
-    `reduction`: a block's channels over those of the attention's bottleneck. Raises InputError below 1 and above 64.
+    On 1x32x32 images of 16 objects it has 99,224 parameters at reduction 16, 106,976 at 8 and 215,504 at 1.
+    `reduction`: a block's channels per channel of the attention's bottleneck. Raises InputError below 1 and above 64.
     Differs from paper: the text does not give the reduction, and with none of them do its counts for 1000 classes
     (16.332e6 multiply-accumulates, 3.26e5 parameters) come out: the attention as Hou et al. 2021 define it gives
     12.7e6 to 14.7e6 and 2.26e5 to 3.42e5 (reduction 16 to 1). As many classes as there are objects.
@@ -20,5 +21,5 @@ def build(spec: Spec, *, reduction: Reduction, training: AugmentedTraining) -> I
 
 
 def network(channels: int, classes: int, reduction: int) -> nn.Sequential:
-    """From images (n, channels, rows, cols) to scores (n, classes)."""
+    """Return a network from images (n, channels, rows, cols) to scores (n, classes)."""
     return separable_network(channels, classes, reduction)

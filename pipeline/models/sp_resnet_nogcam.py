@@ -1,4 +1,4 @@
-"""SP-ResNet without its attention (SP-ResNet paper, section 2.3 and Table 1, "deleted GCAM")."""
+"""Build SP-ResNet without its attention (SP-ResNet paper, section 2.3 and Table 1, "deleted GCAM")."""
 
 from torch import nn
 
@@ -9,7 +9,7 @@ from pipeline.learning.residual_blocks import separable_network
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
-    """On 1x32x32 images of 16 objects: 90,704 parameters.
+    """Return the untrained network; 90,704 parameters on 1x32x32 images of 16 objects.
 
     Differs from paper: as many classes as there are objects; figure 11a and the printed counts have 1000.
     """
@@ -17,5 +17,8 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
 
 
 def network(channels: int, classes: int) -> nn.Sequential:
-    """From images (n, channels, rows, cols) to scores (n, classes); 1 channel, 1000 classes: 217,640 parameters."""
+    """Return a network from images (n, channels, rows, cols) to scores (n, classes).
+
+    With 1 channel and 1000 classes it has 217,640 parameters.
+    """
     return separable_network(channels, classes)

@@ -1,15 +1,16 @@
-"""Decision tree regression (LoMP paper, Table I): one tree, a whole map in every leaf."""
+"""Build decision tree regression (LoMP paper, Table I): one tree, a whole map in every leaf."""
 
 from sklearn.tree import DecisionTreeRegressor
 
 from pipeline.base.blocks import Count, Share
-from pipeline.learning.regressors import SklearnRegressor, Spec
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec
 
 
 def build(spec: Spec, *, min_samples_leaf: Count, max_features: Share) -> SklearnRegressor:
-    """A tree that tries the share `max_features` of the inputs (drawn by the seed) at every split.
+    """Return a tree that tries the share `max_features` of the inputs (drawn by the seed) at every split.
 
-    Fitted numbers: one threshold an inner node and one map a leaf, so a tree of one leaf counts as much as
+    Fitted numbers: one threshold per inner node and one map per leaf, so a tree of one leaf counts as much as
     the constant model. No multiply-accumulates: a tree only compares. No scaling: it would change nothing.
     """
     return SklearnRegressor(

@@ -12,9 +12,9 @@ from pipeline.scoring import results
 
 CODE = Path(__file__).resolve().parents[1]
 FITTING = {
-    "train": "regressors",
-    "train_series": "series_regressors",
-    "train_images": "image_classifier",
+    "train": ["regressors"],
+    "train_series": ["lstm", "series_regressors"],
+    "train_images": ["image_classifier"],
 }  # by training stage
 
 
@@ -29,7 +29,7 @@ def read(experiment: str, settings: dict) -> tuple[results.Scores, dict, pyarrow
 def own_differences(experiment: str, settings: dict) -> list[tuple[str, str]]:
     """The differences from its paper in the files of one experiment."""
     shared = [
-        f"learning/{FITTING[params.training_stage(experiment)]}",
+        *(f"learning/{file}" for file in FITTING[params.training_stage(experiment)]),
         f"experiments/{experiment}",
         f"scenes/{experiment}",
     ]

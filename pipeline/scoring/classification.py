@@ -1,4 +1,4 @@
-"""Scores of naming one of several objects: accuracy, macro precision, and the confusion matrix behind them."""
+"""Score the naming of one of several objects: accuracy, macro precision, and the confusion matrix behind them."""
 
 import numpy as np
 
@@ -8,11 +8,13 @@ MOST_FRAMES = 8  # whose scores are averaged (figure 15)
 
 
 def scores(truth: np.ndarray, predicted: np.ndarray) -> list[Row]:
-    """accuracy and macro_precision (fractions); truth, predicted: (n, classes), one-hot and a score a class.
+    """Return accuracy and macro_precision (fractions).
+
+    truth: (n, classes), one-hot; predicted: (n, classes), a score per class.
 
     * accuracy: share of images whose highest score is the object's.
-    * macro_precision: mean over classes of the share of images given that name that are it (the paper's
-      "precision"); a class that no image is given counts as 0.
+    * macro_precision: mean over classes of the share of the images named so that are of the class (the paper's
+      "precision"); a class whose name no image was given counts as 0.
     """
     table = confusion(truth, predicted)
     right, named = np.diag(table), table.sum(axis=0)
@@ -22,24 +24,24 @@ def scores(truth: np.ndarray, predicted: np.ndarray) -> list[Row]:
 
 
 def confusion(truth: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """(classes, classes) number of images of class i that were named j; arguments as for `scores`."""
+    """Return (classes, classes): the number of images of class i that were named j; arguments as for `scores`."""
     classes = truth.shape[1]
     pairs = truth.argmax(axis=1) * classes + predicted.argmax(axis=1)
     return np.bincount(pairs, minlength=classes**2).reshape(classes, classes)
 
 
 def by_frames(predicted: np.ndarray, group: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """The mean score over `frames` images of each group (figure 15): (first rows (m,), scores (m, classes)).
+    """Return the mean scores over sets of `frames` images (figure 15): (first rows (m,), scores (m, classes)).
 
-    predicted: (n, classes); group: (n,) number of each image's recording. The images of a group are taken in as
-    many sets of `frames` as there are, each spread evenly over the recording; what is left over is not used.
+    predicted: (n, classes); group: (n,) number of each image's recording. The images of a recording make as many sets
+    of `frames` as they fill, each spread evenly over the recording; images left over are not used.
     """
     rows, means = [], []
-    for one in np.unique(group):
-        own = np.flatnonzero(group == one)
-        sets = len(own) // frames
+    for recording in np.unique(group):
+        images = np.flatnonzero(group == recording)
+        sets = len(images) // frames
         for k in range(sets):
-            picked = own[k::sets][:frames]
+            picked = images[k::sets][:frames]
             rows.append(picked[0])
             means.append(predicted[picked].mean(axis=0))
     return np.array(rows, dtype=int), np.array(means).reshape(-1, predicted.shape[1])

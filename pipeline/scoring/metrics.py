@@ -1,4 +1,4 @@
-"""Scores: one function an experiment, named like it, from truth and prediction to rows of scores.csv."""
+"""Score predictions: one function per experiment, of its name, from truth and prediction to rows of scores.csv."""
 
 from collections.abc import Iterable, Mapping
 
@@ -9,19 +9,19 @@ from scipy.ndimage import maximum_filter
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.series import Record
 
-LOWEST_PEAK_KPA = 15.0  # half the smallest peak pressure of the data: less does not count as a touch found
-POOLED = {"velostat_recorded": ("all",)}  # all test windows of a run, if of several conditions
+LOWEST_PEAK_KPA = 15.0  # half the smallest peak pressure of the data: a lower peak does not count as a touch
+POOLED = {"velostat_recorded": ("all",)}  # experiment -> name of all test windows of a run together
 
 Row = tuple[str, str, float, int]  # metric, unit, value, number of windows or touches
 
 
 def unless_failed(rows: Iterable[Row], failed: bool) -> list[Row]:
-    """Rows of scores, with NaN as value where training diverged before any usable epoch (`failed`)."""
+    """Return rows of scores, with NaN as value where training diverged before any usable epoch (`failed`)."""
     return [(metric, unit, float("nan") if failed else value, n) for metric, unit, value, n in rows]
 
 
 def overall(truth: np.ndarray, predicted: np.ndarray, unit: str) -> list[Row]:
-    """RMSE and R2 over all outputs of all windows; truth, predicted: (n, outputs) in `unit`."""
+    """Return RMSE and R2 over all outputs of all windows; truth, predicted: (n, outputs) in `unit`."""
     error = predicted.astype(np.float64) - truth
     total = np.square(truth - truth.mean(dtype=np.float64), dtype=np.float64).sum()
     r2 = float(1 - np.square(error).sum() / total) if total > 0 else float("nan")
@@ -29,16 +29,16 @@ def overall(truth: np.ndarray, predicted: np.ndarray, unit: str) -> list[Row]:
 
 
 def velostat_recorded(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
-    """RMSE in N and R2 of force; truth, predicted: (n, 1) in N."""
+    """Return RMSE in N and R2 of force; truth, predicted: (n, 1) in N."""
     return overall(truth, predicted, "N")
 
 
 def series(record: Record, predicted: np.ndarray, outputs: tuple[int, ...]) -> list[Row]:
-    """Scores of one run on the test samples of one recording; record: T samples, predicted: (T, outputs) in mm.
+    """Return scores of one run on the test samples of one recording; record: T samples, predicted: (T, outputs) in mm.
 
     * error: mean absolute error for one output, mean Euclidean distance for more (latent-space paper, Table I).
-    * r2, and r2_x, r2_y, r2_z: share of variance explained, all outputs together and each.
-    * press_error, press_r2_x, ...: the same of each press, predicted as the mean over the second half of its
+    * r2, and r2_x, r2_y, r2_z: share of variance explained, for all outputs together and for each.
+    * press_error, press_r2_x, ...: the same per press, predicted as the mean over the second half of the press's
       samples; only where presses are known.
     """
     counted = record.counted
@@ -54,6 +54,7 @@ def series(record: Record, predicted: np.ndarray, outputs: tuple[int, ...]) -> l
 
 
 def _distances(truth: np.ndarray, guess: np.ndarray, outputs: tuple[int, ...], prefix: str) -> list[Row]:
+    """Return error and R2 of positions (n, outputs) in mm; `prefix` starts the names of the metrics."""
     error = guess - truth
     distance = np.abs(error[:, 0]) if len(outputs) == 1 else np.linalg.norm(error, axis=1)
     spread = np.square(truth - truth.mean(axis=0)).sum(axis=0)
@@ -66,10 +67,10 @@ def _distances(truth: np.ndarray, guess: np.ndarray, outputs: tuple[int, ...], p
 
 
 def touch(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
-    """Scores of one run on the windows of one condition.
+    """Return scores of one run on the windows of one condition.
 
     truth, predicted: (n, map_rows * map_cols) in kPa.
-    * rmse: over all cells of all windows, as Table I of the paper.
+    * rmse: over all cells of all windows, as in the LoMP paper's Table I.
     * r2: share of the variance over all cells and windows that is explained.
     * peak_error: mean over touches of |largest predicted value near the touch - true pressure|; near = within
       one element pitch; n counts touches above touch.window.contact_threshold_n.
@@ -104,13 +105,13 @@ def touch(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings:
     distance = away.reshape(len(window), -1)[picked, largest]
     rows.append(("location_error", "mm", float(np.mean(distance)) if len(window) else missing, len(window)))
     in_contact = touched.any(axis=1)
-    found = peak_count(maps[in_contact], LOWEST_PEAK_KPA) == touched[in_contact].sum(axis=1)
-    rows.append(("touches_found", "1", float(np.mean(found)) if len(found) else missing, int(in_contact.sum())))
+    right = peak_count(maps[in_contact], LOWEST_PEAK_KPA) == touched[in_contact].sum(axis=1)
+    rows.append(("touches_found", "1", float(np.mean(right)) if len(right) else missing, int(in_contact.sum())))
     return rows
 
 
 def peak_count(maps: np.ndarray, lowest: float) -> np.ndarray:
-    """(n,) number of cells of maps (n, rows, cols) that are at least `lowest` and the largest of 5 x 5 cells.
+    """Return (n,): the number of cells of maps (n, rows, cols) that are at least `lowest` and the largest of 5 x 5.
 
     5 x 5: two touches closer than 3 cells (9 mm) would be one blob, their Gaussians having sigma = 1 cell.
     """

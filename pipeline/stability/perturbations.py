@@ -1,10 +1,10 @@
-"""What goes wrong with a sensor after training: readings in, perturbed readings out.
+"""Perturb a sensor's readings as faults after training would: readings in, perturbed readings out.
 
 Readings are float arrays (..., frames, elements) in the sensor's own units (ADC counts, volts); frames follow one
 another in time along axis -2, leading axes are windows. Every function returns a new array of the same kind; severity 0
 returns the readings unchanged. With the same generator, a higher severity is the same draw scaled, or the same
-elements and some more, so that errors at two severities compare. Readings are not clipped to the sensor's range: that
-is the caller's, who knows it.
+elements and some more, so that errors at two severities compare. Readings are not clipped to the sensor's range: the
+caller knows the range and clips.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,23 +18,24 @@ from pipeline.base.errors import InputError
 def planned(
     experiment: str, settings: Mapping, given: Mapping[str, list], readings: Sequence[str], scenes: Sequence[str]
 ) -> dict[str, list]:
-    """Perturbation -> severities of params.yaml, rising; those of the scene only where the scene is simulated.
+    """Return perturbation -> rising severities of an experiment; scene perturbations only where data are simulated.
 
-    settings: the experiment's block. Recordings have no scene. Raises InputError for an unknown name.
+    settings: the experiment's block; given: perturbation -> severities of params.yaml; readings, scenes: known names of
+    perturbations of readings and of scenes. Recordings have no scene. Raises InputError for an unknown name.
     """
     known = (*readings, *(scenes if "simulate" in settings else ()))
     params.check_known(given, known, f"stress.{experiment}.perturbations")
     simulated = settings.get("source") == "simulated"
-    return {name: sorted(own) for name, own in given.items() if simulated or name not in scenes}
+    return {name: sorted(severities) for name, severities in given.items() if simulated or name not in scenes}
 
 
 def noise(readings: np.ndarray, severity: float, rng: np.random.Generator, *, span: float) -> np.ndarray:
-    """White noise of standard deviation severity * span on every reading; span: the sensor's range, in its units."""
+    """Add white noise of standard deviation severity * span; span: the sensor's range, in the readings' units."""
     return _same_kind(readings, readings + severity * span * rng.standard_normal(readings.shape))
 
 
 def gain_drift(readings: np.ndarray, severity: float, rng: np.random.Generator, *, rest: np.ndarray) -> np.ndarray:
-    """Each element's response, readings - rest, times exp(severity N(0, 1)); rest: (elements,), readings unpressed."""
+    """Multiply each element's response, readings - rest, by exp(severity N(0, 1)); rest: (elements,) unpressed."""
     if severity == 0:
         return readings.copy()  # (readings - rest) + rest is not exact
     gain = np.exp(severity * rng.standard_normal(readings.shape[-1]))
@@ -42,19 +43,19 @@ def gain_drift(readings: np.ndarray, severity: float, rng: np.random.Generator, 
 
 
 def offset_drift(readings: np.ndarray, severity: float, rng: np.random.Generator, *, span: float) -> np.ndarray:
-    """Each element shifted by severity * span * N(0, 1), the same in all frames."""
+    """Shift each element by severity * span * N(0, 1), the same in all frames; span as for `noise`."""
     return _same_kind(readings, readings + severity * span * rng.standard_normal(readings.shape[-1]))
 
 
 def dead(readings: np.ndarray, severity: int, rng: np.random.Generator, *, low: float | np.ndarray) -> np.ndarray:
-    """`severity` elements, drawn once, read `low` in all frames."""
+    """Make `severity` elements, drawn once, read `low` in all frames; low: in the readings' units."""
     result = readings.copy()
     result[..., _drawn(severity, readings.shape[-1], rng)] = low
     return result
 
 
 def stuck(readings: np.ndarray, severity: int, rng: np.random.Generator) -> np.ndarray:
-    """`severity` elements read in all frames what they read in one frame, drawn at random from all windows."""
+    """Make `severity` elements repeat in all frames their reading of one frame, drawn from all windows."""
     result = readings.copy()
     elements = readings.shape[-1]
     chosen = _drawn(severity, elements, rng)
@@ -66,7 +67,7 @@ def stuck(readings: np.ndarray, severity: int, rng: np.random.Generator) -> np.n
 def dead_line(
     readings: np.ndarray, severity: int, rng: np.random.Generator, *, rows: int, cols: int, low: float
 ) -> np.ndarray:
-    """`severity` whole rows or columns, drawn among all rows + cols, read `low`; elements are row-major."""
+    """Make `severity` whole rows or columns, drawn among all rows + cols, read `low`; elements are row-major."""
     result = readings.copy()
     grid = result.reshape(*result.shape[:-1], rows, cols)
     for line in _drawn(severity, rows + cols, rng):
@@ -78,7 +79,7 @@ def dead_line(
 
 
 def lost_frames(readings: np.ndarray, severity: float, rng: np.random.Generator) -> np.ndarray:
-    """Every frame is lost with probability `severity`, the one before stands in; a first frame has none and stays."""
+    """Replace each frame with probability `severity` by the last frame that was kept; a window's first frame stays."""
     lost = rng.random(readings.shape[:-1]) < severity
     lost[..., 0] = False
     kept = np.where(lost, 0, np.arange(readings.shape[-2]))
@@ -86,7 +87,7 @@ def lost_frames(readings: np.ndarray, severity: float, rng: np.random.Generator)
 
 
 def jitter(readings: np.ndarray, severity: float, rng: np.random.Generator) -> np.ndarray:
-    """Every frame is taken severity * N(0, 1) frames early or late: linear interpolation in time, the ends held."""
+    """Take each frame severity * N(0, 1) frames early or late: linear interpolation in time, the ends held."""
     last = readings.shape[-2] - 1
     at = np.clip(np.arange(last + 1) + severity * rng.standard_normal(readings.shape[:-1]), 0, last)
     before = np.floor(at).astype(int)
@@ -97,11 +98,12 @@ def jitter(readings: np.ndarray, severity: float, rng: np.random.Generator) -> n
 
 
 def _drawn(severity: float, n: int, rng: np.random.Generator) -> np.ndarray:
-    """The first `severity` of n in a random order: those of severity 2 contain that of severity 1."""
+    """Return the first `severity` of n in a random order: those of severity 2 contain that of severity 1."""
     if severity != int(severity) or not 0 <= severity <= n:
         raise InputError(f"params.yaml, stress: {severity!r} of {n} elements or lines cannot fail; give a whole number")
     return rng.permutation(n)[: int(severity)]
 
 
 def _same_kind(readings: np.ndarray, result: np.ndarray) -> np.ndarray:
+    """Return the result as floats of the readings' kind."""
     return result.astype(readings.dtype, copy=False)

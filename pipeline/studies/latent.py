@@ -73,7 +73,7 @@ def one_drift(values: Mapping, protocol: str, seed: int, report: Callable) -> li
 
 
 def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
-    from pipeline.learning import series_regressors
+    from pipeline.learning import lstm
 
     module, settings = experiments.module("strain"), values["strain"]
     task = module.task(protocol, settings)
@@ -90,7 +90,7 @@ def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
         "latent of direct training": paths.run_folder("strain", zero, protocol, seed),
     }.items():
         outputs = module.task(task.base if "model-0" in name else protocol, settings).outputs
-        network = series_regressors.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
+        network = lstm.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
         network.load(folder)
         inputs[name] = network.latents(x)[rows]
     known = module.true_drift(protocol, at) if settings["source"] == "simulated" else {}
@@ -169,12 +169,12 @@ def main() -> None:
 
 def _write_latents(values: Mapping, path: Path) -> None:
     """t_s and the states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
-    from pipeline.learning import series_regressors
+    from pipeline.learning import lstm
 
     module, settings = experiments.module("strain"), values["strain"]
     task, seed = module.task("task_2", settings), settings["study"]["seeds"][0]
     spec = tasks_series.spec("strain", settings, task.base)
-    network = series_regressors.LstmRegressor(spec, 1, None, transfer=False)
+    network = lstm.LstmRegressor(spec, 1, None, transfer=False)
     network.load(paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed))
     (piece,) = series.read(paths.dataset("strain"), task, "task_2", seed)
     first = int(np.flatnonzero(piece.part == "test")[0])

@@ -12,8 +12,8 @@ from pipeline.base import params, paths, workers
 from pipeline.base.blocks import SequenceTraining
 from pipeline.datasets import schemas, series
 from pipeline.learning import trained
+from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec, TorchRegressor
-from pipeline.learning.series_regressors import LstmRegressor
 from pipeline.learning.series_regressors import spec_of as spec_of_series
 from pipeline.models import esn, lstm_transfer_ridge
 from pipeline.tasks import windows as tasks_windows

@@ -8,8 +8,9 @@ from torch import nn
 
 from pipeline.base.blocks import EarlyStopping
 from pipeline.base.errors import InputError
-from pipeline.learning import cost, regressors
-from pipeline.learning.regressors import SklearnRegressor, Spec, TorchRegressor, input_scale
+from pipeline.learning import cost, regressors, weights
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec, TorchRegressor, input_scale
 
 SPEC = Spec(2, 1, 3, 2, 2)
 
@@ -96,7 +97,7 @@ def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path):
         model = regressor(max_epochs=2)
         model.fit(windows(), windows(seed=1), seed=seed)
         model.save(tmp_path)
-        saved.append((tmp_path / regressors.NETWORK_FILE).read_bytes())
+        saved.append((tmp_path / weights.NETWORK_FILE).read_bytes())
     assert saved[0] == saved[1] != saved[2]
 
 
@@ -114,7 +115,7 @@ def test_normalisation_comes_from_the_training_part_and_is_saved(tmp_path):
     model = regressor(max_epochs=1)
     model.fit(train, (validation[0] * 50, validation[1]), seed=0)
     model.save(tmp_path)
-    saved = load_file(tmp_path / regressors.NETWORK_FILE)
+    saved = load_file(tmp_path / weights.NETWORK_FILE)
     np.testing.assert_allclose(saved["input_mean"], train[0].mean((0, 1)), rtol=1e-5)
     np.testing.assert_allclose(saved["input_spread"][[0, 2]], train[0].std((0, 1))[[0, 2]], rtol=1e-5)
     assert saved["input_spread"][1] == regressors.SMALLEST_SPREAD

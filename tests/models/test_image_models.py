@@ -16,6 +16,7 @@ from pipeline.datasets.images import SIDE
 from pipeline.learning import cost
 from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import Convolution3x3, GlobalCoordinateAttention
+from pipeline.learning.training import new_network
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.studies.counts import count
 from pipeline.studies.operations import operations
@@ -211,7 +212,7 @@ def test_the_same_seed_gives_the_same_bytes(key, tmp_path):
 
 @pytest.mark.parametrize("key", NETWORKS)
 def test_the_seed_alone_sets_the_first_weights(key):
-    first, again, other = (build(key)._new_network(seed).state_dict() for seed in (1, 1, 2))
+    first, again, other = (new_network(build(key).make_network, seed).state_dict() for seed in (1, 1, 2))
     assert all(torch.equal(first[name], again[name]) for name in first)
     assert any(not torch.equal(first[name], other[name]) for name in first)
 

@@ -1,0 +1,153 @@
+"""Fit a scikit-learn model to windows, and store it as a skops file whose bytes repeat."""
+
+import io
+import json
+import re
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from pipeline.base.errors import InputError
+from pipeline.learning.regressors import Spec, Windows, check_windows
+from pipeline.learning.training import FitSummary, Progress, solved
+from pipeline.learning.weights import existing
+
+if TYPE_CHECKING:
+    from sklearn.base import BaseEstimator
+
+ESTIMATOR_FILE = "estimator.skops"
+
+
+class SklearnRegressor:
+    """A scikit-learn estimator on flattened windows, fitted in closed form (or grown, for a tree).
+
+    `make_estimator(seed)` returns an unfitted estimator; `count(estimator)` returns the number of its fitted numbers;
+    `macs` is the number of multiply-accumulates for one window, or None where there are none to count.
+    With `last_frame` the estimator sees only the last frame of a window.
+    `trusted`: types by module path that a saved estimator may hold besides those that skops knows.
+    """
+
+    streams = False
+
+    def __init__(
+        self,
+        make_estimator: Callable[[int], "BaseEstimator"],
+        spec: Spec,
+        *,
+        count: Callable[["BaseEstimator"], int],
+        macs: int | None,
+        last_frame: bool = False,
+        trusted: tuple[str, ...] = (),
+    ):
+        self.make_estimator = make_estimator
+        self.spec = spec
+        self.count = count
+        self.cost = macs
+        self.last_frame = last_frame
+        self.trusted = trusted
+        self.summary: FitSummary | None = None
+        self.estimator: BaseEstimator | None = None
+
+    def fit(
+        self,
+        train: Windows,
+        validation: Windows,
+        *,
+        seed: int,
+        device: str = "auto",
+        progress: Progress = None,
+    ) -> list[dict]:
+        """Fit once; arguments and result as for TorchRegressor.fit, with a history of one row.
+
+        Runs on one CPU thread whatever `device` says (sums in thread order would not repeat bit for bit). The
+        row's learning_rate is 0: there is none. Raises InputError for arrays of the wrong shape.
+        """
+        check_windows(self.spec, train, "training")
+        check_windows(self.spec, validation, "validation")
+        estimator = self.make_estimator(seed)
+        with threadpool_limits(1):
+            estimator.fit(self._features(train[0]).astype(np.float64), train[1].astype(np.float64))
+            self.estimator = estimator
+            losses = [float(np.mean(np.square(self.predict(x) - y, dtype=np.float64))) for x, y in (train, validation)]
+        if progress:
+            progress(1, 1, *losses)
+        history, self.summary = solved(*losses)
+        return history
+
+    def predict(self, x: np.ndarray) -> np.ndarray:
+        """Return pressure maps (n, outputs) in kPa, float32, for windows x (n, frames, elements) in ADC counts."""
+        maps = self._fitted().predict(self._features(x))
+        return maps.reshape(len(x), self.spec.outputs).astype(np.float32, copy=False)
+
+    def save(self, folder: Path) -> None:
+        """Write the fitted estimator, scaling included, to `folder` (which exists), as skops."""
+        (Path(folder) / ESTIMATOR_FILE).write_bytes(_stable_skops(self._fitted()))
+
+    def load(self, folder: Path) -> None:
+        """Read the fitted estimator from `folder`; only types that skops knows or `trusted` names.
+
+        Raises InputError for a file that is absent, damaged or holds other types.
+        """
+        import skops.io  # 3 s, for which no network has to wait
+
+        path = existing(Path(folder) / ESTIMATOR_FILE)
+        try:
+            self.estimator = skops.io.load(path, trusted=list(self.trusted))
+        except Exception as error:  # skops lets pass what the parts it unpacks raise: some twenty types
+            kind = re.sub(r"\W+", " ", str(error))[:200]  # the error's text may quote the file
+            raise InputError(f"{path}: no model of this kind ({kind}); train the model again") from error
+
+    def parameters(self) -> int:
+        """Return the number of fitted numbers (scaling constants not counted, as for networks)."""
+        return int(self.count(self._fitted()))
+
+    def macs(self) -> int | None:
+        """Return the multiply-accumulates for one window; None for a model that only compares."""
+        return self.cost
+
+    def _features(self, x: np.ndarray) -> np.ndarray:
+        return x[:, -1] if self.last_frame else x.reshape(len(x), -1)
+
+    def _fitted(self) -> "BaseEstimator":
+        if self.estimator is None:
+            raise RuntimeError("fit or load the model first")
+        return self.estimator
+
+
+def _stable_skops(estimator: "BaseEstimator") -> bytes:
+    """Return skops bytes that depend on the estimator only.
+
+    skops numbers objects by memory address, names array files after it, and stamps the archive with the
+    clock; here objects are numbered in the order in which they occur, and the date is the archive's zero.
+    """
+    import skops.io
+
+    archive = zipfile.ZipFile(io.BytesIO(skops.io.dumps(estimator)))
+    schema = json.loads(archive.read("schema.json"))
+    numbers: dict[int, int] = {}
+    files: dict[str, str] = {}
+
+    def renumber(node) -> None:
+        if isinstance(node, dict):
+            if "__id__" in node:
+                node["__id__"] = numbers.setdefault(node["__id__"], len(numbers))
+            if isinstance(node.get("file"), str):
+                node["file"] = files.setdefault(node["file"], f"{len(files)}.npy")
+            node = list(node.values())
+        if isinstance(node, list):
+            for child in node:
+                renumber(child)
+
+    renumber(schema)
+    stable = io.BytesIO()
+    with zipfile.ZipFile(stable, "w", zipfile.ZIP_DEFLATED) as target:
+        for name, content in [(new, archive.read(old)) for old, new in files.items()] + [
+            ("schema.json", json.dumps(schema, sort_keys=True).encode())
+        ]:
+            info = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            target.writestr(info, content, compress_type=zipfile.ZIP_DEFLATED)
+    return stable.getvalue()

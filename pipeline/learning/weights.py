@@ -1,0 +1,78 @@
+"""Save and load the tensors of a trained network: one safetensors file per model folder.
+
+A tensor's name is `group.name` (`network.readout.weight`) for what was trained or drawn, and a plain name
+(`input_mean`) for a constant that inputs or outputs are scaled by.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import nn
+
+from pipeline.base.errors import InputError
+
+NETWORK_FILE = "network.safetensors"
+
+
+def grouped(group: str, tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Return the tensors by their names in the file: `group`, a dot, and the name that each has here."""
+    return {f"{group}.{name}": value.contiguous() for name, value in tensors.items()}
+
+
+def group_of(tensors: Mapping[str, torch.Tensor], group: str) -> dict[str, torch.Tensor]:
+    """Return the tensors of one group of a file, by their names inside the group."""
+    prefix = f"{group}."
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+def save(folder: Path, tensors: Mapping[str, torch.Tensor]) -> None:
+    """Write the tensors by name to NETWORK_FILE in `folder`, which exists."""
+    save_file(dict(tensors), Path(folder) / NETWORK_FILE)
+
+
+def read(folder: Path) -> dict[str, torch.Tensor]:
+    """Return the tensors of NETWORK_FILE in `folder` by name; InputError where the file is absent or damaged."""
+    path = existing(Path(folder) / NETWORK_FILE)
+    try:
+        return load_file(path)
+    except SafetensorError as error:
+        raise InputError(f"{path}: damaged ({str(error)[:200]}); train the model again") from error
+
+
+def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor], folder: Path) -> None:
+    """Put the group `network` of the file read from `folder` into `network`.
+
+    Raises InputError unless names and shapes of all weights are those of `network`.
+    """
+    weights = group_of(tensors, "network")
+    if _shapes(weights) != _shapes(network.state_dict()):
+        raise other_settings(folder)
+    network.load_state_dict(weights)
+
+
+def constants(tensors: Mapping[str, torch.Tensor], names: Iterable[str], folder: Path) -> dict[str, torch.Tensor]:
+    """Return the constants `names` of the file read from `folder`; InputError where one is missing."""
+    names = tuple(names)
+    if not tensors.keys() >= set(names):
+        raise other_settings(folder)
+    return {name: tensors[name] for name in names}
+
+
+def other_settings(folder: Path) -> InputError:
+    """Return the error for a file in `folder` whose tensors do not fit the model that loads them."""
+    path = Path(folder) / NETWORK_FILE
+    return InputError(f"{path}: was saved by a model with other settings; train the model again")
+
+
+def existing(path: Path) -> Path:
+    """Return the path of a trained model's file; InputError where there is no such file."""
+    if not path.exists():
+        raise InputError(f"{path}: not found; train the model first")
+    return path
+
+
+def _shapes(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Size]:
+    return {name: value.shape for name, value in tensors.items()}
