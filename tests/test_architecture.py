@@ -1,7 +1,15 @@
-"""Rules about the code itself: who imports whom, and what DVC watches."""
+"""Rules about the code itself: which room imports which, and what DVC watches.
+
+A room is a folder of pipeline/. Its name is its path below pipeline/, such as `models` or `reporting/page`.
+"""
 
 import ast
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 import yaml
@@ -10,153 +18,273 @@ from pipeline.base import params
 from pipeline.commands.scale import set_values
 
 ROOT = Path(__file__).resolve().parent.parent
-STAGES = {"simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render", "collect", "track"}
-STAGES |= {"augment", "count", "probe", "train_images", "train_series", "train_stag", "study", "judge"}
-STAGES |= {"stress", "render_stability", "physics", "render_physics", "rightsize", "render_rightsize", "page"}
-STAGES |= {"agreement", "settings"}
-COMMANDS = {"fetch", "scale", "fit_material", "check", "record"}
-WINDOWING = set()
-# Modules that find, check, start and write things but cannot change a number: DVC need not watch them.
-PLUMBING = {"availability", "blocks", "cluster", "errors", "files", "own", "params", "parent", "paths"}
-PLUMBING |= {"runs", "workers"}
-PLUMBING = {f"pipeline/{name}.py" for name in PLUMBING}
-# Reading recordings is ingest's part of an experiment's file: of no concern to the stages after it.
-READERS = {"pipeline/logs/parse.py", "pipeline/logs/alignment.py", "pipeline/logs/matlab.py"}
+CODE = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))
+CODE.remove("pipeline/__init__.py")
+# Each room, from the top down, and the rooms that it imports. It may also import whatever these import, and itself.
+ARROWS = {
+    "stages": {"reporting/page", "stability", "tracking"},
+    "studies": {"reporting/page", "stability"},
+    "commands": {"reporting/page", "stability"},
+    "stability": {"tasks", "scenes"},
+    "tasks": {"models", "experiments", "scoring"},
+    "models": {"learning"},
+    "learning": {"datasets"},
+    "reporting/page": {"reporting"},
+    "reporting": {"reporting/verdicts", "reporting/figures", "experiments"},
+    "reporting/figures": {"reporting/verdicts", "scenes", "logs"},
+    "reporting/verdicts": {"reporting/words"},
+    "reporting/words": {"scoring"},  # the names of models, Markdown
+    "scoring": {"datasets"},
+    "scenes": {"datasets"},
+    "experiments": {"logs"},
+    "logs": {"datasets"},
+    "datasets": {"base"},
+    "tracking": {"base"},
+    "base": set(),
+}
+# Their __init__ imports a file of the room by a name that params.yaml or dvc.yaml gives.
+DOORS = ("experiments", "models", "scenes", "tasks")
+BY_NAME = {f"pipeline/{name}/__init__.py" for name in ("experiments", "models", "scenes")}
+RUN = 'if __name__ == "__main__":'
+VALUES = params.load()
 
 
-def imports(path: Path) -> set[str]:
-    """Files of this project that a file imports, at the top or inside a function."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+def room(file: str) -> str:
+    """Return the room of a file; tracking.py has one of its own."""
+    return "/".join(Path(file).parts[1:-1]) or Path(file).stem
+
+
+@cache
+def imported_names(file: str) -> set[str]:
+    """Return the dotted names of all that a file imports, at its top or inside a function."""
+    names = set()
+    for node in ast.walk(ast.parse((ROOT / file).read_text())):
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        else:
-            continue
-        for name in names:
-            file = Path(name.replace(".", "/")).with_suffix(".py")
-            if name.startswith("pipeline") and (ROOT / file).is_file():
-                found.add(file.as_posix())
-    return found
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{file}, line {node.lineno}: name the room, `from pipeline.<room> import ...`"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
 
 
-def closure(file: str) -> set[str]:
-    """A file and everything that it imports, directly or not."""
+@cache
+def imports(file: str) -> set[str]:
+    """Return the files of this project that Python runs for a file's imports, less an __init__ that does nothing."""
+    files = set()
+    for name in imported_names(file):
+        steps = name.split(".") if name.split(".")[0] == "pipeline" else []
+        for k in range(1, len(steps) + 1):
+            place = "/".join(steps[:k])
+            files |= {other for other in (f"{place}.py", f"{place}/__init__.py") if (ROOT / other).is_file()}
+    return {other for other in files if Path(other).name != "__init__.py" or imported_names(other)}
+
+
+def closure(
+    file: str, behind: Mapping[str, Collection[str]] | None = None, unused: Collection[tuple[str, str]] = ()
+) -> set[str]:
+    """Return a file and all that it imports, directly or not.
+
+    `behind`: room of DOORS -> the files that its __init__ comes to, without it every file of the room; `unused`: pairs
+    of rooms, of which the first one's imports from the second are left out.
+    """
+    behind = behind or {name: [other for other in CODE if room(other) == name] for name in DOORS}
     seen, todo = set(), [file]
     while todo:
         current = todo.pop()
-        if current not in seen:
-            seen.add(current)
-            todo += imports(ROOT / current)
+        if current in seen:
+            continue
+        seen.add(current)
+        here = room(current)
+        files = {other for other in imports(current) if (here, room(other)) not in unused}
+        if here in DOORS and Path(current).name == "__init__.py":
+            files = {other for other in files if room(other) != here} | set(behind[here])
+        todo += files
     return seen
 
 
-def kind(file: str) -> str:
-    path = Path(file)
-    if path.parent.name in ("experiments", "scenes", "models"):
-        return path.parent.name
-    return "stages" if path.stem in STAGES | COMMANDS else "nouns"
+def reachable(name: str) -> set[str]:
+    """Return a room and all rooms that ARROWS lead to from it."""
+    return {name}.union(*(reachable(lower) for lower in ARROWS[name]))
 
 
-def test_imports_point_one_way():
-    allowed = {
-        "stages": {"experiments", "scenes", "models", "nouns"},
-        "experiments": {"nouns"},
-        "scenes": {"scenes", "nouns"},
-        "models": {"nouns"},
-        "nouns": {"nouns"},
-    }
-    files = [path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py")]
-    for file in files:
-        for other in imports(ROOT / file):
-            # The figure of the film's characteristic curve draws the fitted material itself.
-            if (file, other) == ("pipeline/reporting/figures/touch.py", "pipeline/scenes/material.py"):
-                continue
-            # Simulated recordings, and logs that are only checked, are cut into windows exactly as the stage does it.
-            if other == "pipeline/stages/window.py" and file in WINDOWING:
-                continue
-            assert kind(other) in allowed[kind(file)], f"{file} imports {other}"
+def test_every_room_has_its_place():
+    assert {room(file) for file in CODE} == set(ARROWS)
+    list(TopologicalSorter(ARROWS).static_order())  # CycleError where two rooms import each other
 
 
-@pytest.mark.parametrize("stage", ["render", "judge", "page", "render_stability", "render_physics", "render_rightsize"])
-def test_reports_do_not_import_torch(stage):
-    for file in closure(f"pipeline/{stage}.py"):
-        source = (ROOT / file).read_text()
-        assert "import torch" not in source and "from torch" not in source, file
+@pytest.mark.parametrize("name", ARROWS)
+def test_imports_point_one_way(name):
+    wrong = [
+        f"{file} imports {other}"
+        for file in CODE
+        for other in sorted(imports(file))
+        if room(file) == name and room(other) not in reachable(name)
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
-def stage_entries():
-    """(name, command words, deps) of every entry of dvc.yaml, one matrix value each."""
+def test_nobody_imports_a_file_that_is_run():
+    run = {file for file in CODE if RUN in (ROOT / file).read_text()}
+    wrong = [f"{file} imports {other}" for file in CODE for other in sorted(imports(file) & run)]
+    assert run and not wrong, "\n".join(wrong)
+
+
+def imports_by_name(file: str) -> Iterator[tuple[str, bool]]:
+    """Yield (line, whether the name is written out) of every import by name in a file."""
+    for node in ast.walk(ast.parse((ROOT / file).read_text())):
+        if isinstance(node, ast.Call):
+            called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            if called in ("import_module", "__import__"):
+                constant = called == "__import__" or not node.args or isinstance(node.args[0], ast.Constant)
+                yield f"{file}, line {node.lineno}", constant
+
+
+@pytest.mark.parametrize("file", CODE)
+def test_only_names_from_settings_are_imported_by_name(file):
+    for where, constant in imports_by_name(file):
+        assert file in BY_NAME, f"{where}: import the module by name in {sorted(BY_NAME)} only"
+        assert not constant, f"{where}: write `from pipeline.<room> import <module>`"
+
+
+def test_reporting_does_not_reach_torch():
+    for file in CODE:
+        if room(file).startswith("reporting"):
+            for other in closure(file):
+                packages = {step for name in imported_names(other) for step in name.split(".")}
+                assert "torch" not in packages, f"{file} comes to {other}, which imports torch"
+
+
+class Entry(NamedTuple):
+    """One stage of DVC: an entry of dvc.yaml, or one value of its matrix."""
+
+    name: str
+    command: list[str]  # python, -m, module, arguments
+    deps: set[str]
+    params: list[str]
+
+
+def stage_entries() -> Iterator[Entry]:
+    """Yield every stage of dvc.yaml, with its values filled in."""
     content = yaml.safe_load((ROOT / "dvc.yaml").read_text())
-    values = params.load()
     for name, entry in content["stages"].items():
         axes = entry.get("matrix", {"": [""]})
         (axis, choices), *_ = axes.items()
         if isinstance(choices, str):
-            experiment, block = choices.strip("${}").split(".")
-            choices = list(values[experiment][block])
+            choices = list(at(VALUES, choices.strip("${}")))
+        names = {name: value for block in entry.get("vars", []) for name, value in block.items()}
         for choice in choices:
-            fill = "${item." + axis + "}"
-            text = yaml.safe_dump(entry).replace(fill, str(choice))
+            text = yaml.safe_dump(entry)
+            for fill, value in {f"item.{axis}": choice, **names}.items():
+                text = text.replace(f"${{{fill}}}", str(value))
             filled = yaml.safe_load(text)
-            yield f"{name}@{choice}", filled["cmd"].split(), set(filled["deps"])
+            full_name = f"{name}@{choice}" if axis else name
+            yield Entry(full_name, filled["cmd"].split(), set(filled["deps"]), filled.get("params", []))
 
 
-@pytest.mark.parametrize("entry", list(stage_entries()), ids=lambda entry: entry[0])
-def test_dvc_watches_what_a_stage_imports(entry):
-    name, command, deps = entry
-    model = name.partition("@")[2]
-    needed = closure(command[2].replace(".", "/") + ".py")
-    if command[2] in ("pipeline.stages.train", "pipeline.stages.train_images"):
-        needed |= closure(f"pipeline/models/{model}.py")
-    if command[2] == "pipeline.stages.train_series":
-        needed |= closure(f"pipeline/models/{model if name.startswith('train') else 'lstm_direct'}.py")
-        needed |= closure(f"pipeline/experiments/{command[3]}.py") - READERS
-    if command[2] == "pipeline.stages.stress":
-        needed |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline/scenes").glob("*.py")}
-        needed |= closure(f"pipeline/experiments/{command[3]}.py") - {"pipeline/logs/matlab.py"}
-    if command[2] == "pipeline.stages.simulate":
-        needed |= closure(f"pipeline/scenes/{command[3]}.py")
-    if command[2] == "pipeline.stages.ingest":
-        needed |= closure(f"pipeline/experiments/{command[3]}.py")
-    if command[2] == "pipeline.stages.dataset":
-        needed |= closure(f"pipeline/experiments/{command[3]}.py")
-        needed -= READERS
-    if command[2] == "pipeline.studies.physics":
-        models = params.load()["physics"][command[3]]["models"]
-        for file in (f"scenes/{command[3]}", f"experiments/{command[3]}", *(f"models/{model}" for model in models)):
-            needed |= closure(f"pipeline/{file}.py")
-    missing = {
-        file for file in needed - PLUMBING if file not in deps and not any(file.startswith(f"{dep}/") for dep in deps)
+def at(values, dotted: str):
+    """Return the setting with a dotted name."""
+    for key in dotted.split("."):
+        values = values[key]
+    return values
+
+
+def models_of(names: Iterable[str]) -> set[str]:
+    """Return the models whose settings are among the settings with these dotted names."""
+    found = set()
+    for name in names:
+        keys, value = name.split("."), at(VALUES, name)
+        if "models" in keys:
+            chosen = keys[keys.index("models") + 1 :][:1] or value
+        else:
+            chosen = value.get("models", ()) if isinstance(value, Mapping) else ()
+        found |= set(chosen)
+    return found
+
+
+def kind_of(experiment: str) -> str:
+    """Return the kind of input that an experiment's models see, as its file says."""
+    said = re.search(r'^KIND = "(\w+)"$', (ROOT / f"pipeline/experiments/{experiment}.py").read_text(), re.MULTILINE)
+    return said[1] if said else ""
+
+
+def files_behind_doors(entry: Entry) -> dict[str, list[str]]:
+    """Return the files of DOORS that a stage comes to: those of its experiments and of the models that it names."""
+    known = VALUES["experiments"]
+    experiments = [word for word in entry.command[3:4] if word in known] or known
+    names = {
+        "experiments": experiments,
+        "models": models_of(entry.params) or models_of(f"{experiment}.models" for experiment in experiments),
+        "scenes": experiments,
+        "tasks": {kind_of(experiment) for experiment in experiments},
     }
-    assert not missing, f"{name}: add to deps {sorted(missing)}"
-    for dep in deps:
-        assert not dep.startswith("pipeline/") or (ROOT / dep).exists(), f"{name}: {dep} does not exist"
+    files = {folder: [f"pipeline/{folder}/{name}.py" for name in own] for folder, own in names.items()}
+    return {folder: [file for file in own if file in CODE] for folder, own in files.items()}
+
+
+# Files of `tasks` and `experiments` have functions for several stages. These are what the others of them import.
+READ_LOGS = {"pipeline.stages.ingest", "pipeline.stages.stress", "pipeline.studies.physics"}
+SCORE_NOTHING = {"pipeline.stages.dataset", "pipeline.stages.train", "pipeline.stages.latency"}
+
+
+def unused_by(entry: Entry) -> set[tuple[str, str]]:
+    """Return the pairs of rooms of which a stage runs nothing that the first imports from the second."""
+    module, *arguments = entry.command[2:]
+    unused = set() if module in READ_LOGS else {("experiments", "logs")}
+    unused |= {("tasks", "scoring")} if module in SCORE_NOTHING else set()
+    if module == "pipeline.stages.dataset":
+        unused |= {("tasks", "models"), ("tasks", "learning")}
+    if module == "pipeline.stages.train" and kind_of(arguments[0]) != "series":  # of its file only KIND is read
+        unused |= {("tasks", "experiments")}
+    return unused
+
+
+ENTRIES = list(stage_entries())
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_dvc_watches_what_a_stage_imports(entry):
+    needed = closure(f"{entry.command[2].replace('.', '/')}.py", files_behind_doors(entry), unused_by(entry))
+    missing = {
+        file
+        for file in needed
+        if room(file) != "base" and not any(file == dep or file.startswith(f"{dep}/") for dep in entry.deps)
+    }
+    assert not missing, f"{entry.name}: add to deps {sorted(missing)}"
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_dvc_watches_code_that_is_there_and_can_change_a_number(entry):
+    for dep in entry.deps:
+        assert not dep.startswith("pipeline/") or (ROOT / dep).exists(), f"{entry.name}: {dep} does not exist"
+        assert not dep.startswith("pipeline/base"), f"{entry.name}: {dep} can change no number"
+
+
+def test_dvc_yaml_is_a_table_of_contents():
+    text = (ROOT / "dvc.yaml").read_text()
+    assert len(text.splitlines()) <= 800
+    for name, entry in yaml.safe_load(text)["stages"].items():
+        assert entry.get("desc") and "\n" not in entry["desc"], f"{name}: say in one line what it does (desc)"
 
 
 def test_every_model_block_fits_its_build():
+    from pipeline import models
     from pipeline.learning.regressors import Spec
+    from pipeline.tasks import windows
 
-    values = params.load()
-    blocks = [(experiment, values[experiment]["models"]) for experiment in values["experiments"]]
-    blocks += [(experiment, block["models"]) for experiment, block in values["physics"].items()]
-    for experiment, models in blocks:
-        for model, block in models.items():
-            if experiment in params.SERIES:
-                spec = Spec(20, 1, 6, 1, 2)
-            elif experiment in params.IMAGES:
-                spec = Spec(1, 32, 32, 1, 16)
-            else:
-                spec = Spec(*params.shapes(values[experiment]))
-            params.build_model(model, spec, block, f"{experiment}.models.{model}")
+    blocks = [(experiment, VALUES[experiment]["models"]) for experiment in VALUES["experiments"]]
+    blocks += [(experiment, block["models"]) for experiment, block in VALUES["physics"].items()]
+    for experiment, listed in blocks:
+        kind = kind_of(experiment)
+        spec = {"series": Spec(20, 1, 6, 1, 2), "images": Spec(1, 32, 32, 1, 16)}.get(kind)
+        for model, block in listed.items():
+            models.build(model, spec or windows.spec(VALUES[experiment]), block, f"{experiment}.models.{model}")
 
 
 def test_lomp_of_params_yaml_has_the_published_size():
-    from pipeline.learning.regressors import Spec
+    from pipeline import models
+    from pipeline.tasks import windows
 
-    settings = params.load()["touch"]
-    model = params.build_model("lomp", Spec(*params.shapes(settings)), settings["models"]["lomp"], "touch.models.lomp")
+    model = models.build("lomp", windows.spec(VALUES["touch"]), VALUES["touch"]["models"]["lomp"], "touch.models.lomp")
     assert model.parameters() == 2_741_712
 
 
@@ -186,10 +314,3 @@ def test_numbers_in_the_readme_are_those_of_the_reports():
     assert rows
     for row in rows:
         assert row in reports, f"README.md shows a row that no report has: {row}"
-
-
-def test_an_unknown_experiment_is_refused():
-    from pipeline.base.errors import InputError
-
-    with pytest.raises(InputError, match="usage: python -m pipeline.stages.window touch|velostat_recorded"):
-        params.experiment_argument(["window", "tuch"], "window", params.load())
