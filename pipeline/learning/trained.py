@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.datasets.schemas import Dataset
+from pipeline.datasets.windows import Dataset
 
 
 class Trained(NamedTuple):

@@ -24,6 +24,7 @@ from pipeline.base import files, params, paths, workers
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
+from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning import trained
 from pipeline.scoring import metrics, results
 from pipeline.stability import clean_scores, perturbations
@@ -106,9 +107,9 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     torch.set_num_threads(1)
     settings, stress = values[experiment], values["stress"][experiment]
     spec = Spec(*params.shapes(settings))
-    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
+    data = read_dataset(paths.dataset(experiment), spec.frames)
     scenes = {
-        case: schemas.read_dataset(_scene_file(experiment, case), spec.frames)
+        case: read_dataset(_scene_file(experiment, case), spec.frames)
         for case in scene_cases(values, experiment)
     }
     written, found = results.Scores(experiment, settings), []
@@ -127,7 +128,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     return found
 
 
-def perturber(experiment: str, settings: Mapping, data: schemas.Dataset, train: np.ndarray) -> Callable:
+def perturber(experiment: str, settings: Mapping, data: Dataset, train: np.ndarray) -> Callable:
     """`change(x, perturbation, severity, rng)` for windows x (n, frames, elements); train: (n of `data`,) bool."""
     readings = data.x[train]
     if experiment == "touch":
@@ -168,7 +169,7 @@ def with_clean(found: list[tuple]) -> list[tuple]:
 
 
 def _readings_rows(
-    experiment: str, values: Mapping, data: schemas.Dataset, protocol: str, seed: int, model
+    experiment: str, values: Mapping, data: Dataset, protocol: str, seed: int, model
 ) -> list[tuple]:
     """(condition, perturbation, severity, metric, unit, value, n) of the test windows, unchanged and perturbed."""
     settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
@@ -190,7 +191,7 @@ def _readings_rows(
     return found
 
 
-def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, schemas.Dataset], model) -> list:
+def _scene_rows(experiment: str, settings: Mapping, scenes: Mapping[Case, Dataset], model) -> list:
     """As `_readings_rows`, of the perturbed scenes."""
     found = []
     for case, data in scenes.items():

@@ -16,6 +16,7 @@ from pipeline.base import files, params, paths, workers
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
 from pipeline.datasets import images, schemas, series
+from pipeline.datasets.windows import read_dataset
 from pipeline.learning import trained
 from pipeline.scoring import classification, metrics
 
@@ -53,7 +54,7 @@ def on_windows(experiment: str, settings: Mapping, runs: list[tuple[str, int]], 
 
     score, pooled = getattr(metrics, experiment), metrics.POOLED.get(experiment, ())
     spec = Spec(*params.shapes(settings))
-    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
+    data = read_dataset(paths.dataset(experiment), spec.frames)
     condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:
         run = load(protocol, seed, spec)

@@ -17,7 +17,8 @@ from tqdm import tqdm
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
-from pipeline.datasets import images, schemas, series
+from pipeline.datasets import images, series
+from pipeline.datasets.windows import read_dataset
 from pipeline.learning import trained
 
 FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
@@ -66,7 +67,7 @@ def _windows(values: dict, experiment: str) -> tuple:
     from pipeline.learning.regressors import Spec
 
     spec = Spec(*params.shapes(values[experiment]))
-    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
+    data = read_dataset(paths.dataset(experiment), spec.frames)
     return spec, data.x[data.part(*params.runs(values, experiment)[0]) == "test"]
 
 

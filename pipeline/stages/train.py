@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline.base import params, paths, runs
 from pipeline.base.errors import InputError, run_stage
-from pipeline.datasets import schemas
+from pipeline.datasets.windows import read_dataset
 
 
 def train_run(
@@ -28,7 +28,7 @@ def train_run(
     spec = Spec(*params.shapes(settings))
     block = params.model_settings(values, experiment, model)
     regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
-    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
+    data = read_dataset(paths.dataset(experiment), spec.frames)
     part = data.part(protocol, seed)
     train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
     for name, windows in (("train", train), ("validation", validation)):

@@ -22,6 +22,7 @@ from pipeline.base import blocks, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import images, schemas, series
 from pipeline.datasets.windowing import windows_of
+from pipeline.datasets.windows import read_dataset
 from pipeline.learning import trained
 from pipeline.scoring import classification, metrics
 from pipeline.scoring.variants import COLUMNS, DEFAULT, NONE, variants
@@ -123,7 +124,7 @@ def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
     from pipeline.learning.regressors import Spec
 
     spec = Spec(*params.shapes(settings))
-    data = schemas.read_dataset(dataset_of(folder), spec.frames)
+    data = read_dataset(dataset_of(folder), spec.frames)
     condition = schemas.names(data.rows["condition"])
     (protocol,) = chosen["protocols"]
     part = data.part(protocol, seed)

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import images, schemas
+from pipeline.datasets.windows import read_dataset
 from pipeline.learning import trained
 from pipeline.learning.regressors import Spec
 from pipeline.scoring import classification, ladders, metrics
@@ -33,7 +34,7 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
     torch.set_num_threads(1)
     settings, protocol = values["touch"], ladders.protocol("touch", "single")
     spec = Spec(*params.shapes(settings))
-    data = schemas.read_dataset(paths.dataset("touch"), spec.frames)
+    data = read_dataset(paths.dataset("touch"), spec.frames)
     x = data.x
     model = ladders.FAMILIES[family].model
     block = params.model_settings(values, "touch", model)

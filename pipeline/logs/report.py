@@ -1,0 +1,35 @@
+"""Report in numbers how each log of a recording was understood: lines, rejects, rate, gaps, segments, clocks."""
+
+from collections import Counter
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.datasets import schemas
+from pipeline.logs.alignment import Clock
+
+
+def log_report(accepted: int, rejects: pa.Table, time_s: np.ndarray, segment: np.ndarray) -> dict:
+    """Return the numbers of one log: lines (without a header), rejects per reason, rate, gaps and segments.
+
+    time_s, segment: (n,), of the lines that could be placed in time; a gap is an interval with missing lines.
+    """
+    interval = np.diff(time_s)[segment[1:] == segment[:-1]]
+    reasons = Counter(rejects["reason"].to_pylist())
+    return {
+        "lines": accepted + rejects.num_rows,
+        "accepted": accepted,
+        "rejects": dict(sorted(reasons.items())),
+        "rate_hz": 1 / float(np.median(interval)) if len(interval) else None,
+        "gaps": int(schemas.gaps(time_s, segment).sum()),
+        "segments": len(np.unique(segment)),
+    }
+
+
+def clock_report(clock: Clock) -> dict:
+    """Return the numbers of one clock: offset in ms, drift in ppm, correlation of the signals that it aligns."""
+    return {
+        "offset_ms": 1e3 * clock.offset_s,
+        "drift_ppm": 1e6 * clock.drift,
+        "correlation": clock.correlation,
+    }
