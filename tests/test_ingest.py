@@ -365,7 +365,7 @@ def test_one_file_of_a_source_that_is_not_right_stops_the_stage(experiment, dama
     path = sources.folder(experiment) / sorted(listed)[len(listed) // 2]
     DAMAGES[damage](path)
     with pytest.raises(
-        InputError, match=rf"^{re.escape(str(path))}: is .*`python -m pipeline\.fetch {experiment}`"
+        InputError, match=rf"^{re.escape(str(path))}: is .*`python -m pipeline\.commands\.fetch {experiment}`"
     ) as error:
         ingest.ingest(experiment, VELOSTAT_SETTINGS)
     assert "\n" not in str(error.value) and report.read_text() == "of an earlier run"

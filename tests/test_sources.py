@@ -73,7 +73,7 @@ def test_wrong_file_is_refused_and_not_put_in_place(small):
         fetch.fetch("velostat_recorded", small)
     assert [p.name for p in sources.folder("velostat_recorded").rglob("*") if p.is_file()] == ["one.txt"]
     with pytest.raises(
-        InputError, match=r"two words\.txt: is missing; run `python -m pipeline\.fetch velostat_recorded`"
+        InputError, match=r"two words\.txt: is missing; run `python -m pipeline\.commands\.fetch velostat_recorded`"
     ):
         sources.is_complete("velostat_recorded")
 
