@@ -21,7 +21,7 @@ PLUMBING = {"availability", "blocks", "cluster", "errors", "files", "own", "para
 PLUMBING |= {"runs", "workers"}
 PLUMBING = {f"pipeline/{name}.py" for name in PLUMBING}
 # Reading recordings is ingest's part of an experiment's file: of no concern to the stages after it.
-READERS = {"pipeline/logs/parse.py", "pipeline/logs/alignment.py", "pipeline/logs/matlab.py"}
+READERS = {f"pipeline/logs/{name}.py" for name in ("parse", "alignment", "matlab", "report")}
 
 
 def imports(path: Path) -> set[str]:

@@ -12,7 +12,7 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
-from pipeline.logs.report import clock_report, log_report
+from pipeline.logs.report import log_report
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)
@@ -96,7 +96,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         time = rows[name]["t_s"].to_numpy()
         report[name] = log_report(accepted, rejects[name], time, np.zeros(len(time), int))
     report["daq.log"]["channels"] = channels
-    report["robot.log"]["clock"] = clock_report(clock)
+    report["robot.log"]["clock"] = clock.report()
     return frames, pa.concat_tables(rejects.values()), report
 
 

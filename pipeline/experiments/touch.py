@@ -12,7 +12,7 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
-from pipeline.logs.report import clock_report, log_report
+from pipeline.logs.report import log_report
 
 # Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
 CLOCK = Column("t_us", "us", 0, 4e15, integer=True)
@@ -123,7 +123,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     for name in formats:
         accepted = int(known.sum()) if name == "array.log" else rows[name].num_rows
         report[name] = log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy())
-        report[name]["clocks"] = [clock and clock_report(clock) for clock in clocks[name]]
+        report[name]["clocks"] = [clock and clock.report() for clock in clocks[name]]
     return parts(), pa.concat_tables(rejects.values()), report
 
 

@@ -62,6 +62,14 @@ class Clock:
         """Return the reference time (n,) in s of the device's times (n,) in s."""
         return time_s + self.offset_s + self.drift * (time_s - self.middle_s)
 
+    def report(self) -> dict[str, float]:
+        """Return the clock's numbers for the report of ingest."""
+        return {
+            "offset_ms": 1e3 * self.offset_s,
+            "drift_ppm": 1e6 * self.drift,
+            "correlation": self.correlation,
+        }
+
 
 def strength_above_rest(values: np.ndarray) -> np.ndarray:
     """Return the counts of an element, or a force in N, (n,), above their rest level (10th percentile)."""

@@ -1,4 +1,4 @@
-"""Report in numbers how each log of a recording was understood: lines, rejects, rate, gaps, segments, clocks."""
+"""Report in numbers how a log was understood: lines, rejects, rate, gaps and segments."""
 
 from collections import Counter
 
@@ -6,7 +6,6 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.datasets import schemas
-from pipeline.logs.alignment import Clock
 
 
 def log_report(accepted: int, rejects: pa.Table, time_s: np.ndarray, segment: np.ndarray) -> dict:
@@ -23,13 +22,4 @@ def log_report(accepted: int, rejects: pa.Table, time_s: np.ndarray, segment: np
         "rate_hz": 1 / float(np.median(interval)) if len(interval) else None,
         "gaps": int(schemas.gaps(time_s, segment).sum()),
         "segments": len(np.unique(segment)),
-    }
-
-
-def clock_report(clock: Clock) -> dict:
-    """Return the numbers of one clock: offset in ms, drift in ppm, correlation of the signals that it aligns."""
-    return {
-        "offset_ms": 1e3 * clock.offset_s,
-        "drift_ppm": 1e6 * clock.drift,
-        "correlation": clock.correlation,
     }
