@@ -34,6 +34,7 @@ from pipeline import models, tracking
 from pipeline.base import availability, blocks, params, paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
+from pipeline.datasets.windows import read_dataset
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
 from pipeline.learning.regressors import Spec
 from pipeline.logs import own_data, parse, stag
@@ -843,7 +844,7 @@ def test_a_damaged_dataset_is_one_sentence_or_read(changes, cut, tmp_path):
     path.write_bytes(overwritten(path.read_bytes(), changes, cut))
     try:
         with in_time():
-            schemas.read_dataset(path, 2)
+            read_dataset(path, 2)
     except InputError as error:
         assert one_sentence(error).startswith(str(path))
 
@@ -852,4 +853,4 @@ def test_a_table_of_another_stage_is_one_sentence(tmp_path):
     table = pa.table({"v": [1.0]})
     schemas.write(tmp_path / "dataset.parquet", table.schema, [table])
     with pytest.raises(InputError, match="dataset.parquet: has no column 'x'; delete it and run `dvc repro`"):
-        schemas.read_dataset(tmp_path / "dataset.parquet", 2)
+        read_dataset(tmp_path / "dataset.parquet", 2)

@@ -25,6 +25,7 @@ from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.logs import diagnosis, own_data, parse
+from pipeline.logs.report import log_report
 from pipeline.reporting.figures import check as check_figures
 
 EXPERIMENTS = ("touch", "strain", "glove")
@@ -49,7 +50,7 @@ class Log(NamedTuple):
 
     rows: pa.Table
     rejects: pa.Table
-    report: dict  # tables.log_report
+    report: dict  # as `log_report` returns it
 
 
 class Checked(NamedTuple):
@@ -104,7 +105,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
                 problems.append(wrong)
                 continue
         time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
-        report = schemas.log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
+        report = log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
         read[name] = Log(rows.append_column("time_s", pa.array(time)), rejects, report)
     frames, report = None, {}
     if not problems:

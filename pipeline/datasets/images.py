@@ -1,4 +1,4 @@
-"""Experiments whose input is one tactile image (glove): their tables, and what a model is given of them."""
+"""Make and read the tables of experiments whose input is one tactile image (glove)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,14 +17,17 @@ PARTS = ("train", "validation", "test")
 
 
 def frames(pressure: int, strain: int, value: pa.DataType) -> pa.Schema:
-    """Frames in the order of time within a recording; pressure, strain: cells a frame; value: type of a reading."""
+    """Return the schema of frames, in the order of time within a recording.
+
+    pressure, strain: cells per frame; value: type of a reading.
+    """
     return pa.schema(
         {
-            "condition": schemas.NAME,  # the object: what the models must name
+            "condition": schemas.NAME,  # the object, which the models must name
             "recording": schemas.NAME,
             "segment": pa.int16(),  # a new one after every reset of the device
             "t_s": pa.float64(),
-            "gap_before": pa.bool_(),  # frames are missing before this one; also the first of a segment
+            "gap_before": pa.bool_(),  # frames are missing before this one; also the first frame of a segment
             "pressure": pa.list_(value, pressure),
             "strain": pa.list_(value, strain),
         }
@@ -32,7 +35,7 @@ def frames(pressure: int, strain: int, value: pa.DataType) -> pa.Schema:
 
 
 def normalised(matrix: np.ndarray) -> np.ndarray:
-    """Equation 6 of the SP-ResNet paper: each matrix of (n, rows, cols) stretched linearly to 0 .. 255, uint8.
+    """Stretch each matrix of (n, rows, cols) linearly to 0 .. 255, uint8 (equation 6 of the SP-ResNet paper).
 
     X = 255 (C - min C) / (max C - min C). Raises InputError where max = min: ingest rejects such frames.
     """
@@ -43,7 +46,7 @@ def normalised(matrix: np.ndarray) -> np.ndarray:
 
 
 def dataset_rows(chosen: pa.Table, pictures: Mapping[str, np.ndarray]) -> pa.Table:
-    """The dataset: condition, recording, t_s, label (int16, place of the object in the sorted names), images.
+    """Return the dataset: condition, recording, t_s, label (int16, place of the object in the sorted names), images.
 
     chosen: a table of the schema `frames`; pictures: modality -> (n, SIDE, SIDE) uint8.
     """
@@ -57,7 +60,7 @@ def dataset_rows(chosen: pa.Table, pictures: Mapping[str, np.ndarray]) -> pa.Tab
 
 
 def shares(units: np.ndarray, split: Mapping) -> list[np.ndarray]:
-    """Shuffled sessions, grasps or frames in three groups, in the order of PARTS, none of them empty.
+    """Divide shuffled sessions, grasps or frames into three groups, in the order of PARTS, none of them empty.
 
     units: three or more; split: the shares `train` and `validation`, the rest is the test.
     """
@@ -68,15 +71,15 @@ def shares(units: np.ndarray, split: Mapping) -> list[np.ndarray]:
 
 
 def modality(protocol: str) -> str:
-    """Which images a protocol takes: it is named <split>_<modality>, like session_pressure. InputError otherwise."""
+    """Return the modality of a protocol, named <split>_<modality> (session_pressure); InputError for another name."""
     name = protocol.rsplit("_", 1)[-1]
     if name not in MODALITIES:
-        raise InputError(f"protocol '{protocol}': must end in one of {', '.join('_' + each for each in MODALITIES)}")
+        raise InputError(f"protocol '{protocol}': must end in one of {', '.join('_' + known for known in MODALITIES)}")
     return name
 
 
 def split_name(protocol: str) -> str:
-    """How a protocol splits: `session` of session_pressure."""
+    """Return the split of a protocol: `session` for session_pressure."""
     return protocol.rsplit("_", 1)[0]
 
 
@@ -90,7 +93,7 @@ class Images(NamedTuple):
 
 
 def read(path: Path, protocol: str, seed: int) -> Images:
-    """The images and labels of one run, from the dataset that the stage of that name wrote."""
+    """Read the images and labels of one run from the dataset that the stage `dataset` wrote."""
     wanted = ["condition", "label", modality(protocol), schemas.split_column(protocol, seed)]
     table = schemas.read(path, columns=wanted)
     objects = classes(table)
@@ -100,5 +103,5 @@ def read(path: Path, protocol: str, seed: int) -> Images:
 
 
 def classes(table: pa.Table) -> list[str]:
-    """Names of the objects in the order of their labels."""
+    """Return the names of the objects in the order of their labels."""
     return sorted(set(schemas.names(table["condition"])))

@@ -1,4 +1,4 @@
-"""What the touch models must predict: Gaussian pressure maps (LoMP paper, section III-A)."""
+"""Compute the labels of touch: Gaussian pressure maps (LoMP paper, section III-A)."""
 
 from collections.abc import Mapping
 
@@ -9,17 +9,17 @@ from pipeline.datasets import schemas
 
 
 def pressure_kpa(force_n: np.ndarray, tip_radius_mm: float) -> np.ndarray:
-    """Mean pressure under a flat tip of radius r: F / (pi r^2), in kPa; negative load-cell noise counts as 0."""
+    """Return the mean pressure under a flat tip of radius r, F / (pi r^2), in kPa; negative load-cell noise is 0."""
     return np.maximum(force_n, 0) / (np.pi * (tip_radius_mm * 1e-3) ** 2) / 1e3
 
 
 def peaks_kpa(windows: pa.Table, settings: Mapping) -> np.ndarray:
-    """True pressure of each touch at each window's last frame, (n, touches) in kPa, NaN where there is none."""
+    """Return each touch's true pressure at each window's last frame, (n, touches) in kPa, NaN where there is none."""
     return pressure_kpa(schemas.matrix(windows["force_n"]), settings["label"]["tip_radius_mm"])
 
 
 def cell_centres(sensor: Mapping, label: Mapping) -> tuple[np.ndarray, np.ndarray]:
-    """x of the map's columns and y of its rows in mm; row 0 is the bottom row."""
+    """Return x of the map's columns and y of its rows in mm; row 0 is the bottom row."""
     width, height = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
     x = (np.arange(label["map_cols"]) + 0.5) * width / label["map_cols"]
     y = (np.arange(label["map_rows"]) + 0.5) * height / label["map_rows"]
@@ -29,10 +29,10 @@ def cell_centres(sensor: Mapping, label: Mapping) -> tuple[np.ndarray, np.ndarra
 def pressure_maps(
     peak_kpa: np.ndarray, x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping, label: Mapping
 ) -> np.ndarray:
-    """Eq. 1: a Gaussian of sigma = r/2 with peak P per touch, summed over simultaneous touches.
+    """Return pressure maps: a Gaussian of sigma = r/2 with peak P per touch, summed over simultaneous touches (eq. 1).
 
     peak_kpa, x_mm, y_mm: (n, touches), NaN where there is no such touch. Returns (n, map_rows, map_cols) in kPa,
-    float32. A press on a cell centre (all of the CNC's) peaks at exactly P; a press beside it peaks at P between
+    float32. A press on a cell centre (every press of the CNC) peaks at exactly P; a press beside it peaks at P between
     the cells.
     """
     sigma = label["tip_radius_mm"] / 2

@@ -1,4 +1,4 @@
-"""Experiments whose input is one long series (strain): their tables, and a series as models see it."""
+"""Read the tables of experiments whose input is one long series (strain), as models see them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,9 +11,9 @@ from pipeline.datasets import schemas
 
 
 def frames(channels: int) -> pa.Schema:
-    """Aligned samples on a uniform time grid, in the order of time within a recording.
+    """Return the schema of aligned samples on a uniform time grid, in the order of time within a recording.
 
-    channels: sensors of the recording with the most of them; v is NaN where a recording has fewer.
+    channels: number of sensors, the largest of all recordings; v is NaN where a recording has fewer.
     """
     return pa.schema(
         {
@@ -30,7 +30,7 @@ def frames(channels: int) -> pa.Schema:
 
 
 class Task(NamedTuple):
-    """What one protocol of a series experiment asks of a model."""
+    """The task that one protocol of a series experiment sets a model."""
 
     outputs: tuple[int, ...]  # columns of y_mm to predict
     channels: Mapping[str, list[int]]  # condition -> columns of v, in the order in which models see them
@@ -49,7 +49,7 @@ class Record(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A record, the dataset's row and the split's part of each of its samples."""
+    """A record, with the dataset's row and the part of the split for each sample."""
 
     condition: str
     rows: np.ndarray  # (T,)
@@ -59,15 +59,15 @@ class Piece(NamedTuple):
 
 
 def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
-    """The recordings of a dataset that one run uses, in the order of the table."""
+    """Read the recordings of a dataset that one run uses, in the order of the table."""
     table = schemas.read(path)
     part = schemas.names(table[schemas.split_column(protocol, seed)])
     condition, recording = schemas.names(table["condition"]), schemas.names(table["recording"])
     v, y, press = schemas.matrix(table["v"]), schemas.matrix(table["y"]), table["press"].to_numpy()
     pieces = []
     for name in task.channels:
-        for one in np.unique(recording[condition == name]):
-            rows = np.flatnonzero((condition == name) & (recording == one) & (part != "unused"))
+        for recorded in np.unique(recording[condition == name]):
+            rows = np.flatnonzero((condition == name) & (recording == recorded) & (part != "unused"))
             if not len(rows):
                 continue
             record = Record(
@@ -82,19 +82,19 @@ def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
 
 
 def seen_in_training(pieces: list[Piece]) -> list[Record]:
-    """What `fit` may see: every recording up to its last sample of the training or validation part."""
+    """Return the records that `fit` may see: every recording up to its last sample of training or validation."""
     records = []
     for piece in pieces:
-        own = np.flatnonzero(piece.part != "test")
-        if len(own):
-            records.append(Record(*(column[: own[-1] + 1] for column in piece.record)))
+        seen = np.flatnonzero(piece.part != "test")
+        if len(seen):
+            records.append(Record(*(column[: seen[-1] + 1] for column in piece.record)))
     return records
 
 
 def chronological(samples: int, train: float, validation: float) -> np.ndarray:
-    """(samples,) of 'train', 'validation', 'test' in the order of time.
+    """Return (samples,) of 'train', 'validation', 'test' in the order of time.
 
-    train: share that trains; validation: share of that, its end, which is the validation part.
+    train: share of the samples before the test; validation: share of these, at their end, for validation.
     """
     edges = np.round(np.array([train * (1 - validation), train]) * samples).astype(int)
     return np.repeat(["train", "validation", "test"], np.diff([0, *edges, samples])).astype(object)

@@ -1,4 +1,4 @@
-"""Frames to windows, the inputs of the models of touch.
+"""Cut frames into windows, the inputs of the models of touch.
 
 A window is `frames` frames, `frame_step` apart, of one press; it never spans a gap or a reset of the device.
 """
@@ -13,7 +13,7 @@ BRIEF_S = 0.1  # contacts closer than this are one press (the finger bounced, or
 
 
 def presses(total_force_n: np.ndarray, t_s: np.ndarray, threshold_n: float) -> np.ndarray:
-    """Number of the press that each frame of a recording belongs to, (n,) from 0.
+    """Return the number of the press that each frame of a recording belongs to, (n,) from 0.
 
     total_force_n: force of all touches, t_s: time, both (n,) in the order of time. A press is a stretch above
     the threshold with the rest around it: the border between two presses lies in the middle of the rest.
@@ -26,7 +26,7 @@ def presses(total_force_n: np.ndarray, t_s: np.ndarray, threshold_n: float) -> n
 
 
 def window_rows(run: np.ndarray, frames: int, frame_step: int, stride: int) -> np.ndarray:
-    """Frame numbers of every window, (windows, frames).
+    """Return the frame numbers of every window, (windows, frames).
 
     run: (n,) a number that is the same for frames which follow one another without a gap in one press.
     Windows start every `stride` frames from the start of each run.
@@ -40,39 +40,54 @@ def window_rows(run: np.ndarray, frames: int, frame_step: int, stride: int) -> n
 
 
 def previous_windows(rows: np.ndarray, run: np.ndarray, frame_step: int) -> np.ndarray:
-    """(windows,) number of the window whose last frame comes `frame_step` before the first of each one, else -1.
+    """Return per window the number of the window that ends `frame_step` before its first frame, or -1, (windows,).
 
-    rows: (windows, frames) frame numbers, rising; run: as of `window_rows`.
+    rows: (windows, frames) frame numbers, rising; run: as for `window_rows`.
     """
     wanted = rows[:, 0] - frame_step
     before = np.minimum(np.searchsorted(rows[:, -1], wanted), len(rows) - 1)
-    found = (rows[before, -1] == wanted) & (run[rows[before, -1]] == run[rows[:, 0]])
-    return np.where(found, before, -1)
+    ends_there = (rows[before, -1] == wanted) & (run[rows[before, -1]] == run[rows[:, 0]])
+    return np.where(ends_there, before, -1)
+
+
+def windows_table(frames: pa.Table, rows: np.ndarray, press: np.ndarray, previous: np.ndarray) -> pa.Table:
+    """Return the windows table: the columns of the last frame, its press, `previous`, and x.
+
+    x is (frames * elements,) per window, frame-major. frames: a table of the schema `schemas.frames`; rows: (windows,
+    frames) frame numbers; press: (n,) of each frame; previous: (windows,), as `previous_windows` returns it.
+    """
+    last = rows[:, -1]
+    table = frames.drop_columns(["v", "gap_before"]).take(pa.array(last))
+    table = table.add_column(2, "press", pa.array(press[last].astype(np.int32)))
+    table = table.add_column(3, "previous", pa.array(previous.astype(np.int32)))
+    kind = frames.schema.field("v").type
+    x = schemas.matrix(frames["v"])[rows].reshape(len(rows), rows.shape[1] * kind.list_size)
+    return table.append_column("x", schemas.lists(x, kind.value_type)).combine_chunks()
 
 
 def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
-    """The windows table (pipeline/datasets/schemas.py) of a frames table; settings: `<experiment>.window`.
+    """Cut a frames table into windows; settings: `<experiment>.window`. Returns a table as `windows_table`.
 
-    Labels belong to a window's last frame, so all other columns are that frame's. InputError if no frame
-    is part of a window.
+    Labels belong to a window's last frame, so all other columns are of that frame. Raises InputError if no frame is
+    part of a window.
     """
     if frames.num_rows == 0:
-        return schemas.windows_rows(frames, np.zeros((0, settings["frames"]), int), *np.zeros((2, 0), int))
-    names = (frames["condition"].combine_chunks(), frames["recording"].combine_chunks())
-    codes = [name.indices.to_numpy() for name in names]
-    recording = np.cumsum(np.concatenate([[0], np.any([np.diff(code) != 0 for code in codes], axis=0)]))
+        return windows_table(frames, np.zeros((0, settings["frames"]), int), *np.zeros((2, 0), int))
+    codes = [frames[name].combine_chunks().indices.to_numpy() for name in ("condition", "recording")]
+    changes = np.any([np.diff(code) != 0 for code in codes], axis=0)
+    recording = np.cumsum(np.concatenate([[0], changes]))
     t_s = frames["t_s"].to_numpy()
     force = np.nansum(schemas.matrix(frames["force_n"]), axis=1)
     press = np.empty(len(t_s), dtype=np.int64)
     first = 0
     for number in range(recording[-1] + 1):
-        rows = recording == number
-        press[rows] = first + presses(force[rows], t_s[rows], settings["contact_threshold_n"])
-        first = press[rows].max() + 1
+        inside = recording == number
+        press[inside] = first + presses(force[inside], t_s[inside], settings["contact_threshold_n"])
+        first = press[inside].max() + 1
     run = np.cumsum(frames["gap_before"].to_numpy()) + press * (len(t_s) + 1)
     rows = window_rows(run, settings["frames"], settings["frame_step"], settings["stride"])
     if not len(rows):
         raise InputError(
             f"no window of {settings['frames']} frames fits into any press; record more slowly or lower window.frames"
         )
-    return schemas.windows_rows(frames, rows, press, previous_windows(rows, run, settings["frame_step"]))
+    return windows_table(frames, rows, press, previous_windows(rows, run, settings["frame_step"]))

@@ -1,4 +1,4 @@
-"""Glove experiment (SP-ResNet paper): what the scanner prints, and tactile images by equations 1 to 6."""
+"""Read glove recordings (SP-ResNet paper): the scanner's log as frames, and tactile images by equations 1 to 6."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -13,6 +13,7 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.logs import parse
 from pipeline.logs.parse import Column, Format
+from pipeline.logs.report import log_report
 
 KIND = "images"
 SETTINGS = "Glove"
@@ -38,27 +39,30 @@ SPLITS = ("session", "random_frames")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
-    """The frames table: the glove is given, whatever `settings` say."""
+    """Return the schema of the frames table: the glove is given, whatever `settings` say."""
     return SCHEMA
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The folders `<object>/<session>` in `folder`, sorted. InputError where there is none, or an object has none."""
+    """Return the folders `<object>/<session>` in `folder`, sorted.
+
+    Raises InputError for fewer than two objects, and for an object without a session.
+    """
     objects = sorted(path for path in folder.glob("*") if path.is_dir())
     if len(objects) < 2:
         raise InputError(f"{folder}: {len(objects)} objects found; expected two or more as <object>/<session>/{LOG}")
-    found = []
-    for one in objects:
-        sessions = sorted(path for path in one.glob("*") if path.is_dir())
-        if not sessions:
-            raise InputError(f"{one}: no session of this object; add <session>/{LOG} or remove the folder")
-        found += sessions
-    parse.check_names(found)
-    return found
+    sessions = []
+    for grasped in objects:
+        folders = sorted(path for path in grasped.glob("*") if path.is_dir())
+        if not folders:
+            raise InputError(f"{grasped}: no session of this object; add <session>/{LOG} or remove the folder")
+        sessions += folders
+    parse.check_names(sessions)
+    return sessions
 
 
 def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
-    """The log of one session as `(frames, rejects, report)`; settings: the block `glove` of params.yaml.
+    """Read the log of one session as `(frames, rejects, report)`; settings: the block `glove` of params.yaml.
 
     frames: a table of SCHEMA. Lines of the file = accepted + rejected (+ header). Raises InputError for a missing
     log, too many rejects, or a session without a usable frame.
@@ -70,29 +74,27 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     constant = (np.ptp(pressure, axis=1) == 0) | (np.ptp(strain, axis=1) == 0)
     reasons = Counter(rejects["reason"].to_pylist()) + Counter({CONSTANT: int(constant.sum())})
     parse.check_rejects(folder / LOG, rejects.num_rows + rows.num_rows, reasons, limit, key)
-    alike = parse.rejected(folder / LOG, rows["line"].to_numpy()[constant], CONSTANT)
-    rejects = pa.concat_tables([rejects, alike]).sort_by("line")
+    rejects = parse.add_rejects(rejects, folder / LOG, rows["line"].to_numpy()[constant], CONSTANT)
     kept = np.flatnonzero(~constant)
     if not len(kept):
         raise InputError(f"{folder / LOG}: no usable frame is left, most often '{max(reasons, key=reasons.get)}'")
 
     time_s, segment = rows["t_us"].to_numpy()[kept] / 1e6, rows["segment"].to_numpy()[kept]
-    first = np.concatenate([[True], np.diff(segment) != 0])
     columns = {
         "condition": [folder.parent.name] * len(kept),
         "recording": [folder.name] * len(kept),
         "segment": segment,
         "t_s": time_s,
-        "gap_before": first | schemas.gaps(time_s, segment),
+        "gap_before": schemas.gaps_before(time_s, segment),
         "pressure": schemas.lists(pressure[kept], pa.int16()),
         "strain": schemas.lists(strain[kept], pa.int16()),
     }
     frames = pa.table(columns).select(SCHEMA.names).cast(SCHEMA)
-    return frames, rejects, {LOG: schemas.log_report(len(kept), rejects, time_s, segment)}
+    return frames, rejects, {LOG: log_report(len(kept), rejects, time_s, segment)}
 
 
 def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
-    """Row numbers of the frames that become images: every `window.stride`-th of each session."""
+    """Return the row numbers of the frames that become images: every `window.stride`-th frame of each session."""
     names = np.char.add(np.char.add(schemas.names(frames["condition"]), "/"), schemas.names(frames["recording"]))
     starts = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]]))
     place = np.arange(len(names)) - np.repeat(starts, np.diff([*starts, len(names)]))
@@ -100,40 +102,41 @@ def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
 
 
 def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
-    """The three datasets of tactile images, each (n, 32, 32) uint8; areas that are not scanned are null.
+    """Return the three datasets of tactile images, each (n, 32, 32) uint8; areas that are not scanned are null.
 
     A joint's nine pixels all show their mean conductance (equation 5). `combined` is normalised as one matrix.
-    Differs from paper: where a joint's one mean lies in the image is not said; here it fills the joint's 3 x 3 cells.
+    Differs from paper: the paper does not say where in the image a joint's mean lies; here it fills the joint's 3 x 3
+    cells.
     """
     ohm = settings["sensor"]["reference_ohm"]
     pressure = conductance(schemas.matrix(frames["pressure"]), ohm).reshape(-1, 15, 18)
     joints = joint_means(conductance(schemas.matrix(frames["strain"]), ohm).reshape(-1, 15, 9))
     strain = joints.repeat(JOINT, axis=1).repeat(JOINT, axis=2)
-    found = {}
+    pictures = {}
     for modality in tactile.MODALITIES:
         matrix = np.zeros((frames.num_rows, tactile.SIDE, tactile.SIDE))
         if modality != "strain":
             matrix[:, *PRESSURE] = pressure
         if modality != "pressure":
             matrix[:, *STRAIN] = strain
-        found[modality] = tactile.normalised(matrix)
-    return found
+        pictures[modality] = tactile.normalised(matrix)
+    return pictures
 
 
 def conductance(counts: np.ndarray, reference_ohm: float) -> np.ndarray:
-    """Equations 1 to 4: siemens from ADC counts 0 .. 1023 (any shape), G = V / (R_ref (1024 - V))."""
+    """Return siemens for ADC counts 0 .. 1023 (any shape), G = V / (R_ref (1024 - V)) (equations 1 to 4)."""
     counts = counts.astype(float)
     return counts / (reference_ohm * (LEVELS - counts))
 
 
 def joint_means(strain: np.ndarray) -> np.ndarray:
-    """Equation 5: (n, 15, 9) conductances of area (b) to the mean of each joint's 3 x 3 cells, (n, 5, 3)."""
+    """Return the mean of each joint's 3 x 3 cells, (n, 5, 3), for conductances of area (b), (n, 15, 9) (equation 5)."""
     n, rows, cols = strain.shape
     return strain.reshape(n, rows // JOINT, JOINT, cols // JOINT, JOINT).mean(axis=(2, 4))
 
 
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """The part of each image, (n,); the same for the three datasets of one seed. frames: the chosen ones.
+    """Return the part of each image, (n,); the same for the three datasets of one seed. frames: the chosen frames.
 
     `session`: whole sessions of every object, drawn by the seed; `random_frames`: frames, as the paper seems to
     have done. Raises InputError for another name or an object with fewer sessions than parts.
@@ -144,15 +147,16 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     share = settings["split"]
     objects, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     part = np.empty(frames.num_rows, dtype=object)
-    for one in np.unique(objects):
-        own = objects == one
-        units = np.unique(sessions[own]) if name == "session" else np.flatnonzero(own)
-        if len(np.unique(sessions[own])) < len(tactile.PARTS):
+    for grasped in np.unique(objects):
+        inside = objects == grasped
+        known = np.unique(sessions[inside])
+        if len(known) < len(tactile.PARTS):
             raise InputError(
-                f"glove, object '{one}': {len(np.unique(sessions[own]))} sessions; at least {len(tactile.PARTS)} are "
+                f"glove, object '{grasped}': {len(known)} sessions; at least {len(tactile.PARTS)} are "
                 "needed to train, validate and test on different ones: record more, or remove the object"
             )
-        order = generator(seed, "glove", name, one).permutation(units)
-        for which, group in zip(tactile.PARTS, tactile.shares(order, share), strict=True):
-            part[own & np.isin(sessions, group) if name == "session" else group] = which
+        units = known if name == "session" else np.flatnonzero(inside)
+        order = generator(seed, "glove", name, grasped).permutation(units)
+        for part_name, group in zip(tactile.PARTS, tactile.shares(order, share), strict=True):
+            part[inside & np.isin(sessions, group) if name == "session" else group] = part_name
     return part

@@ -1,13 +1,13 @@
-"""Recorded grasps of a three-finger robot hand: a bzip2-compressed XML file a grasp, see pipeline/logs/sources.py.
+"""Read recorded grasps of a three-finger robot hand: one bzip2-compressed XML file per grasp, see logs/sources.py.
 
 The hand (Schunk SDH-2) bears a tactile matrix on both links of each finger. Here two fingers close against each other
 and the third is folded away, so nearly all contact is on the distal matrices of the first and the last finger.
 
-What the splits cannot show: all grasps of an object were recorded within 1 to 3 minutes, so none tests another day.
-And joints 0, 3 and 4 never move during a grasp, but their resting angles differ by some 0.001 degrees between the
+Two things the splits cannot show. All grasps of an object were recorded within 1 to 3 minutes, so none tests another
+day. And joints 0, 3 and 4 never move during a grasp, but their resting angles differ by some 0.001 degrees between the
 minutes of one object and another: extra trees name the object from these three alone
-(pipeline/studies/joint_angles.py). Images, in steps of 0.2 degrees for joints that move and 0.7 for the others, do not
-show it; a model that is given `strain` as it stands does.
+(pipeline/studies/joint_angles.py). Images, in steps of 0.2 degrees for joints that move and 0.7 for the others, hide
+this difference; a model that takes the angles of `strain` themselves sees it.
 """
 
 import bz2
@@ -26,6 +26,7 @@ from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.logs import parse
+from pipeline.logs.report import log_report
 
 KIND = "images"
 SETTINGS = "GloveRecorded"
@@ -36,14 +37,14 @@ FULL_SCALE = 4095  # of a cell
 JOINTS = 7
 SCHEMA = tactile.frames(CELLS, JOINTS, pa.float32())
 
-# Where they lie in an image: three fingers beside each other, fingertips on top.
-# Matrix -> first row and column; the distal ones are within the paper's area a (rows 1-15, columns 1-18).
+# Places in an image: three fingers beside each other, fingertips on top.
+# Matrix -> first row and column; distal matrices are within the paper's area a (rows 1-15, columns 1-18).
 PLACES = ((13, 0), (0, 0), (13, 6), (0, 6), (13, 12), (0, 12))
 # Joint -> first row and column of its 3 x 3 pixels, in the paper's area b (rows 18-32, columns 24-32). Joint 0 turns
 # the first and the last finger about their own axes; then the proximal and the distal joint of each finger.
 JOINT_PLACES = ((23, 26), (20, 23), (17, 23), (20, 26), (17, 26), (20, 29), (17, 29))
 JOINT_SIDE = 3
-# What an image shows of each joint: the stroke of those that close, the whole reach of those that hold the posture.
+# Range of each joint in an image: the stroke of joints that close, the whole reach of joints that hold the posture.
 LOWEST_DEG = np.array([-90.0, -40, -10, -90, -90, -40, -10])
 HIGHEST_DEG = np.array([90.0, 10, 40, 90, 90, 10, 40])
 
@@ -61,27 +62,27 @@ SPLITS = ("grasp", "time", "random_frames")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
-    """The frames table: the hand is given, whatever `settings` say."""
+    """Return the schema of the frames table: the hand is given, whatever `settings` say."""
     return SCHEMA
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The files `<object>/*.dsa` in `folder`, by object and then in the order of time. InputError if there is none."""
-    found = sorted(folder.glob("*/*.dsa"), key=lambda path: (path.parent.name, _first_frame(path.stem), path.name))
-    if not found:
+    """Return the files `<object>/*.dsa` in `folder`, by object, then in the order of time; InputError without any."""
+    files = sorted(folder.glob("*/*.dsa"), key=lambda path: (path.parent.name, _first_frame(path.stem), path.name))
+    if not files:
         raise InputError(f"{folder}: no recordings; run `python -m pipeline.commands.fetch glove_recorded`")
-    return found
+    return files
 
 
 def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
-    """One grasp as `(frames, rejects, report)`.
+    """Read one grasp as `(frames, rejects, report)`.
 
     `settings`: the block `glove_recorded` of params.yaml. frames: a table of SCHEMA; pressure in counts, 0 to
     FULL_SCALE, the matrices one after the other, each row by row; strain in degrees, interpolated at the frame's
-    time. rejects: a row a frame that is left out, numbered from 1 in `line`, and under `<file>: joint angles` a row an
-    entry of the joint angles. report: for both, as for logs. Constant frames are rejects too, but are not held against
-    `ingest.max_reject_fraction`: they are what a hand feels before contact. Raises InputError for a file that is not
-    whole, not such XML, of another sensor, with too many rejects or without a frame that is left.
+    time. rejects: one row per frame that is left out, numbered from 1 in `line`, and, under `<file>: joint angles`, one
+    row per entry of the joint angles that is left out. report: for both, as for logs. Constant frames are rejects too,
+    but do not count against `ingest.max_reject_fraction`: a hand feels nothing before contact. Raises InputError for a
+    file that is not whole, not such XML, of another sensor, with too many rejects or without a frame that is left.
     """
     root = _parsed(path)
     _check_layout(path, root)
@@ -123,26 +124,26 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
         "pressure": schemas.lists(cells[kept], pa.float32()),
         "strain": schemas.lists(strain, pa.float32()),
     }
-    report = {path.name: schemas.log_report(len(kept), rejects, time, segment)}
+    report = {path.name: log_report(len(kept), rejects, time, segment)}
     report[path.name]["gaps"] = int(gap[1:].sum())
-    report[angle_name] = schemas.log_report(len(angle), angle_rejects, angle_time, np.zeros(len(angle)))
+    report[angle_name] = log_report(len(angle), angle_rejects, angle_time, np.zeros(len(angle)))
     frames = pa.table(columns).select(SCHEMA.names).cast(SCHEMA)
     return frames, pa.concat_tables([rejects, angle_rejects]), report
 
 
 def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
-    """Row numbers of the frames that become images, (n,) rising.
+    """Return the row numbers of the frames that become images, (n,) rising.
 
-    Of each grasp the last `window.frames` frames, `window.stride` apart, that end at its last one (fewer where it has
-    fewer): at the end the hand is closed and at rest.
+    These are the last `window.frames` frames of each grasp, `window.stride` apart, up to its last frame (fewer where
+    the grasp has fewer): at the end the hand is closed and at rest.
     """
     count, stride = settings["window"]["frames"], settings["window"]["stride"]
-    rows = [own[::-1][::stride][:count][::-1] for own in _grasps(frames)]
+    rows = [grasp[::-1][::stride][:count][::-1] for grasp in _grasps(frames)]
     return np.sort(np.concatenate(rows)) if rows else np.zeros(0, dtype=int)
 
 
 def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
-    """Tactile images of the chosen frames, (n, 32, 32) uint8 by modality; areas without a cell or joint are 0.
+    """Return the tactile images of the chosen frames, (n, 32, 32) uint8 by modality; areas without a cell are 0.
 
     Differs from paper: recorded counts are scaled by their full scale and angles by their range, not every image by
     its own lowest and highest value (equation 6): counts and degrees have no common unit, and how hard the hand
@@ -153,26 +154,26 @@ def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
     cells = _levels(schemas.matrix(frames["pressure"]), 0, FULL_SCALE)
     joints = _levels(schemas.matrix(frames["strain"]), LOWEST_DEG, HIGHEST_DEG)
 
-    found = {name: np.zeros((n, tactile.SIDE, tactile.SIDE), dtype=np.uint8) for name in tactile.MODALITIES}
+    pictures = {name: np.zeros((n, tactile.SIDE, tactile.SIDE), dtype=np.uint8) for name in tactile.MODALITIES}
     start = 0
     for (rows, cols), (row, col) in zip(MATRICES, PLACES, strict=True):
         matrix = cells[:, start : start + rows * cols].reshape(n, rows, cols)
         for name in ("pressure", "combined"):
-            found[name][:, row : row + rows, col : col + cols] = matrix
+            pictures[name][:, row : row + rows, col : col + cols] = matrix
         start += rows * cols
     for joint, (row, col) in enumerate(JOINT_PLACES):
         for name in ("strain", "combined"):
-            found[name][:, row : row + JOINT_SIDE, col : col + JOINT_SIDE] = joints[:, joint, None, None]
-    return found
+            pictures[name][:, row : row + JOINT_SIDE, col : col + JOINT_SIDE] = joints[:, joint, None, None]
+    return pictures
 
 
 def _levels(values: np.ndarray, low: float | np.ndarray, high: float | np.ndarray) -> np.ndarray:
-    """`low` to `high` as 0 to 255, uint8; beyond them the nearer end."""
+    """Scale `low` to `high` to 0 to 255, uint8; values beyond them get the nearer end."""
     return np.round(tactile.HIGHEST * np.clip((values - low) / (high - low), 0, 1)).astype(np.uint8)
 
 
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """The part of each image, (n,); the same for the three modalities of one seed. frames: the chosen ones.
+    """Return the part of each image, (n,); the same for the three modalities of one seed. frames: the chosen frames.
 
     `grasp`: whole grasps of every object, drawn by the seed; `time`: the first grasps of every object train, the next
     validate, the last test, the same for every seed; `random_frames`: frames of every object, so that frames of one
@@ -183,36 +184,36 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
         raise InputError(f"params.yaml, glove_recorded.protocols: no split '{name}'; there are {', '.join(SPLITS)}")
     part = np.empty(frames.num_rows, dtype=object)
     objects, grasps = schemas.names(frames["condition"]), _grasps(frames)
-    what = "frames" if name == "random_frames" else "grasps"
-    for one in np.unique(objects):
-        units = [own for own in grasps if objects[own[0]] == one]
+    kind = "frames" if name == "random_frames" else "grasps"
+    for grasped in np.unique(objects):
+        units = [grasp for grasp in grasps if objects[grasp[0]] == grasped]
         if name == "random_frames":
             units = [np.array([row]) for row in np.concatenate(units)]
         if len(units) < len(tactile.PARTS):
             raise InputError(
-                f"glove_recorded, object '{one}': {len(units)} {what}; at least {len(tactile.PARTS)} are needed to "
+                f"glove_recorded, object '{grasped}': {len(units)} {kind}; at least {len(tactile.PARTS)} are needed to "
                 "train, validate and test on different ones: record more, or remove the object"
             )
         order = np.arange(len(units))
         if name != "time":
-            order = generator(seed, "glove_recorded", name, one).permutation(order)
-        for which, group in zip(tactile.PARTS, tactile.shares(order, settings["split"]), strict=True):
-            part[np.concatenate([units[k] for k in group])] = which
+            order = generator(seed, "glove_recorded", name, grasped).permutation(order)
+        for part_name, group in zip(tactile.PARTS, tactile.shares(order, settings["split"]), strict=True):
+            part[np.concatenate([units[k] for k in group])] = part_name
     return part
 
 
 def _grasps(frames: pa.Table) -> list[np.ndarray]:
-    """Row numbers of every grasp, by object and then in the order of time."""
+    """Return the row numbers of every grasp, by object and then in the order of time."""
     if not frames.num_rows:
         return []
     objects, names = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     starts = np.flatnonzero((objects[1:] != objects[:-1]) | (names[1:] != names[:-1])) + 1
     grasps = np.split(np.arange(frames.num_rows), starts)
-    return sorted(grasps, key=lambda own: (objects[own[0]], _first_frame(names[own[0]]), names[own[0]]))
+    return sorted(grasps, key=lambda rows: (objects[rows[0]], _first_frame(names[rows[0]]), names[rows[0]]))
 
 
 def _first_frame(stem: str) -> int:
-    """83 of aerosol_can_000083-000147: the frames of the session that the grasp was cut out of."""
+    """Return 83 for aerosol_can_000083-000147: the grasp's first frame in the session that it was cut out of."""
     numbers = re.search(r"_([0-9]+)-[0-9]+$", stem)
     if not numbers:
         raise InputError(f"{stem}.dsa: the name must end in the grasp's first and last frame, like _000083-000147.dsa")
@@ -220,14 +221,14 @@ def _first_frame(stem: str) -> int:
 
 
 class _Tree(ElementTree.TreeBuilder):
-    """Builds the tree, but refuses a document type: only its entities can make a short text grow when it is read."""
+    """A builder that refuses a document type: only the entities of one can make a short text grow when it is read."""
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
         raise ValueError("a document type is not read, a recording has none")
 
 
 def _parsed(path: Path) -> ElementTree.Element:
-    """The file's XML. Raises InputError where it is cut, damaged, too large or something else."""
+    """Parse the file's XML. Raises InputError where the file is cut, damaged, too large or of another kind."""
     try:
         with bz2.open(path) as file:
             content = file.read(LARGEST_CONTENT + 1)
@@ -242,19 +243,19 @@ def _parsed(path: Path) -> ElementTree.Element:
 
 
 def _check_layout(path: Path, root: ElementTree.Element) -> None:
-    """Raises InputError unless the file is of a sensor with these matrices."""
-    found = [
+    """Raise InputError unless the file is of a sensor with these matrices."""
+    matrices = [
         tuple(matrix.findtext(name, "").strip() for name in ("cells_y", "cells_x", "fullscale"))
         for matrix in root.findall("sensor/matrix")
     ]
-    if found != [(str(rows), str(cols), str(FULL_SCALE)) for rows, cols in MATRICES]:
-        shown = ", ".join(f"{rows} x {cols}" for rows, cols, _ in found) or "none"
+    if matrices != [(str(rows), str(cols), str(FULL_SCALE)) for rows, cols in MATRICES]:
+        given = ", ".join(f"{rows} x {cols}" for rows, cols, _ in matrices) or "none"
         wanted = ", ".join(f"{rows} x {cols}" for rows, cols in MATRICES)
-        raise InputError(f"{path}: its matrices are {shown}, not {wanted} with a full scale of {FULL_SCALE}")
+        raise InputError(f"{path}: its matrices are {given}, not {wanted} with a full scale of {FULL_SCALE}")
 
 
 def _angles(entries: list[ElementTree.Element]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time (m,) in s, angles (m, JOINTS) in degrees, and why an entry is left out (m,), '' where it is not."""
+    """Return time (m,) in s, angles (m, JOINTS) in degrees, and why an entry is left out (m,), '' where it is not."""
     time, angle, reasons = _times(entries), np.full((len(entries), JOINTS), np.nan), []
     for k, entry in enumerate(entries):
         fields = entry.findtext("angle_data", "").split(",")
@@ -271,18 +272,18 @@ def _angles(entries: list[ElementTree.Element]) -> tuple[np.ndarray, np.ndarray,
 
 
 def _frames(entries: list[ElementTree.Element]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time (n,) in s, counts (n, CELLS), and why a frame is left out (n,), '' where it is not."""
+    """Return time (n,) in s, counts (n, CELLS), and why a frame is left out (n,), '' where it is not."""
     time, cells, reasons = _times(entries), np.zeros((len(entries), CELLS)), []
     for k, entry in enumerate(entries):
-        found, reason = _cells(entry.findtext("frame_data", ""))
+        counts, reason = _cells(entry.findtext("frame_data", ""))
         reasons.append(reason)
         if not reason:
-            cells[k] = found
+            cells[k] = counts
     return time, cells, _with_time(time, reasons)
 
 
 def _cells(text: str) -> tuple[np.ndarray, str]:
-    """The cells of a frame (CELLS,) and why it cannot be used, '' where it can.
+    """Return the cells of a frame (CELLS,) and why it cannot be used, '' where it can.
 
     A word is a big-endian float32 in eight hex digits; a value -n stands for n cells of 0.
     """
@@ -304,14 +305,17 @@ def _cells(text: str) -> tuple[np.ndarray, str]:
 
 
 def _times(entries: list[ElementTree.Element]) -> np.ndarray:
-    """(n,) unix time in s, NaN where there is none."""
-    texts = [entry.findtext("time_stamp", "").strip() for entry in entries]
-    good = [text.isascii() and text.isdigit() and len(text) <= LONGEST_TIME for text in texts]
-    return np.array([int(text) / 1000 if ok else np.nan for text, ok in zip(texts, good, strict=True)])
+    """Return the unix times in s, (n,), NaN where there is none."""
+    times = []
+    for entry in entries:
+        text = entry.findtext("time_stamp", "").strip()
+        good = text.isascii() and text.isdigit() and len(text) <= LONGEST_TIME
+        times.append(int(text) / 1000 if good else np.nan)
+    return np.array(times)
 
 
 def _with_time(time: np.ndarray, reasons: list[str]) -> np.ndarray:
-    """(n,) the reasons, and those that lie in an entry's time (n,): none, or one not after all before it."""
+    """Return the reasons, (n,), with those of an entry's time, (n,), added: no time, or one not after all before it."""
     latest = np.fmax.accumulate(np.concatenate([[-np.inf], time[:-1]])) if len(time) else time
     reason = np.array(reasons, dtype=object)
     usable = (reason == "") | (reason == CONSTANT)
@@ -319,7 +323,7 @@ def _with_time(time: np.ndarray, reasons: list[str]) -> np.ndarray:
 
 
 def _rejects(name: str, entries: list[ElementTree.Element], data: str, reason: np.ndarray) -> pa.Table:
-    """The entries with a reason, as rejects of the file `name`; data: the element that holds an entry's readings."""
+    """Return the entries with a reason as rejects of the file `name`; data: the element with an entry's readings."""
     bad = np.flatnonzero(reason != "")
     texts = []
     for k in bad:

@@ -1,4 +1,4 @@
-"""Strain experiment (latent-space paper): what DAQ and robot print, and one recording as samples at a uniform rate."""
+"""Read strain recordings (latent-space paper): the logs of DAQ and robot, as samples at a uniform rate."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +12,7 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
+from pipeline.logs.report import log_report
 
 KIND = "series"
 SETTINGS = "Strain"
@@ -25,43 +26,43 @@ MODEL_ZERO_TASK = "task_0"
 
 NO_GROUND_TRUTH = "no ground truth at this time"
 GRID_S = 0.1  # on which the clocks are compared: half the DAQ's interval
-NEAR_S = 1.0  # stretches are searched this far: 100 ppm are 0.6 s in 6000 s
+NEAR_S = 1.0  # reach of the search within stretches: 100 ppm are 0.6 s in 6000 s
 STRETCH_S = 300.0  # about 40 strokes of the arm
 STRETCHES = 4
 CLIP = 95  # percentile: a slip changes voltages far more than the arm's motion
-STUCK_S = 60.0  # a voltage that does not change for so long is no sensor's
+STUCK_S = 60.0  # the voltage of a working sensor changes within this time
 STEP_V = 3.2e-4  # a step of a 16-bit converter for +-10 V (0.305 mV), rounded: a dead input may flicker by one
 LEAST_TRUTH = 0.5  # share of the DAQ's samples that must have ground truth
 
 
 def formats(settings: Mapping) -> dict[str, Format]:
-    """File -> what its lines look like; settings: the block `strain` of params.yaml."""
+    """Return file -> format of its lines; settings: the block `strain` of params.yaml."""
     volts = (Column(f"u{k}", "V", -10, 10) for k in range(settings["sensor"]["channels"]))
     return {"daq.log": Format((CLOCK, *volts), time="t_s"), "robot.log": ROBOT}
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
-    """The frames table; `settings` is the block `strain` of params.yaml."""
+    """Return the schema of the frames table; `settings` is the block `strain` of params.yaml."""
     return series.frames(settings["sensor"]["channels"])
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The folders `<task>/<recording>` in `folder`, sorted: one of each task. InputError where it is otherwise."""
-    found = sorted(path for path in folder.glob("*/*") if path.is_dir())
-    if not found:
+    """Return the folders `<task>/<recording>` in `folder`, sorted; raise InputError unless there is one per task."""
+    folders = sorted(path for path in folder.glob("*/*") if path.is_dir())
+    if not folders:
         raise InputError(f"{folder}: no recordings found; expected <task>/<recording>/daq.log in it")
-    for path in found:
+    for path in folders:
         if path.parent.name not in TASKS:
             raise InputError(f"{path}: '{path.parent.name}' is no task; the tasks are {', '.join(TASKS)}")
     for task in TASKS:
-        if (count := sum(path.parent.name == task for path in found)) != 1:
+        if (count := sum(path.parent.name == task for path in folders)) != 1:
             raise InputError(f"{folder / task}: {count} recordings; each of {', '.join(TASKS)} needs exactly one")
-    parse.check_names(found)
-    return found
+    parse.check_names(folders)
+    return folders
 
 
 def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
-    """The two logs of one folder as samples on the DAQ's clock, at `ingest.rate_hz`: `(frames, rejects, report)`.
+    """Read the two logs of a folder as samples on the DAQ's clock, at `ingest.rate_hz`: `(frames, rejects, report)`.
 
     `settings`: the block `strain` of params.yaml. frames: as `frames_schema`; jitter and single missing lines are
     interpolated, a gap of more than `ingest.max_gap_s` starts a new segment. Lines of a file = accepted + rejected
@@ -89,34 +90,31 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         raise InputError(
             f"{folder / 'robot.log'}: covers {100 * known.mean():.0f} % of the DAQ's log; it ended early, record again"
         )
-    unknown = parse.rejected(folder / "daq.log", daq["line"].to_numpy()[~known], NO_GROUND_TRUTH)
-    rejects["daq.log"] = pa.concat_tables([rejects["daq.log"], unknown]).sort_by("line")
+    unknown = daq["line"].to_numpy()[~known]
+    rejects["daq.log"] = parse.add_rejects(rejects["daq.log"], folder / "daq.log", unknown, NO_GROUND_TRUTH)
 
     frames = resampled(folder.parent.name, folder.name, at[known], volts[known], truth[known], ingest)
     report = {}
     for name, accepted in (("daq.log", int(known.sum())), ("robot.log", robot.num_rows)):
         time = rows[name]["t_s"].to_numpy()
-        report[name] = schemas.log_report(accepted, rejects[name], time, np.zeros(len(time), int))
+        report[name] = log_report(accepted, rejects[name], time, np.zeros(len(time), int))
     report["daq.log"]["channels"] = channels
-    report["robot.log"]["clock"] = {
-        "offset_ms": 1e3 * clock.offset_s,
-        "drift_ppm": 1e6 * clock.drift,
-        "correlation": clock.correlation,
-    }
+    report["robot.log"]["clock"] = clock.report()
     return frames, pa.concat_tables(rejects.values()), report
 
 
 def resampled(
     condition: str, recording: str, at: np.ndarray, volts: np.ndarray, truth: np.ndarray, ingest: Mapping
 ) -> pa.Table:
-    """Linear interpolation at a uniform rate, from segment to segment; at (n,) s, volts (n, channels), truth (n, 3)."""
+    """Interpolate linearly at a uniform rate, within each segment; at (n,) s, volts (n, channels), truth (n, 3)."""
     edges = np.flatnonzero(np.diff(at) > ingest["max_gap_s"]) + 1
     schema, parts = series.frames(volts.shape[1]), []
     for number, (first, last) in enumerate(zip([0, *edges], [*edges, len(at)], strict=True)):
-        own = slice(first, last)
+        inside = slice(first, last)
         grid = np.arange(at[first], at[last - 1] + 1e-9, 1 / ingest["rate_hz"])
         v, y = (
-            np.column_stack([np.interp(grid, at[own], column) for column in values[own].T]) for values in (volts, truth)
+            np.column_stack([np.interp(grid, at[inside], column) for column in values[inside].T])
+            for values in (volts, truth)
         )
         n = len(grid)
         columns = {
@@ -136,15 +134,15 @@ def resampled(
 def robot_clock(
     daq_s: np.ndarray, volts: np.ndarray, robot_s: np.ndarray, place: np.ndarray, ingest: Mapping, who: str
 ) -> alignment.Clock:
-    """How the robot's time becomes the DAQ's: while the arm moves, voltages change in proportion, slips apart.
+    """Return the clock that turns the robot's time into the DAQ's: while the arm moves, voltages change in proportion.
 
-    The offset is where the arm's velocity is best explained, by least squares, by the rates of the voltages: over
-    all of the log, then, near that, over stretches of STRETCH_S, whose offsets give the drift. The changes of the
-    rates explain too, because a strand answers late: m' = r' - T m''. Without them what it takes to answer looks like
-    an offset: 0.20 s in place of 0.01 s in simulated task 1 (0.03 to 0.04 s in task 0, 0.1 s in task 2 either way).
-    The clocks start within `ingest.max_clock_offset_s` of each other, or the logs do. Gaps in the DAQ's log that are
-    longer than a stretch are left out. daq_s (n,), volts (n, channels), robot_s (m,), place (m, 3). Raises InputError
-    below `ingest.min_correlation`, and where such gaps leave too little.
+    The offset is where the rates of the voltages explain the arm's velocity best, by least squares: over all of the
+    log, then, near that, over stretches of STRETCH_S, whose offsets give the drift. Slips of the finger break the
+    proportion, so rates are clipped. The changes of the rates explain too, because a strand answers late:
+    m' = r' - T m''. Without them its delay looks like an offset: 0.20 s in place of 0.01 s in simulated task 1 (0.03 to
+    0.04 s in task 0, 0.1 s in task 2 either way). The clocks start within `ingest.max_clock_offset_s` of each other, or
+    the logs do. Gaps in the DAQ's log that are longer than a stretch are left out. daq_s (n,), volts (n, channels),
+    robot_s (m,), place (m, 3). Raises InputError below `ingest.min_correlation`, and where such gaps leave too little.
     """
     grid = np.arange(daq_s[0], daq_s[-1], GRID_S)
     grid = grid[np.diff(daq_s)[np.searchsorted(daq_s, grid, side="right") - 1] <= STRETCH_S]
@@ -159,16 +157,16 @@ def robot_clock(
     speed = _rates(robot_s, place)
     centres = sorted({0.0, float(daq_s[0] - robot_s[0])})
     tried = [_best_lag(grid, rates, speed, centre, ingest["max_clock_offset_s"]) for centre in centres]
-    lag, _ = max(tried, key=lambda one: one[1])
-    length, found = round(STRETCH_S / GRID_S), []
+    lag, _ = max(tried, key=lambda lag_and_score: lag_and_score[1])
+    length, placed = round(STRETCH_S / GRID_S), []
     for first in range(0, len(grid) - length // 2, length):
-        own = slice(first, first + length)
-        near, score = _best_lag(grid[own], rates[own], speed, lag, NEAR_S)
+        stretch = slice(first, first + length)
+        near, score = _best_lag(grid[stretch], rates[stretch], speed, lag, NEAR_S)
         if score >= ingest["min_correlation"]:
-            found.append((grid[own].mean() - lag, near))  # in the robot's time: zeros may be decades apart
+            placed.append((grid[stretch].mean() - lag, near))  # in the robot's time: zeros may be decades apart
     clock = alignment.Clock(lag)
-    if len(found) >= STRETCHES:
-        times, lags = np.array(found).T
+    if len(placed) >= STRETCHES:
+        times, lags = np.array(placed).T
         drift, offset, _, _ = theilslopes(lags, times - times.mean())  # a stretch may be far off
         clock = alignment.Clock(float(offset), float(drift), float(times.mean()))
     correlation = _explained(rates, _on(grid, clock(speed[0]), speed[1]))
@@ -181,14 +179,14 @@ def robot_clock(
 
 
 def _shortest_s(ingest: Mapping) -> float:
-    """What a log must last, so that it still overlaps with the other one at every offset that is tried."""
+    """Return the time that a log must last to overlap with the other log at every offset that is tried."""
     return 4 * ingest["max_clock_offset_s"]
 
 
 def _rates(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times between samples, and the rates of `values` (n, columns) there, clipped on both sides.
+    """Return the times between samples, and the rates of `values` (n, columns) there, clipped on both sides.
 
-    A log faster than the grid is averaged to it before: at 1 kHz half a millivolt of noise is 0.5 V/s, motion 0.1 V/s.
+    A log faster than the grid is first averaged to it: at 1 kHz half a millivolt of noise is 0.5 V/s, motion 0.1 V/s.
     """
     average = alignment.averager(time_s, GRID_S)
     time_s, values = average(time_s), average(values)
@@ -197,12 +195,12 @@ def _rates(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _on(grid: np.ndarray, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """`values` (n, columns) interpolated on the grid (m,), 0 outside their time: (m, columns)."""
+    """Interpolate `values` (n, columns) on the grid (m,), 0 outside their time: (m, columns)."""
     return np.column_stack([np.interp(grid, time_s, column, left=0, right=0) for column in values.T])
 
 
 def _explained(rates: np.ndarray, speed: np.ndarray) -> float:
-    """Multiple correlation: root of the share of `speed` (n, 3) that `rates` (n, channels) explain."""
+    """Return the multiple correlation: the root of the share of `speed` (n, 3) that `rates` (n, channels) explain."""
     basis, _ = np.linalg.qr(np.column_stack([np.ones(len(rates)), rates]))
     speed = speed - speed.mean(axis=0)
     return float(np.linalg.norm(basis.T @ speed) / max(np.linalg.norm(speed), 1e-12))
@@ -211,9 +209,9 @@ def _explained(rates: np.ndarray, speed: np.ndarray) -> float:
 def _best_lag(
     grid: np.ndarray, rates: np.ndarray, speed: tuple[np.ndarray, np.ndarray], centre: float, reach: float
 ) -> tuple[float, float]:
-    """The lag of the robot's clock within centre +- reach (s) that explains most, between steps by a parabola.
+    """Return the lag of the robot's clock within centre +- reach (s) that explains most, and its correlation.
 
-    grid (n,): times that are whole steps of GRID_S apart, not all of them.
+    A parabola places the lag between the steps. grid (n,): times whole steps of GRID_S apart, some steps left out.
     """
     basis, _ = np.linalg.qr(np.column_stack([np.ones(len(rates)), rates]))
     lags = centre + np.arange(-round(reach / GRID_S), round(reach / GRID_S) + 1) * GRID_S
@@ -232,10 +230,11 @@ def _best_lag(
 
 
 def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray) -> dict[str, dict]:
-    """Channels that change by no more than STEP_V in blocks of STUCK_S: at an edge of their range saturated, else dead.
+    """Find channels that change by no more than STEP_V in blocks of STUCK_S.
 
-    Returns channel -> fault and share of the blocks; blocks mostly in a gap do not count. time_s (n,), volts
-    (n, channels). InputError if all channels are dead all the time.
+    Returns channel -> fault and share of the blocks: 'saturated' where the channel stands at an edge of its range, else
+    'dead'. Blocks that lie mostly in a gap do not count. time_s (n,), volts (n, channels). Raises InputError if all
+    channels are dead all the time.
     """
     starts = np.flatnonzero(np.diff((time_s - time_s[0]) // STUCK_S, prepend=-1))
     whole = time_s[np.append(starts[1:], len(time_s)) - 1] - time_s[starts] > STUCK_S / 2
@@ -253,9 +252,9 @@ def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray) -> dict[str, dict]:
 
 
 def task(protocol: str, settings: Mapping) -> series.Task:
-    """Return what a protocol, named like its task, asks for; InputError for an unknown one.
+    """Return the task of a protocol, which is named like it; InputError for an unknown one.
 
-    settings: the block `strain` of params.yaml, whose sensor.channels says how many channels a model sees: all.
+    settings: the block `strain` of params.yaml; a model sees all its sensor.channels.
     """
     if protocol not in TASKS:
         raise InputError(f"strain: no task '{protocol}'; the tasks are {', '.join(TASKS)}")
@@ -264,7 +263,7 @@ def task(protocol: str, settings: Mapping) -> series.Task:
 
 
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """The part of each sample, (n,): chronological within the recordings of the task; other tasks are 'unused'.
+    """Return the part of each sample, (n,): in the order of time within the task's recordings, else 'unused'.
 
     The same for every seed: the recording decides. The end of the training part is the validation part.
     """
@@ -277,9 +276,9 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
 
 
 def true_drift(protocol: str, time_s: np.ndarray) -> dict[str, np.ndarray]:
-    """Simulated logs only: the strands' true drift (n, strands) at times (n,) of the DAQ's clock; else nothing."""
-    found = sorted((paths.logs("strain") / protocol).glob("*/truth.csv"))
-    if not found:
+    """Return the strands' true drift, (n, strands), at times (n,) of the DAQ's clock; {} without simulated logs."""
+    files = sorted((paths.logs("strain") / protocol).glob("*/truth.csv"))
+    if not files:
         return {}
-    truth = np.loadtxt(found[0], delimiter=",", skiprows=1)
+    truth = np.loadtxt(files[0], delimiter=",", skiprows=1)
     return {"true drift": np.column_stack([np.interp(time_s, truth[:, 0], column) for column in truth[:, 1:].T])}

@@ -1,4 +1,4 @@
-"""Recorded soft strain sensors on an arm, two days apart: MATLAB workspaces, see pipeline/logs/sources.py.
+"""Read recordings of soft strain sensors on an arm, on two days: MATLAB workspaces, see pipeline/logs/sources.py.
 
 The robot's program repeats a cycle of 40 samples: it lifts the finger off the surface (samples 0-9, still above
 the last place), moves to a new random place (10-19) and presses there (20-39). Its random numbers start from the
@@ -15,6 +15,7 @@ import pyarrow as pa
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.logs import matlab, parse
+from pipeline.logs.report import log_report
 
 KIND = "series"
 SETTINGS = "StrainRecorded"
@@ -28,7 +29,7 @@ CYCLE, MOVED, PRESSED = 40, 10, 20  # samples of a cycle; the first above the ne
 START_MM = np.zeros((1, 2))  # the program starts at the centre
 
 LARGEST_FILE = 64 << 20  # bytes; the recordings have 2 and 4 MB
-LOWEST_V, HIGHEST_V = 0.0, 5.0  # what the board's supply can give
+LOWEST_V, HIGHEST_V = 0.0, 5.0  # range of the board's supply
 RAIL_V = 3.0  # the board reads up to 3.3 V; strands read 1.4 to 2.3 V, one that has come loose 3.15 V
 STEP_V = 3.3 / 1023  # of its 10-bit converter: a channel that moves less all day is dead
 
@@ -49,28 +50,28 @@ MODEL_ZERO_TASK = "xyz"
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
-    """The frames table: the sensors are given, whatever `settings` say."""
+    """Return the schema of the frames table: the sensors are given, whatever `settings` say."""
     return SCHEMA
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The two recordings in `folder`, in the order of days. InputError where one is missing."""
-    found = [folder / name for name in FILES.values()]
-    for path in found:
+    """Return the two recordings in `folder`, in the order of days. Raises InputError where one is missing."""
+    files = [folder / name for name in FILES.values()]
+    for path in files:
         if not path.is_file():
             raise InputError(f"{path}: recording not found; run `python -m pipeline.commands.fetch strain_recorded`")
-    return found
+    return files
 
 
 def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
-    """One day as `(frames, rejects, report)`.
+    """Read one day as `(frames, rejects, report)`.
 
     `settings`: the block `strain_recorded` of params.yaml. frames: a table of SCHEMA with every
     `ingest.every`-th sample; v in V, y_mm the commanded place and -deformation while pressed (0 otherwise), press
-    the number of the cycle in its pressed samples. rejects: a row a sample that is left out, numbered from 1 in
-    `line`. report: as for logs, and `channels`: what is wrong with a channel, by its name. Raises InputError for
-    a file that is no MATLAB workspace, lacks a variable, whose variables do not belong together, with too many
-    rejects or without a living channel.
+    the number of the cycle in its pressed samples. rejects: one row per sample that is left out, numbered from 1 in
+    `line`. report: as for logs, and `channels`: the fault of a channel, by its name. Raises InputError for
+    a file that is no MATLAB workspace, lacks a variable, has variables that do not belong together, too many
+    rejects or no living channel.
     """
     condition = _condition(path)
     voltage, time, place, deformation = _read(path)
@@ -111,21 +112,21 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
         "v": schemas.lists(v, pa.float32()),
         "y_mm": schemas.lists(np.column_stack([above, np.where(pressed, -deformation, 0.0)]), pa.float32()),
     }
-    report = schemas.log_report(len(good), rejects, time[kept], segment)
+    report = log_report(len(good), rejects, time[kept], segment)
     report["gaps"] = int(gap[1:].sum())
     report["channels"] = _faults(path, voltage[good])
     return pa.table(columns).select(SCHEMA.names).cast(SCHEMA), rejects, {path.name: report}
 
 
 def task(protocol: str, settings: Mapping) -> series.Task:
-    """Return what a protocol asks of a model; InputError for an unknown one. No setting changes it."""
+    """Return the task of a protocol; InputError for an unknown one. No setting changes it."""
     name, wanted = _parts(protocol)
     outputs, pressed_only = TASKS[wanted]
     return series.Task(outputs, SPLITS[name], pressed_only, f"{name}_{MODEL_ZERO_TASK}")
 
 
 def channels(protocol: str, condition: str) -> list[int]:
-    """Columns of v that a protocol gives its models on one day. Raises InputError for an unknown protocol or day."""
+    """Return the columns of v that models of a protocol see on one day; InputError for an unknown protocol or day."""
     days = task(protocol, {}).channels
     if condition not in days:
         raise InputError(f"strain_recorded, protocol {protocol}: does not use {condition}")
@@ -133,34 +134,35 @@ def channels(protocol: str, condition: str) -> list[int]:
 
 
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """The part of each frame, (n,): whole cycles in the order of time, the same for every seed.
+    """Return the part of each frame, (n,): whole cycles in the order of time, the same for every seed.
 
-    `settings["split"]`: `train`, the share of a day that trains where its end is the test; `validation`, the
-    share of the training cycles, its last ones, that is the validation part. Where a protocol uses both days, the
-    second is the test. Cycles that a protocol does not use are 'unused'. Raises InputError for an unknown protocol.
+    `settings["split"]`: `train`, the share of a day before its test part, where the end of the day is the test;
+    `validation`, the share of the training cycles, the last ones, that is the validation part. Where a protocol uses
+    both days, the second is the test. Cycles that a protocol does not use are 'unused'. Raises InputError for an
+    unknown protocol.
     """
     name, _ = _parts(protocol)
     condition = schemas.names(frames["condition"])
     part = np.full(frames.num_rows, "unused", dtype=object)
     rows = {day: np.flatnonzero(condition == day) for day in SPLITS[name]}
-    cycles = {day: _cycles(frames["press"].to_numpy()[own]) for day, own in rows.items()}
+    cycles = {day: _cycles(frames["press"].to_numpy()[rows[day]]) for day in rows}
     first, *later = SPLITS[name]
     for day in later:
         part[rows[day]] = "test"
-    own, cycle = rows[first], cycles[first]
+    divided, cycle = rows[first], cycles[first]
     if name == "new_places":
         new = cycle > cycles["day_2"].max(initial=-1)
-        own, cycle = own[new], cycle[new]
+        divided, cycle = divided[new], cycle[new]
     numbers = np.unique(cycle)
     trained = len(numbers) if later else round(settings["split"]["train"] * len(numbers))
     fitted = round((1 - settings["split"]["validation"]) * trained)
     number = np.searchsorted(numbers, cycle)
-    part[own] = np.where(number < fitted, "train", np.where(number < trained, "validation", "test"))
+    part[divided] = np.where(number < fitted, "train", np.where(number < trained, "validation", "test"))
     return part
 
 
 def _parts(protocol: str) -> tuple[str, str]:
-    """Split and task of a protocol."""
+    """Return the split and the task of a protocol; InputError where it has not both."""
     name, _, wanted = protocol.rpartition("_")
     if name not in SPLITS or wanted not in TASKS:
         raise InputError(
@@ -171,13 +173,17 @@ def _parts(protocol: str) -> tuple[str, str]:
 
 
 def _cycles(press: np.ndarray) -> np.ndarray:
-    """(n,) of one day: what comes before a press belongs to it; after the last press, to the last."""
+    """Return the cycle of each sample of one day, (n,): samples before a press belong to it, the last ones to the last.
+
+    press: (n,), -1 outside presses.
+    """
     at = np.flatnonzero(press >= 0)
     following = np.searchsorted(at, np.arange(len(press)))
     return press[at[np.minimum(following, len(at) - 1)]] if len(at) else np.zeros(len(press), dtype=int)
 
 
 def _condition(path: Path) -> str:
+    """Return the condition (day) of a recording; InputError for a file of another name."""
     for condition, name in FILES.items():
         if path.name == Path(name).name:
             return condition
@@ -186,29 +192,30 @@ def _condition(path: Path) -> str:
 
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """voltage (n, channels) in V, time (n,) in s (NaN: none), place (2, presses) in mm and deformation in mm."""
-    found = matlab.read(path, VARIABLES, LARGEST_FILE)
+    """Read voltage (n, channels) in V, time (n,) in s (NaN: none), place (2, presses) and deformation in mm."""
+    variables = matlab.read(path, VARIABLES, LARGEST_FILE)
     for name in VARIABLES:
-        value = found[name]
+        value = variables[name]
         if value.dtype.kind not in "fiu" or value.ndim != 2:
             raise InputError(f"{path}: '{name}' is not a matrix of real numbers; it is not a recording of this kind")
-        found[name] = value.astype(np.float64)
-    voltage, time, place = found["voltage"], found["tim"].ravel(), found["pos"]
+        variables[name] = value.astype(np.float64)
+    voltage, time, place, deformation = (variables[name] for name in VARIABLES)
+    time = time.ravel()
     if not 1 <= voltage.shape[1] <= CHANNELS:
         raise InputError(f"{path}: 'voltage' has {voltage.shape[1]} columns; 1 to {CHANNELS} channels are known")
     if len(place) != 2 or not np.isfinite(place).all():
         raise InputError(f"{path}: 'pos' must have 2 rows of numbers (x, y in mm), not {len(place)} rows")
-    if found["deformation"].size != 1 or not np.isfinite(found["deformation"]).all():
+    if deformation.size != 1 or not np.isfinite(deformation).all():
         raise InputError(f"{path}: 'deformation' must be one number, the depth of all presses in mm")
     # The program stores the time after the voltage: stopped in between, the last sample has none.
     if len(voltage) - len(time) not in (0, 1):
         raise InputError(f"{path}: {len(time)} times for {len(voltage)} samples; the variables differ in age")
     time = np.append(time, [np.nan] * (len(voltage) - len(time)))
-    return voltage, time, place, float(found["deformation"][0, 0])
+    return voltage, time, place, float(deformation[0, 0])
 
 
 def _reasons(voltage: np.ndarray, time: np.ndarray, cycle: np.ndarray, whole: int) -> np.ndarray:
-    """(n,) why a sample is left out, '' where it is not."""
+    """Return why a sample is left out, (n,), '' where it is not."""
     latest = np.fmax.accumulate(np.concatenate([[-np.inf], time[:-1]]))
     with np.errstate(invalid="ignore"):
         outside = ((voltage < LOWEST_V) | (voltage > HIGHEST_V)).any(1)
@@ -224,7 +231,7 @@ def _reasons(voltage: np.ndarray, time: np.ndarray, cycle: np.ndarray, whole: in
 
 
 def _faults(path: Path, voltage: np.ndarray) -> dict[str, dict]:
-    """What is wrong with each channel that has a fault; voltage (n, channels) of good samples."""
+    """Return channel -> fault and its share, for channels that have one; voltage (n, channels) of good samples."""
     faults = {}
     for k, v in enumerate(voltage.T):
         if np.ptp(v) < STEP_V:

@@ -1,4 +1,4 @@
-"""Touch experiment (LoMP paper): what the devices print, and one recording as frames with ground truth."""
+"""Read touch recordings (LoMP paper): the formats of the devices' logs, and a recording as frames with ground truth."""
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -12,6 +12,7 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
+from pipeline.logs.report import log_report
 
 KIND = "windows"
 SETTINGS = "Touch"
@@ -31,40 +32,43 @@ SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance 
 
 
 def array_format(settings: Mapping) -> Format:
-    """Lines of the array's microcontroller: time and counts, row-major from the bottom row; settings: block `touch`."""
+    """Return the format of the array's lines: time, then counts row by row from the bottom; settings: block `touch`."""
     sensor, highest = settings["sensor"], settings["ingest"]["highest_count"]
     counts = (Column(f"v{k}", "counts", 0, highest, integer=True) for k in range(sensor["rows"] * sensor["cols"]))
     return Format((CLOCK, *counts), time="t_us")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
-    """The frames table for this sensor; `settings` is the block `touch` of params.yaml."""
+    """Return the schema of the frames table; `settings` is the block `touch` of params.yaml."""
     sensor = settings["sensor"]
     kind = pa.int16() if settings["ingest"]["highest_count"] < 2**15 else pa.int32()
     return schemas.frames(sensor["rows"] * sensor["cols"], settings["ingest"]["max_touches"], kind)
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The folders `<condition>/<recording>` in `folder`, sorted. InputError where there is none, or for a name."""
-    found = sorted(path for path in folder.glob("*/*") if path.is_dir())
-    if not found:
+    """Return the folders `<condition>/<recording>` in `folder`, sorted.
+
+    Raises InputError where there is none, or for a name that is no line of text.
+    """
+    folders = sorted(path for path in folder.glob("*/*") if path.is_dir())
+    if not folders:
         raise InputError(f"{folder}: no recordings found; expected <condition>/<recording>/array.log in it")
-    parse.check_names(found)
-    return found
+    parse.check_names(folders)
+    return folders
 
 
 def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
-    """As `read_in_parts`, with all frames as one table."""
+    """Read a recording as `read_in_parts` does, with all frames as one table."""
     parts, rejects, report = read_in_parts(folder, settings)
     return pa.concat_tables(parts), rejects, report
 
 
 def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], pa.Table, dict]:
-    """The logs of one folder as frames on the first load cell's clock: `(parts, rejects, report)`.
+    """Read the logs of one folder as frames on the first load cell's clock: `(parts, rejects, report)`.
 
     `settings`: the block `touch` of params.yaml. `parts` are tables of the schema `frames_schema`, each made when it is
-    asked for: all frames of a log take more memory than the log. `rejects` has the columns of `logs.REJECTS`, `report`
-    says what was understood of each file. Lines of a file = accepted + rejected (+ header).
+    asked for: all frames of a log take more memory than the log. `rejects` has the columns of `parse.REJECTS`, `report`
+    the numbers of each file. Lines of a file = accepted + rejected (+ header).
 
     Raises InputError for a missing or unknown log, more than `max_touches` touches, too many rejects, and
     clocks that cannot be aligned.
@@ -76,8 +80,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         formats |= {f"load_cell{suffix}.log": LOAD_CELL, f"cnc{suffix}.log": CNC}
     rows, rejects = {}, {}
     for name, fmt in formats.items():
-        rows[name], bad = parse.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
-        rejects[name] = [bad]
+        rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
 
     clocks = _clocks(rows, touches, ingest, f"{folder.parent.name}/{folder.name}")
     time = {}
@@ -85,7 +88,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         placed = np.array([clock is not None for clock in clocks[name]])[rows[name]["segment"].to_numpy()]
         if not placed.all():
             unplaced = rows[name]["line"].to_numpy()[~placed]
-            rejects[name].append(parse.rejected(folder / name, unplaced, TOO_SHORT))
+            rejects[name] = parse.add_rejects(rejects[name], folder / name, unplaced, TOO_SHORT)
             rows[name] = rows[name].filter(pa.array(placed))
         time[name] = _reference_time(rows[name], clocks[name])
 
@@ -97,7 +100,8 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     inner = (at > at[0] + ingest["max_clock_offset_s"]) & (at < at[-1] - ingest["max_clock_offset_s"])
     missed = {NO_GROUND_TRUTH: int((inner & ~known).sum())}
     parse.check_rejects(folder / "array.log", len(at), missed, ingest["max_reject_fraction"], LIMIT)
-    rejects["array.log"].append(parse.rejected(folder / "array.log", array["line"].to_numpy()[~known], NO_GROUND_TRUTH))
+    unknown = array["line"].to_numpy()[~known]
+    rejects["array.log"] = parse.add_rejects(rejects["array.log"], folder / "array.log", unknown, NO_GROUND_TRUTH)
 
     segment = array["segment"].to_numpy()
     gap_before = np.empty(len(at), dtype=bool)
@@ -106,45 +110,34 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     def parts() -> Iterator[pa.Table]:
         for first in range(0, len(at), PART):
             block = slice(first, first + PART)
-            some = known[block]
-            if some.any():
+            kept = known[block]
+            if kept.any():
                 counts = _matrix(array.slice(first, PART), [f"v{k}" for k in range(elements)])
                 yield schemas.frame_rows(
                     frames_schema(settings),
                     folder.parent.name,
                     folder.name,
-                    segment=segment[block][some],
-                    t_s=at[block][some],
-                    v=counts[some],
-                    **{name: values[block][some] for name, values in truth.items()},
-                    gap_before=gap_before[block][some],
+                    segment=segment[block][kept],
+                    t_s=at[block][kept],
+                    v=counts[kept],
+                    **{name: values[block][kept] for name, values in truth.items()},
+                    gap_before=gap_before[block][kept],
                 )
 
     report = {}
     for name in formats:
-        rejects[name] = pa.concat_tables(rejects[name]).sort_by("line")
         accepted = int(known.sum()) if name == "array.log" else rows[name].num_rows
-        report[name] = {
-            **schemas.log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy()),
-            "clocks": [
-                clock
-                and {
-                    "offset_ms": 1e3 * clock.offset_s,
-                    "drift_ppm": 1e6 * clock.drift,
-                    "correlation": clock.correlation,
-                }
-                for clock in clocks[name]
-            ],
-        }
+        report[name] = log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy())
+        report[name]["clocks"] = [clock and clock.report() for clock in clocks[name]]
     return parts(), pa.concat_tables(rejects.values()), report
 
 
 def _ground_truth(
     rows: Mapping[str, pa.Table], time: Mapping[str, np.ndarray], touches: list[str]
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """force_n, x_mm and y_mm (frames, touches) at the times of the array's frames; and where all are known, (frames,).
+    """Return force_n, x_mm and y_mm at the array's frames, (frames, touches), and where all are known, (frames,) bool.
 
-    time: of each log's rows, reference time in s.
+    time: log -> reference time of its rows in s.
     """
     at = time["array.log"]
     truth = {name: np.empty((len(at), len(touches)), np.float32) for name in ("force_n", "x_mm", "y_mm")}
@@ -154,30 +147,33 @@ def _ground_truth(
         force = rows[cell]["fz_n"].to_numpy()
         place = _matrix(rows[cnc], ["x_mm", "y_mm"])
         for first in range(0, len(at), 4 * PART):
-            some = slice(first, first + 4 * PART)
-            truth["force_n"][some, k], in_cell = alignment.interpolated(at[some], time[cell], force)
-            # Further touches are held by hand: their cnc log tells the operator where, until the next place.
-            there, in_cnc = alignment.interpolated(at[some], time[cnc], place, held=k > 0)
-            truth["x_mm"][some, k], truth["y_mm"][some, k] = there.T
-            known[some] &= in_cell & in_cnc
+            block = slice(first, first + 4 * PART)
+            truth["force_n"][block, k], in_cell = alignment.interpolated(at[block], time[cell], force)
+            # Further touches are held by hand: their cnc log tells the operator each place until the next one.
+            there, in_cnc = alignment.interpolated(at[block], time[cnc], place, held=k > 0)
+            truth["x_mm"][block, k], truth["y_mm"][block, k] = there.T
+            known[block] &= in_cell & in_cnc
     return truth, known
 
 
 def _touches(folder: Path, most: int) -> list[str]:
-    """The suffixes of the touches' logs ('', '_2', '_3', ...), every one of which has both its logs."""
-    found = {path.name for path in folder.glob("*.log")}
-    count = max(1, sum(name.startswith("load_cell") for name in found))
+    """Return the suffixes of the touches' logs ('', '_2', '_3', ...).
+
+    Raises InputError for a touch without both its logs, for a log of another name, and for more than `most` touches.
+    """
+    present = {path.name for path in folder.glob("*.log")}
+    count = max(1, sum(name.startswith("load_cell") for name in present))
     suffixes = ["", *(f"_{k}" for k in range(2, count + 1))]
     wanted = {
         "array.log",
         *(f"{device}{suffix}.log" for suffix in suffixes for device in ("load_cell", "cnc")),
     }
-    if missing := sorted(wanted - found):
+    if missing := sorted(wanted - present):
         raise InputError(
             f"{folder / missing[0]}: log not found; a recording needs array.log, load_cell.log and cnc.log, "
             "and load_cell_2.log with cnc_2.log (and so on) for each further touch"
         )
-    if strange := sorted(found - wanted):
+    if strange := sorted(present - wanted):
         raise InputError(f"{folder / strange[0]}: no such log is known; name it like load_cell_2.log or remove it")
     if count > most:
         raise InputError(f"{folder}: {count} touches are more than touch.ingest.max_touches ({most}); raise it")
@@ -187,95 +183,104 @@ def _touches(folder: Path, most: int) -> list[str]:
 def _clocks(
     rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping, who: str
 ) -> dict[str, list[alignment.Clock | None]]:
-    """For each log, the clock of each of its segments; the first load cell's clock is the reference.
+    """Return a clock per segment of each log; the first load cell's clock is the reference.
 
     The array answers to the sum of all touches. Load cells printed by one computer share its clock, which
-    shows in equal times; they are summed from the start. One with a clock of its own is placed against the
-    array once that is placed roughly, then both are placed again with all forces known.
+    shows in equal times; they are summed from the start. The others are separate: `_force_clocks` places them.
     """
     limits = {"max_offset_s": ingest["max_clock_offset_s"], "min_correlation": ingest["min_correlation"]}
-    cells = [f"load_cell{suffix}.log" for suffix in touches]
-    signal = {name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"]) for name in cells}
+    first, *further = (f"load_cell{suffix}.log" for suffix in touches)
+    forces = {name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"]) for name in (first, *further)}
     counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
     array = _signals(rows["array.log"], alignment.strength_above_rest, counts)
-    first = signal[cells[0]]
-    ticks = rows[cells[0]]["t_us"].to_numpy()
+    ticks = rows[first]["t_us"].to_numpy()
     shared = [
         name
-        for name in cells[1:]
-        if np.isin(rows[name]["t_us"].to_numpy(), ticks).mean() > SAME_CLOCK and len(signal[name]) == len(first)
+        for name in further
+        if np.isin(rows[name]["t_us"].to_numpy(), ticks).mean() > SAME_CLOCK and len(forces[name]) == len(forces[first])
     ]
-    own = [name for name in cells[1:] if name not in shared]
-    together = [_plus(piece, [signal[name][k] for name in shared]) for k, piece in enumerate(first)]
-
-    # While forces are missing from the sum, it explains only a part of the array's response.
-    partly = limits | {"min_correlation": limits["min_correlation"] / 2}
-    clocks = {}
-    clocks[cells[0]], clocks["array.log"] = alignment.place_pair(
-        together, array, who=f"{who}, array.log against load_cell.log", **(partly if own else limits)
-    )
-    for sweep in (partly, limits) if own else ():
-        for name in own:
-            against = alignment.joined(array, clocks["array.log"])
-            others = [alignment.joined(signal[o], clocks[o]) for o in own if o != name and o in clocks]
-            beside = _plus(alignment.joined(together, clocks[cells[0]]), others)
-            clocks[name] = alignment.place_all(
-                signal[name], against, beside=beside, who=f"{who}, {name} against array.log", **sweep
-            )
-        placed = [alignment.joined(signal[name], clocks[name]) for name in own]
-        everything = [
-            _plus(piece, placed, clock) if clock else piece
-            for piece, clock in zip(together, clocks[cells[0]], strict=True)
-        ]
-        clocks[cells[0]], clocks["array.log"] = alignment.place_pair(
-            everything, array, who=f"{who}, array.log against all load cells", **sweep
-        )
+    together = [_plus(piece, [forces[name][k] for name in shared]) for k, piece in enumerate(forces[first])]
+    separate = {name: forces[name] for name in further if name not in shared}
+    reference, placed, clocks = _force_clocks(together, array, separate, limits, who)
+    clocks |= dict.fromkeys((first, *shared), reference)
+    clocks["array.log"] = placed
 
     depth = _signals(rows["cnc.log"], alignment.depth_strength, ["z_mm"])
-    clocks["cnc.log"] = alignment.place_all(
-        depth,
-        alignment.joined(first, clocks[cells[0]]),
-        who=f"{who}, cnc.log against load_cell.log",
-        **limits,
-    )
-    for name, suffix in zip(cells[1:], touches[1:], strict=True):
-        if name in shared:
-            clocks[name] = clocks[cells[0]]
-        target = f"cnc{suffix}.log"
-        if rows[target]["segment"][-1].as_py() + 1 != len(clocks[name]):
-            raise InputError(f"{who}: {target} and {name} share a clock, but only one of them was reset; record again")
-        clocks[target] = clocks[name]
+    force = alignment.joined(forces[first], reference)
+    clocks["cnc.log"] = alignment.place_all(depth, force, who=f"{who}, cnc.log against load_cell.log", **limits)
+    for cell, suffix in zip(further, touches[1:], strict=True):
+        cnc = f"cnc{suffix}.log"
+        if rows[cnc]["segment"][-1].as_py() + 1 != len(clocks[cell]):
+            raise InputError(f"{who}: {cnc} and {cell} share a clock, but only one of them was reset; record again")
+        clocks[cnc] = clocks[cell]
     return clocks
 
 
+def _force_clocks(
+    together: list[alignment.Signal],
+    array: list[alignment.Signal],
+    separate: Mapping[str, list[alignment.Signal]],
+    limits: Mapping,
+    who: str,
+) -> tuple[list[alignment.Clock | None], list[alignment.Clock | None], dict[str, list[alignment.Clock | None]]]:
+    """Return the clocks of the reference, of the array, and of each separate load cell, one per segment.
+
+    together: the sum of the forces on the reference clock. A separate load cell is placed against the array once that
+    is placed roughly; then reference and array are placed again with all forces known. Two such sweeps: while forces
+    are missing from the sum, it explains only a part of the array's response, so the first asks for less correlation.
+    """
+    if not separate:
+        return *alignment.place_pair(together, array, who=f"{who}, array.log against load_cell.log", **limits), {}
+    partly = {**limits, "min_correlation": limits["min_correlation"] / 2}
+    reference, placed = alignment.place_pair(together, array, who=f"{who}, array.log against load_cell.log", **partly)
+    clocks = {}
+    for sweep in (partly, limits):
+        for name, pieces in separate.items():
+            others = [alignment.joined(separate[other], clocks[other]) for other in clocks if other != name]
+            beside = _plus(alignment.joined(together, reference), others)
+            against = alignment.joined(array, placed)
+            clocks[name] = alignment.place_all(
+                pieces, against, beside=beside, who=f"{who}, {name} against array.log", **sweep
+            )
+        others = [alignment.joined(pieces, clocks[name]) for name, pieces in separate.items()]
+        everything = [
+            _plus(piece, others, clock) if clock else piece for piece, clock in zip(together, reference, strict=True)
+        ]
+        reference, placed = alignment.place_pair(
+            everything, array, who=f"{who}, array.log against all load cells", **sweep
+        )
+    return reference, placed, clocks
+
+
 def _signals(rows: pa.Table, strength: Callable, columns: list[str]) -> list[alignment.Signal]:
-    """One signal for each segment of a log: the sum of the strengths of these columns."""
+    """Return one signal per segment of a log: the sum of the strengths of these columns."""
     segment, time = rows["segment"].to_numpy(), _seconds(rows)
     edges = np.flatnonzero(np.diff(segment)) + 1
     averages = [alignment.averager(piece, alignment.STEP_S) for piece in np.split(time, edges)]
     times = [average(piece) for average, piece in zip(averages, np.split(time, edges), strict=True)]
-    values = [np.zeros(len(piece)) for piece in times]
+    sums = [np.zeros(len(piece)) for piece in times]
     for name in columns:
-        for total, average, piece in zip(values, averages, np.split(rows[name].to_numpy(), edges), strict=True):
+        for total, average, piece in zip(sums, averages, np.split(rows[name].to_numpy(), edges), strict=True):
             total += strength(average(piece))
-    return [alignment.Signal(*pair) for pair in zip(times, values, strict=True)]
+    return [alignment.Signal(*pair) for pair in zip(times, sums, strict=True)]
 
 
 def _plus(
     piece: alignment.Signal, others: list[alignment.Signal], clock: alignment.Clock | None = None
 ) -> alignment.Signal:
-    """A signal plus others on the same clock (in reference time, if the piece's clock is given)."""
+    """Add other signals to a signal, all on the same clock (the others in reference time, if a clock is given)."""
     at = clock(piece.time_s) if clock else piece.time_s
-    return alignment.Signal(piece.time_s, sum((np.interp(at, o.time_s, o.value) for o in others), piece.value))
+    total = sum((np.interp(at, other.time_s, other.value) for other in others), piece.value)
+    return alignment.Signal(piece.time_s, total)
 
 
 def _seconds(rows: pa.Table) -> np.ndarray:
-    """The device's time in s, (n,)."""
+    """Return the device's time in s, (n,)."""
     return rows["t_us"].to_numpy() / 1e6
 
 
 def _reference_time(rows: pa.Table, clocks: list[alignment.Clock | None]) -> np.ndarray:
-    """The reference time in s, (n,), of rows whose segments all have a clock."""
+    """Return the reference time in s, (n,), of rows whose segments all have a clock."""
     segment, time = rows["segment"].to_numpy(), _seconds(rows)
     for number in np.unique(segment):
         time[segment == number] = clocks[number](time[segment == number])
@@ -283,12 +288,12 @@ def _reference_time(rows: pa.Table, clocks: list[alignment.Clock | None]) -> np.
 
 
 def _matrix(rows: pa.Table, columns: list[str]) -> np.ndarray:
-    """Columns of one type as (n, columns)."""
+    """Return columns of one type as (n, columns)."""
     return np.column_stack([rows[name].to_numpy() for name in columns])
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
-    """Pressure maps (eq. 1) at each window's last frame, (n, map_rows * map_cols) in kPa, float32."""
+    """Return pressure maps (eq. 1) at each window's last frame, (n, map_rows * map_cols) in kPa, float32."""
     x, y = schemas.matrix(windows["x_mm"]), schemas.matrix(windows["y_mm"])
     peak = labels_kpa.peaks_kpa(windows, settings)
     maps = labels_kpa.pressure_maps(peak, x, y, settings["sensor"], settings["label"])
@@ -296,9 +301,9 @@ def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
 
 
 def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """The part of each window in one run, (n,) of 'train', 'validation', 'test'.
+    """Return the part of each window in one run, (n,) of 'train', 'validation', 'test'.
 
-    Only single touches are divided, 8:1:1, anew for every seed: by press, or (`random_window`, what the paper
+    Only single touches are divided, 8:1:1, anew for every seed: by press, or (`random_window`, as the paper
     seems to have done) window by window, so that windows of one press fall on all sides. All other conditions
     are test data: models never see more than one touch (section IV-A).
     Differs from paper: every seed draws another split, so that an interval over seeds covers the choice of

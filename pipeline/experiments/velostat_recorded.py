@@ -1,4 +1,4 @@
-"""Recorded Velostat taxel and load cell: two serial logs with the host's clock, see pipeline/logs/sources.py."""
+"""Read recordings of a Velostat taxel and a load cell: two serial logs with the host's clock, see logs/sources.py."""
 
 import re
 from collections.abc import Mapping
@@ -11,6 +11,7 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
+from pipeline.logs.report import log_report
 
 KIND = "windows"
 SETTINGS = "VelostatRecorded"
@@ -27,22 +28,22 @@ SCHEMA = schemas.frames(1, 1, pa.float32())
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
-    """The frames table: the sensors are given, whatever `settings` say."""
+    """Return the schema of the frames table: the sensors are given, whatever `settings` say."""
     return SCHEMA
 
 
 def recordings(folder: Path) -> list[Path]:
-    """The Velostat logs in `folder`/velostat_data, sorted. InputError where there is none."""
-    found = sorted((folder / "velostat_data").glob("*/*.txt"))
-    if not found:
+    """Return the Velostat logs in `folder`/velostat_data, sorted. Raises InputError where there is none."""
+    logs = sorted((folder / "velostat_data").glob("*/*.txt"))
+    if not logs:
         raise InputError(
             f"{folder / 'velostat_data'}: no recordings; run `python -m pipeline.commands.fetch velostat_recorded`"
         )
-    return found
+    return logs
 
 
 def name_of(path: Path) -> str:
-    """`pike1_force_5/exp1` for `pike1_force_5/exp_pike1_force_5_sensor1_exp1.txt`."""
+    """Return a recording's name: `pike1_force_5/exp1` for `pike1_force_5/exp_pike1_force_5_sensor1_exp1.txt`."""
     repetition = re.search(r"exp\d+$", path.stem)
     if not repetition:
         raise InputError(f"{path}: the file name must end in the repetition, like _exp1.txt")
@@ -50,7 +51,7 @@ def name_of(path: Path) -> str:
 
 
 def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
-    """One Velostat log and the load cell's log of the same name as `(frames, rejects, report)`.
+    """Read one Velostat log and the load cell's log of the same name as `(frames, rejects, report)`.
 
     `settings`: the block `velostat_recorded` of params.yaml. A frame is one reading of the taxel; the force
     is interpolated at its time. Tables and errors as in the touch experiment; x and y are unknown (NaN).
@@ -68,8 +69,8 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     taxel, cell = rows
     at, segment = rows[taxel]["unix_time_s"].to_numpy(), rows[taxel]["segment"].to_numpy()
     force, known = alignment.interpolated(at, rows[cell]["unix_time_s"].to_numpy(), rows[cell]["fz_n"].to_numpy())
-    missed = parse.rejected(path, rows[taxel]["line"].to_numpy()[~known], NO_GROUND_TRUTH, taxel)
-    rejects[taxel] = pa.concat_tables([rejects[taxel], missed]).sort_by("line")
+    missed = rows[taxel]["line"].to_numpy()[~known]
+    rejects[taxel] = parse.add_rejects(rejects[taxel], path, missed, NO_GROUND_TRUTH, taxel)
     if not known.any():
         raise InputError(
             f"{path}: no reading falls into the time of the load cell's log; the two do not belong together"
@@ -90,17 +91,17 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     for name in pair:
         accepted = frames.num_rows if name == taxel else rows[name].num_rows
         time = rows[name]["unix_time_s"].to_numpy()
-        report[name] = schemas.log_report(accepted, rejects[name], time, rows[name]["segment"].to_numpy())
+        report[name] = log_report(accepted, rejects[name], time, rows[name]["segment"].to_numpy())
     return frames, pa.concat_tables(rejects.values()), report
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
-    """Force at each window's last frame, (n, 1) in N."""
+    """Return the force at each window's last frame, (n, 1) in N."""
     return schemas.matrix(windows["force_n"])
 
 
 def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """The part of each window, (n,): repetition exp2 is the test, the last presses of every exp1 the validation.
+    """Return the part of each window, (n,): all of exp2 is the test, the last presses of every exp1 the validation.
 
     Protocol `repetition` takes all recordings together; any other is named like the recording that it takes
     alone, with all others 'unused'. The same for every seed: the recordings decide. Raises InputError for a

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.datasets import fits
-from pipeline.datasets.schemas import Dataset
+from pipeline.datasets.windows import Dataset
 
 # A run's protocol and seed, and for each part of its test rows: the rows' numbers in the dataset (n,), predictions
 # (n, outputs), and scores, each with its condition.

@@ -1,4 +1,4 @@
-"""Putting devices with clocks of their own on one time axis.
+"""Put devices with clocks of their own on one time axis.
 
 Every device prints microseconds since its own start, from a crystal of its own. What they share is the
 presses: the force rises when the array's response and the CNC's depth do. So the offset between two clocks is
@@ -26,10 +26,10 @@ from pipeline.base.errors import InputError
 ROUGH_S = 0.05  # grid of the rough search, a quarter of what the fine one reaches
 STEP_S = 0.01  # grid on which signals are compared: the interval of the fastest device
 EDGE_S = 0.04  # a change is taken over this time: presses rise in 0.1 to 0.5 s
-NEAR_S = 0.2  # the fine search reaches this far: shorter than a press, longer than drift and creep
+NEAR_S = 0.2  # reach of the fine search: shorter than a press, longer than drift and creep
 STRETCH_S = 30.0  # about 30 presses; their offset is good to 1 or 2 ms
 STRETCHES = 4
-LONG_S = 600.0  # the middle of a longer segment says where its stretches are to be searched
+LONG_S = 600.0  # in a longer segment, its middle tells where its stretches are searched
 SHORTEST_S = 3.0  # a segment with fewer than about three presses cannot be placed
 CONTACT = 0.05  # share of the 99th percentile at which contact is half of full; noise is 0.01 of it and less
 HOLE = 5.0  # intervals; ground truth is not interpolated over longer holes
@@ -38,20 +38,20 @@ AMBIGUOUS = 0.97  # another offset with this share of the best correlation: pres
 
 @dataclass(frozen=True)
 class Signal:
-    """What one device saw during one segment: rising times (n,) in s, and a strength (n,), 0 at rest."""
+    """One device during one segment: rising times (n,) in s, and a strength (n,), 0 at rest."""
 
     time_s: np.ndarray
     value: np.ndarray
 
     @property
     def duration_s(self) -> float:
-        """From the first to the last sample."""
+        """Return the time from the first to the last sample."""
         return float(self.time_s[-1] - self.time_s[0])
 
 
 @dataclass(frozen=True)
 class Clock:
-    """How a device's time becomes reference time: t + offset_s + drift * (t - middle_s)."""
+    """A device's clock: its time t becomes reference time, t + offset_s + drift * (t - middle_s)."""
 
     offset_s: float
     drift: float = 0.0
@@ -59,24 +59,33 @@ class Clock:
     correlation: float = 1.0
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
-        """Reference time (n,) in s of the device's times (n,) in s."""
+        """Return the reference time (n,) in s of the device's times (n,) in s."""
         return time_s + self.offset_s + self.drift * (time_s - self.middle_s)
+
+    def report(self) -> dict[str, float]:
+        """Return the clock's numbers for the report of ingest."""
+        return {
+            "offset_ms": 1e3 * self.offset_s,
+            "drift_ppm": 1e6 * self.drift,
+            "correlation": self.correlation,
+        }
 
 
 def strength_above_rest(values: np.ndarray) -> np.ndarray:
-    """Counts of an element, or a force in N, (n,) above the rest level (10th percentile)."""
+    """Return the counts of an element, or a force in N, (n,), above their rest level (10th percentile)."""
     return np.maximum(values - np.percentile(values, 10), 0)
 
 
 def depth_strength(z_mm: np.ndarray) -> np.ndarray:
-    """Depth (n,) of the CNC's tip below the surface (z = 0), in mm."""
+    """Return the depth (n,) of the CNC's tip below the surface (z = 0), in mm."""
     return np.maximum(-z_mm, 0)
 
 
 def averager(time_s: np.ndarray, step_s: float) -> Callable[[np.ndarray], np.ndarray]:
-    """What averages a log over steps of `step_s`, if it is faster: else the noise of single samples is compared.
+    """Return a function that averages a log over steps of `step_s`, and leaves a log that is no faster as it is.
 
-    time_s (n,), rising; what is returned makes of values (n,) or (n, columns), times too, (m,) or (m, columns).
+    Without it, the noise of single samples would be compared. time_s: (n,), rising. The function turns values, or the
+    times themselves, (n,) or (n, columns), into (m,) or (m, columns).
     """
     if len(time_s) < 2 or np.median(np.diff(time_s)) > step_s / 2:
         return lambda values: values
@@ -86,7 +95,7 @@ def averager(time_s: np.ndarray, step_s: float) -> Callable[[np.ndarray], np.nda
 
 
 def joined(pieces: list[Signal], clocks: list[Clock | None]) -> Signal:
-    """The pieces of one device that have a clock, as one signal in reference time."""
+    """Join the pieces of one device that have a clock to one signal in reference time."""
     placed = [(clock(piece.time_s), piece.value) for piece, clock in zip(pieces, clocks, strict=True) if clock]
     return Signal(*(np.concatenate(column) for column in zip(*placed, strict=True)))
 
@@ -94,12 +103,11 @@ def joined(pieces: list[Signal], clocks: list[Clock | None]) -> Signal:
 def interpolated(
     at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray, held: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`values` (n,) or (n, columns), known at `time_s` (n,), at the times `at_s` (m,); and where they are
-    known.
+    """Interpolate `values` (n,) or (n, columns), known at `time_s` (n,), at the times `at_s` (m,).
 
-    Unknown, (m,) bool False: outside the span of `time_s` (always, if that is one), and in holes of more than `HOLE`
-    median intervals.
-    held: values that stay until the next one (targets shown to an operator), so known from the first on.
+    Returns the values, (m,) or (m, columns), and where they are known, (m,) bool: not outside the span of `time_s`
+    (nowhere, if that is one sample), and not in holes of more than `HOLE` median intervals.
+    held: each value stays until the next one (targets shown to an operator), so values are known from the first on.
     """
     after = np.searchsorted(time_s, at_s, side="right")
     inside = np.clip(after, 1, len(time_s) - 1)
@@ -118,12 +126,13 @@ def interpolated(
 def place_pair(
     reference: list[Signal], other: list[Signal], *, max_offset_s: float, min_correlation: float, who: str
 ) -> tuple[list[Clock | None], list[Clock | None]]:
-    """Clocks for the segments of two devices; the first segment of `reference` defines the time.
+    """Return a clock per segment of each of two devices; the first segment of `reference` defines the time.
 
     Both started within `max_offset_s` of each other; after a reset, a segment starts between the end of the
     one before and `max_offset_s` later. Segments are placed in the order in which they can start, each
-    against what is placed of the other device. None: shorter than `SHORTEST_S`. `who` begins the sentence of
-    an InputError: signals that do not correlate, or offsets that fit equally well.
+    against the segments of the other device that are placed already. A segment shorter than `SHORTEST_S` has None in
+    place of a clock. Raises InputError, in a sentence that `who` begins, for signals that do not correlate and for
+    offsets that fit equally well.
     """
     limits = {"max_offset_s": max_offset_s, "min_correlation": min_correlation, "who": who}
     first = next((k for k, piece in enumerate(reference) if piece.duration_s >= SHORTEST_S), None)
@@ -154,10 +163,10 @@ def place_all(
     who: str,
     beside: Signal | None = None,
 ) -> list[Clock | None]:
-    """Clocks for the segments of one device against a signal that is in reference time already.
+    """Return a clock per segment of one device, placed against a signal that is in reference time already.
 
     The device started within `max_offset_s` of the start of `against`. `beside`, in reference time too, is
-    what other devices contribute to `against`. As `place_pair` otherwise.
+    the part of `against` that other devices contribute. Else as `place_pair`.
     """
     limits = {"max_offset_s": max_offset_s, "min_correlation": min_correlation, "who": who, "beside": beside}
     window = (against.time_s[0] - max_offset_s, against.time_s[0] + max_offset_s)
@@ -169,7 +178,7 @@ def place_all(
 
 
 def _any_placed(clocks: list[Clock | None], who: str) -> list[Clock | None]:
-    """The clocks; an InputError where no segment has one."""
+    """Return the clocks; raise InputError where no segment has one."""
     if not any(clocks):
         raise InputError(f"{who}: no uninterrupted stretch of {SHORTEST_S:g} s to align; record longer")
     return clocks
@@ -178,7 +187,7 @@ def _any_placed(clocks: list[Clock | None], who: str) -> list[Clock | None]:
 def _place(
     piece: Signal, against: Signal | None, window: tuple[float, float], limits: dict
 ) -> tuple[Clock | None, tuple[float, float]]:
-    """The clock of a segment that starts within `window` (reference time), and the window of the next one."""
+    """Return the clock of a segment that starts within `window` (reference time), and the window of the next one."""
     if piece.duration_s < SHORTEST_S:
         low, high = (edge + piece.duration_s for edge in window)
         return None, (low, high + limits["max_offset_s"])
@@ -191,7 +200,7 @@ def _place(
 
 
 def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict) -> Clock:
-    """Offset and drift of `piece` against `against`, the offset searched within `lags`."""
+    """Fit the offset and drift of `piece` against `against`, the offset searched within `lags`."""
     who, beside = limits["who"], limits.get("beside")
     rough, rival = _rough_lag(piece, against, *lags)
     middle = (piece.time_s[0] + piece.time_s[-1]) / 2
@@ -201,15 +210,17 @@ def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict
         lag, _ = _fine_lag(piece, against, rough, beside)
     stretches = int(piece.duration_s // STRETCH_S)
     edges = np.linspace(piece.time_s[0], piece.time_s[-1], stretches + 1 if stretches >= STRETCHES else 0)
-    found = []
+    placed = []  # (time, lag) of the stretches that correlate
     for left, right in itertools.pairwise(edges):
         stretch = _between(piece, left, right)
         if len(stretch.time_s) >= 2:
-            found.append((stretch.time_s.mean(), *_fine_lag(stretch, against, lag, beside)))
-    found = [(at, its) for at, its, score in found if score >= limits["min_correlation"]]
+            stretch_lag, score = _fine_lag(stretch, against, lag, beside)
+            if score >= limits["min_correlation"]:
+                placed.append((stretch.time_s.mean(), stretch_lag))
     drift = 0.0
-    if len(found) >= STRETCHES:
-        drift, lag = np.polyfit(np.array([at for at, _ in found]) - middle, [its for _, its in found], 1)
+    if len(placed) >= STRETCHES:
+        times, lags = np.array(placed).T
+        drift, lag = np.polyfit(times - middle, lags, 1)
     clock = Clock(float(lag), float(drift), float(middle))
     # Short recordings follow others in level by chance, but not in their edges.
     correlation = min(score(piece, against, clock, beside) for score in (_level_correlation, _edge_correlation))
@@ -228,20 +239,22 @@ def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict
 
 
 def _between(piece: Signal, first_s: float, last_s: float) -> Signal:
-    """The samples of a segment from one time to another, both included."""
+    """Return the samples of a segment from one time to another, both included."""
     inside = slice(np.searchsorted(piece.time_s, first_s), np.searchsorted(piece.time_s, last_s, side="right"))
     return Signal(piece.time_s[inside], piece.value[inside])
 
 
 def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple[float, float | None]:
-    """The lag in s, to the grid, with the highest cross-correlation of levels, and another that is as good.
+    """Return the lag in s, to the grid, with the highest cross-correlation of levels, and another lag as good, or None.
 
     Both signals have zero mean and are zero outside their span, so a small overlap cannot win.
     """
-    from scipy.signal import correlate  # 0.3 s, for which only ingest has to wait
+    from scipy.signal import correlate  # the import takes 0.3 s, which only ingest has to spend
 
-    grids = [np.arange(s.time_s[0], s.time_s[-1] + ROUGH_S, ROUGH_S) for s in (against, piece)]
-    levels = [np.interp(grid, s.time_s, s.value) for grid, s in zip(grids, (against, piece), strict=True)]
+    levels = []
+    for signal in (against, piece):
+        grid = np.arange(signal.time_s[0], signal.time_s[-1] + ROUGH_S, ROUGH_S)
+        levels.append(np.interp(grid, signal.time_s, signal.value))
     products = correlate(levels[0] - levels[0].mean(), levels[1] - levels[1].mean(), method="fft")
     lags = (np.arange(len(products)) - (len(levels[1]) - 1)) * ROUGH_S + against.time_s[0] - piece.time_s[0]
     possible = (lags >= low) & (lags <= high)
@@ -255,10 +268,10 @@ def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple
 
 
 def _fine_lag(piece: Signal, against: Signal, centre: float, beside: Signal | None) -> tuple[float, float]:
-    """The lag near `centre` with the highest correlation of edges, and that correlation."""
+    """Return the lag near `centre` with the highest correlation of edges, and that correlation."""
     lag = centre
     levels = _overlap(piece, against, Clock(centre), beside)
-    halves = [_half(level) for level in levels]  # finding them takes as long as all the rest of a score
+    halves = [_half(level) for level in levels]  # computed once: they take as long as all the rest of a score
     for reach, step in ((NEAR_S, STEP_S), (2 * STEP_S, STEP_S / 4)):
         lags = lag + np.arange(-round(reach / step), round(reach / step) + 1) * step
         scores = np.array([_edge_correlation(piece, against, Clock(value), beside, halves) for value in lags])
@@ -274,9 +287,9 @@ def _fine_lag(piece: Signal, against: Signal, centre: float, beside: Signal | No
 def _edge_correlation(
     piece: Signal, against: Signal, clock: Clock, beside: Signal | None, halves: list[float] | None = None
 ) -> float:
-    """Correlation of the changes of contact over EDGE_S in the overlap; -1 where that is too short.
+    """Correlate the changes of contact over EDGE_S in the overlap; -1 where the overlap is too short.
 
-    halves: the strengths of half contact of the two, if known already.
+    halves: the strengths of half contact of the two signals, if known already.
     """
     levels = _overlap(piece, against, clock, beside)
     steps = round(EDGE_S / STEP_S)
@@ -290,13 +303,13 @@ def _edge_correlation(
 
 
 def _level_correlation(piece: Signal, against: Signal, clock: Clock, beside: Signal | None) -> float:
-    """Correlation of the levels in the overlap; -1 where that is too short."""
+    """Correlate the levels in the overlap; -1 where the overlap is too short."""
     levels = _overlap(piece, against, clock, beside)
     return _correlation(*levels) if len(levels[0]) * STEP_S >= SHORTEST_S / 2 else -1.0
 
 
 def _overlap(piece: Signal, against: Signal, clock: Clock, beside: Signal | None) -> list[np.ndarray]:
-    """The levels of both on a grid of STEP_S, (n,) each, of the time where both are known."""
+    """Return the levels of both signals, (n,) each, on a grid of STEP_S over the time that both cover."""
     time = clock(piece.time_s)
     grid = np.arange(max(time[0], against.time_s[0]), min(time[-1], against.time_s[-1]), STEP_S)
     level = np.interp(grid, time, piece.value)
@@ -306,12 +319,12 @@ def _overlap(piece: Signal, against: Signal, clock: Clock, beside: Signal | None
 
 
 def _half(level: np.ndarray) -> float:
-    """The strength at which contact is half of full, for the strengths (n,) of a device."""
+    """Return the strength at which contact is half of full, for the strengths (n,) of a device."""
     return CONTACT * max(np.percentile(level, 99) if len(level) else 0.0, np.finfo(float).tiny)
 
 
 def _correlation(first: np.ndarray, second: np.ndarray) -> float:
-    """Pearson correlation; 0 where one of the signals does not change."""
+    """Return Pearson's correlation; 0 where one of the signals does not change."""
     first, second = first - first.mean(), second - second.mean()
     size = np.sqrt((first @ first) * (second @ second))
     return float(first @ second / size) if size > 0 else 0.0

@@ -1,4 +1,4 @@
-"""What is wrong with a log that cannot be read: its usual line, and what to write in its place."""
+"""Say why a log cannot be read: quote its usual line, and what to write in its place."""
 
 import re
 from collections import Counter
@@ -9,15 +9,15 @@ import numpy as np
 
 from pipeline.logs.parse import OUT_OF_RANGE, Column, Format
 
-START = 1 << 18  # bytes of a log that are looked at: a hundred lines of the widest
+START = 1 << 18  # bytes of a log that are looked at: a hundred lines of the widest log
 LINES = 200
-SHOWN = 60  # characters of a line that are quoted
+QUOTED = 60  # characters of a line that are quoted
 USUAL = 0.9  # share of the lines in which the time rises
 SLOW_S = 5.0  # no device prints a line in so long
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
 ROW = re.compile(r"""[-+0-9.,;:|eETZ_/"'\t ]*[0-9][-+0-9.,;:|eETZ_/"'\t ]*""")  # numbers and dates, not words
 NUMBER = re.compile(r"[ \t]*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?[ \t]*")
-CONVERSIONS = {  # unit -> what to do with values that are far outside
+CONVERSIONS = {  # unit -> advice for values that are far outside
     "us": "write microseconds, from any zero",
     "s": "write seconds, from any zero",
     "N": "write newtons (grams times 0.00981)",
@@ -29,44 +29,47 @@ CONVERSIONS = {  # unit -> what to do with values that are far outside
 
 
 def unreadable(path: Path, fmt: Format) -> str | None:
-    """The sentence for a log of which no line, or too few lines, are of the format; None where the reason is another.
+    """Return the sentence for a log with no line, or too few lines, of the format; None where the reason is another.
 
-    Looks at the usual line: of those at the log's start that consist of numbers, one with as many commas as most.
+    Quotes the usual line: of the lines at the log's start that consist of numbers, one with as many commas as most.
     """
     with path.open("rb") as file:
         start = file.read(START)
     if start[:2] in (b"\xff\xfe", b"\xfe\xff") or start.count(0) > len(start) / 4:
         return f"{path}: is UTF-16 (PowerShell's > and some editors write it); save it as ASCII or UTF-8"
     lines = enumerate(start.decode("ascii", "replace").splitlines()[:LINES], start=1)
-    rows = [(number, line.strip(" ")) for number, line in lines if ROW.fullmatch(line)]
-    if not rows:
+    numbers = [(number, line.strip(" ")) for number, line in lines if ROW.fullmatch(line)]
+    if not numbers:
         return None
-    commas = Counter(line.count(",") for _, line in rows).most_common(1)[0][0]
-    rows = [(number, line) for number, line in rows if line.count(",") == commas]
-    number, line = rows[len(rows) // 2]
-    wrong = separated(line, fmt) or columns([line.split(",") for _, line in rows], line.split(","), fmt)
-    return f"{path}: line {number} is {line[:SHOWN]!r}: {wrong}" if wrong else None
+    commas = Counter(line.count(",") for _, line in numbers).most_common(1)[0][0]
+    alike = [(number, line) for number, line in numbers if line.count(",") == commas]
+    number, line = alike[len(alike) // 2]
+    wrong = separated(line, fmt) or columns([line.split(",") for _, line in alike], line.split(","), fmt)
+    return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}" if wrong else None
 
 
 def separated(line: str, fmt: Format) -> str | None:
-    """What is wrong between the numbers of a line."""
-    wanted, found = len(fmt.columns), len(line.split(","))
+    """Say what is wrong between the numbers of a line, or None."""
+    wanted, fields = len(fmt.columns), len(line.split(","))
     if re.search("[\"']", line):
         return "numbers in quotation marks; write them without"
     for separator, name in SEPARATORS.items():
         parts = line.split() if separator == " " else line.split(separator)
-        if len(parts) == wanted != found or (separator != " " and len(parts) == wanted):
+        if len(parts) == wanted != fields or (separator != " " and len(parts) == wanted):
             point = ", decimals with a point" if "," in line else ""
             return f"the columns are separated by {name}; separate them by commas{point}"
-    if found == wanted + 1 and line.endswith(","):
+    if fields == wanted + 1 and line.endswith(","):
         return "it ends with a comma; leave that out"
-    if found == 2 * wanted - 1 and "." not in line:
+    if fields == 2 * wanted - 1 and "." not in line:
         return "decimals seem to have a comma; write them with a point"
     return None
 
 
 def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
-    """What is wrong with the numbers of lines that have as many as they should; rows: the fields of each line."""
+    """Say what is wrong with the numbers of lines that have as many as they should, or None.
+
+    rows: the fields of each line; usual: the fields of the line to quote.
+    """
     if len(usual) != len(fmt.columns):
         return None
     time = fmt.names.index(fmt.time)
@@ -91,7 +94,7 @@ def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
 
 
 def beyond(rows: Iterable[list[str]], fmt: Format) -> str | None:
-    """The first value that is outside of its column's range, and what to do; rows: the fields of lines."""
+    """Name the first value that is outside its column's range, and what to do, or None; rows: the fields of lines."""
     for row in rows:
         for field, column in zip(row, fmt.columns, strict=False):
             if NUMBER.fullmatch(field) and not column.low <= float(field) <= column.high:
@@ -100,29 +103,29 @@ def beyond(rows: Iterable[list[str]], fmt: Format) -> str | None:
 
 
 def header(fmt: Format) -> str:
-    """The names of the columns, the middle ones left out where there are many."""
+    """Return the names of the columns, the middle ones left out where there are many."""
     names = fmt.names if len(fmt.names) < 7 else [*fmt.names[:2], "...", fmt.names[-1]]
     return fmt.separator.join(names)
 
 
 def span(column: Column) -> str:
-    """The range of a column with its unit."""
+    """Return the range of a column with its unit."""
     unit = "" if column.unit == "1" else f" {column.unit}"
     return f"{column.low:g} to {column.high:g}{unit}"
 
 
 def out_of_range(path: Path, rejects: Iterable[Mapping], fmt: Format) -> str | None:
-    """The sentence for a log of which too many lines are out of range; rejects: rows of logs.REJECTS."""
+    """Return the sentence for a log with too many lines out of range, or None; rejects: rows of `parse.REJECTS`."""
     for reject in rejects:
         if reject["reason"] == OUT_OF_RANGE and (wrong := beyond([reject["text"].split(",")], fmt)):
-            return f"{path}: line {reject['line']} is {reject['text'][:SHOWN]!r}: {wrong}"
+            return f"{path}: line {reject['line']} is {reject['text'][:QUOTED]!r}: {wrong}"
     return None
 
 
 def missing(path: Path, fmt: Format, known: Iterable[str]) -> str:
-    """The sentence for a log that is not there, with what is in its folder under a name that is not known."""
+    """Return the sentence for a log that is not there; it names the folder's files whose names are not `known`."""
     others = sorted(other.name for other in path.parent.iterdir() if other.name not in set(known))
     if not others:
         return f"{path}: log not found; add it, with lines of {header(fmt)}"
-    shown = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
-    return f"{path}: log not found; the folder has {shown}: if that is it, rename it"
+    listed = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
+    return f"{path}: log not found; the folder has {listed}: if that is it, rename it"

@@ -1,4 +1,4 @@
-"""MATLAB files of other people's recordings: only the variables asked for are decoded.
+"""Read MATLAB files of other people's recordings: only the variables asked for are decoded.
 
 MATLAB objects are data to scipy; nothing in a file is executed. scipy reads in a process of its own, because some
 damaged files crash it, with the process that it is in, and because a file of a megabyte may unpack to all memory.
@@ -19,10 +19,11 @@ from pipeline.base.processes import die_with_parent
 
 
 def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray]:
-    """The variables `names` of a file of MATLAB's versions 4 to 7.
+    """Read the variables `names` of a file of MATLAB's versions 4 to 7.
 
-    Raises InputError for a file of more than `largest` bytes, or that takes more than twice as much memory to read (on
-    Linux; three times what the variables hold), of version 7.3, that is cut or damaged, or that lacks a variable.
+    Raises InputError for a file that has more than `largest` bytes, that takes more than twice as much memory to read
+    (on Linux; reading takes three times the memory of the variables), that is of version 7.3, cut or damaged, or that
+    lacks a variable.
     """
     size = path.stat().st_size
     if size > largest:
@@ -32,9 +33,9 @@ def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray
     if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
     try:
-        found = _process().submit(_within, 2 * largest, scipy.io.loadmat, path, variable_names=list(names)).result()
+        variables = _process().submit(_within, 2 * largest, scipy.io.loadmat, path, variable_names=list(names)).result()
     except MemoryError as error:
-        _process.cache_clear()  # what it has taken goes back with it
+        _process.cache_clear()  # the process ends, and its memory is free again
         raise InputError(
             f"{path}: takes more than {2 * largest >> 20} MiB of memory to read, and the data cannot need that; "
             "get the file again"
@@ -45,16 +46,16 @@ def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray
     except Exception as error:  # scipy raises whatever a damaged file leads it to, UnboundLocalError for one
         raise InputError(f"{path}: not a whole MATLAB file ({error or 'it ends too early'}); get it again") from error
     for name in names:
-        if not isinstance(found.get(name), np.ndarray):
+        if not isinstance(variables.get(name), np.ndarray):
             raise InputError(f"{path}: has no variable '{name}'; it must hold {', '.join(names)}")
-    return found
+    return variables
 
 
 def _within(memory: int, function: Callable, *arguments, **named):
-    """What `function` returns; on Linux it may take `memory` bytes more than the process has, else MemoryError."""
+    """Call `function`; on Linux it may take `memory` bytes more than the process has, beyond that MemoryError."""
     size = Path("/proc/self/statm")
     if size.is_file():
-        import resource  # there is none on Windows
+        import resource  # Windows has no such module
 
         _, most = resource.getrlimit(resource.RLIMIT_AS)
         wanted = int(size.read_text().split()[0]) * resource.getpagesize() + memory
@@ -64,5 +65,5 @@ def _within(memory: int, function: Callable, *arguments, **named):
 
 @functools.cache
 def _process() -> ProcessPoolExecutor:
-    """The process that reads, until one file crashes it."""
+    """Return the process that reads, the same until a file crashes it."""
     return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=die_with_parent)

@@ -1,7 +1,7 @@
-"""Your own files: in data/own, and behind no link to a folder, DVC notices when they change.
+"""Find out whether DVC would notice when your own files change: in data/own, and behind no link to a folder, it does.
 
-DVC 3.67 reads what a link to a file leads to, and data/own where it is a link or a mounted disk itself. It skips links
-to folders: results would go stale without a word. tests/logs/test_own_data.py holds DVC to this.
+DVC 3.67 follows a link to a file, and data/own itself where it is a link or a mounted disk. It skips links to folders:
+results would go stale without a word. tests/logs/test_own_data.py holds DVC to this.
 """
 
 import os
@@ -22,11 +22,11 @@ def unnoticed(path: Path) -> str | None:
             f"takes no space, link its files: `{_linking(target, paths.ROOT / 'data' / 'own' / target.name)}`"
         )
     way = (path, *path.parents)
-    links = [one for one in way[: way.index(own)] if one.is_symlink() and one.is_dir()]
+    links = [folder for folder in way[: way.index(own)] if folder.is_symlink() and folder.is_dir()]
     for parent, folders, files in os.walk(path):
         links += [Path(parent, name) for name in sorted(folders) if Path(parent, name).is_symlink()]
         if lost := [Path(parent, name) for name in sorted(files) if not Path(parent, name).exists()]:
-            return f"{lost[0]} is a link that leads to nothing, where `dvc repro` stops; mend or remove it"
+            return f"{lost[0]} is a link that leads to nothing, where `dvc repro` stops; fix or remove it"
     if not links:
         return None
     link = links[0]
@@ -38,16 +38,16 @@ def unnoticed(path: Path) -> str | None:
 
 
 def setting(path: Path) -> str:
-    """Give a folder or file in data/own the name that params.yaml has for it: `data/own/...`."""
+    """Return the name that params.yaml has for a folder or file in data/own: `data/own/...`."""
     path = path.absolute()
     return Path("data", "own", path.relative_to(_own(path))).as_posix()
 
 
 def _own(path: Path) -> Path | None:
-    """The folder above `path` (absolute), or `path`, that is data/own; None where none is, or `..` is in between."""
+    """Return `path` (absolute) or the folder above it that is data/own; None without one, or with `..` in between."""
     own = paths.ROOT / "data" / "own"
     for folder in (path, *path.parents):
-        if folder.name == "..":  # leads elsewhere than the text says, where what is before it is a link
+        if folder.name == "..":  # leads elsewhere than the text says where the folder before it is a link
             return None
         if own.exists() and folder.exists() and folder.samefile(own):
             return folder
@@ -55,5 +55,5 @@ def _own(path: Path) -> Path | None:
 
 
 def _linking(target: Path, link: Path) -> str:
-    """The command that makes `link` a folder like `target`, with links to its files."""
+    """Return the command that makes `link` a folder like `target`, with links to its files."""
     return f"cp -rs {shlex.quote(str(target))} {shlex.quote(str(link))}"

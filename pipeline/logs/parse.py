@@ -1,8 +1,8 @@
-"""Raw serial logs: every line becomes a typed row or a reject with its line number and reason.
+"""Read raw serial logs: every line becomes a typed row or a reject with its line number and reason.
 
-A log is read in pieces of about 4 MiB. A piece is parsed straight to typed columns by pyarrow; only a piece
-that cannot be is looked at more closely, at first line by line in numpy, last in Python. What cannot be seen,
-because serial lines carry no checksum: a torn line that still has the right number of columns, all in range.
+A log is read in pieces of about 4 MiB. pyarrow parses a piece straight to typed columns; only a piece that it cannot
+parse is examined line by line, at first in numpy, at last in Python. One fault cannot be seen, because serial lines
+carry no checksum: a torn line that still has the right number of columns, all in range.
 """
 
 import os
@@ -39,15 +39,15 @@ REASONS = (
 REJECTS = pa.schema([("file", pa.string()), ("line", pa.int64()), ("reason", pa.string()), ("text", pa.string())])
 
 TEXT_LENGTH = 200  # characters of a rejected line that are kept
-TEXTS = 1000  # rejected lines of each reason whose text is kept; of all others the number and the reason
+TEXTS = 1000  # rejected lines per reason whose text is kept; all others keep their number and reason
 PIECE = 1 << 22  # bytes parsed at once; 4 MiB was the fastest of 1 to 8 MiB
 LONGEST_LINE = 64 << 20  # bytes; a file without line ends must not fill the memory
-HOPELESS = 100_000  # lines rejected before the first good one: no log, stop reading
+HOPELESS = 100_000  # lines rejected before the first good one: the file is no log, reading stops
 MOST_KNOWN = 1000  # different lines whose reason is remembered: a device that is stuck repeats itself
-BLOCK = 1 << 18  # rows out of order that are looked at together
+BLOCK = 1 << 18  # rows out of order that are examined together
 MOST_RESETS = 1000  # a device that starts more often does not run
 LONGEST_S = 1e5  # 28 hours; one wrong time at the end must not make a log last years
-MOST_NOTED = 1000  # lines of a piece that are noted because the clock does not rise; others are read again
+MOST_NOTED = 1000  # lines per piece that are noted because the clock does not rise; others are read again
 STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
 
 
@@ -63,7 +63,7 @@ class Column:
 
     @property
     def type(self) -> pa.DataType:
-        """The smallest of int16, int64 and float64 that holds the range."""
+        """Return the smallest of int16, int64 and float64 that holds the range."""
         if not self.integer:
             return pa.float64()
         return pa.int16() if -(2**15) <= self.low and self.high < 2**15 else pa.int64()
@@ -71,7 +71,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Format:
-    """What a line of one device looks like; `time` names the column with the device's clock."""
+    """The format of one device's lines; `time` names the column with the device's clock."""
 
     columns: tuple[Column, ...]
     time: str
@@ -79,12 +79,12 @@ class Format:
 
     @property
     def names(self) -> list[str]:
-        """Column names in the order of the line."""
+        """Return the column names in the order of the line."""
         return [column.name for column in self.columns]
 
     @property
     def header(self) -> str:
-        """The line that would name the columns."""
+        """Return the line that would name the columns."""
         return self.separator.join(self.names)
 
 
@@ -98,7 +98,7 @@ class _Rejects:
         self.counts = np.zeros(len(REASONS), np.int64)
 
     def add(self, numbers: np.ndarray, codes: np.ndarray) -> list[int]:
-        """Take lines (n,) with their reasons (n,); returns the numbers of those whose text is to be kept."""
+        """Take lines (n,) with their reasons (n,); return the numbers of the lines whose text is to be kept."""
         self.numbers.append(numbers.astype(np.int32))
         self.codes.append(codes)
         wanted = numbers[_first_of_each(codes, self.counts)].tolist()
@@ -106,18 +106,17 @@ class _Rejects:
         return wanted
 
     def reasons(self) -> dict[str, int]:
-        """How many lines were rejected, by reason."""
+        """Return the number of rejected lines per reason."""
         return {reason: count for reason, count in zip(REASONS, self.counts.tolist(), strict=True) if count}
 
     def lines(self, reason: str) -> np.ndarray:
-        """The numbers of the lines rejected for one reason, int32."""
-        some = [
-            numbers[codes == REASONS.index(reason)] for numbers, codes in zip(self.numbers, self.codes, strict=True)
-        ]
-        return np.concatenate([np.zeros(0, np.int32), *some])
+        """Return the numbers of the lines rejected for one reason, int32."""
+        code = REASONS.index(reason)
+        chosen = [numbers[codes == code] for numbers, codes in zip(self.numbers, self.codes, strict=True)]
+        return np.concatenate([np.zeros(0, np.int32), *chosen])
 
     def table(self, name: str) -> pa.Table:
-        """Everything as REJECTS, in the order of the lines, with `name` as file; null stands for a text not kept."""
+        """Return all as REJECTS, in the order of the lines, with `name` as file; null stands for a text not kept."""
         if not self.numbers:
             return REJECTS.empty_table()
         numbers, codes = np.concatenate(self.numbers), np.concatenate(self.codes)
@@ -125,18 +124,18 @@ class _Rejects:
         numbers, codes = numbers[rising], codes[rising]
         kept = np.array(sorted(self.texts), np.int32)
         place = np.searchsorted(kept, numbers).clip(max=len(kept) - 1)
-        shown = pa.array([self.texts[number] for number in kept.tolist()], pa.string())
+        texts_kept = pa.array([self.texts[number] for number in kept.tolist()], pa.string())
         columns = [
             pa.repeat(name, len(numbers)),
             numbers.astype(np.int64),
             pa.array(REASONS).take(pa.array(codes)),
-            shown.take(pa.array(place, mask=kept[place] != numbers)),
+            texts_kept.take(pa.array(place, mask=kept[place] != numbers)),
         ]
         return pa.table(columns, schema=REJECTS)
 
 
 def _first_of_each(codes: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Places, rising, of the first lines of each reason whose text is kept; before: lines of each reason so far."""
+    """Return the places, rising, of the first lines per reason whose text is kept; before: lines per reason so far."""
     places = [np.flatnonzero(codes == code)[: max(0, TEXTS - before[code])] for code in np.unique(codes)]
     return np.sort(np.concatenate([np.zeros(0, np.int64), *places]))
 
@@ -149,11 +148,11 @@ def read_log(
     `rows` has the format's columns, `line` (int32, from 1) and `segment` (int16, from 0; a new one after each
     reset of the device); its time rises strictly within a segment. `rejects` has the columns of `REJECTS` in
     the order of the lines, with `name` (default: the file's name) as its file; the text of a line is null after the
-    first `TEXTS` of its reason.
+    first `TEXTS` lines of its reason.
 
-    Raises InputError when the file is missing, empty, has no line of this format, lasts more than `LONGEST_S`, is of a
-    device that was reset more than `MOST_RESETS` times, or (as soon as that is certain) more than the share `limit` of
-    its lines is rejected; `key`: what params.yaml calls that limit.
+    Raises InputError when the file is missing or empty, has no line of this format, lasts more than `LONGEST_S`, is of
+    a device that was reset more than `MOST_RESETS` times, or when more than the share `limit` of its lines is rejected
+    (as soon as that is certain); `key`: the name of that limit in params.yaml.
     """
     if not path.is_file():
         raise InputError(f"{path}: log not found; check the folder named in params.yaml")
@@ -165,7 +164,7 @@ def read_log(
     line = np.concatenate([piece["line"].to_numpy() for piece in pieces])
     lines = len(line) + sum(rejects.reasons().values())  # without the header
     back = np.count_nonzero(time[1:] <= time[:-1])
-    if back > HOPELESS:  # each is a reset or a line lost, but to find out which takes minutes
+    if back > HOPELESS:  # each is a reset or a lost line, but to find out which takes minutes
         lost = {f"{DUPLICATE} or {OUT_OF_ORDER}": int(back) - MOST_RESETS}
         check_rejects(path, lines, rejects.reasons() | lost, limit, key)
     keep, segment = order(time, line, rejects.lines(TEXT))
@@ -173,7 +172,7 @@ def read_log(
     wanted = []
     if not keep.all():
         dropped = np.flatnonzero(~keep)
-        blocks = np.split(dropped, range(BLOCK, len(dropped), BLOCK))  # what is computed of a row takes 100 bytes
+        blocks = np.split(dropped, range(BLOCK, len(dropped), BLOCK))  # ordering takes 100 bytes per row
         codes = np.concatenate([_order_codes(pieces, fmt, time, block, keep, segment) for block in blocks])
         wanted = rejects.add(line[dropped], codes)
     check_rejects(path, lines, rejects.reasons(), limit, key)
@@ -191,42 +190,43 @@ def read_log(
 
 
 def texts(path: Path, numbers: list[int]) -> list[str]:
-    """The lines with these numbers (from 1, rising) as rejects show them."""
-    found, first = [], 1  # the number of the first line of a piece
+    """Return the lines with these numbers (from 1, rising) as printable text, cut to TEXT_LENGTH characters."""
+    printable, first = [], 1  # first: the number of a piece's first line
     for piece in _pieces(path):
         count = piece.count(b"\n") + (not piece.endswith(b"\n"))
-        wanted = numbers[len(found) : bisect_left(numbers, first + count)]
+        wanted = numbers[len(printable) : bisect_left(numbers, first + count)]
         if wanted:
             ends = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == ord("\n")) + 1
             edges = [0, *ends.tolist(), len(piece)]
-            found += [_shown(piece[edges[number - first] : edges[number - first + 1]]) for number in wanted]
+            printable += [_printable(piece[edges[number - first] : edges[number - first + 1]]) for number in wanted]
         first += count
-        if len(found) == len(numbers):
+        if len(printable) == len(numbers):
             break
-    return found
+    return printable
 
 
-def rejected(path: Path, numbers: np.ndarray, reason: str, name: str | None = None) -> pa.Table:
-    """Rows of a log that cannot be used for a reason of the experiment's, as `read_log` has its rejects.
+def add_rejects(rejects: pa.Table, path: Path, numbers: np.ndarray, reason: str, name: str | None = None) -> pa.Table:
+    """Return the rejects of a log with further lines, which its experiment cannot use, in the order of the lines.
 
-    numbers: (n,), rising, of their lines; `name` (default: the file's name) is what REJECTS has as their file.
+    rejects: as `read_log` returns them; numbers: (n,), rising, of the further lines; reason: the same for all of them;
+    `name` (default: the file's name): the log's name in `rejects`.
     """
     first = numbers[:TEXTS].tolist()
-    shown = pa.array(texts(path, first) if first else [], pa.string())
+    known = pa.array(texts(path, first) if first else [], pa.string())
     columns = [
         pa.repeat(path.name if name is None else name, len(numbers)),
         numbers.astype(np.int64),
         pa.repeat(reason, len(numbers)),
-        pa.concat_arrays([shown, pa.nulls(len(numbers) - len(first), pa.string())]),
+        pa.concat_arrays([known, pa.nulls(len(numbers) - len(first), pa.string())]),
     ]
-    return pa.table(columns, schema=REJECTS)
+    return pa.concat_tables([rejects, pa.table(columns, schema=REJECTS)]).sort_by("line")
 
 
 def check_names(recordings: Iterable[Path]) -> None:
-    """InputError for the first recording whose path `<source>/<condition>/<recording>` is no single line of text.
+    """Raise InputError for the first recording whose path `<source>/<condition>/<recording>` is no line of text.
 
     Tables and figures show these names. A name with a line break, another control character, or bytes that are no UTF-8
-    cannot stand in them; any other can.
+    cannot stand in them; any other name can.
     """
     for path in recordings:
         for name in path.parts[-3:]:
@@ -240,9 +240,9 @@ def check_names(recordings: Iterable[Path]) -> None:
 def check_rejects(
     path: Path, lines: int, reasons: Mapping[str, int], limit: float, key: str, following: int = 0
 ) -> None:
-    """InputError when more than the share `limit` of the lines is rejected; `reasons`: rejects by reason.
+    """Raise InputError when more than the share `limit` of the lines is rejected; `reasons`: rejected lines per reason.
 
-    following: how many more lines the file may have; if it has them, all of them are good.
+    key: the name of the limit in params.yaml; following: how many more lines the file may have, all of them good.
     """
     count = sum(reasons.values())
     if count > limit * (lines + following):
@@ -250,22 +250,22 @@ def check_rejects(
         of = f"the first {lines}" if following else f"the {lines}"
         raise InputError(
             f"{path}: {count / lines:.1%} of {of} lines cannot be used, most often '{reason}' "
-            f"({reasons[reason]} lines), and the limit is {limit:.1%}; mend or remove the recording, "
+            f"({reasons[reason]} lines), and the limit is {limit:.1%}; fix or remove the recording, "
             f"or raise {key} in params.yaml"
         )
 
 
 def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which rows are in the order of time, and where the device was reset.
+    """Find the rows that are in the order of time, and the places where the device was reset.
 
     `time`, `line`: (n,), any unit of time and the line numbers; `text_lines`: the line numbers of banners.
-    Returns `keep` (n,) bool and `segment` (n,) int32. Where the clock steps back, the shorter side is out of
-    order: the lines after the step up to the first later than all before, or those before it that are not
-    earlier (a corrupt time far in the future). More than `STRAY` lines on both sides, or a banner in between
+    Returns `keep` (n,) bool and `segment` (n,) int32. Where the clock steps back, the shorter side is out of order:
+    the lines after the step, up to the first line later than all lines before it, or the lines before the step that
+    are not earlier (a corrupt time far in the future). More than `STRAY` lines on both sides, or a banner in between
     and at least three lines after, are a reset.
     """
     repeated = np.concatenate([[False], time[1:] == time[:-1]])
-    if repeated.any():  # at once, because a clock that stands still repeats itself a million times
+    if repeated.any():  # all at once, because a clock that stands still repeats itself a million times
         keep, segment = ~repeated, np.zeros(len(time), dtype=np.int32)
         keep[~repeated], segment[~repeated] = order(time[~repeated], line[~repeated], text_lines)
         return keep, np.maximum.accumulate(segment)
@@ -295,7 +295,7 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
         else:
             keep[before] = False
             if len(before) == len(kept) and window.start == starts[-1]:
-                starts[-1] = at  # nothing is left before: the segment starts here
+                starts[-1] = at  # no row is left before this one: the segment starts here
             last, at = at, at + 1
     segment = np.zeros(n, dtype=np.int32)
     segment[starts[1:]] = 1
@@ -303,7 +303,7 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
 
 
 def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, segment: np.ndarray) -> None:
-    """InputError for a log whose kept rows, (n,) each, last too long or have too many resets to be real."""
+    """Raise InputError for a log whose kept rows, (n,) each, last too long or have too many resets to be real."""
     if segment[-1] > MOST_RESETS:
         raise InputError(
             f"{path}: the device was reset {segment[-1]} times, more than {MOST_RESETS}; check its supply, record again"
@@ -323,12 +323,12 @@ def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, se
 
 
 class _Piece(NamedTuple):
-    """What `_parse_piece` finds; lines are numbered from 0 in the piece."""
+    """One piece of a log, parsed; lines are numbered from 0 in the piece."""
 
     rows: pa.Table  # typed, with `line` (int32)
     bad: np.ndarray  # (rejects,) lines, rising
     codes: np.ndarray  # (rejects,) int8, places in REASONS
-    texts: dict[int, str]  # of the first TEXTS lines of each reason
+    texts: dict[int, str]  # of the first TEXTS lines per reason
     noted: dict[int, str]  # texts of the first MOST_NOTED rows whose time does not rise
     lines: int
     size: int  # bytes
@@ -337,9 +337,9 @@ class _Piece(NamedTuple):
 def _parse_file(
     path: Path, fmt: Format, limit: float, key: str
 ) -> tuple[list[pa.Table], _Rejects, int, dict[int, str]]:
-    """Typed tables with a `line` column, rejects, the number of lines read, and lines noted.
+    """Parse a file: typed tables with a `line` column, rejects, the number of lines read, and lines noted.
 
-    Noted are the texts of lines whose time does not rise, by number: as a rule these will be rejected later. Raises
+    Noted are the texts of lines whose time does not rise, by number: as a rule they are rejected later. Raises
     InputError once more lines are rejected than the rest of the file can make up for.
     """
     tables: list[pa.Table] = []
@@ -366,7 +366,7 @@ def _parse_file(
             noted |= {lines + 1 + index: text for index, text in piece.noted.items()}
             lines, left = lines + piece.lines, left - piece.size
             if waiting and tables:
-                shortest = 2 * len(fmt.columns)  # bytes of a good line: a digit a column, separators, the line's end
+                shortest = 2 * len(fmt.columns)  # bytes of a good line: one digit per column, separators, the line end
                 check_rejects(path, lines, rejects.reasons(), limit, key, following=(left + 1) // shortest)
             elif not tables and sum(rejects.reasons().values()) > HOPELESS:
                 break
@@ -376,7 +376,7 @@ def _parse_file(
 
 
 def _pieces(path: Path) -> Iterator[bytes]:
-    """The file in pieces of whole lines, without the byte order mark some editors put first."""
+    """Yield the file in pieces of whole lines, without the byte order mark that some editors put first."""
     carry: list[bytes] = []
     with path.open("rb") as file:
         if file.read(3) != b"\xef\xbb\xbf":
@@ -398,17 +398,17 @@ def _pieces(path: Path) -> Iterator[bytes]:
 
 
 def _parse_piece(piece: bytes, fmt: Format) -> _Piece:
-    """Rows and rejects of whole lines.
+    """Return the rows and rejects of a piece of whole lines.
 
-    Three passes, each dearer than the one before and seldom needed: without the lines that are too short,
-    without those with an empty field or a byte that no number has, without those that `_reason` refuses.
+    Three passes, each dearer than the one before and more seldom needed: without the lines that are too short, then
+    without the lines with an empty field or a byte that no number has, then without the lines that `_reason` refuses.
     """
     data = np.frombuffer(piece, dtype=np.uint8)
     ends = np.flatnonzero(data == ord("\n")) + 1
     if not piece.endswith(b"\n"):
         ends = np.append(ends, len(piece))
     starts = np.concatenate([[0], ends[:-1]])
-    good = ends - starts >= 2 * len(fmt.columns) - 1  # a digit a column and the separators
+    good = ends - starts >= 2 * len(fmt.columns) - 1  # one digit per column and the separators
     rows = _typed(piece, starts, ends, good, fmt, wide=False)
     if rows is None:
         odd = ~_number_bytes(fmt)[data]
@@ -430,22 +430,22 @@ def _parse_piece(piece: bytes, fmt: Format) -> _Piece:
             possible &= (values >= column.low) & (values <= column.high)
     if not possible.all():
         table, line = table.filter(pa.array(possible)), line[possible]
-    # From wide to the smallest types; nothing to do otherwise.
+    # From wide to the smallest types; a table that was not read wide stays as it is.
     table = table.cast(pa.schema([(column.name, column.type) for column in fmt.columns]))
     is_bad = np.ones(len(ends), dtype=bool)
     is_bad[line] = False
     bad = np.flatnonzero(is_bad)
     codes = _codes(piece, starts[bad], ends[bad], fmt)
-    shown = bad[_first_of_each(codes, np.zeros(len(REASONS), np.int64))]
+    first = bad[_first_of_each(codes, np.zeros(len(REASONS), np.int64))]
     time = table[fmt.time].to_numpy()
-    noted = line[1:][time[1:] <= time[:-1]][:MOST_NOTED]
-    texts, noted = ({k: _shown(piece[starts[k] : ends[k]]) for k in some.tolist()} for some in (shown, noted))
+    back = line[1:][time[1:] <= time[:-1]][:MOST_NOTED]
+    texts, noted = ({k: _printable(piece[starts[k] : ends[k]]) for k in lines.tolist()} for lines in (first, back))
     rows = table.append_column("line", pa.array(line.astype(np.int32)))
     return _Piece(rows, bad, codes, texts, noted, len(ends), len(piece))
 
 
 def _codes(piece: bytes, starts: np.ndarray, ends: np.ndarray, fmt: Format) -> np.ndarray:
-    """Places in REASONS, (n,) int8, of lines that are no rows; starts, ends: (n,), their bytes in the piece."""
+    """Return the places in REASONS, (n,) int8, of lines that are no rows; starts, ends: (n,), of their bytes."""
     known: dict[bytes, int] = {}
 
     def code(start: int, end: int) -> int:
@@ -462,10 +462,10 @@ def _codes(piece: bytes, starts: np.ndarray, ends: np.ndarray, fmt: Format) -> n
 def _typed(
     piece: bytes, starts: np.ndarray, ends: np.ndarray, good: np.ndarray, fmt: Format, wide: bool
 ) -> tuple[pa.Table, np.ndarray] | None:
-    """The good lines as typed columns and the line (from 0) of each row; None if one is not of the format.
+    """Read the good lines as typed columns, with the line (from 0) of each row; None if a line is not of the format.
 
-    A line with another number of columns is left out. `wide`: every integer as int64, so that a count of
-    99999 can be read and then found out of range.
+    A line with another number of columns is left out. `wide`: every integer as int64, so that a count of 99999 can be
+    read and then be rejected as out of range.
     """
     line = np.flatnonzero(good)
     if len(line) < len(good):
@@ -507,7 +507,7 @@ def _typed(
 
 
 def _number_bytes(fmt: Format) -> np.ndarray:
-    """(256,) bool: the bytes that a good line of this format can have."""
+    """Return (256,) bool: the bytes that a good line of this format can have."""
     allowed = np.zeros(256, dtype=bool)
     letters = "" if all(column.integer for column in fmt.columns) else ".+eE"
     allowed[[ord(c) for c in f"0123456789- \t\r\n{fmt.separator}{letters}"]] = True
@@ -522,7 +522,7 @@ _CONTROL = re.compile(rb"[^\t\x20-\x7e]")
 
 
 def _reason(raw: bytes, fmt: Format) -> str | None:
-    """Why a line is no row of this format, or None if it is one."""
+    """Return the reason why a line is no row of this format, or None if it is one."""
     raw = _content(raw)
     if not raw.strip():
         return EMPTY
@@ -545,23 +545,24 @@ def _reason(raw: bytes, fmt: Format) -> str | None:
 
 
 def _content(raw: bytes) -> bytes:
-    """A line without its line end."""
+    """Return a line without its line end."""
     return raw.removesuffix(b"\n").removesuffix(b"\r")
 
 
-def _shown(raw: bytes) -> str:
-    """A line as printable text, cut to TEXT_LENGTH characters."""
+def _printable(raw: bytes) -> str:
+    """Return a line as printable text, cut to TEXT_LENGTH characters."""
     text = _content(raw)[: 4 * TEXT_LENGTH].decode("utf-8", errors="backslashreplace")
-    shown = (c if c.isprintable() or c == "\t" else f"\\x{ord(c):02x}" for c in text[:TEXT_LENGTH])
-    return "".join(shown)[:TEXT_LENGTH]
+    characters = (c if c.isprintable() or c == "\t" else f"\\x{ord(c):02x}" for c in text[:TEXT_LENGTH])
+    return "".join(characters)[:TEXT_LENGTH]
 
 
 def _order_codes(
     pieces: list[pa.Table], fmt: Format, time: np.ndarray, dropped: np.ndarray, keep: np.ndarray, segment: np.ndarray
 ) -> np.ndarray:
-    """Places in REASONS, int8, of the rows `dropped` (places, rising): a duplicate equals a kept row of its segment.
+    """Return the places in REASONS, int8, of the rows `dropped` (places, rising).
 
-    pieces: all rows of the log; time, keep, segment: (rows,), where `keep` is False for all that are dropped.
+    A duplicate equals a kept row of its segment; any other row is out of order. pieces: all rows of the log; time,
+    keep, segment: (rows,), where `keep` is False for every dropped row.
     """
     rows = pa.concat_tables(pieces)
     twin = np.full(len(dropped), -1)
@@ -570,21 +571,21 @@ def _order_codes(
         kept = first + np.flatnonzero(keep[first:stop])
         if not len(kept):
             continue
-        mine = slice(*np.searchsorted(dropped, [first, stop]))
-        near = kept[np.searchsorted(time[kept], time[dropped[mine]]).clip(max=len(kept) - 1)]
-        twin[mine] = np.where(time[near] == time[dropped[mine]], near, -1)
+        inside = slice(*np.searchsorted(dropped, [first, stop]))
+        near = kept[np.searchsorted(time[kept], time[dropped[inside]]).clip(max=len(kept) - 1)]
+        twin[inside] = np.where(time[near] == time[dropped[inside]], near, -1)
     equal = twin >= 0
     for column in fmt.columns:
-        some = np.flatnonzero(equal)
-        ours, theirs = (rows[column.name].take(pa.array(at[some])).to_numpy() for at in (dropped, twin))
-        equal[some] = ours == theirs
+        alike = np.flatnonzero(equal)
+        values, twins = (rows[column.name].take(pa.array(at[alike])).to_numpy() for at in (dropped, twin))
+        equal[alike] = values == twins
     return np.where(equal, np.int8(REASONS.index(DUPLICATE)), np.int8(REASONS.index(OUT_OF_ORDER)))
 
 
 def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:
-    """The sentence for a file without a single good line."""
-    shown = fmt.header if len(fmt.names) <= 6 else fmt.separator.join([*fmt.names[:2], "...", fmt.names[-1]])
-    expected = f"expected lines of {len(fmt.names)} columns, {shown}"
+    """Return the sentence for a file without a single good line."""
+    header = fmt.header if len(fmt.names) <= 6 else fmt.separator.join([*fmt.names[:2], "...", fmt.names[-1]])
+    expected = f"expected lines of {len(fmt.names)} columns, {header}"
     if lines == 0:
         return f"{path}: the file is empty; {expected}"
     with path.open("rb") as file:
@@ -593,5 +594,5 @@ def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:
         return f"{path}: the file has a header but no line of numbers; {expected}"
     reason = _reason(first, fmt)
     count = len(first.split(fmt.separator.encode()))
-    what = f"{reason}: " if reason in (EMPTY, UNREADABLE) else f"{count} column{'s' * (count > 1)}: "
-    return f"{path}: no line can be read; line 1 has {what}{_shown(first)[:60]!r}, {expected}"
+    fault = f"{reason}: " if reason in (EMPTY, UNREADABLE) else f"{count} column{'s' * (count > 1)}: "
+    return f"{path}: no line can be read; line 1 has {fault}{_printable(first)[:60]!r}, {expected}"

@@ -1,7 +1,7 @@
-"""Public recordings that a user downloads by name; their licences keep them out of this repository.
+"""List the public recordings that a user downloads by name; their licences keep them out of this repository.
 
 A source is a list of files at one pinned commit of a public repository. The SHA-256 of every file is in
-`pipeline/<name>.sha256`, one `<digest>  <path>` line a file, as `sha256sum` writes it.
+`pipeline/logs/<name>.sha256`, one line `<digest>  <path>` per file, as `sha256sum` writes it.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ from pipeline.base.errors import InputError
 
 @dataclass(frozen=True)
 class Source:
-    """Where a set of recordings comes from. `folder` is the folder in the repository its paths start at."""
+    """The origin of a set of recordings; `folder`: the repository's folder in which the paths of its files start."""
 
     repository: str
     commit: str
@@ -46,49 +46,50 @@ SOURCES = {
 
 
 def source(name: str) -> Source:
-    """The source called `name`. Raises InputError for an unknown name."""
+    """Return the source called `name`. Raises InputError for an unknown name."""
     if name not in SOURCES:
         raise InputError(f"{name}: no such source; choose one of {', '.join(sorted(SOURCES))}")
     return SOURCES[name]
 
 
 def files(name: str) -> dict[str, str]:
-    """SHA-256 (64 hex digits) of every file of a source, by its path inside the source's folder."""
+    """Return the SHA-256 (64 hex digits) of every file of a source, by its path inside the source's folder."""
     source(name)
     lines = Path(__file__).with_name(f"{name}.sha256").read_text().splitlines()
     return {path: digest for digest, path in (line.split(maxsplit=1) for line in lines)}
 
 
 def address(name: str, path: str) -> str:
-    """The public address of one file, at the pinned commit."""
-    s = source(name)
-    return f"https://raw.githubusercontent.com/{s.repository}/{s.commit}/{quote(f'{s.folder}/{path}')}"
+    """Return the public address of one file, at the pinned commit."""
+    origin = source(name)
+    place = quote(f"{origin.folder}/{path}")
+    return f"https://raw.githubusercontent.com/{origin.repository}/{origin.commit}/{place}"
 
 
 def folder(name: str) -> Path:
-    """`data/sources/<name>`, where `python -m pipeline.commands.fetch <name>` puts the files."""
+    """Return `data/sources/<name>`, where `python -m pipeline.commands.fetch <name>` puts the files."""
     source(name)
     return paths.SOURCES / name
 
 
 def sha256(path: Path) -> str:
-    """SHA-256 of a file, 64 hex digits."""
+    """Return the SHA-256 of a file, 64 hex digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def is_complete(name: str, at: Path | None = None) -> bool:
-    """True if every file of the source is there and right, in `at` (default: `folder(name)`), False if none is there.
+    """Return whether the folder `at` (default: `folder(name)`) has all files of a source (True) or none (False).
 
-    Raises InputError that names the first file that is missing beside others, or is not the expected one.
+    Raises InputError that names the first file that is missing beside others, or whose SHA-256 is another.
     """
     at, listed = folder(name) if at is None else at, files(name)
-    there = [path for path in listed if (at / path).is_file()]
-    if not there:
+    present = [path for path in listed if (at / path).is_file()]
+    if not present:
         return False
     for path, digest in listed.items():
-        if path not in there or sha256(at / path) != digest:
-            wrong = "is not the recorded file (its SHA-256 differs)" if path in there else "is missing"
+        if path not in present or sha256(at / path) != digest:
+            wrong = "is not the recorded file (its SHA-256 differs)" if path in present else "is missing"
             raise InputError(
                 f"{at / path}: {wrong}; run `python -m pipeline.commands.fetch {name}`, which gets what is missing or "
                 f"wrong, or remove all of {at} to go on without these recordings"

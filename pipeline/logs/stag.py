@@ -1,8 +1,8 @@
-"""The STAG data set: frames of a tactile glove that grasps everyday objects (Sundaram et al., Nature 569, 2019).
+"""Read the STAG data set: frames of a tactile glove that grasps everyday objects (Sundaram et al., Nature 569, 2019).
 
 Its file `classification/metadata.mat` (stag.csail.mit.edu; for research only, so not part of this repository) holds
-a value a frame of `pressure` (n, 32, 32), `objectId`, `recordingId`, `splitId`, `hasValidLabel` and `isBalanced`, and
-the names `objects`, `recordings` and `splits`, which the numbers, from 0, point into.
+one value per frame of `pressure` (n, 32, 32), `objectId`, `recordingId`, `splitId`, `hasValidLabel` and `isBalanced`,
+and the names `objects`, `recordings` and `splits`, into which the numbers point, from 0.
 """
 
 from pathlib import Path
@@ -14,7 +14,7 @@ from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.logs import matlab, own_data
 
-LOWEST_ADC, HIGHEST_ADC = 500, 650  # become 0 and 1 in the authors' own models, clipped beyond
+LOWEST_ADC, HIGHEST_ADC = 500, 650  # the authors' own models scale these to 0 and 1, and clip beyond
 NAMES = {"objectId": "objects", "recordingId": "recordings", "splitId": "splits"}
 FLAGS = ("hasValidLabel", "isBalanced")
 VARIABLES = ("pressure", *NAMES, *NAMES.values(), *FLAGS)
@@ -38,21 +38,21 @@ def read(path: Path, balanced: bool = True) -> Stag:
     """Read `metadata.mat`, saved by MATLAB as version 5 to 7.
 
     `balanced`: only the frames that the authors picked so that every object has as many. Raises InputError for a file
-    that is missing, outside data/own, cut, of version 7.3, lacks a variable, whose variables do not belong together, or
-    of which no frame is left.
+    that is missing, outside data/own, cut, of version 7.3, lacks a variable, has variables that do not belong together,
+    or has no frame left.
     """
     if not path.is_file():
         raise InputError(f"{path}: not found; download the classification data of STAG and name its metadata.mat")
     if problem := own_data.unnoticed(path):
         raise InputError(f"params.yaml, glove.stag.file: {problem}")
-    found = matlab.read(path, VARIABLES, LARGEST_FILE)
-    pressure = found["pressure"]
+    variables = matlab.read(path, VARIABLES, LARGEST_FILE)
+    pressure = variables["pressure"]
     if pressure.ndim != 3 or pressure.shape[1:] != (SIDE, SIDE) or pressure.dtype.kind not in "fiu":
         raise InputError(f"{path}: 'pressure' is {pressure.shape}, not frames of {SIDE} x {SIDE} numbers")
-    names = {name: _names(path, name, found[name]) for name in NAMES.values()}
+    names = {name: _names(path, name, variables[name]) for name in NAMES.values()}
     if not set(names["splits"]) <= set(PARTS):
         raise InputError(f"{path}: 'splits' are {', '.join(names['splits'])}; {' and '.join(PARTS)} are known")
-    number = {name: _numbers(path, name, found[name], len(pressure)) for name in (*NAMES, *FLAGS)}
+    number = {name: _numbers(path, name, variables[name], len(pressure)) for name in (*NAMES, *FLAGS)}
     kept = number["hasValidLabel"] != 0
     if balanced:
         kept &= number["isBalanced"] != 0
@@ -78,17 +78,17 @@ def read(path: Path, balanced: bool = True) -> Stag:
 
 
 def _names(path: Path, name: str, value: np.ndarray) -> list[str]:
-    """Texts of a cell array, or of a character matrix, whose rows are padded with spaces."""
-    texts = [one.item() if isinstance(one, np.ndarray) and one.size == 1 else one for one in value.ravel()]
+    """Return the texts of a cell array, or of a character matrix, whose rows are padded with spaces."""
+    texts = [cell.item() if isinstance(cell, np.ndarray) and cell.size == 1 else cell for cell in value.ravel()]
     if not texts or not all(isinstance(text, str) for text in texts):
         raise InputError(f"{path}: '{name}' must be a cell array of names")
     return [text.strip() for text in texts]
 
 
 def _numbers(path: Path, name: str, value: np.ndarray, n: int) -> np.ndarray:
-    """(n,) whole numbers."""
+    """Return a variable as (n,) whole numbers; raise InputError where its values are others."""
     flat = value.ravel()
-    small = flat.dtype.kind in "fiub" and (np.abs(flat.astype(float)) < MOST_FRAMES).all()  # not so: NaN
+    small = flat.dtype.kind in "fiub" and (np.abs(flat.astype(float)) < MOST_FRAMES).all()  # False for NaN
     if not small or len(flat) != n or (flat % 1).any():
-        raise InputError(f"{path}: '{name}' must be {n} whole numbers, one a frame of 'pressure'")
+        raise InputError(f"{path}: '{name}' must be {n} whole numbers, one per frame of 'pressure'")
     return flat.astype(np.int64)

@@ -1,6 +1,6 @@
-"""What serial lines suffer on their way into a log, put in at known places.
+"""Put the faults that serial lines suffer on their way into a log at known places.
 
-The simulator writes down every fault (`faults.csv`), so that tests can hold the rejects table against it.
+The simulator writes down every fault (`faults.csv`), so that tests can compare the rejects table with it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,10 @@ class Fault(NamedTuple):
 
 
 def inject(lines: Sequence[str], rates: Mapping[str, float], rng: np.random.Generator) -> tuple[list[str], list[Fault]]:
-    """`lines` (comma-separated numbers, time first) with faults at the given rates per line.
+    """Return `lines` (comma-separated numbers, time first) with faults at the given rates, and the faults.
 
     rates: torn, duplicated, missing, out_of_range, out_of_order (each the probability per line). The first
-    two and last two lines stay whole, so that a log's span is what the device saw.
+    two and last two lines stay whole, so that the log spans the time that the device saw.
     """
     kinds = ("torn", "duplicated", "missing", "out_of_range", "out_of_order")
     edges = np.cumsum([rates[kind] for kind in kinds])

@@ -1,6 +1,6 @@
-"""Glove scene: sixteen objects grasped in several sessions, as the raw log of the glove's scanner.
+"""Simulate the glove: sixteen objects grasped in several sessions, as the raw log of the glove's scanner.
 
-A chain of named effects, the ones that can be left out with a switch in params.yaml (glove.simulate.effects):
+A chain of named effects, most of them with a switch in params.yaml (glove.simulate.effects):
 
     object -> posture of the hand -> grip force -> pressure on the pads -> Velostat -> virtual ground -> ADC -> log
 
@@ -40,7 +40,7 @@ the yardstick (glove.yardstick). The paper's pads (one of 3 x 4, others of 3 x 3
 paper that the text speaks of.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +50,7 @@ from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout
 from pipeline.scenes.faults import Fault, inject
 
-FINGERS = ("thumb", "index", "middle", "ring", "little")
+# Arrays over fingers are in the order thumb, index, middle, ring, little.
 ACROSS_MM = np.array([12.0, 30.0, 10.0, -10.0, -30.0])  # y of each finger
 KNUCKLE_MM = np.array([30.0, 40.0, 42.0, 40.0, 36.0])  # from the middle of the palm to the first joint
 PHALANGES_MM = np.array([[40.0, 33, 27], [45, 26, 22], [50, 30, 23], [46, 28, 23], [36, 20, 20]])
@@ -62,7 +62,7 @@ REACH_DEG = 25.0  # beyond its limit a joint lifts the phalanx off the object
 
 FINGER_SHARE = np.array([0.45, 0.3, 0.3, 0.25, 0.15])  # of the grip force; the thumb's opposes the others'
 PHALANX_SHARE = np.array([0.3, 0.25, 0.45])
-PALM_SHARE = 0.55  # what the thumb does not oppose
+PALM_SHARE = 0.55  # of the grip force: the thumb opposes the rest
 PAD_MM, PALM_MM = 6.0, 7.5  # pitch of the cells
 PALM_ROWS, PALM_COLS = 12, 9
 YIELD_MM = 0.4  # of the skin under 1 N on a pad
@@ -116,7 +116,7 @@ class Recording(NamedTuple):
 
 
 class Hold(NamedTuple):
-    """What differs between sessions and wanders within one, (frames, ...)."""
+    """The quantities that differ between sessions and wander within one, (frames, ...)."""
 
     along: np.ndarray  # (n,) mm, shift of the object towards the fingers
     across: np.ndarray  # (n,) mm, shift along its axis
@@ -127,46 +127,62 @@ class Hold(NamedTuple):
 
 
 def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
-    """All recordings, and the function that gives the log of one (`logs_of`); settings: the block `glove`."""
+    """Return all recordings, and the function that gives the log of one (`logs_of`); settings: the block `glove`."""
+    scene = scene_of(settings)
+    sessions = [f"session{number:02d}" for number in range(scene["sessions"])]
+    recordings = [Recording(name, session) for name in OBJECTS for session in sessions]
+    return recordings, lambda recording: logs_of(recording, scene)
+
+
+def scene_of(settings: Mapping) -> dict:
+    """Return the block glove.simulate with the sensor in its circuit; settings: the block `glove`."""
     scene = settings["simulate"]
-    scene = scene | {"circuit": scene["circuit"] | settings["sensor"]}
-    count = scene["sessions"]
-    found = [Recording(name, f"session{number:02d}") for name in OBJECTS for number in range(count)]
-    return found, lambda recording: logs_of(recording, scene)
+    return scene | {"circuit": scene["circuit"] | settings["sensor"]}
+
+
+def frames_per_session(settings: Mapping) -> int:
+    """Return the number of frames of a session, rounded up; settings: the block glove.simulate."""
+    return -(-settings["frames_per_object"] // settings["sessions"])
 
 
 def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str], list[Fault]]]:
-    """The scanner's log of one recording: lines `t_us,p0..p269,s0..s134` and the injected faults.
+    """Return the scanner's log of one recording: lines `t_us,p0..p269,s0..s134` and the injected faults.
 
-    settings: the block glove.simulate. Cells row by row of areas (a) and (b); unwired cells read 0.
+    settings: the block glove.simulate with the sensor (`scene_of`).
     """
-    names = (recording.condition, recording.name)
-    frames = -(-settings["frames_per_object"] // settings["sessions"])
-    hold = held(frames, settings, generator(settings["seed"], *names, "hold"))
-    pressure, strain = conductances(OBJECTS[recording.condition], hold, settings)
-    circuit = settings["circuit"]
-    noise = generator(settings["seed"], *names, "noise")
-    columns = []
-    for siemens in (pressure, strain):
-        volts = circuit["supply_v"] * siemens / (siemens + 1 / circuit["reference_ohm"])
-        error = noise.normal(0, circuit["noise_counts"], volts.shape) if settings["effects"]["noise"] else 0.0
-        read = readout.counts(np.nan_to_num(volts), supply_v=circuit["supply_v"], levels=LEVELS, noise=error)
-        columns.append(np.where(np.isnan(siemens), 0, read).reshape(frames, -1))
+    names = (settings["seed"], recording.condition, recording.name)
+    frames = frames_per_session(settings)
+    hold = held(frames, settings, generator(*names, "hold"))
+    siemens = conductances(OBJECTS[recording.condition], hold, settings)
     t_us = np.round((np.arange(frames) + 1) * 1e6 / settings["frame_hz"]).astype(np.int64)
-    rows = np.column_stack([t_us, *columns]).tolist()
+    rows = np.column_stack([t_us, scanned(siemens, settings, generator(*names, "noise"))]).tolist()
     lines = [",".join(map(str, row)) for row in rows]
     if not settings["effects"]["line_faults"]:
         return {"scanner.log": (lines, [])}
-    return {"scanner.log": inject(lines, settings["faults"], generator(settings["seed"], *names, "faults"))}
+    return {"scanner.log": inject(lines, settings["faults"], generator(*names, "faults"))}
+
+
+def scanned(areas: Iterable[np.ndarray], settings: Mapping, rng: np.random.Generator) -> np.ndarray:
+    """Return the counts of all cells, (frames, 270 + 135), for the siemens of areas (a) and (b), as `conductances`.
+
+    Cells row by row; unwired cells read 0. settings: the block glove.simulate with the sensor (`scene_of`).
+    """
+    circuit, columns = settings["circuit"], []
+    for siemens in areas:
+        volts = circuit["supply_v"] * siemens / (siemens + 1 / circuit["reference_ohm"])
+        error = rng.normal(0, circuit["noise_counts"], volts.shape) if settings["effects"]["noise"] else 0.0
+        read = readout.counts(np.nan_to_num(volts), supply_v=circuit["supply_v"], levels=LEVELS, noise=error)
+        columns.append(np.where(np.isnan(siemens), 0, read).reshape(len(read), -1))
+    return np.column_stack(columns)
 
 
 def held(frames: int, settings: Mapping, rng: np.random.Generator) -> Hold:
-    """The session's hold and its wandering; settings: the block glove.simulate."""
+    """Draw the hold of a session and its wandering; settings: the block glove.simulate."""
     session, effects = settings["session"], settings["effects"]
     keep = np.exp(-1 / (settings["frame_hz"] * session["wander_time_s"]))
 
     def course(spread: float, *shape: int) -> np.ndarray:
-        """(frames, *shape): a constant of the session plus a stationary first-order process."""
+        """Draw a constant of the session plus a stationary first-order process, (frames, *shape)."""
         constant, start = rng.normal(0, spread, (2, *shape))
         steps = rng.normal(0, spread * np.sqrt(1 - keep**2), (frames, *shape))
         steps[0] = start
@@ -184,10 +200,10 @@ def held(frames: int, settings: Mapping, rng: np.random.Generator) -> Hold:
 
 
 def conductances(thing: Thing | None, hold: Hold, settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
-    """Siemens of every cell, (frames, 15, 18) and (frames, 15, 9), NaN where no cell is wired.
+    """Return the siemens of every cell, (frames, 15, 18) and (frames, 15, 9), NaN where no cell is wired.
 
-    Area (a): columns 1 to 9 the pads (a finger 3 rows, phalanges from the palm outwards), columns 10 to 18 of rows 4
-    to 15 the palm. Area (b): the joints likewise; the thumb's first is not wired.
+    Area (a): columns 1 to 9 are the pads (3 rows per finger, phalanges from the palm outwards), columns 10 to 18 of
+    rows 4 to 15 the palm. Area (b): the joints likewise; the first joint of the thumb is not wired.
     """
     frames = len(hold.along)
     angles, contact = posture(thing, hold)
@@ -203,14 +219,14 @@ def conductances(thing: Thing | None, hold: Hold, settings: Mapping) -> tuple[np
     log_rise = material.static_conductance(material.load_material(), film["force_scale"] * force)
     pressure = np.where(wired, gain * np.exp(log_rise) / film["rest_ohm"], np.nan)
 
-    shown = np.repeat(np.repeat(np.maximum(angles + hold.fit, 0), 3, axis=1), 3, axis=2)
-    strain = bend_gain * (1 + film["bend_gain"] * shown / 90) / film["rest_bend_ohm"]
+    bent_deg = np.repeat(np.repeat(np.maximum(angles + hold.fit, 0), 3, axis=1), 3, axis=2)
+    strain = bend_gain * (1 + film["bend_gain"] * bent_deg / 90) / film["rest_bend_ohm"]
     strain[:, :3, :3] = np.nan
     return pressure, strain
 
 
 def turning(s: np.ndarray, thing: Thing, size: np.ndarray) -> np.ndarray:
-    """Theta of equation 2 in degrees at the places s (any shape) around the cross-section scaled by `size`."""
+    """Return Theta of equation 2 in degrees at the places s (any shape) around the cross-section scaled by `size`."""
     corner = thing.corner_mm * size
     arc = np.pi / 2 * (corner + FINGER_MM)
     flats = (thing.width_mm / 2 - thing.corner_mm, thing.depth_mm - 2 * thing.corner_mm)
@@ -223,7 +239,7 @@ def turning(s: np.ndarray, thing: Thing, size: np.ndarray) -> np.ndarray:
 
 
 def scale(y: np.ndarray, thing: Thing) -> np.ndarray:
-    """rho of equation 1 at the places y along the axis; 0 beyond the object."""
+    """Return rho of equation 1 at the places y along the axis; 0 beyond the object."""
     inside = np.abs(y) < thing.length_mm / 2
     if thing.profile == "ellipsoid":
         return np.sqrt(np.maximum(0, 1 - (2 * y / thing.length_mm) ** 2))
@@ -231,7 +247,7 @@ def scale(y: np.ndarray, thing: Thing) -> np.ndarray:
 
 
 def posture(thing: Thing | None, hold: Hold) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles (frames, 5, 3) in degrees and how well each phalanx touches (frames, 5, 3), 0 to 1."""
+    """Return joint angles (frames, 5, 3) in degrees and how well each phalanx touches (frames, 5, 3), 0 to 1."""
     frames = len(hold.along)
     limits = np.vstack([THUMB_LIMITS_DEG, *[LIMITS_DEG] * 4])
     if thing is None:
@@ -249,7 +265,7 @@ def posture(thing: Thing | None, hold: Hold) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pressed(thing: Thing, hold: Hold, contact: np.ndarray, settings: Mapping) -> np.ndarray:
-    """Force on every cell of area (a), (frames, 15, 18), in N."""
+    """Return the force on every cell of area (a), (frames, 15, 18), in N."""
     session = settings["session"]
     grip = hold.margin * thing.mass_g / 1000 * GRAVITY / (2 * thing.friction) + session["least_grip_n"]
     yields = YIELD_MM / min(1.0, thing.stiffness / SKIN) if settings["effects"]["softness"] else YIELD_MM

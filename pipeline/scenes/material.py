@@ -1,4 +1,4 @@
-"""Velostat: log resistance of a taxel from the history of the force on it, and nothing else.
+"""Model Velostat: the log resistance of a taxel from the history of the force on it, and nothing else.
 
 The model is causal and starts from long rest. F is force in N, dt the step in s, r log resistance (up to a
 constant: the recorded reading that the model was fitted to has an arbitrary scale).
@@ -7,7 +7,7 @@ constant: the recorded reading that the model was fitted to has an arbitrary sca
 
        g = gain ((F / F0)^(a e) + (F / F1)^(m e)),     x = ln(1 + g^k) / k,     r = r0 - x.
 
-   x is the log conductance above rest. `gain` and `exponent` e are 1, or one number an element. Conductance
+   x is the log conductance above rest. `gain` and `exponent` e are 1, or one number per element. Conductance
    as a power of pressure: Stassi et al., Sensors 14, 5296 (2014); k sharpens the knee where contact begins.
 2. Creep (fading memory). Contact needs time to form but none to break, so the relaxation can only hold
    conductance back:
@@ -59,14 +59,14 @@ class Material:
 
 @cache
 def load_material() -> Material:
-    """The parameters fitted to the recordings (`velostat.json`)."""
+    """Return the parameters fitted to the recordings (`velostat.json`)."""
     return Material(**json.loads(FITTED.read_text())["parameters"])
 
 
 def static_conductance(
     material: Material, force: np.ndarray, gain: np.ndarray | float = 1.0, exponent: np.ndarray | float = 1.0
 ) -> np.ndarray:
-    """x of equation 1: log conductance above rest (>= 0) at each force (N), without any memory."""
+    """Return x of equation 1: log conductance above rest (>= 0) at each force (N), without any memory."""
     log_force = np.log(np.maximum(force, LEAST_FORCE_N))
     low = material.exponent * exponent * (log_force - np.log(material.onset_n))
     high = material.exponent_high * exponent * (log_force - np.log(material.onset_high_n))
@@ -74,13 +74,13 @@ def static_conductance(
 
 
 def relaxed(x: np.ndarray, time_s: float, dt: float) -> np.ndarray:
-    """L of equation 2, from rest: x (steps, ...) seen through an exponential memory of `time_s`."""
+    """Return L of equation 2, from rest: x (steps, ...) seen through an exponential memory of `time_s`."""
     keep = np.exp(-dt / time_s)
     return lfilter([1 - keep], [1, -keep], x, axis=0)
 
 
 def play(x: np.ndarray, width: float) -> np.ndarray:
-    """p of equation 3, from rest: the play operator on ln x, for x >= 0 of shape (steps, ...).
+    """Return p of equation 3, from rest: the play operator on ln x, for x >= 0 of shape (steps, ...).
 
     Each step clamps p between x and (1 + width) x. Clamps compose to clamps, so a prefix scan of log2(steps)
     vectorised rounds replaces the loop over steps.
@@ -96,7 +96,7 @@ def play(x: np.ndarray, width: float) -> np.ndarray:
 
 
 def leaking_peak(x: np.ndarray, time_s: float, dt: float) -> np.ndarray:
-    """P of equation 4, from rest: the largest x so far, each one faded by exp(-age / time_s)."""
+    """Return P of equation 4, from rest: the largest x so far, each x faded by exp(-age / time_s)."""
     age = (np.arange(len(x)) * (dt / time_s)).reshape(-1, *[1] * (x.ndim - 1))
     faded = np.log(np.maximum(x, np.finfo(float).tiny)) + age
     return np.exp(np.maximum.accumulate(faded, axis=0) - age)
@@ -113,7 +113,7 @@ def log_resistance(
     hysteresis: bool = True,
     release: bool = True,
 ) -> np.ndarray:
-    """Log resistance, same shape as `force`: (steps,) or (steps, elements), N, sampled every `dt` seconds.
+    """Return the log resistance, same shape as `force`: (steps,) or (steps, elements), N, sampled every `dt` seconds.
 
     `gain` and `exponent`, numbers or arrays that broadcast against `force`, such as (elements,), multiply the
     pressed part of the conductance and the power-law exponents. Each of the three effects can be switched

@@ -1,4 +1,4 @@
-"""Strain scene: a passive finger with six conductive-elastomer strands on an arm, as the raw logs of DAQ and robot.
+"""Simulate a passive finger with six conductive-elastomer strands on an arm, as the raw logs of DAQ and robot.
 
 A chain of named effects, each with a switch in params.yaml (strain.simulate.effects):
 
@@ -16,13 +16,13 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
    So u shows how the finger is dragged, not where the arm is: absolute x and y must be summed from slips, as the
    paper says. Without `stick_slip`, mu_s = mu_k: the finger is dragged without jumps.
 2. Bending. Pressing bends the finger in x, for it stands at an angle, and shortens it. The arm does not hold its
-   pose exactly: over the surface the finger leans by `lean` mm of bending a mm of x and y (0.02 is 1.1 degrees):
+   pose exactly: over the surface the finger leans by `lean` mm of bending per mm of x and y (0.02 is 1.1 degrees):
 
        B_x = u_x + b D + lean x,     B_y = u_y + lean y.
 
    The lean is the only term that depends on the absolute place, and small: 1.4 mm at the edge against 7 to 12 mm of
-   drag. Little rests on it: without it (0), direct training's error on the validation part of task 2 was 19.7 in
-   place of 18.8 mm, for a model that sums the strokes of a bounded area comes near the place as well.
+   drag. Little rests on the lean: without it (0), direct training's error on the validation part of task 2 was 19.7 in
+   place of 18.8 mm, because a model that sums the strokes of a bounded area comes near the place as well.
 3. Strand i at the angle phi_i around the finger, with its own length and so its own gain g_i:
 
        e_i = s g_i (B_x cos phi_i + B_y sin phi_i - c D),          relative change of resistance.
@@ -44,8 +44,9 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
 The strain-sensor recordings that this repository reads show the drift in the offsets, too (their response to a press
 stays the same all day), and an undershoot after release that creeps back in seconds; other than here, their response
 to a held press does not fall back. Differs from paper: the finger is simulated; none of these numbers is given there.
-They are plain engineering numbers, chosen before any model was trained; `drift.walk_per_root_hour` alone was then set
-so that direct training on task 1 comes near its published error (strain.yardstick), judged on the validation part.
+The numbers are plain engineering numbers, chosen before any model was trained; `drift.walk_per_root_hour` alone was
+then set so that direct training on task 1 comes near its published error (strain.yardstick), judged on the validation
+part.
 """
 
 from collections.abc import Callable, Mapping
@@ -74,13 +75,13 @@ class Recording(NamedTuple):
 
 
 def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
-    """All recordings, and the function that gives the logs of one (`logs_of`); settings: the block `strain`."""
+    """Return all recordings, and the function that gives the logs of one (`logs_of`); settings: the block `strain`."""
     scene = settings["simulate"]
     return recordings(scene), lambda recording: logs_of(recording, scene)
 
 
 def recordings(settings: Mapping) -> list[Recording]:
-    """A recording of each task; `settings` is the block strain.simulate.
+    """Return one recording per task; `settings` is the block strain.simulate.
 
     task_0 moves in x, y and z, task_1 in z alone, task_2 in x and y at a fixed depth (section III-B).
     """
@@ -90,7 +91,7 @@ def recordings(settings: Mapping) -> list[Recording]:
     half = np.array([motion["width_mm"], motion["height_mm"]]) / 2
     slide = motion["slide_slowest_mm_s"], motion["slide_fastest_mm_s"]
     press = motion["press_slowest_mm_s"], motion["press_fastest_mm_s"]
-    found = []
+    planned = []
     for task in TASKS:
         place = np.zeros((round(seconds / STEP_S), 3))
         place[:, 2] = -motion["sliding_depth_mm"]
@@ -100,16 +101,16 @@ def recordings(settings: Mapping) -> list[Recording]:
         if task != "task_2":
             lowest = np.array([-motion["depth_mm"]])
             place[:, 2:] = path(len(place), lowest, np.zeros(1), press, motion["rest_s"], rng)
-        found.append(Recording(task, "run000", place))
-    return found
+        planned.append(Recording(task, "run000", place))
+    return planned
 
 
 def path(
     steps: int, low: np.ndarray, high: np.ndarray, speeds: tuple[float, float], rest_s: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Straight strokes between random places in [low, high] (dims,), (steps, dims) in mm.
+    """Draw straight strokes between random places in [low, high] (dims,), (steps, dims) in mm.
 
-    Each has a speed of its own within `speeds` (mm/s) and is followed by a rest of up to twice `rest_s`.
+    Each stroke has a speed of its own within `speeds` (mm/s), and a rest of up to twice `rest_s` follows it.
     """
     place = (low + high) / 2
     time, places = [0.0], [place]
@@ -124,7 +125,7 @@ def path(
 
 
 def deflection(place_mm: np.ndarray, finger: Mapping, stick_slip: bool) -> np.ndarray:
-    """u of equation 1, (steps, 2) in mm, for a path (steps, 3); the finger is put down unbent."""
+    """Return u of equation 1, (steps, 2) in mm, for a path (steps, 3); the finger is put down unbent."""
     depth = -place_mm[:, 2]
     most = finger["normal_n_per_mm"] * np.maximum(depth, 0) / finger["stiffness_n_per_mm"]
     kinetic = (finger["kinetic_friction"] * most).tolist()
@@ -143,7 +144,7 @@ def deflection(place_mm: np.ndarray, finger: Mapping, stick_slip: bool) -> np.nd
 
 
 def strains(place_mm: np.ndarray, settings: Mapping) -> np.ndarray:
-    """e of equation 3, (steps, strands), for a path (steps, 3). One specimen of the finger per scene seed."""
+    """Return e of equation 3, (steps, strands), for a path (steps, 3). One specimen of the finger per scene seed."""
     finger, strand = settings["finger"], settings["strand"]
     u = deflection(place_mm, finger, settings["effects"]["stick_slip"])
     depth = -place_mm[:, 2]
@@ -157,18 +158,18 @@ def strains(place_mm: np.ndarray, settings: Mapping) -> np.ndarray:
 
 
 def relaxed(strain: np.ndarray, strand: Mapping) -> np.ndarray:
-    """r of equation 4 for e (steps, strands); the finger has been at the first strain for long."""
+    """Return r of equation 4 for e (steps, strands); the finger has been at the first strain for long."""
     result = strain.copy()
     for share, time in (("fast_share", "fast_time_s"), ("slow_share", "slow_time_s")):
         keep = np.exp(-STEP_S / strand[time])
-        # The filter's state that goes with a constant input of strain[0].
+        # The filter starts in the state of a constant input of strain[0].
         memory, _ = lfilter([1 - keep], [1, -keep], strain, axis=0, zi=keep * strain[:1])
         result -= strand[share] * memory
     return result
 
 
 def asymmetric(response: np.ndarray, strand: Mapping) -> np.ndarray:
-    """m of equation 5 for r (steps, strands), from m = r."""
+    """Return m of equation 5 for r (steps, strands), from m = r."""
     rise, fall = (1 - np.exp(-STEP_S / strand[way]) for way in ("loading_time_s", "unloading_time_s"))
 
     def follow(m: float, r: float) -> float:
@@ -178,7 +179,7 @@ def asymmetric(response: np.ndarray, strand: Mapping) -> np.ndarray:
 
 
 def drifts(steps: int, settings: Mapping, rng: np.random.Generator) -> np.ndarray:
-    """d of equation 6, (steps, strands), zero at the start."""
+    """Draw d of equation 6, (steps, strands), zero at the start."""
     drift, strands = settings["drift"], len(STRANDS_DEG)
     walk = np.cumsum(rng.standard_normal((steps, strands)), axis=0) * np.sqrt(STEP_S / HOUR_S)
     ageing = np.log1p(np.arange(steps) * STEP_S / drift["ageing_time_s"])
@@ -188,18 +189,18 @@ def drifts(steps: int, settings: Mapping, rng: np.random.Generator) -> np.ndarra
 
 
 def voltages(change: np.ndarray, circuit: Mapping) -> np.ndarray:
-    """Equation 7: V for the relative change of resistance m + d; `reference_share` is R_ref / R_0."""
+    """Return V of equation 7 for the relative change of resistance m + d; `reference_share` is R_ref / R_0."""
     resistance = 1 + change
     return circuit["supply_v"] * resistance / (resistance + circuit["reference_share"])
 
 
 def gap_seconds(settings: Mapping) -> float:
-    """How long the DAQ is silent in all."""
+    """Return the time in s for which the DAQ is silent in all."""
     return settings["faults"]["gaps"] * settings["faults"]["gap_s"] if settings["effects"]["line_faults"] else 0.0
 
 
 def daq_times(settings: Mapping, rng: np.random.Generator) -> np.ndarray:
-    """True times (samples,) in s at which the DAQ reads: jitter around a constant rate, and gaps."""
+    """Draw the true times (samples,) in s at which the DAQ reads: jitter around a constant rate, and gaps."""
     devices, faults, effects = settings["devices"], settings["faults"], settings["effects"]
     start = rng.uniform(0, devices["clock_offset_s"])
     times = start + np.arange(settings["samples"]) / devices["daq_hz"]
@@ -217,17 +218,17 @@ def daq_times(settings: Mapping, rng: np.random.Generator) -> np.ndarray:
 
 
 def own_clock(times: np.ndarray, devices: Mapping, rng: np.random.Generator) -> np.ndarray:
-    """A device's own seconds since its first sample, with a slow drift, for true times (n,)."""
+    """Return a device's own seconds since its first sample, with a slow drift, for true times (n,)."""
     return (times - times[0]) * (1 + devices["clock_drift_ppm"] * 1e-6 * rng.uniform(-1, 1))
 
 
 def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str], list[Fault]]]:
-    """The raw logs of one recording: file name -> (lines without line ends, injected faults).
+    """Return the raw logs of one recording: file name -> (lines without line ends, injected faults).
 
     `truth.csv` is no log: it has the true drift d of every strand at each sample of the DAQ, on the DAQ's clock.
     """
     devices, effects = settings["devices"], settings["effects"]
-    # A generator for each thing, so that switching one effect off leaves the others as they are.
+    # One generator per purpose, so that switching one effect off leaves the others as they are.
     rng = {
         name: generator(settings["seed"], recording.condition, recording.name, name)
         for name in ("drift", "daq", "noise", "robot", "faults")
@@ -262,6 +263,6 @@ def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str
 
 
 def rows(time_s: np.ndarray, values: np.ndarray, decimals: int) -> list[str]:
-    """Lines `t,v0,v1,...` for times (n,), to 0.1 ms, and values (n, columns)."""
+    """Return lines `t,v0,v1,...` for times (n,), to 0.1 ms, and values (n, columns)."""
     pattern = ",".join(["%.4f", *[f"%.{decimals}f"] * values.shape[1]])
     return [pattern % (t, *row) for t, row in zip(time_s.tolist(), values.tolist(), strict=True)]

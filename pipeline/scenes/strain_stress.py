@@ -1,8 +1,8 @@
-"""The strain scene changed after training: the same finger at another speed or another rate, or another finger.
+"""Change the strain scene after training: the same finger at another speed or another rate, or another finger.
 
-A recording of its own motion, drift and noise, which no model has seen, as long as the test part of the simulated
-recordings. Every change starts from it, so that severity 0, which changes nothing, is the reference of all others.
-The clocks of DAQ and robot agree.
+Every change starts from one recording with a motion, drift and noise that no model has seen, as long as the test part
+of the simulated recordings, so that severity 0, which changes nothing, is the reference of all others. The clocks of
+DAQ and robot agree.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ SPEEDS = ("slide_slowest_mm_s", "slide_fastest_mm_s", "press_slowest_mm_s", "pre
 
 
 def changed(settings: Mapping, change: str, severity: float) -> dict:
-    """The block `strain` of params.yaml after one change; raises InputError for an unknown one.
+    """Return the block `strain` of params.yaml after one change; raise InputError for an unknown one.
 
     * rate: DAQ and the grid of ingest at 2^severity times their rate, in the same time.
     * speed: all speeds of the arm times 2^severity; rests stay.
@@ -42,11 +42,11 @@ def changed(settings: Mapping, change: str, severity: float) -> dict:
 
 
 def logs_of(settings: Mapping, task: str, motion_seed: int) -> dict[str, tuple[list[str], list[Fault]]]:
-    """The raw logs of one recording of a task, as strain.logs_of; settings: what `changed` returned.
+    """Return the raw logs of one recording of a task, as strain.logs_of; settings: as `changed` returns them.
 
     motion_seed: the seed of the scene as trained, so that all changes follow the same path.
     """
     scene = settings["simulate"]
-    plans = strain.recordings({**scene, "seed": motion_seed + OTHER_MOTION})
-    (recording,) = (one._replace(name="stress") for one in plans if one.condition == task)
-    return strain.logs_of(recording, scene)
+    recordings = strain.recordings({**scene, "seed": motion_seed + OTHER_MOTION})
+    (recording,) = (recording for recording in recordings if recording.condition == task)
+    return strain.logs_of(recording._replace(name="stress"), scene)

@@ -1,4 +1,4 @@
-"""Touch scene: fingertip-like presses on a 5x5 Velostat array, as the raw logs that three devices print.
+"""Simulate fingertip-like presses on a 5x5 Velostat array, as the raw logs that three devices print.
 
 A chain of named effects, each with a switch in params.yaml (touch.simulate.effects):
 
@@ -38,10 +38,10 @@ class Touch(NamedTuple):
     """One contact along a recording; arrays of shape (steps,)."""
 
     force_n: np.ndarray  # force that acts on the array
-    x_mm: np.ndarray  # where it acts
+    x_mm: np.ndarray  # where the force acts
     y_mm: np.ndarray
-    logged_force_n: np.ndarray  # what the load cell feels along its own axis
-    logged_x_mm: np.ndarray  # where the CNC, or the instruction to the operator, says it is
+    logged_force_n: np.ndarray  # force that the load cell feels along its own axis
+    logged_x_mm: np.ndarray  # place according to the CNC, or to the instruction to the operator
     logged_y_mm: np.ndarray
 
 
@@ -54,7 +54,7 @@ class Recording(NamedTuple):
 
 
 def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
-    """All recordings, and the function that gives the logs of one (`logs_of`); settings: the block `touch`."""
+    """Return all recordings, and the function that gives the logs of one (`logs_of`); settings: the block `touch`."""
     scene, sensor, radius = settings["simulate"], settings["sensor"], settings["label"]["tip_radius_mm"]
     recordings = [
         *single_recordings(scene, sensor, radius),
@@ -72,12 +72,12 @@ def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict
 
 
 def tip_area_m2(tip_radius_mm: float) -> float:
-    """Area of the flat tip that turns force into the pressure of the labels."""
+    """Return the area of the flat tip that turns force into the pressure of the labels."""
     return np.pi * (tip_radius_mm * 1e-3) ** 2
 
 
 def press_profile(duration: Mapping[str, float]) -> np.ndarray:
-    """Relative force (0..1) of one press: depth rises linearly, holds, falls; F ~ depth^1.5 (Hertz).
+    """Return the relative force (0..1) of one press: depth rises linearly, holds, falls; F ~ depth^1.5 (Hertz).
 
     duration: approach_s, hold_s, release_s. Returns (steps,).
     """
@@ -87,7 +87,7 @@ def press_profile(duration: Mapping[str, float]) -> np.ndarray:
 
 
 def varied(press: Mapping[str, float], rng: np.random.Generator, slower: float = 1.0) -> dict[str, float]:
-    """The durations of one press, each varied by up to +-timing_spread."""
+    """Draw the durations of one press, each varied by up to +-timing_spread."""
     spread = press["timing_spread"]
     return {
         key: press[key] * slower * rng.uniform(1 - spread, 1 + spread)
@@ -96,13 +96,13 @@ def varied(press: Mapping[str, float], rng: np.random.Generator, slower: float =
 
 
 def steady(force: np.ndarray, x: np.ndarray | float, y: np.ndarray | float) -> Touch:
-    """A touch of which the devices log what is true."""
+    """Return a touch whose devices log the true force and place."""
     x, y = np.broadcast_to(x, force.shape), np.broadcast_to(y, force.shape)
     return Touch(force, x, y, force, x, y)
 
 
 def single_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: float) -> list[Recording]:
-    """Single-touch data: every grid point x depth x repetition, grouped into recordings.
+    """Return single-touch data: every grid point x depth x repetition, grouped into recordings.
 
     The CNC visits the points of a square grid over the whole sensing area; at each it presses all depths in an
     order of its own. Peak pressures are evenly spaced over [lowest, highest] and vary with the place.
@@ -120,30 +120,25 @@ def single_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: float) 
                 kpa = level * (1 + pressure["location_spread"] * rng.uniform(-1, 1))
                 presses.append((kpa * 1e3 * area, x, y))
     recordings = []
-    size = plan["presses_per_recording"]
+    size, rest = plan["presses_per_recording"], np.zeros(round(START_S / STEP_S))
     for number, first in enumerate(range(0, len(presses), size)):
-        force, xs, ys = [np.zeros(round(START_S / STEP_S))], [], []
-        xs.append(np.full(len(force[0]), presses[first][1]))
-        ys.append(np.full(len(force[0]), presses[first][2]))
-        for newtons, x, y in presses[first : first + size]:
+        group = presses[first : first + size]
+        profiles = []
+        for newtons, _, _ in group:
             duration = varied(settings["press"], rng)
-            profile = np.concatenate(
-                [np.zeros(round(duration["travel_s"] / STEP_S)), newtons * press_profile(duration)]
-            )
-            force.append(profile)
-            xs.append(np.full(len(profile), x))
-            ys.append(np.full(len(profile), y))
-        rest = np.zeros(round(START_S / STEP_S))
-        force.append(rest)
-        xs.append(np.full(len(rest), xs[-1][-1]))
-        ys.append(np.full(len(rest), ys[-1][-1]))
-        touch = steady(np.concatenate(force), np.concatenate(xs), np.concatenate(ys))
+            travel = np.zeros(round(duration["travel_s"] / STEP_S))
+            profiles.append(np.concatenate([travel, newtons * press_profile(duration)]))
+        steps = [len(profile) for profile in profiles]
+        steps[0] += len(rest)
+        steps[-1] += len(rest)
+        _, x, y = (np.repeat(column, steps) for column in zip(*group, strict=True))
+        touch = steady(np.concatenate([rest, *profiles, rest]), x, y)
         recordings.append(Recording("single", f"run{number:03d}", [touch]))
     return recordings
 
 
 def double_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: float) -> list[Recording]:
-    """Double-touch data: the CNC presses one element while a hand-held load cell presses another.
+    """Return double-touch data: the CNC presses one element while a hand-held load cell presses another.
 
     The two elements are at least one element apart (the load cells would collide). The hand is slower, presses
     near the centre of its element but slightly shifted and tilted: its load cell feels F cos(tilt), the centre of
@@ -196,7 +191,7 @@ def double_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: float) 
 
 
 def demonstration_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: float) -> list[Recording]:
-    """The three demonstrations of section IV-E: three touches, two sliding touches, a rolled tape.
+    """Return the three demonstrations of section IV-E: three touches, two sliding touches, a rolled tape.
 
     The tape is a line of five contacts over neighbouring elements whose load falls from left to right (the thumb
     lifts the right side). The paper shows pictures only; the logged truth here exists because we simulate.
@@ -207,6 +202,7 @@ def demonstration_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: 
     rest = np.zeros(round(START_S / STEP_S))
 
     def event(peaks_kpa: list[float], ends: list[tuple[float, float, float, float]], seconds: float):
+        """Return (force, x, y), (steps,) each, of every touch of one event."""
         profile = press_profile({"approach_s": 0.25, "hold_s": seconds, "release_s": 0.25})
         profile = np.concatenate([rest, profile])
         along = np.clip(np.linspace(-len(rest) / len(profile), 1, len(profile)), 0, 1)
@@ -245,7 +241,7 @@ def demonstration_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: 
 
 
 def element_loads(recording: Recording, settings: Mapping, sensor: Mapping, tip_radius_mm: float) -> np.ndarray:
-    """Force on each element, (steps, rows * cols) in N, row-major from the bottom row.
+    """Return the force on each element, (steps, rows * cols) in N, row-major from the bottom row.
 
     The share of a touch at (x, y) on the element [a, b] x [c, d] is
     (Phi((b - x) / s) - Phi((a - x) / s)) (Phi((d - y) / s) - Phi((c - y) / s)).
@@ -267,7 +263,7 @@ def element_loads(recording: Recording, settings: Mapping, sensor: Mapping, tip_
 
 
 def array_voltage(loads: np.ndarray, settings: Mapping, sensor: Mapping) -> np.ndarray:
-    """Voltage at the ADC for every element, (steps, elements) in V, for loads (steps, elements) in N.
+    """Return the voltage at the ADC for every element, (steps, elements) in V, for loads (steps, elements) in N.
 
     One specimen of the array per scene seed: gain and exponent of each element are drawn once.
     """
@@ -298,7 +294,7 @@ def array_voltage(loads: np.ndarray, settings: Mapping, sensor: Mapping) -> np.n
 
 
 def sampled(values: np.ndarray, at_s: np.ndarray) -> np.ndarray:
-    """`values` on the STEP_S grid, (steps,) or (steps, n), interpolated at the times `at_s`."""
+    """Interpolate `values` on the STEP_S grid, (steps,) or (steps, n), at the times `at_s`."""
     place = np.clip(at_s / STEP_S, 0, len(values) - 1)
     below = np.minimum(place.astype(int), len(values) - 2)
     part = place - below
@@ -310,7 +306,7 @@ def sampled(values: np.ndarray, at_s: np.ndarray) -> np.ndarray:
 def device_clock(
     duration_s: float, rate_hz: float, devices: Mapping, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """True sample times and the device's own microseconds: another start, another zero, a slow drift."""
+    """Draw true sample times and the device's own microseconds: another start, another zero, a slow drift."""
     start = rng.uniform(0, devices["clock_offset_s"])
     times = np.arange(start, duration_s, 1 / rate_hz)
     drift = 1 + devices["clock_drift_ppm"] * 1e-6 * rng.uniform(-1, 1)
@@ -321,7 +317,7 @@ def device_clock(
 def logs_of(
     recording: Recording, settings: Mapping, sensor: Mapping, tip_radius_mm: float, reset: bool
 ) -> dict[str, tuple[list[str], list[Fault]]]:
-    """The raw logs of one recording: file name -> (lines without line ends, injected faults).
+    """Return the raw logs of one recording: file name -> (lines without line ends, injected faults).
 
     reset: whether the array's microcontroller restarts in the middle (its clock goes back to zero).
     """
@@ -333,6 +329,7 @@ def logs_of(
     logs: dict[str, tuple[list[str], list[Fault]]] = {}
 
     def finish(name: str, banner: list[str], lines: list[str]) -> None:
+        """Put faults into a log's lines, behind its banner, and keep it."""
         faults: list[Fault] = []
         if effects["line_faults"]:
             lines, faults = inject(lines, rates, rng)

@@ -1,4 +1,4 @@
-"""Touch scenes that the models were not trained for: another array, harder, faster or blunter presses, more touches.
+"""Simulate touches that models were not trained for: another array, harder, faster, blunter presses, more touches.
 
 Three conditions. `double` are the double-touch recordings of the experiment, pressed again with one thing changed;
 unchanged, they are the same to the last digit. `single_anew` are single touches at places, depths and times drawn
@@ -22,11 +22,12 @@ DRAWS = 1000  # of places, until all touches are far enough from one another
 
 
 def varied(settings: Mapping, perturbation: str, severity: float) -> dict:
-    """The block `touch` with one thing changed.
+    """Return the block `touch` with one thing changed.
 
     * peak_pressure: all pressures times 1 + severity.
     * press_speed: approach, hold and release 2^severity times as fast; the way between two places as before.
-    * tip_radius: the tip's radius plus severity (mm), at the same pressures; the labels go with it (eq. 1).
+    * tip_radius: the tip's radius plus severity (mm), at the same pressures; the labels change with the tip (eq. 1).
+
     Every other perturbation leaves the block as it is.
     """
     scene, label = settings["simulate"], settings["label"]
@@ -46,7 +47,7 @@ def varied(settings: Mapping, perturbation: str, severity: float) -> dict:
 def plan(
     settings: Mapping, condition: str, perturbation: str, severity: float
 ) -> tuple[list[Recording], Callable[[Recording], dict]]:
-    """As `touch.plan`: the recordings of one condition, perturbed, and what gives the logs of one.
+    """Return the perturbed recordings of one condition, and the function that gives the logs of one, as `touch.plan`.
 
     settings: the block `touch` as params.yaml has it. specimen: severity 1, 2, ... are arrays of the same make with
     the spread of their elements, even where training's has none (and other clocks), at the same presses.
@@ -69,7 +70,7 @@ def plan(
 
 
 def places(settings: Mapping, touches: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where and how hard `touches` tips press at once: (presses, touches, 2) in mm, (presses, touches) in kPa.
+    """Draw where and how hard `touches` tips press at once: (presses, touches, 2) in mm, (presses, touches) in kPa.
 
     On label cells of elements drawn at random, at least one element between any two, as in the double-touch data.
     Places are drawn for touch.ingest.max_touches tips, so that those of fewer touches are among those of more.
@@ -81,7 +82,7 @@ def places(settings: Mapping, touches: int) -> tuple[np.ndarray, np.ndarray]:
         )
     rng, presses = generator(scene["seed"], "stress", "places"), _presses(scene)
     elements = np.array([(c, r) for r in range(sensor["rows"]) for c in range(sensor["cols"])])
-    found = np.empty((presses, most, 2))
+    pressed_elements = np.empty((presses, most, 2))
     for press in range(presses):
         for _ in range(DRAWS):
             chosen = []
@@ -94,14 +95,15 @@ def places(settings: Mapping, touches: int) -> tuple[np.ndarray, np.ndarray]:
             raise InputError(
                 f"params.yaml, touch.ingest.max_touches: {most} touches find no room on the array; lower it"
             )
-        found[press] = chosen[:most]
-    cells = rng.integers(0, 4, found.shape)  # one of the 4 x 4 label cells of the element
-    kpa = rng.uniform(scene["pressure"]["lowest_kpa"], scene["pressure"]["highest_kpa"], found.shape[:2])
-    return ((found + (cells + 0.5) / 4) * sensor["pitch_mm"])[:, : int(touches)], kpa[:, : int(touches)]
+        pressed_elements[press] = chosen[:most]
+    cells = rng.integers(0, 4, pressed_elements.shape)  # one of the 4 x 4 label cells of the element
+    places_mm = (pressed_elements + (cells + 0.5) / 4) * sensor["pitch_mm"]
+    kpa = rng.uniform(scene["pressure"]["lowest_kpa"], scene["pressure"]["highest_kpa"], (presses, most))
+    return places_mm[:, : int(touches)], kpa[:, : int(touches)]
 
 
 def pairs(settings: Mapping, distance_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Two tips `distance_mm` apart along a row or a column, at random: (presses, 2, 2) in mm, (presses, 2) in kPa.
+    """Draw two tips `distance_mm` apart along a row or a column: (presses, 2, 2) in mm, (presses, 2) in kPa.
 
     Both stay half an element inside the array. With the same draws, a smaller distance moves the tips together.
     """
@@ -123,16 +125,16 @@ def pairs(settings: Mapping, distance_mm: float) -> tuple[np.ndarray, np.ndarray
 def pressed(
     condition: str, places_mm: np.ndarray, kpa: np.ndarray, scene: Mapping, tip_radius_mm: float
 ) -> list[Recording]:
-    """Recordings of presses in which all tips come and go together; arguments as `places` returns them.
+    """Return recordings of presses in which all tips come and go together; arguments as `places` returns them.
 
-    As many recordings, of as many presses, as the double-touch data.
+    There are as many recordings, of as many presses, as in the double-touch data.
     """
     rng = generator(scene["seed"], "stress", "timing")
     newton = 1e3 * touch.tip_area_m2(tip_radius_mm)  # per kPa
     rest = np.zeros(round(touch.START_S / touch.STEP_S))
     size, recordings = scene["double"]["presses_per_recording"], []
     for number in range(scene["double"]["recordings"]):
-        own = slice(number * size, (number + 1) * size)
+        group = slice(number * size, (number + 1) * size)
         profiles = []
         for _ in range(size):
             duration = touch.varied(scene["press"], rng)
@@ -142,11 +144,12 @@ def pressed(
         force = np.concatenate([rest, *profiles, rest])
         touches = []
         for tip in range(kpa.shape[1]):
-            x, y = (np.repeat(column, steps) for column in places_mm[own, tip].T)
-            touches.append(touch.steady(force * np.repeat(kpa[own, tip] * newton, steps), x, y))
+            x, y = (np.repeat(column, steps) for column in places_mm[group, tip].T)
+            touches.append(touch.steady(force * np.repeat(kpa[group, tip] * newton, steps), x, y))
         recordings.append(Recording(condition, f"run{number:03d}", touches))
     return recordings
 
 
 def _presses(scene: Mapping) -> int:
+    """Return the number of presses in the double-touch data."""
     return scene["double"]["recordings"] * scene["double"]["presses_per_recording"]

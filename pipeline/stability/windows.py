@@ -24,6 +24,7 @@ from pipeline.base import files, params, paths, workers
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
+from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning.trained import predict_windows
 from pipeline.scenes import touch_stress
 from pipeline.scoring import results
@@ -100,10 +101,9 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     torch.set_num_threads(1)
     settings, stress = values[experiment], values["stress"][experiment]
     spec = tasks_windows.spec(settings)
-    data = schemas.read_dataset(paths.dataset(experiment), spec.frames)
+    data = read_dataset(paths.dataset(experiment), spec.frames)
     perturbed_scenes = {
-        case: schemas.read_dataset(_scene_file(experiment, case), spec.frames)
-        for case in scene_cases(values, experiment)
+        case: read_dataset(_scene_file(experiment, case), spec.frames) for case in scene_cases(values, experiment)
     }
     written, found = results.Scores(experiment, settings), []
     for protocol in stress["protocols"]:
@@ -121,7 +121,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     return found
 
 
-def perturber(settings: Mapping, data: schemas.Dataset, train: np.ndarray) -> Callable:
+def perturber(settings: Mapping, data: Dataset, train: np.ndarray) -> Callable:
     """`change(x, perturbation, severity, rng)` for windows x (n, frames, elements); train: (n of `data`,) bool."""
     readings, highest_count = data.x[train], settings["ingest"].get("highest_count")
     if highest_count:
@@ -161,9 +161,7 @@ def with_clean(found: list[tuple]) -> list[tuple]:
     return result
 
 
-def _readings_rows(
-    experiment: str, values: Mapping, data: schemas.Dataset, protocol: str, seed: int, model
-) -> list[tuple]:
+def _readings_rows(experiment: str, values: Mapping, data: Dataset, protocol: str, seed: int, model) -> list[tuple]:
     """(condition, perturbation, severity, metric, unit, value, n) of the test windows, unchanged and perturbed."""
     settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
     module = experiments.module(experiment)
@@ -185,7 +183,7 @@ def _readings_rows(
     return found
 
 
-def _scene_rows(experiment: str, settings: Mapping, perturbed_scenes: Mapping[Case, schemas.Dataset], model) -> list:
+def _scene_rows(experiment: str, settings: Mapping, perturbed_scenes: Mapping[Case, Dataset], model) -> list:
     """As `_readings_rows`, of the perturbed scenes."""
     found, module = [], experiments.module(experiment)
     for case, data in perturbed_scenes.items():

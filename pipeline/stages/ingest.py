@@ -1,11 +1,11 @@
-"""Stage: raw logs to aligned, validated frames; every line that is left out goes to a rejects table.
+"""Turn raw logs into aligned, validated frames; every line that is left out goes to a rejects table.
 
 Usage: python -m pipeline.stages.ingest EXPERIMENT
 """
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pyarrow as pa
@@ -19,19 +19,20 @@ from pipeline.logs import own_data, sources
 
 
 def ingest(experiment: str, settings: dict) -> None:
-    """Frames, rejects and report of an experiment; `settings` is its block of params.yaml.
+    """Write the frames, rejects and report of an experiment; `settings` is its block of params.yaml.
 
-    The logs are a public source's (without it: empty tables and the reason), the simulator's, or those in the
-    folder in data/own (relative to the repository) that `<experiment>.source` names. Raises InputError for logs that
-    cannot be read, for a public source with a missing or wrong file, and for a folder in which DVC would not notice a
-    change.
+    The logs are from a public source (where it is not downloaded: empty tables and the reason), from the simulator, or
+    from the folder in data/own (relative to the repository) that `<experiment>.source` names. Raises InputError for
+    logs that cannot be read, for a public source with a missing or wrong file, and for a folder in which DVC would not
+    notice a change.
     """
     module = experiments.module(experiment)
     schema = module.frames_schema(settings)
     if experiment in sources.SOURCES:
         if not sources.is_complete(experiment):
             reason = f"recordings not downloaded; run `python -m pipeline.commands.fetch {experiment}`"
-            _write(experiment, schema, [], [], {"run": False, "reason": reason})
+            schemas.write(paths.frames(experiment), schema, [])
+            _write_rest(experiment, [], {"run": False, "reason": reason})
             print(f"{experiment}: not run, {reason}")
             return
         folder = sources.folder(experiment)
@@ -47,45 +48,46 @@ def ingest(experiment: str, settings: dict) -> None:
             raise InputError(f"params.yaml, {experiment}.source: {problem}")
     try:
         read = getattr(module, "read_in_parts", module.read_recording)
-        _ingest(experiment, module.recordings(folder), schema, read, settings)
+        recordings = module.recordings(folder)
+        rejects, reports = _write_frames(experiment, recordings, schema, read, settings)
     except InputError as error:
         if settings.get("source", "simulated") == "simulated":
             raise
         more = f"`python -m pipeline.commands.check {experiment} {settings['source']}` says more"
         raise InputError(f"{error} ({more})") from error
-
-
-def _ingest(
-    experiment: str, recordings: list[Path], schema: pa.Schema, read_recording: Callable, settings: dict
-) -> None:
-    """Read every recording with `read_recording(path, settings)` and write the three files."""
-    report: dict = {"run": True, "recordings": {}}
-    rejects: list[pa.Table] = []
-
-    def frames() -> Iterator[pa.Table]:
-        for path in tqdm(recordings, desc=f"ingest {experiment}", unit="recording"):
-            parts, bad, logs = read_recording(path, settings)
-            count = 0
-            for part in [parts] if isinstance(parts, pa.Table) else parts:
-                count += part.num_rows
-                yield part
-            names = part["condition"][0].as_py(), part["recording"][0].as_py()
-            for column, name in enumerate(names):
-                bad = bad.add_column(column, schema.names[column], pa.array([name] * bad.num_rows, pa.string()))
-            rejects.append(bad)
-            report["recordings"]["/".join(names)] = {"frames": count, "files": logs}
-
-    _write(experiment, schema, frames(), rejects, report)
-    files = [file for one in report["recordings"].values() for file in one["files"].values()]
-    lines, rejected = sum(f["lines"] for f in files), sum((Counter(f["rejects"]) for f in files), Counter())
+    _write_rest(experiment, rejects, {"run": True, "recordings": reports})
+    logs = [log for report in reports.values() for log in report["files"].values()]
+    lines = sum(log["lines"] for log in logs)
+    rejected = sum((Counter(log["rejects"]) for log in logs), Counter())
     print(f"{experiment}: {len(recordings)} recordings, {lines} lines, {rejected.total()} rejected: {dict(rejected)}")
 
 
-def _write(
-    experiment: str, schema: pa.Schema, frames: Iterable[pa.Table], rejects: list[pa.Table], report: dict
-) -> None:
-    """Write frames, rejects and report; the last two are complete once `frames` is exhausted."""
-    schemas.write(paths.frames(experiment), schema, frames)
+def _write_frames(
+    experiment: str, recordings: list[Path], schema: pa.Schema, read_recording: Callable, settings: dict
+) -> tuple[list[pa.Table], dict[str, dict]]:
+    """Read every recording with `read_recording(path, settings)` and write its frames part by part.
+
+    Returns a table of rejects per recording, and recording -> report.
+    """
+    rejects, reports = [], {}
+    with schemas.writing(paths.frames(experiment), schema) as write_part:
+        for path in tqdm(recordings, desc=f"ingest {experiment}", unit="recording"):
+            parts, rejected, logs = read_recording(path, settings)
+            count = 0
+            for part in [parts] if isinstance(parts, pa.Table) else parts:
+                write_part(part)
+                count += part.num_rows
+            names = part["condition"][0].as_py(), part["recording"][0].as_py()
+            for column, name in enumerate(names):
+                values = pa.array([name] * rejected.num_rows, pa.string())
+                rejected = rejected.add_column(column, schema.names[column], values)
+            rejects.append(rejected)
+            reports["/".join(names)] = {"frames": count, "files": logs}
+    return rejects, reports
+
+
+def _write_rest(experiment: str, rejects: list[pa.Table], report: dict) -> None:
+    """Write the rejects and the report of an experiment."""
     schemas.write(paths.rejects(experiment), schemas.REJECTS, rejects)
     files.write_text(paths.ingest_report(experiment), json.dumps(report, indent=1) + "\n")
 

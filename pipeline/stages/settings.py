@@ -1,4 +1,4 @@
-"""Stage: hold params.yaml against what the pipeline knows, before a stage that is named by one of its keys runs.
+"""Check params.yaml before any stage runs that is named after one of its keys.
 
 Usage: python -m pipeline.stages.settings
 """
@@ -8,7 +8,7 @@ from pipeline.base.errors import run_stage
 
 
 def main() -> None:
-    """Check params.yaml; what is written does not depend on its values, so that nothing runs again for it."""
+    """Check params.yaml; the text written does not depend on its values, so that no stage runs again for it."""
     params.load()
     files.write_text(paths.ROOT / "data" / "settings.txt", "params.yaml has known keys and values.\n")
 

@@ -1,4 +1,4 @@
-"""Stage: write the raw serial logs of a simulated scene, with every injected fault listed in `faults.csv`.
+"""Write the raw serial logs of a simulated scene, with every injected fault listed in `faults.csv`.
 
 Usage: python -m pipeline.stages.simulate touch|strain|glove
 """

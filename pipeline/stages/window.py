@@ -1,4 +1,4 @@
-"""Stage: frames to windows, the inputs of the models.
+"""Cut frames into windows, the inputs of the models.
 
 Usage: python -m pipeline.stages.window touch|velostat_recorded
 """
@@ -23,8 +23,8 @@ def main() -> None:
     frames = schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
     windows = windows_of(frames, values[experiment]["window"])
     schemas.write(paths.windows(experiment), windows.schema, [windows])
-    presses_found = len(np.unique(windows["press"].to_numpy()))
-    print(f"{experiment}: {frames.num_rows} frames, {presses_found} presses, {windows.num_rows} windows")
+    presses = len(np.unique(windows["press"].to_numpy()))
+    print(f"{experiment}: {frames.num_rows} frames, {presses} presses, {windows.num_rows} windows")
 
 
 if __name__ == "__main__":

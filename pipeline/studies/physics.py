@@ -20,6 +20,7 @@ from pipeline import experiments, models, scenes, tasks
 from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import images, schemas, series
+from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Trained, predict_windows
 from pipeline.scoring import classification, metrics
 from pipeline.scoring.variants import COLUMNS, DEFAULT, NONE, variants
@@ -119,7 +120,7 @@ def fitted(
 
 def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
     """Yield (condition, model, rows of metrics.touch) of every model; settings: the scene's, chosen: physics.touch."""
-    data = schemas.read_dataset(dataset_of(folder), settings["window"]["frames"])
+    data = read_dataset(dataset_of(folder), settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     (protocol,) = chosen["protocols"]
     part = data.part(protocol, seed)

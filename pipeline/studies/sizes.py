@@ -20,6 +20,7 @@ from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import images, schemas
+from pipeline.datasets.windows import read_dataset
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import separable_network
@@ -40,7 +41,7 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
     torch.set_num_threads(1)
     settings, protocol = values["touch"], ladders.protocol("touch", "single")
     spec = tasks_windows.spec(settings)
-    data = schemas.read_dataset(paths.dataset("touch"), spec.frames)
+    data = read_dataset(paths.dataset("touch"), spec.frames)
     x = data.x
     model = ladders.FAMILIES[family].model
     block = params.model_settings(values, "touch", model)

@@ -12,6 +12,7 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
+from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import metrics
 
@@ -60,7 +61,7 @@ def fit(
 ) -> Fitted:
     """Return a model fitted to the training windows of one run. Raises InputError where a part has no window."""
     regressor = build(spec(settings))
-    data = schemas.read_dataset(path, settings["window"]["frames"])
+    data = read_dataset(path, settings["window"]["frames"])
     part = data.part(protocol, seed)
     train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
     for name, windows in (("train", train), ("validation", validation)):
@@ -81,7 +82,7 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
     """Yield the tests of all runs of one model; `load(protocol, seed, spec)` gives its Trained."""
     module = experiments.module(experiment)
     pooled = metrics.POOLED.get(module.SCORES, ())
-    data = schemas.read_dataset(paths.dataset(experiment), settings["window"]["frames"])
+    data = read_dataset(paths.dataset(experiment), settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:
         run = load(protocol, seed, spec(settings))
@@ -103,7 +104,7 @@ def score(module: ModuleType, windows: pa.Table, y: np.ndarray, predicted: np.nd
 
 def stream(experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
     """Return (spec, test windows (n, frames, elements)) of one run."""
-    data = schemas.read_dataset(paths.dataset(experiment), settings["window"]["frames"])
+    data = read_dataset(paths.dataset(experiment), settings["window"]["frames"])
     return spec(settings), data.x[data.part(protocol, seed) == "test"]
 
 

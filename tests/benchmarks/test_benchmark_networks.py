@@ -11,6 +11,7 @@ from pipeline import experiments, tasks
 from pipeline.base import params, paths, workers
 from pipeline.base.blocks import SequenceTraining
 from pipeline.datasets import schemas, series
+from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning import trained
 from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec, TorchRegressor
@@ -25,7 +26,7 @@ WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
 def touch():
     """The touch experiment's dataset, and what loads a model of its first run; needs what `dvc repro` has made."""
     values = params.load()
-    data = schemas.read_dataset(paths.require(paths.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
+    data = read_dataset(paths.require(paths.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
     spec = tasks_windows.spec(values["touch"])
 
     def load(model: str):
@@ -34,7 +35,7 @@ def touch():
     return data, load
 
 
-def single_rmse(data: schemas.Dataset, predict) -> float:
+def single_rmse(data: Dataset, predict) -> float:
     """RMSE in kPa of the single touches of the test part; `predict(x, rows)` gives the maps of these rows."""
     single = schemas.names(data.rows["condition"]) == "single"
     rows = np.flatnonzero(single & (data.part("press", 0) == "test"))

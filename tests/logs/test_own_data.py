@@ -135,7 +135,7 @@ def test_a_link_within_is_refused_too(root):
 def test_a_link_that_leads_to_nothing_is_refused(root):
     (put(root / "data" / "own") / "gone.log").symlink_to("nowhere.log")
     said = own_data.unnoticed(root / "data" / "own" / "finger")
-    assert said.endswith("gone.log is a link that leads to nothing, where `dvc repro` stops; mend or remove it")
+    assert said.endswith("gone.log is a link that leads to nothing, where `dvc repro` stops; fix or remove it")
 
 
 @pytest.mark.parametrize("source", ["../ext/finger", "data/own/../../../ext/finger", "{outside}"])

@@ -247,8 +247,9 @@ def test_all_rejects_have_number_and_reason_and_the_first_their_text(tmp_path, m
 def test_rows_rejected_by_an_experiment_have_the_first_texts_too(tmp_path, monkeypatch):
     monkeypatch.setattr(parse, "TEXTS", 2)
     path = write(tmp_path, b"a\nb\nc\nd\n")
-    found = parse.rejected(path, np.array([1, 3, 4], np.int32), "of no use", "x/device.log")
-    assert found.schema.equals(parse.REJECTS) and parse.rejected(path, np.zeros(0, np.int32), "of no use").num_rows == 0
+    none = parse.add_rejects(parse.REJECTS.empty_table(), path, np.zeros(0, np.int32), "of no use")
+    found = parse.add_rejects(none, path, np.array([1, 3, 4], np.int32), "of no use", "x/device.log")
+    assert found.schema.equals(parse.REJECTS) and none.num_rows == 0
     assert found.to_pylist() == [
         {"file": "x/device.log", "line": line, "reason": "of no use", "text": text}
         for line, text in ((1, "a"), (3, "c"), (4, None))

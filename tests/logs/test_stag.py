@@ -59,7 +59,7 @@ BAD = {
     "turned": ({"pressure": np.ones((32, 32, 12))}, r"'pressure' is \(32, 32, 12\), not frames"),
     "no numbers": ({"pressure": np.full((12, 32, 32), np.nan)}, "'pressure' holds values that are no numbers"),
     "text": ({"pressure": cells(["none"])}, "'pressure' is"),
-    "too few": ({"objectId": np.zeros((7, 1))}, "'objectId' must be 12 whole numbers, one a frame"),
+    "too few": ({"objectId": np.zeros((7, 1))}, "'objectId' must be 12 whole numbers, one per frame"),
     "fractions": ({"recordingId": np.full((12, 1), 0.5)}, "'recordingId' must be 12 whole numbers"),
     "NaN": ({"splitId": np.full((12, 1), np.nan)}, "'splitId' must be 12 whole numbers"),
     "too large": ({"splitId": np.full((12, 1), 1e300)}, "'splitId' must be 12 whole numbers"),

@@ -5,7 +5,8 @@ import pyarrow as pa
 import pytest
 import torch
 
-from pipeline.datasets import schemas, windowing
+from pipeline.datasets import windowing
+from pipeline.datasets.windows import Dataset
 from pipeline.learning.regressors import Spec
 from pipeline.models import lomp, lomp_stream
 
@@ -40,7 +41,7 @@ def test_a_window_goes_on_from_the_one_that_ends_before_it():
 
 def test_of_some_windows_only_those_before_that_are_there_count():
     table = pa.table({"previous": pa.array([-1, 0, 1, -1, 3, 4], pa.int32())})
-    data = schemas.Dataset(np.zeros((6, 1, 1)), np.zeros((6, 1)), table)
+    data = Dataset(np.zeros((6, 1, 1)), np.zeros((6, 1)), table)
     assert data.previous(np.array([0, 1, 2, 4, 5])).tolist() == [-1, 0, 1, -1, 3]
     assert data.previous(np.arange(6)).tolist() == [-1, 0, 1, -1, 3, 4]
 

@@ -11,6 +11,7 @@ from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
+from pipeline.datasets.windows import read_dataset
 from pipeline.scenes import touch, touch_stress
 from pipeline.stability import windows as stress_windows
 from pipeline.stages import dataset, evaluate, ingest, simulate, stress, train, window
@@ -160,7 +161,7 @@ def test_own_logs_have_no_scene_to_perturb():
 def test_perturbed_counts_stay_what_the_adc_can_print(trained, project):
     project(small())
     values = small()
-    data = schemas.read_dataset(paths.dataset("touch"), 8)
+    data = read_dataset(paths.dataset("touch"), 8)
     train_part = data.part("press", 0) == "train"
     change = stress_windows.perturber(values["touch"], data, train_part)
     for name, severity in (("noise", 0.5), ("gain_drift", 2.0), ("offset_drift", 0.5), ("jitter", 1.0)):
