@@ -44,7 +44,7 @@ ARROWS = {
 }
 # Their __init__ imports a file of the room by a name that params.yaml or dvc.yaml gives.
 DOORS = ("experiments", "models", "scenes", "tasks")
-BY_NAME = {f"pipeline/{name}/__init__.py" for name in ("experiments", "models", "scenes")}
+BY_NAME = {f"pipeline/{name}/__init__.py" for name in DOORS} | {"pipeline/base/cluster.py"}  # a task's function
 RUN = 'if __name__ == "__main__":'
 VALUES = params.load()
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.datasets import fits
-from pipeline.datasets.windows import Dataset
 
 # A run's protocol and seed, and for each part of its test rows: the rows' numbers in the dataset (n,), predictions
 # (n, outputs), and scores, each with its condition.
@@ -44,19 +43,8 @@ class Trained(NamedTuple):
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Return the model's predictions; NaN of a failed run."""
-        return self._unless_failed(self.model.predict(x))
+        return self.unless_failed(self.model.predict(x))
 
-    def predict_windows(self, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray:
-        """Return what the function `predict_windows` returns; NaN of a failed run."""
-        return self._unless_failed(predict_windows(self.model, x, data, rows))
-
-    def _unless_failed(self, predicted: np.ndarray) -> np.ndarray:
+    def unless_failed(self, predicted: np.ndarray) -> np.ndarray:
+        """Return predictions of the model; NaN in their place for a failed run."""
         return np.full_like(predicted, np.nan) if self.failed else predicted
-
-
-def predict_windows(model, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray:
-    """Predict windows x (n, frames, elements), which are rows `rows` (n,) of `data` or perturbed copies of them.
-
-    A streaming model starts each window from the state that its predecessor left (`data.previous`).
-    """
-    return model.predict(x, data.previous(rows)) if model.streams else model.predict(x)

@@ -25,7 +25,6 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
-from pipeline.learning.trained import predict_windows
 from pipeline.scenes import touch_stress
 from pipeline.scoring import results
 from pipeline.stability import clean_scores, perturbations
@@ -173,7 +172,7 @@ def _readings_rows(experiment: str, values: Mapping, data: Dataset, protocol: st
     found = []
     for name, severity in wanted:
         changed = x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name))
-        predicted = predict_windows(model, changed, data, test)
+        predicted = tasks_windows.predict(model, changed, data, test)
         for one in experiments.module(experiment).STRESSED:
             chosen = np.full(len(test), True) if one == "all" else condition == one
             if chosen.any():
@@ -188,7 +187,7 @@ def _scene_rows(experiment: str, settings: Mapping, perturbed_scenes: Mapping[Ca
     found, module = [], experiments.module(experiment)
     for case, data in perturbed_scenes.items():
         varied = touch_stress.varied(settings, case.perturbation, case.severity)
-        predicted = predict_windows(model, data.x, data, np.arange(len(data.x)))
+        predicted = tasks_windows.predict(model, data.x, data, np.arange(len(data.x)))
         scores = tasks_windows.score(module, data.rows, data.y, predicted, varied)
         found += [(*case, *row) for row in scores if row[0] in REPORTED]
     return found

@@ -21,11 +21,12 @@ from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import images, schemas, series
 from pipeline.datasets.windows import read_dataset
-from pipeline.learning.trained import Trained, predict_windows
+from pipeline.learning.trained import Trained
 from pipeline.scoring import classification, metrics
 from pipeline.scoring.variants import COLUMNS, DEFAULT, NONE, variants
 from pipeline.tasks import images as tasks_images
 from pipeline.tasks import series as tasks_series
+from pipeline.tasks import windows as tasks_windows
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
 CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about the others, demonstrations
@@ -128,7 +129,7 @@ def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, devic
         run = fitted("touch", model, settings, chosen, folder, (protocol, seed), device=device)
         for name in CONDITIONS["touch"]:
             rows = np.flatnonzero((part == "test") & (condition == name))
-            predicted = predict_windows(run.model, data.x[rows], data, rows)
+            predicted = tasks_windows.predict(run.model, data.x[rows], data, rows)
             scores = metrics.touch(data.rows.take(pa.array(rows)), data.y[rows], predicted, settings)
             yield name, model, metrics.unless_failed(scores, run.failed)
 

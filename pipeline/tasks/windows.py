@@ -12,7 +12,7 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
-from pipeline.datasets.windows import read_dataset
+from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import metrics
 
@@ -87,7 +87,7 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
     for protocol, seed in runs:
         run = load(protocol, seed, spec(settings))
         test = np.flatnonzero(data.part(protocol, seed) == "test")
-        predicted = run.predict_windows(data.x[test], data, test)
+        predicted = run.unless_failed(predict(run.model, data.x[test], data, test))
         conditions, scores = np.unique(condition[test]), []
         for name in [*conditions, *(pooled if len(conditions) > 1 else ())]:
             chosen = np.full(len(test), name in pooled) | (condition[test] == name)
@@ -95,6 +95,14 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
             values = score(module, windows, data.y[test[chosen]], predicted[chosen], settings)
             scores += [(name, *row) for row in metrics.unless_failed(values, run.failed)]
         yield protocol, seed, [(test, predicted, scores)]
+
+
+def predict(model, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray:
+    """Predict windows x (n, frames, elements), which are rows `rows` (n,) of `data` or perturbed copies of them.
+
+    A streaming model starts each window from the state that its predecessor left (`data.previous`).
+    """
+    return model.predict(x, data.previous(rows)) if model.streams else model.predict(x)
 
 
 def score(module: ModuleType, windows: pa.Table, y: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list:

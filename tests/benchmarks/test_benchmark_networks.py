@@ -92,7 +92,7 @@ def test_lomp_stream(race, record, sizes, touch):
     )
 
     def rmse(model) -> float:
-        return single_rmse(data, lambda x, rows: trained.predict_windows(model, x, data, rows))
+        return single_rmse(data, lambda x, rows: tasks_windows.predict(model, x, data, rows))
 
     record(
         "lomp_stream",
