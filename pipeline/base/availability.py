@@ -1,4 +1,4 @@
-"""Whether an experiment could run: recorded data may be absent on a machine."""
+"""Tell whether an experiment could run: recorded data may be absent on a machine."""
 
 import json
 
@@ -7,7 +7,7 @@ from pipeline.base.errors import InputError
 
 
 def why_not_run(experiment: str) -> str | None:
-    """The reason that ingest gave for not running `experiment` (recordings absent), or None if it ran.
+    """Return the reason that ingest gave for not running `experiment` (recordings absent), or None if it ran.
 
     Raises InputError if the report of ingest is missing or is not JSON.
     """

@@ -1,7 +1,7 @@
-"""What params.yaml may say: one pydantic model per block, and the kinds that a model's `build` is annotated with.
+"""Define the blocks of params.yaml: one pydantic model per block, and the kinds that annotate a model's `build`.
 
-The limits keep a slip of the pen from asking for more memory or time than a machine has; each is ten times or more what
-any setting here has.
+The limits keep a typing error from asking for more memory or time than a machine has; each limit is at least ten times
+the largest value of any setting here.
 """
 
 from typing import Annotated, Any, Literal
@@ -74,7 +74,7 @@ class EarlyStopping(Block):
 
 
 class SequenceTraining(Block):
-    """How the latent-space paper trains (its authors' script): Adam on the whole series as one sequence.
+    """Training as in the latent-space paper (its authors' script): Adam on the whole series as one sequence.
 
     The learning rate is multiplied by `drop` after `drop_epoch` epochs; gradients are clipped to norm `clip`.
     `streams`: into how many pieces of equal length, each from a zero state, the series is cut; `batch`: how many of
@@ -92,10 +92,11 @@ class SequenceTraining(Block):
 
 
 class StretchTraining(Block):
-    """Adam on random stretches of `length` samples, each from a zero state and without its first `warm_up` samples
-    in the loss; the learning rate rises to `learning_rate` and falls again over the epochs (one cycle, Smith 2018).
+    """Training with Adam on random stretches of `length` samples, each from a zero state.
 
-    An epoch is as many stretches as cover the training part once; gradients are clipped to norm `clip`.
+    The first `warm_up` samples of a stretch do not count in the loss. The learning rate rises to `learning_rate` and
+    falls again over the epochs (one cycle, Smith 2018). An epoch is as many stretches as cover the training part once;
+    gradients are clipped to norm `clip`.
     """
 
     learning_rate: LearningRate

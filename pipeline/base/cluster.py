@@ -1,8 +1,8 @@
-"""Independent tasks on a Dask cluster whose machines share the project's folder: the numbers are those of local cores.
+"""Run independent tasks on a Dask cluster whose machines share the project's folder: the numbers are as on local cores.
 
 A Dask worker computes nothing itself: each of its threads hands its task to a process of one thread, as on local
-cores. The process is new in every stage, so that it runs today's code, ends with its worker, and is killed when nobody
-waits for its task any more.
+cores. The process is new in every stage, so that it runs the present code, ends with its worker, and is killed when no
+stage waits for its task any more.
 """
 
 import importlib
@@ -39,12 +39,12 @@ IDLE_S = 60  # a process that got no task for so long ends
 ATTEMPTS = 3  # at a task whose process is killed or hangs while its worker lives on
 STILL_S = 600  # a process that has neither used its core nor reported for so long hangs; an epoch may last hours
 TOPIC = "tactile-reproduction progress"
-NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # whose version may change a result
+NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # packages whose version may change a result
 SERVE = "import sys; from pipeline.base import cluster; cluster.serve(int(sys.argv[1]))"
 
 
 class Job(NamedTuple):
-    """What every task of one stage's run shares: `mark` is a file that exists in the project while the stage runs."""
+    """The part that all tasks of one run share; `mark`: a file that exists in the project while the stage runs."""
 
     name: str
     root: str
@@ -53,9 +53,9 @@ class Job(NamedTuple):
 
 
 class Task(NamedTuple):
-    """`function` of `module`, called with `arguments`; `folder`: what it makes anew, None where it replaces files.
+    """One call of `function` of `module` with `arguments`.
 
-    `called`: what messages call it.
+    `folder`: the folder that the call makes anew, None where it replaces files; `called`: the task's name in messages.
     """
 
     called: str
@@ -81,7 +81,7 @@ def run(
     steps: int,
     folders: Mapping[Hashable, Path],
 ) -> Iterator[tuple[Hashable, object]]:
-    """As `workers.run`, on the cluster of the Dask scheduler at `address`; a task whose worker is lost starts again.
+    """Run tasks as `workers.run`, on the cluster of the Dask scheduler at `address`; restart tasks of lost workers.
 
     Raises InputError without the scheduler or any worker, for a worker that does not see the project's folder or has
     other versions of what computes, and for a task whose workers or processes are lost time and again.
@@ -117,12 +117,13 @@ def run(
 
 
 def versions() -> dict[str, str]:
-    """Python's version and those of the packages that compute."""
+    """Return the versions of Python and of the packages that compute."""
     return {"python": platform.python_version()} | {name: version(name) for name in NUMBERS}
 
 
 @contextmanager
 def _connected(address: str) -> Iterator:
+    """Give the block a Dask client; raise InputError where no scheduler answers."""
     try:
         from distributed import Client
     except ModuleNotFoundError as error:
@@ -147,7 +148,7 @@ def _connected(address: str) -> Iterator:
 
 @contextmanager
 def _mark() -> Iterator[Path]:
-    """A new file in the project's folder, by which a worker can tell that it sees this very folder."""
+    """Give the block a new file in the project's folder, by which a worker can tell that it sees this very folder."""
     folder = paths.ROOT / "data"
     folder.mkdir(exist_ok=True)
     handle, name = tempfile.mkstemp(dir=folder, prefix="cluster-", suffix=".unfinished")
@@ -159,7 +160,7 @@ def _mark() -> Iterator[Path]:
 
 
 def _advance(heard: queue.SimpleQueue, job: Job, done_steps: list[int | None], bar: tqdm) -> None:
-    """Move the bar to the steps that tasks have reported; back, where a task had to start again."""
+    """Move the bar to the steps that tasks have reported, and back where a task had to start again."""
     while not heard.empty():
         name, number, done, note = heard.get()
         if name == job.name and done_steps[number] is not None:
@@ -169,6 +170,7 @@ def _advance(heard: queue.SimpleQueue, job: Job, done_steps: list[int | None], b
 
 
 def _result(future, address: str, called: str):
+    """Return the result of a task that is done; raise InputError where workers or the scheduler are lost."""
     from distributed import CancelledError, KilledWorker
 
     try:
@@ -184,7 +186,7 @@ def _result(future, address: str, called: str):
 
 # What follows runs on the cluster.
 
-_own = threading.local()  # .process: that of this thread of the worker
+_own = threading.local()  # .process: the process of this thread of the worker
 
 
 def call(job: Job, number: int, task: Task):
@@ -221,21 +223,22 @@ def call(job: Job, number: int, task: Task):
 
 
 def _check(job: Job, address: str) -> None:
+    """Raise InputError for a worker that does not see the project's folder or has other versions."""
     if not Path(job.mark).is_file():
         raise InputError(
             f"worker {address} ({platform.node()}) does not see this project's folder {job.root}: every worker needs "
             "it under that path (a shared file system)"
         )
-    for name, found in versions().items():
-        if found != job.versions[name]:
+    for name, here in versions().items():
+        if here != job.versions[name]:
             raise InputError(
-                f"worker {address} ({platform.node()}) has {name} {found}, this machine {job.versions[name]}: results "
+                f"worker {address} ({platform.node()}) has {name} {here}, this machine {job.versions[name]}: results "
                 "would differ; install the same there (constraints.txt)"
             )
 
 
 def _process(job: Job) -> Process:
-    """This thread's process, new where the last one was of another job or has ended."""
+    """Return this thread's process, a new one where the last was of another job or has ended."""
     last = getattr(_own, "process", None)
     if last is not None and (last.job != job.name or last.popen.poll() is not None):
         last.pipe.close()
@@ -256,6 +259,7 @@ def _process(job: Job) -> Process:
 
 
 def _end(process: Process) -> None:
+    """Kill a process."""
     process.popen.kill()
     with suppress(subprocess.TimeoutExpired):  # a process that waits for a dead disk ends with it, not before
         process.popen.wait(timeout=10)
@@ -293,7 +297,7 @@ def _outcome(
 
 
 def _processor_s(process: Process) -> float:
-    """Seconds that the process has computed, by itself and for the system; 0 where it has ended."""
+    """Return the seconds that the process has computed, by itself and for the system; 0 where it has ended."""
     import psutil
 
     try:
@@ -316,4 +320,5 @@ def serve(handle: int) -> None:
 
 
 def _named(module: str, function: str, *arguments):
+    """Call a function by the names of its module and itself."""
     return getattr(importlib.import_module(module), function)(*arguments)

@@ -1,4 +1,4 @@
-"""Bad input ends in one sentence, not in a traceback. So does a disk that is full or locked, and a lack of memory."""
+"""Turn bad input, a disk that is full or locked, and a lack of memory into one sentence instead of a traceback."""
 
 import errno
 import os
@@ -10,11 +10,11 @@ from pathlib import Path
 
 from pipeline.base.processes import die_with_parent
 
-# What ends a write through no fault of the code.
+# Errors that end a write through no fault of the code.
 STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
-FULL = (errno.ENOSPC, errno.EDQUOT)  # what DVC writes in place is cut, too
+FULL = (errno.ENOSPC, errno.EDQUOT)  # these also cut the files that DVC writes in place
 
-# What torch and the system say where Python says MemoryError.
+# Words of torch and of the system for what Python calls MemoryError.
 NO_MEMORY = re.compile(r"can't allocate memory|cannot allocate memory|out of memory|bad_alloc", re.IGNORECASE)
 
 
@@ -22,17 +22,17 @@ class InputError(Exception):
     """Bad input: the message, one line, names the file and the line or key, what is wrong, and what to do."""
 
     def __init__(self, message: str):
-        super().__init__(re.sub(r"\s*[\r\n]\s*", " ", message))  # it may quote a library's, which has more
+        super().__init__(re.sub(r"\s*[\r\n]\s*", " ", message))  # a quoted library's message may have several lines
 
 
 def run_stage(main: Callable[[], None]) -> None:
     """Run a stage's `main`; bad input, a disk and a lack of memory become a sentence on stderr and exit status 1.
 
-    Ctrl-C says nothing, with the status that a shell gives it. A stage that DVC started ends with it: otherwise the
-    next `dvc repro` would find it still writing. It fails where params.yaml changed while it ran: DVC reads the file
-    after the stage, and would take the results for those of the new values.
+    Ctrl-C prints nothing and ends with the status that a shell gives it. A stage that DVC started ends when DVC does:
+    otherwise the next `dvc repro` would find the stage still writing. The stage fails where params.yaml changed while
+    it ran: DVC reads the file after the stage, and would take the results for results of the new values.
     """
-    from pipeline.base import paths  # which needs InputError
+    from pipeline.base import paths  # not at the top: paths imports InputError from here
 
     by_dvc = "DVC_STAGE" in os.environ
     if by_dvc:
@@ -55,20 +55,20 @@ def run_stage(main: Callable[[], None]) -> None:
 
 
 def memory_error(error: BaseException) -> str | None:
-    """What the system said where a piece of memory was not to be had; None for any other error."""
-    said = isinstance(error, (RuntimeError, OSError)) and NO_MEMORY.search(str(error))
-    if not (isinstance(error, MemoryError) or said):
+    """Return the words for an error that means a lack of memory; None for any other error."""
+    by_words = isinstance(error, (RuntimeError, OSError)) and NO_MEMORY.search(str(error))
+    if not (isinstance(error, MemoryError) or by_words):
         return None
     return f"not enough memory ({str(error).splitlines()[0] if str(error) else type(error).__name__})"
 
 
 def _content(path: Path) -> bytes | None:
-    """The bytes of a file, None without it."""
+    """Return the bytes of a file, None where there is no such file."""
     return path.read_bytes() if path.is_file() else None
 
 
 def storage_error(error: Exception) -> str | None:
-    """The sentence for a full, read-only or failing disk; None for any other error."""
+    """Return the sentence for a full, read-only or failing disk; None for any other error."""
     # safetensors, written in Rust, says "(os error 28)".
     code = error.errno if isinstance(error, OSError) else int((re.findall(r"os error (\d+)", str(error)) or [0])[0])
     if code not in STORAGE:

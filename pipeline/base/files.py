@@ -1,6 +1,6 @@
-"""Files and folders that change only when all of their new content is written, and then at once.
+"""Write files and folders that change only when all of their new content is written, and then at once.
 
-What a killed stage leaves behind is a draft beside them, `<name>.unfinished`, which the next call writes anew.
+A killed stage leaves a draft beside them, `<name>.unfinished`, which the next call writes anew.
 """
 
 import csv
@@ -15,7 +15,7 @@ from pipeline.base.errors import InputError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """The draft of a file, to be written in the block: it becomes `path` where the block ends without an error."""
+    """Give the block the draft of a file, which becomes `path` where the block ends without an error."""
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(path.name + ".unfinished")
     yield draft
@@ -23,7 +23,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def remove_folder(folder: Path, inside: Path) -> None:
-    """Remove a folder with all that is in it, where it exists; InputError unless it lies below the folder `inside`."""
+    """Remove a folder with all its content, where it exists; InputError unless it lies below the folder `inside`."""
     place, room = folder.resolve(), inside.resolve()
     if place == room or not place.is_relative_to(room):
         raise InputError(f"{folder}: lies outside {inside}, so it is not removed; give it a name inside that folder")
@@ -32,7 +32,7 @@ def remove_folder(folder: Path, inside: Path) -> None:
 
 @contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
-    """As `replacing`, for a folder with all that is in it; the draft is a new, empty folder."""
+    """Give the block a new, empty folder, which becomes `path` where the block ends without an error."""
     draft = path.with_name(path.name + ".unfinished")
     remove_folder(draft, inside=path.parent)
     draft.mkdir(parents=True)
@@ -42,7 +42,7 @@ def replacing_folder(path: Path) -> Iterator[Path]:
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> None:
-    """A header and rows in UTF-8, numbers in full precision."""
+    """Write a header and rows in UTF-8, numbers in full precision."""
     with replacing(path) as draft, open(draft, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
@@ -50,17 +50,17 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> N
 
 
 def write_table(path: Path, table, missing: str = "") -> None:
-    """A pandas table without its index as CSV, numbers in full precision; `missing` stands for NaN."""
+    """Write a pandas table without its index as CSV, numbers in full precision; `missing` stands for NaN."""
     with replacing(path) as draft:
         table.to_csv(draft, index=False, lineterminator="\n", na_rep=missing, float_format=_shortest)
 
 
 def write_text(path: Path, text: str) -> None:
-    """UTF-8 with Unix line ends on every machine."""
+    """Write text in UTF-8 with Unix line ends on every machine."""
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _shortest(value: float) -> str:
-    """The shortest text that reads back as the same number."""
+    """Return the shortest text that reads back as the same number."""
     return repr(float(value))

@@ -36,7 +36,7 @@ def load(path: Path = paths.PARAMS) -> dict:
 
 
 def check(values) -> None:
-    """Hold params.yaml against pipeline/base/blocks.py and pipeline/models; InputError names what fails first."""
+    """Check params.yaml against pipeline/base/blocks.py and pipeline/models; InputError names the first fault."""
     check_block(values, settings_block(), "")
     for experiment, block in values.items():
         if isinstance(block, Mapping) and "models" in block:
@@ -92,7 +92,7 @@ def parsed(path: Path):
 
 
 def _shown(value) -> str:
-    """A value of params.yaml, shortened."""
+    """Return a value of params.yaml as text, shortened."""
     short = reprlib.Repr()
     short.maxstring = short.maxother = short.maxlong = 60
     return short.repr(value)
@@ -120,24 +120,24 @@ def check_block(given, kind: type[blocks.Block], where: str) -> blocks.Block:
 
 
 def _dotted(*names) -> str:
-    """The names of nested keys as one, `touch.models.cnn`."""
+    """Join the names of nested keys to one, `touch.models.cnn`."""
     return ".".join(str(name) for name in names if name != "")
 
 
 def _at(kind, path: Iterable):
-    """The kind (an annotation) of what lies at `path`, keys and places in lists, in a value of this kind."""
+    """Return the kind (an annotation) of the value at `path`, keys and places in lists, in a value of this kind."""
     for step in path:
         plain = get_args(kind)[0] if get_origin(kind) is Annotated else kind
         if isinstance(plain, type) and issubclass(plain, blocks.Block):
             field = plain.model_fields[step]
             kind = Annotated[field.annotation, field] if field.metadata else field.annotation
         else:
-            kind = get_args(plain)[-1]  # of a list, or of the values of a mapping
+            kind = get_args(plain)[-1]  # of the entries of a list, or of the values of a mapping
     return kind
 
 
 def _expected(kind) -> str:
-    """What a setting of this kind must be, in words."""
+    """Describe in words the values that a setting of this kind can have."""
     limits = {}
     while get_origin(kind) is Annotated:
         kind, *extras = get_args(kind)
@@ -157,7 +157,7 @@ def _expected(kind) -> str:
 
 
 def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
-    """InputError that names the first key which is not among `expected`, with "did you mean"."""
+    """Raise InputError that names the first key which is not among `expected`, with "did you mean"."""
     expected = list(expected)
     for key in given:
         if key not in expected:
@@ -167,7 +167,7 @@ def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
 
 
 def check_models(models: Mapping, where: str) -> None:
-    """Hold a block of models against pipeline/models: every key a file's name, every setting one of its `build`.
+    """Check a block of models against pipeline/models: every key a file's name, every setting one of its `build`.
 
     Raises InputError that names the first key or setting that fails.
     """
@@ -180,7 +180,7 @@ def check_models(models: Mapping, where: str) -> None:
 
 
 def check_model(key: str, settings, where: str) -> blocks.Block:
-    """Return one model's block, held against the signature of its `build`; InputError names what fails."""
+    """Return one model's block, checked against the signature of its `build`; InputError names the first fault."""
     known = model_keys()
     if key not in known:
         near = difflib.get_close_matches(key, known, n=1)
@@ -207,6 +207,7 @@ def model_block(path: Path) -> type[blocks.Block]:
 
 
 def _kind(argument: ast.arg, path: Path):
+    """Return the kind in `blocks` that annotates an argument of `build`."""
     name = argument.annotation.id if isinstance(argument.annotation, ast.Name) else ""
     if not hasattr(blocks, name):
         raise InputError(
@@ -217,7 +218,7 @@ def _kind(argument: ast.arg, path: Path):
 
 
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:
-    """One model's block, or the sentence that says which models params.yaml lists."""
+    """Return one model's block; InputError names the models that params.yaml lists where there is none."""
     models = params[experiment]["models"]
     if model not in models:
         raise InputError(f"params.yaml, {experiment}.models: no model '{model}'; listed: {', '.join(models)}")
@@ -225,7 +226,7 @@ def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:
 
 
 def runs(params: Mapping, experiment: str) -> list[tuple[str, int]]:
-    """Every (protocol, seed) of an experiment, in the order of params.yaml."""
+    """Return every (protocol, seed) of an experiment, in the order of params.yaml."""
     return [(name, seed) for name, block in params[experiment]["protocols"].items() for seed in block["seeds"]]
 
 

@@ -1,4 +1,4 @@
-"""Processes that end when the one that started them does: a killed `dvc repro` leaves nobody writing."""
+"""End a process when its parent ends: a killed `dvc repro` leaves no process that writes."""
 
 import ctypes
 import signal
@@ -6,7 +6,7 @@ import sys
 
 
 def die_with_parent() -> None:
-    """Have Linux end this process when its parent ends, even where that is killed; elsewhere do nothing."""
+    """Have Linux end this process when its parent ends or is killed; on other systems do nothing."""
     if sys.platform == "linux":
         pr_set_pdeathsig = 1
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)

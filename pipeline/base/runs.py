@@ -1,4 +1,4 @@
-"""All runs of one model, trained in parallel into a folder that appears once it is complete."""
+"""Train all runs of one model in parallel, into a folder that appears once it is complete."""
 
 import csv
 import hashlib
@@ -25,7 +25,7 @@ def train_all(
 ) -> None:
     """Call `train_run(values, experiment, model, protocol, seed, folder, report)` for every run of params.yaml.
 
-    It writes the run's files to the new `folder`, calls `report` once an epoch and returns the seconds that
+    `train_run` writes the run's files to the new `folder`, calls `report` once per epoch and returns the seconds that
     fitting took. A progress bar goes over all epochs of all runs. Without recordings the model's folder is empty.
     The folder of an earlier training stays until this one is complete. Where this one is stopped, its finished runs
     are kept in the model's draft, and the next call with the same settings, data and code goes on from them.
@@ -54,7 +54,7 @@ def train_all(
 
 
 def _origin(values: Mapping, experiment: str, name: str) -> str:
-    """Digest of all that the runs of a model are made from: settings, code and data."""
+    """Return a digest of all that the runs of a model are made from: settings, code and data."""
     digest = hashlib.sha256(json.dumps([values["device"], values[experiment]], sort_keys=True).encode())
     inputs = [paths.dataset(experiment), *sorted((paths.ROOT / "pipeline").rglob("*.py"))]
     if name != paths.MODEL_ZERO:
@@ -67,7 +67,7 @@ def _origin(values: Mapping, experiment: str, name: str) -> str:
 
 
 def _begin(draft: Path, origin: str) -> dict[tuple[str, int], float]:
-    """Seconds of the runs that a stopped call finished from the same origin; all else in the draft is removed."""
+    """Return the seconds of runs that a stopped call finished from the same origin; remove all else from the draft."""
     mark, times, seconds = draft / "origin.txt", draft / "times.csv", {}
     if not mark.is_file() or mark.read_text(encoding="utf-8") != origin:
         files.remove_folder(draft, inside=draft.parent)
@@ -83,4 +83,5 @@ def _begin(draft: Path, origin: str) -> dict[tuple[str, int], float]:
 
 
 def _write_times(path: Path, seconds: Mapping[tuple[str, int], float]) -> None:
+    """Write the seconds of each run as CSV."""
     files.write_csv(path, TIMES, [(*run, taken) for run, taken in seconds.items()])

@@ -1,4 +1,4 @@
-"""Independent tasks in parallel processes: local ones that die with the stage that started them, or a cluster's."""
+"""Run independent tasks in parallel processes: local ones, which die with the stage that started them, or a cluster."""
 
 import multiprocessing
 import os
@@ -37,7 +37,7 @@ ADVICE = "free memory or make its settings smaller, and run the command again"
 
 @dataclass
 class Worker:
-    """A local process, the end of the pipe to it, and the task that it is at."""
+    """A local process, the end of the pipe to it, and the task that it runs."""
 
     process: BaseProcess
     pipe: Connection
@@ -47,7 +47,7 @@ class Worker:
 
 
 def count() -> int | str:
-    """Number of local processes, or the address of a Dask scheduler: the variable WORKERS, else the cores."""
+    """Return the number of local processes, or a Dask scheduler's address: the variable WORKERS, else the cores."""
     given = os.environ.get("WORKERS", "")
     if re.fullmatch(r"(tcp|tls)://\S+:\d+", given):
         return given
@@ -85,18 +85,18 @@ def run(
 
 
 def called(bar: tqdm, key: Hashable) -> str:
-    """What messages call a task: the words of the bar and the key."""
+    """Return the name of a task in messages: the words of the bar and the key."""
     words = " ".join(map(str, key)) if isinstance(key, tuple) else str(key)
     return f"{bar.desc}, {words}" if bar.desc else words
 
 
 def ended(status: int) -> str:
-    """What messages say of a process that ended without a result."""
+    """Return the words for a process that ended without a result."""
     return f"its process ended with status {status} (-9: killed, as when memory is short)"
 
 
 def note(numbers: tuple) -> str:
-    """What the bar shows of `report(epoch, epochs, loss, ...)`."""
+    """Return the text on the bar for the numbers of `report(epoch, epochs, loss, ...)`."""
     return " ".join(f"{value:.4g}" for value in numbers[2:])
 
 
@@ -110,11 +110,12 @@ def answer(pipe: Connection, function: Callable, arguments: tuple) -> None:
         reply = "error", error
     try:
         pipe.send(reply)
-    except Exception as error:  # of its kind: no process can have a lock or an open file of another
+    except Exception as error:  # a reply that cannot be sent: a lock or an open file belongs to one process
         pipe.send(("error", RuntimeError(f"{error}: {reply[1]!r}")))
 
 
 def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: int) -> Iterator[tuple[Hashable, object]]:
+    """Do the tasks in this process, one after the other."""
     with threadpool_limits(1):
         for key, arguments in tasks.items():
             done = 0
@@ -138,13 +139,14 @@ def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: int) -> Itera
 def _in_processes(
     most: int, function: Callable, tasks: Mapping, bar: tqdm, steps: int, folders: Mapping
 ) -> Iterator[tuple[Hashable, object]]:
+    """Do the tasks in at most `most` processes at a time."""
     left, idle, busy = deque(tasks), [], {}
     try:
         while left or busy:
             while left and len(busy) < most:
                 worker = idle.pop() if idle else _start()
                 worker.key, worker.done, worker.alone = left.popleft(), 0, most == 1
-                with suppress(ConnectionError):  # it has ended: its pipe says so below
+                with suppress(ConnectionError):  # the process has ended: its pipe says so below
                     worker.pipe.send((function, tasks[worker.key]))
                 busy[worker.pipe] = worker
             for pipe in wait(busy):
@@ -167,16 +169,16 @@ def _in_processes(
                 _end(worker)
                 if kind == "error" and memory_error(value) is None:
                     raise value
-                said = memory_error(value) if kind == "error" else ended(worker.process.exitcode)
+                reason = memory_error(value) if kind == "error" else ended(worker.process.exitcode)
                 if worker.alone:
-                    raise InputError(f"{called(bar, worker.key)}: {said}; {ADVICE}") from value
+                    raise InputError(f"{called(bar, worker.key)}: {reason}; {ADVICE}") from value
                 most = max(1, min(most - 1, len(busy)))  # as many as were at work beside it
-                bar.write(f"{called(bar, worker.key)}: {said}; it starts again, {most} at a time now", sys.stderr)
+                bar.write(f"{called(bar, worker.key)}: {reason}; it starts again, {most} at a time now", sys.stderr)
                 bar.update(-worker.done)
                 if worker.key in folders:
                     files.remove_folder(folders[worker.key], inside=folders[worker.key].parent)
                 left.append(worker.key)
-            while idle and len(idle) + len(busy) > most:  # they hold memory
+            while idle and len(idle) + len(busy) > most:  # idle processes hold memory
                 _end(idle.pop())
     finally:
         for worker in (*idle, *busy.values()):
@@ -184,13 +186,13 @@ def _in_processes(
 
 
 def _start() -> Worker:
-    """A process that does tasks, one after the other. A terminal's Ctrl-C is not for it, but for the stage."""
+    """Start a process that does tasks, one after the other; a terminal's Ctrl-C goes to the stage alone."""
     context = multiprocessing.get_context("spawn")
     os.environ.setdefault("GLIBC_TUNABLES", KEEP_MEMORY)  # read where a process starts
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs,))
-    ensure_running()  # of Python's own helper, whose start would unblock the signal
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # what it inherits
+    ensure_running()  # Python's own helper, whose start would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # the new process inherits the block
     try:
         process.start()
     finally:
@@ -206,6 +208,7 @@ def _end(worker: Worker) -> None:
 
 
 def _serve(pipe: Connection) -> None:
+    """Do the tasks that come through the pipe until it closes."""
     die_with_parent()
     os.environ |= ONE_THREAD
     while True:

@@ -12,7 +12,6 @@ from pipeline.base import params, paths, workers
 from pipeline.base.blocks import SequenceTraining
 from pipeline.datasets import schemas, series
 from pipeline.datasets.windows import Dataset, read_dataset
-from pipeline.learning import trained
 from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec, TorchRegressor
 from pipeline.learning.series_regressors import spec_of as spec_of_series
