@@ -66,7 +66,7 @@ class Project:
         return self.run("-m", "dvc", *arguments, check=check)
 
     def stages(self, *lines: str) -> None:
-        """Run stages (`stages.train touch lomp`) in turn in one Python, which imports torch once, not for each of them."""
+        """Run stages (`stages.train touch lomp`) in turn in one Python, which imports torch once for all of them."""
         each = "    sys.argv = line.split()\n    runpy.run_module('pipeline.' + sys.argv[0], run_name='__main__')"
         self.run("-c", f"import runpy, sys\nfor line in sys.argv[1:]:\n{each}", *lines)
 

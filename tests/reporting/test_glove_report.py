@@ -4,7 +4,6 @@ import copy
 import json
 import sys
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -27,7 +26,6 @@ from pipeline.reporting import (
     glove_recorded as glove_recorded_report,
 )
 from pipeline.reporting.figures import glove as glove_figures
-from pipeline.reporting.figures import style
 from pipeline.scoring import classification, results
 from pipeline.stages import render
 
@@ -56,17 +54,6 @@ def settings():
     for protocol in block["protocols"]:
         block["protocols"][protocol] = {"seeds": [0, 1] if protocol.startswith("session") else [0]}
     return block
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Figures are made but not drawn: for tests that look at something else."""
-
-    def save(figure, path):
-        path.touch()
-        plt.close(figure)
-
-    monkeypatch.setattr(style, "save", save)
 
 
 def runs(settings):
@@ -263,7 +250,7 @@ def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
         (("augmentation.csv", "method", "B"), "no row for method B, protocol session_pressure, seed 0"),
     ],
 )
-def test_a_missing_row_is_named(root, settings, monkeypatch, change, named):
+def test_a_missing_row_is_named(root, settings, undrawn, monkeypatch, change, named):
     write_glove(settings)
     name, column, value = change
     path = paths.experiment_folder("glove") / name
@@ -274,7 +261,7 @@ def test_a_missing_row_is_named(root, settings, monkeypatch, change, named):
 
 
 @pytest.mark.parametrize("missing", ["stag.csv", "augmentation.csv", "frames.parquet", "predictions/resnet3x3.parquet"])
-def test_a_missing_file_is_named(root, settings, monkeypatch, missing):
+def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
     write_glove(settings)
     (paths.experiment_folder("glove") / missing).unlink()
     with pytest.raises(InputError, match=f"data/glove/{missing}: not found"):
