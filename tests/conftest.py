@@ -11,6 +11,17 @@ from builders.project import Project, run_miniature
 from pipeline.logs import sources
 
 
+SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark as slow what needs a slow fixture."""
+    for item in items:
+        if SLOW_FIXTURES.intersection(item.fixturenames):
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def miniature_under_way(request, tmp_path_factory):
     """Starts the miniature before the first test, where a test of this session needs it: it takes three minutes."""

@@ -224,6 +224,7 @@ def record(folder):
     return series.Record(x, y, press >= 0, training, press)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BLOCKS)
 def test_models_look_back_only_and_are_blind_to_offsets(name, tmp_path):
     data = record(tmp_path)
@@ -241,6 +242,7 @@ def test_models_look_back_only_and_are_blind_to_offsets(name, tmp_path):
     assert stepped == pytest.approx(alone, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_highpass_learns_through_drift(tmp_path):
     data = record(tmp_path)
     model = built("lstm_highpass", BLOCKS["lstm_highpass"] | {"training": RECIPE | {"max_epochs": 40}})

@@ -140,7 +140,7 @@ def one_thread():
 
 
 def cases(in_epochs: bool = False) -> list:
-    """Return every (experiment, model) of params.yaml; networks of images, and the one of 15 million weights, are slow.
+    """Return every (experiment, model) of params.yaml; networks of 25 elements, and of images, are slow.
 
     in_epochs: those alone that are trained in epochs.
     """
@@ -148,7 +148,7 @@ def cases(in_epochs: bool = False) -> list:
         pytest.param(
             experiment,
             model,
-            marks=[pytest.mark.slow] * ("training" in block and (experiment in params.IMAGES or model == "vgg")),
+            marks=[pytest.mark.slow] * ("training" in block and experiment in ("touch", *params.IMAGES)),
             id=f"{experiment}-{model}",
         )
         for experiment in VALUES["experiments"]

@@ -11,6 +11,7 @@ from sklearn.naive_bayes import GaussianNB
 from torch import nn
 
 from pipeline.base import params
+from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import SIDE
 from pipeline.learning import cost
@@ -170,7 +171,7 @@ def test_attention_weighs_rows_and_columns():
 @pytest.mark.parametrize("reduction", [0, 65, -1])
 def test_reduction_that_leaves_no_channel_is_refused(reduction):
     with pytest.raises(InputError, match="reduction must be from 1 to the 64 channels"):
-        build("sp_resnet", reduction=reduction)
+        sp_resnet.build(spec_of(OBJECTS), reduction=reduction, training=AugmentedTraining(**TRAINING))
 
 
 @pytest.mark.parametrize("stride", [1, 2])

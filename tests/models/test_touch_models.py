@@ -124,6 +124,7 @@ def test_multiply_accumulates(key, macs):
     assert build(key, PAPER, PAPER_SETTINGS[key]).macs() == macs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", SMALL_SETTINGS)
 def test_learns_better_than_the_mean(key):
     train, validation = windows(SMALL, 320), windows(SMALL, 80, seed=1)
@@ -163,6 +164,7 @@ def test_other_arrays(key, spec):
     np.testing.assert_allclose(model.predict(part[0])[:1], maps, rtol=1e-3, atol=1e-2)
 
 
+@pytest.mark.slow
 def test_vgg_trains_at_full_size_on_thirty_windows():
     part = windows(PAPER, 30)
     model = build("vgg", PAPER, PAPER_SETTINGS["vgg"])

@@ -160,6 +160,7 @@ def run_render(experiment, settings, monkeypatch):
     return paths.REPORTS / experiment
 
 
+@pytest.mark.slow
 def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, monkeypatch):
     write_glove(settings)
     target = run_render("glove", settings, monkeypatch)
@@ -207,6 +208,7 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
     assert "no file of it is named" in readme and "pipeline/models/lomp.py" not in readme
 
 
+@pytest.mark.slow
 def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatch):
     write_glove(settings)
     rows = [
@@ -223,6 +225,7 @@ def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatc
     assert "above ResNet_3x3 at every number of frames, STAG: in the mean at 8 of 8" in readme
 
 
+@pytest.mark.slow
 def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
     write_glove(settings)
     scores = pd.read_csv(paths.scores("glove"))
@@ -260,6 +263,7 @@ def test_a_missing_row_is_named(root, settings, undrawn, monkeypatch, change, na
         run_render("glove", settings, monkeypatch)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", ["stag.csv", "augmentation.csv", "frames.parquet", "predictions/resnet3x3.parquet"])
 def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
     write_glove(settings)
@@ -268,6 +272,7 @@ def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
         run_render("glove", settings, monkeypatch)
 
 
+@pytest.mark.slow
 def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settings, undrawn, monkeypatch):
     titles = []
     monkeypatch.setattr(glove_pages, "GRASPED", "telephone")
@@ -277,6 +282,7 @@ def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settin
     assert titles == ["Figure 10: tactile images, empty bottle, session00"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("models", [["constant"], ["constant", "tree", "sp_resnet"]])
 def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
     settings["models"] = {model: MODELS[model] for model in models}
@@ -497,6 +503,7 @@ def write_probe(level):
     pd.DataFrame(rows, columns=names).to_csv(paths.probe("glove_recorded"), index=False)
 
 
+@pytest.mark.slow
 def test_recorded_report(root, recorded, monkeypatch):
     write_experiment("glove_recorded", recorded)
     write_probe(0.8)

@@ -150,6 +150,7 @@ def crowded(spread):
     return near
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("spread", "time"), [(0.0, "p50_ms"), (0.1, "p50_ms"), (1.0, "train_s")])
 def test_every_model_is_named_and_no_name_covers_another(tmp_path, monkeypatch, spread, time):
     as_printed = {m: (t, 5 + 0.1 * k, 4.5, 5.8, 3, 0, 10**k) for k, (m, t) in enumerate(TIMES.items())}
