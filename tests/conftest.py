@@ -10,7 +10,6 @@ from builders.project import Project, run_miniature
 
 from pipeline.logs import sources
 
-
 SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
 
 
