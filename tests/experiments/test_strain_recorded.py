@@ -277,6 +277,7 @@ def test_source_is_pinned_to_the_two_files():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("epoch", [2, 3])  # of three
 def test_a_highpassed_training_that_breaks_down_in_any_epoch_has_diverged(epoch, tmp_path, monkeypatch):
     model, losses = built("lstm_highpass"), iter([1.0] * (epoch - 1) + [float("nan")] * 3)

@@ -88,6 +88,7 @@ def test_gradients_after_a_carried_state_are_those_of_plain_autograd():
         assert slope == pytest.approx(float((weight.grad * direction).sum()), rel=1e-5, abs=1e-7), name
 
 
+@pytest.mark.slow
 def test_the_state_tells_what_a_window_alone_cannot():
     train, validation = presses(60), presses(20, seed=1)
     model = build(BLOCK | {"training": TRAINING | {"max_epochs": 60, "patience": 60}})

@@ -169,6 +169,7 @@ def change_scores(experiment, change):
     change(scores).to_csv(paths.scores(experiment), index=False)
 
 
+@pytest.mark.slow
 def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monkeypatch):
     write_touch(settings)
     (root / "reports" / "touch").mkdir(parents=True)
@@ -356,6 +357,7 @@ def write_velostat(settings):
     paths.ingest_report("velostat_recorded").write_text('{"run": true}')
 
 
+@pytest.mark.slow
 def test_velostat_report(root, recorded, monkeypatch):
     write_velostat(recorded)
     target = run_render("velostat_recorded", recorded, monkeypatch)
