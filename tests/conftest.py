@@ -10,10 +10,20 @@ from builders.project import Project, run_miniature
 
 from pipeline.logs import sources
 
+SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark as slow what needs a slow fixture."""
+    for item in items:
+        if SLOW_FIXTURES.intersection(item.fixturenames):
+            item.add_marker(pytest.mark.slow)
+
 
 @pytest.fixture(scope="session", autouse=True)
 def miniature_under_way(request, tmp_path_factory):
-    """Starts the miniature before the first test, where a test of this session needs it: it takes three minutes."""
+    """Start the miniature before the first test, where a test of this session needs it: it takes three minutes."""
     with ThreadPoolExecutor() as pool:
         wanted = any("miniature" in item.fixturenames for item in request.session.items)
         yield pool.submit(run_miniature, tmp_path_factory.mktemp("miniature")) if wanted else None
@@ -21,16 +31,16 @@ def miniature_under_way(request, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def miniature(miniature_under_way) -> Project:
-    """The whole pipeline, run once at miniature scale with `dvc repro`."""
+    """Return the project in which the whole pipeline ran once, at miniature scale, with `dvc repro`."""
     return miniature_under_way.result()
 
 
 @pytest.fixture(scope="session")
 def recordings(tmp_path_factory):
-    """`recordings(source)`: the folder of a source's recordings, laid out as `fetch` does it; a skip without them.
+    """Return `recordings(source)`: the folder of a source's recordings, laid out as `fetch` does it; or skip the test.
 
-    They are looked for where `fetch` puts them, and in <TACTILE_RECORDINGS>/<source>, there also side by side without
-    their folders. A folder that holds some but not all of them as they should be is an error, never a skip.
+    Recordings are looked for where `fetch` puts them, and in <TACTILE_RECORDINGS>/<source>, there also side by side
+    without their folders. A folder that holds some but not all of them as they should be is an error, never a skip.
     """
 
     def find(name: str) -> Path:

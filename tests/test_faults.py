@@ -41,6 +41,9 @@ from pipeline.logs import own_data, parse, stag
 from pipeline.scenes import strain as strain_scene
 from pipeline.scoring import results
 
+pytestmark = pytest.mark.slow
+
+
 LONGEST_S = 1.0  # of processor time that one input may take
 FUZZ = os.environ.get("FUZZ")
 

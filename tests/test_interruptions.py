@@ -118,6 +118,7 @@ def write_as_a_stage(path: Path, size: int) -> str:
     return end.value.code
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_keeps_the_old_table(small_disk):
     path = small_disk / "frames.parquet"
     schemas.write(path, SCHEMA, [table(1000)])
@@ -127,6 +128,7 @@ def test_a_disk_that_fills_up_keeps_the_old_table(small_disk):
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_read_only_disk_is_named(small_disk):
     path = small_disk / "frames.parquet"
     schemas.write(path, SCHEMA, [table(1000)])
@@ -183,6 +185,7 @@ child.wait()
 '''
 
 
+@pytest.mark.slow
 def test_a_stage_ends_with_the_dvc_that_started_it():
     """DVC killed alone, as the system does when memory is short: its stage must not write on beside the next one."""
     environment = os.environ | {"DVC_STAGE": "train", "PYTHONPATH": str(ROOT)}
@@ -230,6 +233,7 @@ def one_stage(tmp_path):
     return tmp_path, dvc
 
 
+@pytest.mark.slow
 def test_a_second_repro_says_why_it_does_not_start_and_harms_nothing(one_stage):
     folder, dvc = one_stage
     first = subprocess.Popen([sys.executable, "-m", "dvc", "repro"], **dvc)
@@ -251,6 +255,7 @@ def test_a_second_repro_says_why_it_does_not_start_and_harms_nothing(one_stage):
 # What a full disk leaves of DVC's own files.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0, 4096])
 def test_the_documented_recovery_from_a_cut_rwlock(one_stage, size):
     folder, dvc = one_stage

@@ -26,6 +26,9 @@ from pipeline.reporting.figures import check as check_figures
 from pipeline.reporting.page.hypertext import Pages
 from pipeline.stages import ingest
 
+pytestmark = pytest.mark.slow
+
+
 ARRAYS = {  # rows, cols, frames a second, highest count, and a map in params.yaml that is a multiple of the array
     "3x7": ((3, 7, 40.0), 1023, (9, 21)),
     "6x4": ((6, 4, 55.0), 65535, (12, 8)),

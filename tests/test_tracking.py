@@ -22,6 +22,9 @@ from pipeline.base import paths, store
 from pipeline.base.errors import InputError, run_stage
 from pipeline.stages import track
 
+pytestmark = pytest.mark.slow
+
+
 PARAMS = {
     "experiments": ["touch", "velostat_recorded"],
     "device": "auto",

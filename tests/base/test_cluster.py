@@ -22,6 +22,9 @@ from tqdm import tqdm
 from pipeline.base import cluster, paths, workers
 from pipeline.base.errors import InputError
 
+pytestmark = pytest.mark.slow
+
+
 EPOCHS = 200  # half a second
 RECIPE = {"learning_rate": 5e-3, "max_epochs": EPOCHS, "drop_epoch": 100, "drop": 0.2, "clip": 1.0, "streams": 1}
 SEEDS = [0, 1, 2]

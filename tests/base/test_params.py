@@ -68,6 +68,7 @@ def test_a_model_without_a_file_is_refused():
         params.check(altered("touch", "models", value={"lompp": {}}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", ["train touch", "train strain", "train glove"])
 @pytest.mark.parametrize("where", ["{canary}", "../../../canary"])
 def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
@@ -212,6 +213,7 @@ def test_a_stage_fails_where_params_yaml_changed_while_it_ran(after, code, tmp_p
     assert code == 0 or done.stderr.startswith("error: params.yaml changed while this ran; run `dvc repro` again")
 
 
+@pytest.mark.slow
 def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
     """A key with shell code, made so that DVC takes it for a stage: refused, nothing run, nothing removed."""
     for part in ("pipeline", "dvc.yaml", "params.yaml"):

@@ -90,6 +90,7 @@ def test_tasks_run_with_one_thread_and_give_what_they_return(run):
     assert found == {key: (key * key, "1") for key in range(5)} and bar.n == 5
 
 
+@pytest.mark.slow
 def test_a_killed_process_costs_its_own_task_a_second_try(run, tmp_path, capfd):
     times = {"first": 0, "second": 1, "third": 0, "fourth": 0, "fifth": 0}
     folders = {key: tmp_path / key for key in times}
@@ -102,6 +103,7 @@ def test_a_killed_process_costs_its_own_task_a_second_try(run, tmp_path, capfd):
     assert "train it, second: its process ended with status -9 (-9: killed, as when memory is short); it st" in said
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_alone_too_is_one_sentence(run, tmp_path):
     folders = {key: tmp_path / key for key in ("good", "bad")}
     with pytest.raises(InputError) as lost:
@@ -112,12 +114,14 @@ def test_a_process_that_is_killed_alone_too_is_one_sentence(run, tmp_path):
     assert len((tmp_path / "bad.tries").read_text().split()) == 2
 
 
+@pytest.mark.slow
 def test_two_that_are_killed_together_are_both_tried_alone(run, tmp_path):
     with pytest.raises(InputError, match=r"^train it, (press 0|press 1): its process ended"):
         run(meeting, {("press", seed): (tmp_path,) for seed in (0, 1)})
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, processes", [("numpy", 1), ("torch", 1), ("pyarrow", 1), ("torch", 2)])
 def test_a_task_without_memory_is_one_sentence(run, tmp_path, kind, processes):
     with pytest.raises(InputError, match=r"^train it, (press|slide) 0: not enough memory \(.*; free memory"):
@@ -139,12 +143,14 @@ def test_other_errors_say_nothing_of_memory():
         assert errors.memory_error(error) is None
 
 
+@pytest.mark.slow
 def test_an_error_of_the_code_says_where_it_happened(run):
     with pytest.raises(KeyError) as error:
         run(wrong, {"a": (1,), "b": (2,)})
     assert "return {}[number]" in error.value.__notes__[0]
 
 
+@pytest.mark.slow
 def test_a_result_that_cannot_be_sent_is_an_error(run):
     with pytest.raises(RuntimeError, match="cannot pickle '_thread.lock' object"):
         run(unsendable, {"a": (1,), "b": (2,)})
@@ -180,6 +186,7 @@ elif len(sys.argv) == 3:  # a process that starts, which imports the stage for s
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes, importing", [(1, []), (2, []), (2, ["5"])], ids=["one", "two", "two that start"])
 def test_ctrl_c_ends_a_stage_quietly(tmp_path, processes, importing):
     """As a terminal does it: SIGINT to the stage and all of its processes."""

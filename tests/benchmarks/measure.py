@@ -205,10 +205,10 @@ def _batch(windows: float):
 
 def sp_resnet_epoch(_, images: float):
     """An epoch of SP-ResNet on images of noise, of which the time does not depend."""
-    from pipeline.models import sp_resnet
+    from pipeline.base import params
 
     block, x, y, spec = _images(images)
-    model = sp_resnet.build(spec, **block)
+    model = params.build_model("sp_resnet", spec, block, "benchmark")
     return _twice(lambda: model.fit((x, y), (x[:1], y[:1]), seed=0, device="cpu"))
 
 
@@ -249,23 +249,22 @@ def lomp(side: int, max_epochs: int):
     """The touch experiment's LoMP on an array of side x side elements."""
     from benchmarks.made import touch_settings
 
+    from pipeline.base import params
     from pipeline.learning.regressors import Spec
-    from pipeline.models import lomp
 
     block = touch_settings()["models"]["lomp"]
     block = block | {"training": block["training"] | {"max_epochs": max_epochs}}
-    return lomp.build(Spec(8, side, side, 4 * side, 4 * side), **block)
+    return params.build_model("lomp", Spec(8, side, side, 4 * side, 4 * side), block, "benchmark")
 
 
 def lstm(max_epochs: int):
     """The strain experiment's LSTM, directly trained."""
     from pipeline.base import params
     from pipeline.learning.regressors import Spec
-    from pipeline.models import lstm_direct
 
     block = params.load()["strain"]["models"]["lstm_direct"]
-    training = block["training"] | {"max_epochs": max_epochs}
-    return lstm_direct.build(Spec(10, 1, 6, 1, 2), units=block["units"], training=training)
+    block = block | {"training": block["training"] | {"max_epochs": max_epochs}}
+    return params.build_model("lstm_direct", Spec(10, 1, 6, 1, 2), block, "benchmark")
 
 
 TASKS = {

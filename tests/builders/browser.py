@@ -1,4 +1,4 @@
-"""A headless Chromium that tests speak to through two pipes (the Chrome DevTools Protocol): no driver, no network."""
+"""Drive a headless Chromium through two pipes (the Chrome DevTools Protocol): no driver, no network."""
 
 import json
 import os
@@ -16,7 +16,7 @@ LIMIT = 60  # s for one answer
 
 
 def executable() -> str | None:
-    """The browser: $CHROMIUM, or the first of NAMES on the path."""
+    """Return the path of the browser: $CHROMIUM, or the first of NAMES on the path."""
     return os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
 
 
@@ -43,7 +43,7 @@ class Browser:
             self.call(f"{domain}.enable")
 
     def call(self, method: str, **values) -> dict:
-        """One command and its result; events that come before it are noted."""
+        """Send one command and return its result; events that come before the result are noted."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": values}
         if self._session:
@@ -57,7 +57,7 @@ class Browser:
             self._note(answer)
 
     def open(self, address: str) -> None:
-        """Load a page and wait until all of it is there."""
+        """Load a page and wait until the whole page is there."""
         self._loaded = False
         self.problems.clear()
         self.requests.clear()
@@ -66,7 +66,7 @@ class Browser:
             self._note(self._read())
 
     def run(self, expression: str):
-        """The value of a JavaScript expression; a promise's is waited for."""
+        """Return the value of a JavaScript expression, of a promise once it has one."""
         found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in found, f"{expression}: {found['exceptionDetails']}"
         return found["result"].get("value")

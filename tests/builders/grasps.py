@@ -1,4 +1,4 @@
-"""Recorded grasps as the device of the glove writes them: compressed XML."""
+"""Make recorded grasps as the device of the glove writes them: compressed XML."""
 
 import bz2
 
@@ -12,13 +12,13 @@ NOTHING = np.zeros(CELLS)
 
 
 def pressed(seed=0):
-    """The cells of a frame in contact, whole counts with runs of 0."""
+    """Return the cells of a frame in contact: whole counts with runs of 0."""
     rng = np.random.default_rng(seed)
     return np.where(rng.random(CELLS) < 0.2, rng.integers(1, 4000, CELLS), 0).astype(float)
 
 
 def words(cells):
-    """As the device writes them: hex words of big-endian float32, -n for n cells of 0, ten words a line."""
+    """Return cells as the device writes them: hex words of big-endian float32, -n for n cells of 0, ten per line."""
     values, zeros = [], 0
     for cell in [*cells, np.nan]:
         if cell == 0:
@@ -42,7 +42,7 @@ def angle(number, data=None, at=None):
 
 
 def xml(frames, angles=None, matrices=MATRICES, full_scale=4095, head='<?xml version="1.0" encoding="utf-8"?>'):
-    """A recording; angles go from 10 ms before the first frame to 990 ms after it."""
+    """Return a recording; its angles go from 10 ms before the first frame to 990 ms after that frame."""
     angles = [angle(k) for k in range(101)] if angles is None else angles
     sensor = "".join(
         f'<matrix index="{k}"><cells_x>{cols}</cells_x><cells_y>{rows}</cells_y>'
@@ -63,7 +63,7 @@ def save(folder, content, name=NAME, condition="mug"):
 
 
 def grasp(before=3, contact=10, seed=0):
-    """Frames of one grasp: `before` without contact, then `contact` frames of growing pressure."""
+    """Return the frames of one grasp: `before` without contact, then `contact` of growing pressure."""
     cells = pressed(seed)
-    found = [frame(k, words(NOTHING)) for k in range(before)]
-    return found + [frame(before + k, words(np.ceil(cells * (k + 1) / contact))) for k in range(contact)]
+    empty = [frame(k, words(NOTHING)) for k in range(before)]
+    return empty + [frame(before + k, words(np.ceil(cells * (k + 1) / contact))) for k in range(contact)]

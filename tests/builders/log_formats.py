@@ -1,4 +1,4 @@
-"""Formats of logs for tests of the reader."""
+"""Define formats of logs for tests of the reader."""
 
 from pipeline.logs import parse
 from pipeline.logs.parse import Column, Format

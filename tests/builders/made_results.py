@@ -1,4 +1,7 @@
-"""What the stages before `track` leave behind for touch, with made-up numbers. `python made_results.py`, as a stage."""
+"""Write the results of touch that the stages before `track` leave behind, with made-up numbers.
+
+`python made_results.py` does so as a stage.
+"""
 
 import json
 from pathlib import Path
@@ -11,7 +14,7 @@ SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "uni
 
 
 def write_results(root: Path, params: dict, condition: str = "single") -> None:
-    """Files of every run of `params["touch"]`; model and score depend on the model's settings and on the window."""
+    """Write the files of every run of `params["touch"]`; the model's settings and the window change model and score."""
     settings, touch = params["touch"], root / "data" / "touch"
     runs = [(protocol, seed) for protocol, block in settings["protocols"].items() for seed in block["seeds"]]
     for name in ("latency", "speed"):

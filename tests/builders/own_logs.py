@@ -1,4 +1,4 @@
-"""Logs of sensors that the project has never seen, with faults in them, as other people's devices would write them.
+"""Write logs of sensors that the project has never seen, with faults, as other people's devices would write them.
 
 Nothing here comes from the scenes: the pressing, the elements' answer and the devices' clocks are made up anew.
 """
@@ -20,13 +20,13 @@ UNPRINTABLE = ("two\nlines", "\x1b[31mred", os.fsdecode(b"gr\xf6\xdfer"))  # ref
 
 
 def stamped(time_s, values, pattern, start_us=0, drift_ppm=0.0):
-    """Lines `t_us,...` on a device's own clock for true times (n,) and values (n, columns)."""
+    """Return lines `t_us,...` on a device's own clock for true times (n,) and values (n, columns)."""
     own = start_us + np.round((time_s - time_s[0]) * (1e6 + drift_ppm)).astype(np.int64)
     return [f"{t}," + ",".join(pattern % v for v in row) for t, row in zip(own, values, strict=True)]
 
 
 def spoiled(lines, rng, every=400):
-    """The lines with one torn, one doubled, one lost, one late and one noisy line in about every `every`."""
+    """Return the lines with one torn, one doubled, one lost, one late and one noisy line in about every `every`."""
     lines = list(lines)
     for k in range(every, len(lines) - 100, every):
         place = k + int(rng.integers(-50, 50))
@@ -39,7 +39,7 @@ def spoiled(lines, rng, every=400):
 
 
 def pressing(seconds, width, height, rng):
-    """(t on a 2 ms grid, force in N, x, y in mm): presses of varying depth and length at random places."""
+    """Return (t on a 2 ms grid, force in N, x, y in mm): presses of varying depth and length at random places."""
     t = np.arange(0, seconds, 0.002)
     force, start, moves, places = np.zeros(len(t)), 1.0, [0.0], [(width / 2, height / 2)]
     while start < seconds - 1.5:
@@ -65,7 +65,7 @@ def touch(
     conditions=("double",),
     seed=0,
 ):
-    """`<condition>/<recording>/*.log` of an array of rows x cols elements with its own load cell and CNC.
+    """Write `<condition>/<recording>/*.log` of an array of rows x cols elements with its own load cell and CNC.
 
     conditions: those beside `single`, of one recording each; `double` has two touches at a time.
     """
@@ -105,7 +105,7 @@ def touch(
 
 
 def strain(folder: Path, channels, rate_hz, seconds=240.0, seed=0):
-    """`<task>/<recording>/{daq,robot}.log` of a sensor with `channels` strands; each device has its own clock."""
+    """Write `<task>/<recording>/{daq,robot}.log` of a sensor with `channels` strands; each device has its own clock."""
     rng = np.random.default_rng(seed)
     mixing = rng.normal(0, 1, (3, channels))
     for number, (task, moves) in enumerate({"task_0": (1, 1, 1), "task_1": (0, 0, 1), "task_2": (1, 1, 0)}.items()):
@@ -130,7 +130,7 @@ def strain(folder: Path, channels, rate_hz, seconds=240.0, seed=0):
 
 
 def glove(folder: Path, objects=("ball", "cup"), sessions=("grasp0", "grasp1", "grasp2"), frames=25, seed=0):
-    """`<object>/<session>/scanner.log`: each object presses its own cells, dead: p0 and s134."""
+    """Write `<object>/<session>/scanner.log`: each object presses its own cells, dead: p0 and s134."""
     rng = np.random.default_rng(seed)
     for one in objects:
         pattern = rng.uniform(50, 600, 405) * (rng.random(405) < 0.4)

@@ -1,4 +1,4 @@
-"""A scratch copy of the project in which the pipeline can run without touching the checkout."""
+"""Make scratch copies of the project, in which the pipeline runs without touching the checkout."""
 
 import os
 import shutil
@@ -20,7 +20,7 @@ PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params.yaml", "scales")
 
 
 def leaves(block: dict, path: str = "") -> Iterator[str]:
-    """Dotted names of all settings but those of models, which are held against the signature of `build`."""
+    """Yield the dotted names of all settings but those of models, which are held against the signature of `build`."""
     for key, value in block.items():
         if key in ("models", "training"):
             continue
@@ -66,7 +66,7 @@ class Project:
         return self.run("-m", "dvc", *arguments, check=check)
 
     def stages(self, *lines: str) -> None:
-        """Run stages (`stages.train touch lomp`) in turn in one Python, which imports torch once for all."""
+        """Run stages (`stages.train touch lomp`) in turn in one Python, which imports torch once for all of them."""
         each = "    sys.argv = line.split()\n    runpy.run_module('pipeline.' + sys.argv[0], run_name='__main__')"
         self.run("-c", f"import runpy, sys\nfor line in sys.argv[1:]:\n{each}", *lines)
 
@@ -89,9 +89,9 @@ HALVES = (
 
 
 def run_miniature(folder: Path) -> Project:
-    """The whole pipeline, run once in `folder` at miniature scale.
+    """Run the whole pipeline once in `folder`, at miniature scale, and return the project.
 
-    `folder`/opened tells what each stage opened, `folder`/settings.txt which settings were read.
+    `folder`/opened tells which files each stage opened, `folder`/settings.txt which settings were read.
     """
     project = Project(folder)
     quiet = project.environment
@@ -118,7 +118,7 @@ def run_half(project: Project, targets: list[str]) -> None:
 
 
 def noting_opened(project: Project) -> dict[str, str]:
-    """The environment in which the stages of a project note what they open and which settings they read.
+    """Return the environment in which the stages of a project note which files they open and which settings they read.
 
     See opened/sitecustomize.py and opened/noted.py.
     """
@@ -130,7 +130,7 @@ def noting_opened(project: Project) -> dict[str, str]:
 
 
 def lock(project) -> dict:
-    """Hash of every output of dvc.lock but the measured times and what is judged by them."""
+    """Return the hash of every output in dvc.lock, without measured times and the verdicts that follow from them."""
     stages = yaml.safe_load((project.folder / "dvc.lock").read_text())["stages"]
     outs = {out["path"]: out["md5"] for stage in stages.values() for out in stage.get("outs", [])}
     measured = ("latency", "speed", "claims", "index.html")
@@ -138,7 +138,7 @@ def lock(project) -> dict:
 
 
 def mlflow_runs(project) -> list[tuple]:
-    """(experiment, protocol, model, seed) of every complete run in the MLflow store."""
+    """Return (experiment, protocol, model, seed) of every complete run in the MLflow store."""
     with sqlite3.connect(project.folder / "mlruns" / "mlflow.db") as store:
         rows = store.execute(
             "select run_uuid, key, value from tags join runs using (run_uuid) "

@@ -1,4 +1,4 @@
-"""The MATLAB file of the STAG data set, with frames that are made up."""
+"""Make the MATLAB file of the STAG data set, with made-up frames."""
 
 import numpy as np
 import scipy.io
@@ -7,14 +7,14 @@ FRAMES, OBJECTS = 12, ["mug", "empty hand", "full can"]
 
 
 def cells(names):
-    """A MATLAB cell array of texts, one row."""
+    """Return a MATLAB cell array of texts, one row."""
     array = np.empty((1, len(names)), dtype=object)
     array[0, :] = names
     return array
 
 
 def metadata(**others):
-    """The variables of metadata.mat: 12 frames of 3 objects in 4 recordings, of which the last is the test."""
+    """Return the variables of metadata.mat: 12 frames of 3 objects in 4 recordings, of which the last is the test."""
     pressure = np.random.default_rng(0).integers(450, 700, (FRAMES, 32, 32)).astype(np.uint16)
     pressure[0, 0, :4] = [499, 500, 575, 651]
     recording = np.arange(FRAMES) // 3

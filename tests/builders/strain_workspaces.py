@@ -1,4 +1,4 @@
-"""MATLAB workspaces as the robot of the recorded strain sensors saves them."""
+"""Make MATLAB workspaces as the robot of the recorded strain sensors saves them."""
 
 import numpy as np
 import scipy.io
@@ -9,7 +9,7 @@ CYCLES = 20
 
 
 def workspace(channels=6, cycles=CYCLES, extra=0, **others):
-    """What the robot's program saves: `extra` samples of a cycle that was not finished."""
+    """Return the variables that the robot's program saves; the last cycle, of `extra` samples, is not finished."""
     rng = np.random.default_rng(0)
     n = cycles * CYCLE + extra
     pressed = np.arange(n) % CYCLE >= PRESSED

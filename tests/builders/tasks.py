@@ -1,4 +1,4 @@
-"""Tasks for local processes, in a module that every process can import."""
+"""Define tasks for local processes, in a module that every process can import."""
 
 import os
 import time

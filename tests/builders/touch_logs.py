@@ -1,4 +1,4 @@
-"""Logs of touch whose presses and clocks are known, so that every frame made from them can be checked."""
+"""Make logs of touch with known presses and clocks, so that a test can check every frame made of them."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ SETTINGS = {
 
 
 def presses(seconds, seed):
-    """(t on a 5 ms grid, force): trapezoid presses of varying depth."""
+    """Return times on a grid of 5 ms, in s, and forces in N: trapezoid presses of varying depth."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, seconds, 0.005)
     force, start = np.zeros(len(t)), 1.5
@@ -28,7 +28,7 @@ def presses(seconds, seed):
 
 
 def lines(t, columns, start, stop, hz, boot_us, pattern):
-    """What a device prints between two true times."""
+    """Return the lines that a device prints between two true times."""
     at = np.arange(start, stop, 1 / hz)
     values = [np.interp(at, t, column) for column in columns]
     stamps = boot_us + np.round((at - start) * 1e6).astype(int)
@@ -36,7 +36,7 @@ def lines(t, columns, start, stop, hz, boot_us, pattern):
 
 
 def logs_of(seconds=20.0, seed=0, touches=1, reset_at=None, shared=True):
-    """Lines of every log. x runs as 2 t and y as 3 t, so that interpolated positions tell the true time."""
+    """Return the lines of every log; x is 2 t and y is 3 t, so that interpolated positions tell the true time."""
     t, force = presses(seconds, seed)
     counts = [10 + 20 * force**0.7 * share for share in (0.2, 0.4, 1.0, 0.5, 0.1, 0.05)]
     logs = {}

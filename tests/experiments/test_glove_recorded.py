@@ -176,6 +176,7 @@ def test_a_cut_or_damaged_file_is_one_sentence(share, tmp_path):
         assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_a_short_file_that_grows_is_refused_before_it_fills_the_memory(tmp_path):
     path = save(tmp_path, bytes(200 << 20))
     assert path.stat().st_size < 1000

@@ -113,6 +113,7 @@ def test_clocks_may_have_any_zero(settings, tmp_path, samples, name):
     assert schemas.matrix(moved["y_mm"])[50:-50] == pytest.approx(schemas.matrix(first["y_mm"])[50:-50], abs=0.05)
 
 
+@pytest.mark.slow
 def test_noise_of_a_fast_daq_hides_no_motion(settings, lines, tmp_path):
     """400 samples a second with 0.5 mV of noise: their rates are 0.3 V/s of noise, of motion 0.03 V/s."""
     expected = strain.read_recording(written(tmp_path, lines), settings)[2]["robot.log"]["clock"]["offset_ms"]

@@ -88,6 +88,7 @@ def classifier(**changes):
     return ImageClassifier(Linear, spec_of(2), AugmentedTraining(**NONE | changes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [16, 17])  # 17: a last batch of one image, which batch normalisation cannot train on
 def test_learns_and_gives_probabilities(n):
     model = classifier()

@@ -5,12 +5,13 @@ import pytest
 import torch
 from benchmarks.peers import LoopedLomp
 
+from pipeline.base.blocks import EarlyStopping
 from pipeline.base.errors import InputError
 from pipeline.learning import lomp_network
 from pipeline.learning.regressors import Spec
 from pipeline.models import lomp
 
-TRAINING = dict(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, plateau=1, drop=0.3)
+TRAINING = EarlyStopping(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, plateau=1, drop=0.3)
 
 
 def network(spec, hidden=128, readout=(128, 64), neighbours=4, alpha=0.1):
@@ -163,9 +164,8 @@ def test_a_batch_in_chunks_has_the_gradients_of_the_batch():
     y = rng.uniform(0, 300, (100, 16)).astype(np.float32)
     answers = []
     for chunk in (32, 1000):
-        model = lomp.build(
-            spec, hidden=8, readout=[6], neighbours=4, alpha=0.3, training=TRAINING | {"batch_size": 100}
-        )
+        training = TRAINING.model_copy(update={"batch_size": 100})
+        model = lomp.build(spec, hidden=8, readout=[6], neighbours=4, alpha=0.3, training=training)
         model.chunk = chunk
         history = model.fit((x, y), (x, y), seed=0)
         answers.append((history[0]["train_loss"], model.predict(x)))

@@ -85,6 +85,7 @@ def test_drift_of_a_long_recording_is_found():
     assert clock.drift * 1e6 == pytest.approx(100, abs=30)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("silent", [(0, 0), (300, 1000)], ids=["pressed throughout", "silent in the middle"])
 def test_a_recording_longer_than_the_stretch_that_is_searched_first(silent):
     rng = np.random.default_rng(11)

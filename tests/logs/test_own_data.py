@@ -70,6 +70,7 @@ def root(tmp_path, monkeypatch):
     return tmp_path / "project"
 
 
+@pytest.mark.slow
 def test_dvc_notices_a_change_wherever_we_say_so(tmp_path):
     """Each way to put a log into a folder, a stage that depends on the folder, and a change of the log."""
     environment = os.environ | {"DVC_NO_ANALYTICS": "1"}

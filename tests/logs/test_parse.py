@@ -271,6 +271,7 @@ def test_a_log_that_will_be_refused_is_not_read_to_its_end(tmp_path, monkeypatch
     assert read_log(path, COUNTS, limit=0.02, key="x.limit")[0].num_rows == 20_000
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     start=st.lists(st.one_of(st.integers(0, 40).map(frame), LINE.map(lambda line: line + b"\n")), max_size=60),
@@ -349,6 +350,7 @@ def clean(tmp_path_factory):
     return peak_and_time(flood(tmp_path_factory.mktemp("clean") / "device.log", None), 0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "limit"),
     [(name, limit) for name in FLOODS for limit in (0.02, 1.0) if (name, limit) != ("two lines in turn", 1.0)],  # 8 s
@@ -359,6 +361,7 @@ def test_a_flood_of_rejects_costs_about_what_a_clean_log_does(name, limit, clean
     assert mb < 2 * clean[0] and seconds < 4 * clean[1]
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tail=FILE)
 def test_no_line_is_lost(tail, tmp_path):
@@ -366,6 +369,7 @@ def test_no_line_is_lost(tail, tmp_path):
     rejects_of(content, tmp_path)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(lines=st.lists(LINE.filter(lambda line: b"\n" not in line), max_size=12))
 def test_a_line_is_judged_by_itself(lines, tmp_path):

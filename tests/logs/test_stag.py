@@ -100,6 +100,7 @@ def crash(*_, **__):
     os.abort()
 
 
+@pytest.mark.slow
 def test_a_file_that_crashes_the_reader_is_one_sentence(tmp_path, monkeypatch):
     path = save(tmp_path, metadata())
     with monkeypatch.context() as patch:
@@ -109,6 +110,7 @@ def test_a_file_that_crashes_the_reader_is_one_sentence(tmp_path, monkeypatch):
     assert len(stag.read(path).label)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="memory is limited on Linux only")
 @pytest.mark.parametrize("name", ["pressure", "objects"])
 def test_a_small_file_that_unpacks_to_a_large_one_is_one_sentence(name, tmp_path, monkeypatch):
@@ -180,6 +182,7 @@ def test_validation_takes_whole_training_recordings(tmp_path):
     assert not set(data.recording[part == "validation"]) & set(data.recording[part == "train"])
 
 
+@pytest.mark.slow
 def test_figure_fifteen_from_a_file(tmp_path):
     path = save(tmp_path, grasps())
     rows = stag_study.train_run(params.load(), "glove", "sp_resnet", 0, str(path), lambda *numbers: None)

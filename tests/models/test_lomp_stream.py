@@ -5,6 +5,7 @@ import pyarrow as pa
 import pytest
 import torch
 
+from pipeline import models
 from pipeline.datasets import windowing
 from pipeline.datasets.windows import Dataset
 from pipeline.learning.regressors import Spec
@@ -13,6 +14,10 @@ from pipeline.models import lomp, lomp_stream
 SPEC = Spec(4, 2, 2, 4, 4)
 TRAINING = dict(learning_rate=3e-3, batch_size=8, max_epochs=15, patience=15, plateau=15, drop=0.5)
 BLOCK = dict(hidden=8, readout=[6], neighbours=4, alpha=0.3, training=TRAINING)
+
+
+def build(block=BLOCK):
+    return models.build("lomp_stream", SPEC, block, "test")
 
 
 def presses(count=40, seed=0):
@@ -53,9 +58,9 @@ def test_streams_are_chains_of_windows():
 
 def test_a_state_that_is_carried_is_a_longer_window():
     x, y, previous = presses(3)
-    model = lomp_stream.build(SPEC, **BLOCK)
+    model = build()
     model.fit((x, y, previous), (x, y, previous), seed=0)
-    whole = lomp.build(SPEC._replace(frames=12), **BLOCK)
+    whole = models.build("lomp", SPEC._replace(frames=12), BLOCK, "test")
     whole.network.load_state_dict(model.network.state_dict())
     whole._set_normalisation(model.input_mean, model.input_spread, model.output_scale)
     ends = whole.predict(x.reshape(3, 12, 4))
@@ -84,9 +89,10 @@ def test_gradients_after_a_carried_state_are_those_of_plain_autograd():
         assert slope == pytest.approx(float((weight.grad * direction).sum()), rel=1e-5, abs=1e-7), name
 
 
+@pytest.mark.slow
 def test_the_state_tells_what_a_window_alone_cannot():
     train, validation = presses(60), presses(20, seed=1)
-    model = lomp_stream.build(SPEC, **(BLOCK | {"training": TRAINING | {"max_epochs": 60, "patience": 60}}))
+    model = build(BLOCK | {"training": TRAINING | {"max_epochs": 60, "patience": 60}})
     history = model.fit(train, validation, seed=0)
     assert history[-1]["validation_loss"] < history[0]["validation_loss"] / 4
     x, y, previous = validation
@@ -96,19 +102,6 @@ def test_the_state_tells_what_a_window_alone_cannot():
 
 
 def test_a_frame_costs_its_share_of_a_window():
-    model, window_model = lomp_stream.build(SPEC, **BLOCK), lomp.build(SPEC, **BLOCK)
+    model, window_model = build(), models.build("lomp", SPEC, BLOCK, "test")
     readout = sum(weight.numel() for weight in model.network.readout)
     assert model.macs() - readout == (window_model.macs() - readout) / SPEC.frames
-
-
-def test_same_seed_same_model(tmp_path):
-    answers = []
-    for _ in range(2):
-        model = lomp_stream.build(SPEC, **BLOCK)
-        model.fit(presses(10), presses(5, seed=1), seed=3)
-        answers.append(model.predict(*presses(4, seed=2)[::2]))
-    np.testing.assert_array_equal(*answers)
-    model.save(tmp_path)
-    again = lomp_stream.build(SPEC, **BLOCK)
-    again.load(tmp_path)
-    np.testing.assert_array_equal(again.predict(*presses(4, seed=2)[::2]), answers[0])

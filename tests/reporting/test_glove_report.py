@@ -4,7 +4,6 @@ import copy
 import json
 import sys
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -27,7 +26,6 @@ from pipeline.reporting import (
     glove_recorded as glove_recorded_report,
 )
 from pipeline.reporting.figures import glove as glove_figures
-from pipeline.reporting.figures import style
 from pipeline.scoring import classification, results
 from pipeline.stages import render
 
@@ -56,17 +54,6 @@ def settings():
     for protocol in block["protocols"]:
         block["protocols"][protocol] = {"seeds": [0, 1] if protocol.startswith("session") else [0]}
     return block
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Figures are made but not drawn: for tests that look at something else."""
-
-    def save(figure, path):
-        path.touch()
-        plt.close(figure)
-
-    monkeypatch.setattr(style, "save", save)
 
 
 def runs(settings):
@@ -173,6 +160,7 @@ def run_render(experiment, settings, monkeypatch):
     return paths.REPORTS / experiment
 
 
+@pytest.mark.slow
 def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, monkeypatch):
     write_glove(settings)
     target = run_render("glove", settings, monkeypatch)
@@ -220,6 +208,7 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
     assert "no file of it is named" in readme and "pipeline/models/lomp.py" not in readme
 
 
+@pytest.mark.slow
 def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatch):
     write_glove(settings)
     rows = [
@@ -236,6 +225,7 @@ def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatc
     assert "above ResNet_3x3 at every number of frames, STAG: in the mean at 8 of 8" in readme
 
 
+@pytest.mark.slow
 def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
     write_glove(settings)
     scores = pd.read_csv(paths.scores("glove"))
@@ -263,7 +253,7 @@ def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
         (("augmentation.csv", "method", "B"), "no row for method B, protocol session_pressure, seed 0"),
     ],
 )
-def test_a_missing_row_is_named(root, settings, monkeypatch, change, named):
+def test_a_missing_row_is_named(root, settings, undrawn, monkeypatch, change, named):
     write_glove(settings)
     name, column, value = change
     path = paths.experiment_folder("glove") / name
@@ -273,14 +263,16 @@ def test_a_missing_row_is_named(root, settings, monkeypatch, change, named):
         run_render("glove", settings, monkeypatch)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", ["stag.csv", "augmentation.csv", "frames.parquet", "predictions/resnet3x3.parquet"])
-def test_a_missing_file_is_named(root, settings, monkeypatch, missing):
+def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
     write_glove(settings)
     (paths.experiment_folder("glove") / missing).unlink()
     with pytest.raises(InputError, match=f"data/glove/{missing}: not found"):
         run_render("glove", settings, monkeypatch)
 
 
+@pytest.mark.slow
 def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settings, undrawn, monkeypatch):
     titles = []
     monkeypatch.setattr(glove_pages, "GRASPED", "telephone")
@@ -290,6 +282,7 @@ def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settin
     assert titles == ["Figure 10: tactile images, empty bottle, session00"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("models", [["constant"], ["constant", "tree", "sp_resnet"]])
 def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
     settings["models"] = {model: MODELS[model] for model in models}
@@ -510,6 +503,7 @@ def write_probe(level):
     pd.DataFrame(rows, columns=names).to_csv(paths.probe("glove_recorded"), index=False)
 
 
+@pytest.mark.slow
 def test_recorded_report(root, recorded, monkeypatch):
     write_experiment("glove_recorded", recorded)
     write_probe(0.8)

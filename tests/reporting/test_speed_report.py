@@ -6,6 +6,7 @@ import pytest
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.reporting import labels
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.figures import style
@@ -149,13 +150,14 @@ def crowded(spread):
     return near
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("spread", "time"), [(0.0, "p50_ms"), (0.1, "p50_ms"), (1.0, "train_s")])
 def test_every_model_is_named_and_no_name_covers_another(tmp_path, monkeypatch, spread, time):
     as_printed = {m: (t, 5 + 0.1 * k, 4.5, 5.8, 3, 0, 10**k) for k, (m, t) in enumerate(TIMES.items())}
     figure = drawn(drawable({"single": crowded(spread), "double": as_printed}), tmp_path, monkeypatch, time)
     for ax in figure.axes:
         boxes = {" ".join(text.get_text().split()): text.get_window_extent() for text in ax.texts}
-        assert set(boxes) == {style.label(model) for model in TIMES}
+        assert set(boxes) == {labels.model_name(model) for model in TIMES}
         inside, names = ax.get_window_extent(), list(boxes)
         for k, one in enumerate(names):
             for other in names[k + 1 :]:

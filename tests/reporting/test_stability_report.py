@@ -123,6 +123,7 @@ def test_the_report_says_who_fails_where(root):
     assert all(name in text for name in pictures)
 
 
+@pytest.mark.slow
 def test_the_report_is_the_same_in_every_run(root):
     def content():
         render_stability.main()

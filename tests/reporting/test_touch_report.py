@@ -169,6 +169,7 @@ def change_scores(experiment, change):
     change(scores).to_csv(paths.scores(experiment), index=False)
 
 
+@pytest.mark.slow
 def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monkeypatch):
     write_touch(settings)
     (root / "reports" / "touch").mkdir(parents=True)
@@ -216,7 +217,7 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
     assert not any(row[0] == "Constant (mean)" and len(row) == 5 for row in rows)  # the paper has no time of it
 
 
-def test_a_double_touch_result_against_lomp_is_said_plainly(root, settings, monkeypatch):
+def test_a_double_touch_result_against_lomp_is_said_plainly(root, settings, undrawn, monkeypatch):
     write_touch(settings)
 
     def swapped(scores):
@@ -228,7 +229,7 @@ def test_a_double_touch_result_against_lomp_is_said_plainly(root, settings, monk
     assert "Single touch: RNN is best" in readme
 
 
-def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, monkeypatch):
+def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, undrawn, monkeypatch):
     write_touch(settings)
 
     def failed(scores):
@@ -260,7 +261,7 @@ def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, monkeypatch)
         ({"model": "constant"}, "model constant"),
     ],
 )
-def test_a_missing_score_is_named(root, settings, monkeypatch, drop, named):
+def test_a_missing_score_is_named(root, settings, undrawn, monkeypatch, drop, named):
     write_touch(settings)
     change_scores("touch", lambda s: s[~(s[list(drop)] == pd.Series(drop)).all(axis=1)])
     with pytest.raises(InputError, match=named):
@@ -280,7 +281,7 @@ def test_a_missing_score_is_named(root, settings, monkeypatch, drop, named):
         "models/rnn/press-1/history.csv",
     ],
 )
-def test_a_missing_file_is_named(root, settings, monkeypatch, missing):
+def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
     write_touch(settings)
     (root / "data" / "touch" / missing).unlink()
     with pytest.raises(InputError, match=f"data/touch/{missing}: not found"):
@@ -300,7 +301,7 @@ def test_predictions_must_cover_the_test_windows(root, settings):
     assert np.isnan(whole[:4]).all() and np.allclose(whole[4:], 0.8 * truth[4:])
 
 
-def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, monkeypatch):
+def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, undrawn, monkeypatch):
     del settings["models"]["linear"]
     settings["models"]["perceiver"] = {}
     write_touch(settings)
@@ -356,6 +357,7 @@ def write_velostat(settings):
     paths.ingest_report("velostat_recorded").write_text('{"run": true}')
 
 
+@pytest.mark.slow
 def test_velostat_report(root, recorded, monkeypatch):
     write_velostat(recorded)
     target = run_render("velostat_recorded", recorded, monkeypatch)

@@ -54,6 +54,7 @@ def read(values) -> stress_images.Frames:
     return stress_images.read("glove", values["glove"], part)
 
 
+@pytest.mark.slow
 def test_severity_0_is_exactly_what_evaluate_found(project):
     reports = []
     found = stress_images.rows(project, "glove", "naive_bayes", lambda: reports.append(1))
@@ -73,6 +74,7 @@ def test_severity_0_is_exactly_what_evaluate_found(project):
     assert len({row[7] for row in constant if row[2] == 0 and row[5] == "accuracy"}) == 1
 
 
+@pytest.mark.slow
 def test_a_score_that_is_out_of_date_is_an_error(project):
     text = paths.scores("glove").read_text()
     row = next(
@@ -86,6 +88,7 @@ def test_a_score_that_is_out_of_date_is_an_error(project):
     paths.scores("glove").write_text(text)
 
 
+@pytest.mark.slow
 def test_severity_0_of_every_perturbation_gives_the_images_of_the_dataset(project):
     frames, settings = read(project), project["glove"]
     data = images.read(paths.dataset("glove"), "session_combined", 0)
@@ -98,6 +101,7 @@ def test_severity_0_of_every_perturbation_gives_the_images_of_the_dataset(projec
         assert not np.array_equal(pictures["combined"], expected), name
 
 
+@pytest.mark.slow
 def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(project):
     frames = read(project)
     wired = frames.areas["pressure"].wired
@@ -112,6 +116,7 @@ def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(project):
     assert (few != before).any(axis=0).sum() == 4
 
 
+@pytest.mark.slow
 def test_a_line_is_a_row_or_a_column_of_its_area(project):
     frames = read(project)
     found = stress_images.perturbed(frames, "pressure", "dead_line", 1, 0).reshape(-1, 15, 18)
@@ -121,6 +126,7 @@ def test_a_line_is_a_row_or_a_column_of_its_area(project):
     assert not found[:, rows, cols].any()
 
 
+@pytest.mark.slow
 def test_lost_frames_come_from_the_same_recording(project):
     frames = read(project)
     found = stress_images.perturbed(frames, "pressure", "lost_frames", 1.0, 0)
@@ -181,6 +187,7 @@ def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_number
     assert np.isnan(run.scores(pictures)[0][2])
 
 
+@pytest.mark.slow
 def test_a_changed_scene_changes_what_it_says(project):
     def counts(change, severity):
         whole = glove_stress.session(project["glove"], "magic_cube", "session00", change, severity).astype(float)

@@ -145,6 +145,7 @@ def miniature(folder) -> dict:
     return values
 
 
+@pytest.mark.slow
 def test_severity_0_is_exactly_what_evaluate_found(project):
     with open(paths.scores("strain")) as file:
         known = {tuple(row[k] for k in (1, 2, 4, 5)): float(row[7]) for row in csv.reader(file) if row[3] == "ridge"}
@@ -161,6 +162,7 @@ def test_severity_0_is_exactly_what_evaluate_found(project):
     assert worse["dead"] > 5 * clean["dead"] and worse["specimen"] != clean["specimen"]
 
 
+@pytest.mark.slow
 def test_a_score_that_is_out_of_date_is_an_error(project):
     text = paths.scores("strain").read_text()
     before = next(line for line in text.splitlines() if line.startswith("strain,task_1,task_1,ridge,0,error"))
@@ -174,6 +176,7 @@ def test_a_score_that_is_out_of_date_is_an_error(project):
     paths.scores("strain").write_text(text)
 
 
+@pytest.mark.slow
 def test_changed_scenes_keep_the_motion_and_change_what_they_say(project):
     settings = project["strain"]
     settings = settings | {"simulate": settings["simulate"] | {"faults": settings["simulate"]["faults"] | {"gaps": 0}}}

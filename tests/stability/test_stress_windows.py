@@ -65,6 +65,7 @@ def project(trained, monkeypatch):
     return use
 
 
+@pytest.mark.slow
 def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(project):
     project(small())
     stress.main()
@@ -96,6 +97,7 @@ def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(proj
     assert not paths.stress_scenes("touch").exists()
 
 
+@pytest.mark.slow
 def test_other_clean_scores_than_those_of_evaluate_are_refused(project):
     project(small())
     file = paths.scores("touch")
@@ -112,6 +114,7 @@ def test_other_clean_scores_than_those_of_evaluate_are_refused(project):
         file.write_text(before)
 
 
+@pytest.mark.slow
 def test_a_run_that_failed_in_training_has_no_value(project):
     project(small())
     fit = paths.run_folder("touch", "constant", "press", 1) / "fit.json"
@@ -129,6 +132,7 @@ def test_a_run_that_failed_in_training_has_no_value(project):
     assert rmse[rmse.seed == 1].value.isna().all() and rmse[rmse.seed == 0].value.notna().all()
 
 
+@pytest.mark.slow
 def test_an_unknown_name_gets_a_hint(project):
     values = small()
     values["stress"]["touch"]["perturbations"] = {"nois": [0.1]}
@@ -142,6 +146,7 @@ def test_an_unknown_name_gets_a_hint(project):
         stress.main()
 
 
+@pytest.mark.slow
 def test_recordings_that_are_absent_leave_a_header(project, monkeypatch):
     project(small())
     monkeypatch.setattr(sys, "argv", ["stress", "velostat_recorded"])
@@ -158,6 +163,7 @@ def test_own_logs_have_no_scene_to_perturb():
     assert stress_windows.scene_cases(values, "touch") == []
 
 
+@pytest.mark.slow
 def test_perturbed_counts_stay_what_the_adc_can_print(trained, project):
     project(small())
     values = small()

@@ -27,6 +27,7 @@ def test_a_figure_is_as_wide_as_its_title(title, tmp_path):
     assert width == 3 * style.DPI if not title else width > 4.5 * style.DPI
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Glyph")  # the font has no Chinese letters
 @pytest.mark.parametrize("name", [*own_logs.NAMES, "$x^2$", r"a\$b$", r"$\frac{1}{2}$"], ids=ascii)
 def test_a_name_is_drawn_as_it_is(name, tmp_path):
