@@ -285,7 +285,7 @@ def test_impossible_settings_are_one_sentence(tmp_path):
     for change, sentence in (
         ({"taps": 1}, "taps: expected a whole number from 2 to 100, got 1"),
         ({"training": RECIPE | {"rate": 1}}, "training: unknown key 'rate'; known: learning_rate"),
-        ({"training": RECIPE | {"warm_up": 30}}, "warm_up must be less than length"),
+        ({"training": RECIPE | {"warm_up": 30}}, "warm_up should be less than length"),
     ):
         with pytest.raises(InputError, match=sentence):
             built("lstm_highpass", block | change)
