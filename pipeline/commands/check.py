@@ -435,7 +435,7 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
 
 
 def check(experiment: str, folder: Path, values: Mapping) -> str | None:
-    """Print all that was understood, draw it, and return the first thing to fix, or None if ingest can read the logs."""
+    """Print all that was understood, draw it, and return the first thing to fix, or None if ingest can read it all."""
     settings = values[experiment]
     recordings = params.experiment_module(experiment).recordings(folder)
     read = []
