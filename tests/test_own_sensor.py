@@ -171,7 +171,7 @@ def numbers(change):
 
 
 MISTAKES = {  # the files of which every whole line is edited, how, and what check says first
-    "array of another size": ("array.log", numbers(lambda v: v[:5]), r"5 values a line.*touch\.sensor\.rows"),
+    "array of another size": ("array.log", numbers(lambda v: v[:5]), r"5 values per line.*touch\.sensor\.rows"),
     "rows from the top": (
         "array.log",
         numbers(lambda v: [*v[3:], *v[:3]]),
@@ -199,7 +199,7 @@ MISTAKES = {  # the files of which every whole line is edited, how, and what che
     "ounces": (
         "load_cell.log",
         numbers(lambda v: [float(v[0]) * 30]),
-        "kPa under the tip .* newtons .* or mend the radius",
+        "kPa under the tip .* newtons .* or fix the radius",
     ),
     "depth for height": ("cnc.log", numbers(lambda v: [*v[:2], -float(v[2])]), "z_mm is never below 0"),
     "milliseconds": (
@@ -218,7 +218,7 @@ MISTAKES = {  # the files of which every whole line is edited, how, and what che
         "fall when pressed; write 1023 minus",
     ),
     "started late": ("load_cell.log", lambda lines: lines[1500:], "load_cell.log lasts 2. s, .* start within 5 s"),
-    "no depth": ("cnc.log", numbers(lambda v: v[:2]), "3 columns a line; expected 4: t_us,x_mm,y_mm,z_mm"),
+    "no depth": ("cnc.log", numbers(lambda v: v[:2]), "3 columns per line; expected 4: t_us,x_mm,y_mm,z_mm"),
     "empty log": ("cnc.log", lambda lines: [], "no line can be read|file is empty"),
 }
 
@@ -293,7 +293,7 @@ def test_check_names_the_keys_that_do_not_fit(root, written, undrawn, capsys):
     assert "stress.touch.perturbations.dead: [22] is more than the sensor has (21)" in said
     values = strain_values()
     values["strain"]["sensor"]["channels"] = 6
-    assert "4 voltages a line" in check.check("strain", written / "strain", values)
+    assert "4 voltages per line" in check.check("strain", written / "strain", values)
 
 
 def test_a_task_without_a_recording_is_one_sentence(root, written, undrawn, tmp_path):

@@ -1,10 +1,10 @@
-"""Read a folder of your own logs as ingest would, say what was understood, and what to mend first.
+"""Read a folder of your own logs as ingest would, say what was understood, and what to fix first.
 
 Usage: python -m pipeline.commands.check touch|strain|glove FOLDER
 
 The formats, the alignment and the splits are the experiment's own, with the values of params.yaml; nothing is changed
 but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the first
-thing to mend and status 1.
+thing to fix and status 1.
 """
 
 import os
@@ -33,16 +33,16 @@ DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, from which the number of its columns is taken
 STEP = 1  # counts; an element that never changes by more is dead
 OUTSIDE = 0.02  # share of contacts that may lie beside the array
-SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # no scan and no serial line is outside of this
-TIMES = {  # unit wanted, whether too fast -> what is probably there
+SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # every scan and every serial line is within this range
+TIMES = {  # unit wanted, whether too fast -> advice on the unit that is probably there
     ("microseconds", True): " Multiply milliseconds by 1000",
     ("microseconds", False): " Divide nanoseconds by 1000",
     ("seconds", False): " Divide milliseconds by 1000",
 }
 LEAST_MM = 0.2  # an arm that moves less is given in metres
-MOST_KPA = 5000  # ten times what soft sensors are pressed with
+MOST_KPA = 5000  # ten times the pressure on soft sensors
 SMALL = 0.12  # share of the array's sides; contacts that stay within are given in centimetres, or in one place
-BETTER = 0.2  # more of the contacts explained by another order of the elements: that is the order
+BETTER = 0.2  # share of contacts that another order of the elements must explain beyond the expected one
 
 
 class Log(NamedTuple):
@@ -54,30 +54,32 @@ class Log(NamedTuple):
 
 
 class Checked(NamedTuple):
-    """One recording: its files as far as they can be read, and what ingest makes of it, if anything."""
+    """One recording: its files as far as they can be read, and its frames, if ingest can make them."""
 
     folder: Path
     logs: dict[str, Log]
     frames: pa.Table | None
-    report: dict  # of ingest, file -> what was understood; {} where it refused
+    report: dict  # of ingest, file -> its numbers; {} where ingest refused the recording
     problems: list[str]
 
     @property
     def name(self) -> str:
+        """Return `<condition>/<recording>`."""
         return f"{self.folder.parent.name}/{self.folder.name}"
 
 
 def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse.Format]:
-    """What the lines of each log in a recording's folder should look like."""
+    """Return log -> format of its lines, for every log that a recording's folder should have."""
     module = experiments.module(experiment)
     if experiment == "strain":
         return module.formats(settings)
     if experiment == "glove":
         return {module.LOG: module.FORMAT}
-    found = {"array.log": module.array_format(settings)}
+    expected = {"array.log": module.array_format(settings)}
     for device, fmt in (("load_cell", module.LOAD_CELL), ("cnc", module.CNC)):
-        found |= dict.fromkeys([f"{device}.log", *sorted(path.name for path in folder.glob(f"{device}_*.log"))], fmt)
-    return found
+        further = sorted(path.name for path in folder.glob(f"{device}_*.log"))
+        expected |= dict.fromkeys([f"{device}.log", *further], fmt)
+    return expected
 
 
 def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
@@ -118,7 +120,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
 
 
 def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
-    """The key to change where most lines of a log have another number of columns than params.yaml says."""
+    """Name the key to change where most lines of a log have another number of columns than params.yaml says."""
     with path.open("rb") as file:
         counts = Counter(line.count(b",") for line, _ in zip(file, range(LINES), strict=False) if b"," in line)
     values = max(counts, key=counts.get) if counts else 0
@@ -129,26 +131,26 @@ def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapp
         sensor = settings["sensor"]
         shapes = " or ".join(f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0)
         return (
-            f"{path}: {values} values a line, but touch.sensor in params.yaml is {sensor['rows']} rows x "
+            f"{path}: {values} values per line, but touch.sensor in params.yaml is {sensor['rows']} rows x "
             f"{sensor['cols']} cols = {expected}; set touch.sensor.rows and touch.sensor.cols ({shapes})"
         )
     if path.name == "daq.log":
         return (
-            f"{path}: {values} voltages a line, but strain.sensor.channels in params.yaml is {expected}; "
+            f"{path}: {values} voltages per line, but strain.sensor.channels in params.yaml is {expected}; "
             f"set strain.sensor.channels: {values}"
         )
     header = fmt.header if expected < 5 else f"{fmt.columns[0].name},{fmt.columns[1].name},...,{fmt.columns[-1].name}"
-    return f"{path}: {values + 1} columns a line; expected {expected + 1}: {header}"
+    return f"{path}: {values + 1} columns per line; expected {expected + 1}: {header}"
 
 
 def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
-    """What logs get wrong and still parse: units of time, force and place, and which way is up."""
+    """Yield problems of logs that can be read: wrong units of time, force and place, and a wrong sign."""
     for name, log in read.items():
         path, rate = folder / name, log.report["rate_hz"]
         if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
             unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
             advice = TIMES.get((unit, rate > FASTEST_HZ), "")
-            yield f"{path}: {rate:g} lines a second; is the first column the time in {unit}?{advice}"
+            yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
         if "fz_n" in log.rows.column_names:
             force = log.rows["fz_n"].to_numpy()
             low, rest, high = np.percentile(force, [0.5, 10, 99.5])
@@ -169,9 +171,10 @@ def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Ite
 
 
 def falls(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
-    """Do the counts of a touch array fall when pressed? They vary least at rest, which should be their lowest level.
+    """Yield a problem where the counts of a touch array fall when pressed.
 
-    Asked only where the logs cannot be aligned: those of an array that saturates vary least when pressed.
+    Counts vary least at rest, which should be their lowest level. Called only where the logs cannot be aligned: the
+    counts of an array that saturates vary least when pressed.
     """
     if not {"array.log", "load_cell.log"} <= set(read):
         return
@@ -189,7 +192,7 @@ def falls(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[
 
 
 def lengths(read: Mapping[str, Log], settings: Mapping) -> str:
-    """How long each log lasts, where they differ by more than the devices may start apart; else nothing."""
+    """Say how long each log lasts, where they differ by more than the devices may start apart; else ''."""
     lasts = {}
     for name, log in read.items():
         interval = np.diff(log.rows["time_s"].to_numpy())
@@ -197,15 +200,15 @@ def lengths(read: Mapping[str, Log], settings: Mapping) -> str:
     apart = settings["ingest"].get("max_clock_offset_s", np.inf)
     if not lasts or max(lasts.values()) - min(lasts.values()) <= apart:
         return ""
-    said = ", ".join(f"{name} lasts {seconds:.0f} s" for name, seconds in lasts.items())
-    return f" ({said}; the logs of a recording start within {apart:g} s of each other)"
+    each = ", ".join(f"{name} lasts {seconds:.0f} s" for name, seconds in lasts.items())
+    return f" ({each}; the logs of a recording start within {apart:g} s of each other)"
 
 
-def understood(experiment: str, one: Checked) -> Iterator[str]:
-    """Lines about one recording."""
-    yield f"\n{one.name}"
-    for name, log in one.logs.items():
-        report = one.report.get(name, log.report)
+def understood(recording: Checked) -> Iterator[str]:
+    """Yield lines of text about one recording."""
+    yield f"\n{recording.name}"
+    for name, log in recording.logs.items():
+        report = recording.report.get(name, log.report)
         rejects = ", ".join(f"{reason} {count}" for reason, count in report["rejects"].items())
         first = rejects and f" (first: line {log.rejects['line'][0].as_py()})" if log.rejects.num_rows else ""
         yield (
@@ -221,11 +224,11 @@ def understood(experiment: str, one: Checked) -> Iterator[str]:
             )
         for channel, fault in report.get("channels", {}).items():
             yield f"{'':19}{channel}: {fault['fault']} in {100 * fault['share']:.0f} % of the time"
-    yield from (f"  problem: {problem}" for problem in one.problems)
+    yield from (f"  problem: {problem}" for problem in recording.problems)
 
 
 def ranges(rows: pa.Table) -> str:
-    """Smallest and largest value of each kind of column: v0 .. v24 are one kind, x_mm and y_mm are two."""
+    """Return the smallest and largest value of each kind of column: v0 .. v24 are one kind, x_mm and y_mm are two."""
     kinds: dict[str, list[str]] = {}
     for name in rows.column_names:
         if name not in ("t_us", "t_s", "time_s", "line", "segment"):
@@ -234,16 +237,16 @@ def ranges(rows: pa.Table) -> str:
     for names in kinds.values():
         values = [rows[name].to_numpy() for name in names]
         low, high = min(v.min() for v in values) + 0.0, max(v.max() for v in values) + 0.0  # no -0
-        shown = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
-        parts.append(f"{shown} {low:g} to {high:g}")
+        columns = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
+        parts.append(f"{columns} {low:g} to {high:g}")
     return ", ".join(parts)
 
 
 def whole(experiment: str, read: list[Checked], settings: Mapping) -> tuple[pa.Table, list[str], list[str]]:
-    """All usable recordings as the stage dataset sees them: (rows to split, what was found, problems)."""
+    """Return all usable recordings as the stage dataset sees them: (rows to split, findings, problems)."""
     module = experiments.module(experiment)
     schema = module.frames_schema(settings)
-    frames = pa.concat_tables([one.frames.select(schema.names).cast(schema) for one in read])
+    frames = pa.concat_tables([recording.frames.select(schema.names).cast(schema) for recording in read])
     frames = frames.unify_dictionaries().combine_chunks()
     if experiment == "strain":
         return frames, [], strain_problems(frames, settings)
@@ -254,18 +257,18 @@ def whole(experiment: str, read: list[Checked], settings: Mapping) -> tuple[pa.T
         windows = windows_of(frames, settings["window"])
     except InputError as error:
         return frames, [], [f"touch.window: {error}"]
-    said, problems = touch_found(frames, windows, settings)
-    return windows, said, problems
+    findings, problems = touch_findings(frames, windows, settings)
+    return windows, findings, problems
 
 
-def touch_found(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tuple[list[str], list[str]]:
-    """Presses, forces and places, and whether the elements answer where they are pressed."""
+def touch_findings(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tuple[list[str], list[str]]:
+    """Return findings and problems: presses, forces and places, and whether elements answer where they are pressed."""
     names = schemas.names(windows["condition"])
     said, problems = [], []
     for condition in np.unique(names):
-        own = names == condition
-        presses = len(np.unique(windows["press"].to_numpy()[own]))
-        said.append(f"{condition}: {presses} presses, {own.sum()} windows")
+        inside = names == condition
+        presses = len(np.unique(windows["press"].to_numpy()[inside]))
+        said.append(f"{condition}: {presses} presses, {inside.sum()} windows")
     if "single" not in names:
         problems.append("no folder 'single': models learn from single touches, all other conditions are test data")
     force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
@@ -284,7 +287,7 @@ def touch_found(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tuple
     if kpa > MOST_KPA:
         problems.append(
             f"force up to {highest:.0f} N, {kpa:.0f} kPa under the tip (touch.label.tip_radius_mm "
-            f"{settings['label']['tip_radius_mm']:g}): write fz_n in newtons (grams times 0.00981), or mend the radius"
+            f"{settings['label']['tip_radius_mm']:g}): write fz_n in newtons (grams times 0.00981), or fix the radius"
         )
     said.append(
         f"force up to {highest:.1f} N ({kpa:.0f} kPa), "
@@ -303,18 +306,21 @@ def touch_found(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tuple
     if outside.sum() > OUTSIDE * touching.sum():
         problems.append(
             f"{100 * outside.sum() / touching.sum():.0f} % of the contacts are beside the array; x_mm and y_mm are 0 "
-            "at its bottom left corner and rise to the right and to the top: shift them, or mend touch.sensor.pitch_mm"
+            "at its bottom left corner and rise to the right and to the top: shift them, or fix touch.sensor.pitch_mm"
         )
     else:
-        found, wrong = order_of_elements(frames, force, x, y, settings)
-        said, problems = said + found, problems + wrong
+        more, wrong = order_of_elements(frames, force, x, y, settings)
+        said, problems = said + more, problems + wrong
     return said, problems
 
 
 def order_of_elements(
     frames: pa.Table, force: np.ndarray, x: np.ndarray, y: np.ndarray, settings: Mapping
 ) -> tuple[list[str], list[str]]:
-    """Is the pressed element the strongest? Of single touches with more than half the highest force, (n, touches)."""
+    """Return findings and problems: whether the pressed element is the strongest in firm contacts.
+
+    A contact is firm in a single touch with more than half the highest force. force, x, y: (n, touches).
+    """
     sensor = settings["sensor"]
     rows, cols = sensor["rows"], sensor["cols"]
     firm = (np.isfinite(force).sum(axis=1) == 1) & (force[:, 0] > np.nanmax(force[:, 0]) / 2)
@@ -332,7 +338,7 @@ def order_of_elements(
     }
     at_row = np.clip(y[firm, 0] // sensor["pitch_mm"], 0, rows - 1)
     at_col = np.clip(x[firm, 0] // sensor["pitch_mm"], 0, cols - 1)
-    right = {name: float(np.mean((one == at_row) & (other == at_col))) for name, (one, other) in orders.items()}
+    right = {name: float(np.mean((row == at_row) & (col == at_col))) for name, (row, col) in orders.items()}
     wanted, best = next(iter(right)), max(right, key=right.get)
     said = [f"the pressed element is the strongest in {100 * right[wanted]:.0f} % of firm contacts"]
     if right[best] < right[wanted] + BETTER:
@@ -345,14 +351,13 @@ def order_of_elements(
 
 
 def strain_problems(frames: pa.Table, settings: Mapping) -> list[str]:
-    """Values of params.yaml that do not go with the length of the recordings."""
-    return (
-        [] if frames.num_rows >= 10 * settings["window"]["frames"] else ["the recordings are too short to learn from"]
-    )
+    """Return a problem where the recordings are too short."""
+    enough = frames.num_rows >= 10 * settings["window"]["frames"]
+    return [] if enough else ["the recordings are too short to learn from"]
 
 
 def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], list[str]]:
-    """How many rows train, validate and test in the first run of every protocol, and which of them are none."""
+    """Return findings and problems: how many rows train, validate and test in the first run of every protocol."""
     module, said, problems = experiments.module(experiment), [], []
     for protocol, block in values[experiment]["protocols"].items():
         try:
@@ -371,7 +376,7 @@ VERBS = {"train": "train on", "validation": "validate on", "test": "test on"}
 
 
 def unfit(experiment: str, frames: pa.Table, values: Mapping) -> list[str]:
-    """Values of params.yaml that do not go with this sensor, each with the key to change."""
+    """Return problems: values of params.yaml that do not fit this sensor, each with the key to change."""
     settings, problems = values[experiment], []
     asked = values["stress"][experiment]["perturbations"]
     if experiment == "touch":
@@ -400,7 +405,7 @@ def unfit(experiment: str, frames: pa.Table, values: Mapping) -> list[str]:
 
 
 def too_old(frames: pa.Table, ages: list[float], values: Mapping) -> list[str]:
-    """Ages in minutes that the test part of a task does not reach."""
+    """Return problems: ages in minutes that the test part of a task does not reach."""
     module, problems = experiments.module("strain"), []
     for task in values["stress"]["strain"]["protocols"]:
         part = module.split(frames, values["strain"], task, 0)
@@ -415,10 +420,10 @@ def too_old(frames: pa.Table, ages: list[float], values: Mapping) -> list[str]:
 
 
 def still(experiment: str, read: list[Checked]) -> list[str]:
-    """Elements and cells that do not change in any recording."""
+    """Return a finding that names the elements and cells that do not change in any recording."""
     lowest, highest = {}, {}
-    for one in read:
-        for name, log in one.logs.items():
+    for recording in read:
+        for name, log in recording.logs.items():
             for column in log.rows.column_names:
                 if re.fullmatch(r"[vps]\d+", column):
                     values = log.rows[column].to_numpy()
@@ -426,37 +431,37 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
                     lowest[key] = min(lowest.get(key, np.inf), values.min())
                     highest[key] = max(highest.get(key, -np.inf), values.max())
     dead = [key for key in lowest if highest[key] - lowest[key] <= STEP]
-    shown = ", ".join(dead[:10]) + (", ..." if len(dead) > 10 else "")
-    return [f"{len(dead)} of {len(lowest)} elements never change (dead, or never touched): {shown}"] if dead else []
+    listed = ", ".join(dead[:10]) + (", ..." if len(dead) > 10 else "")
+    return [f"{len(dead)} of {len(lowest)} elements never change (dead, or never touched): {listed}"] if dead else []
 
 
 def check(experiment: str, folder: Path, values: Mapping) -> str | None:
-    """Print all that was understood, draw it, and return the first thing to mend, or None if ingest can have it."""
+    """Print all that was understood, draw it, and return the first thing to fix, or None if ingest can read it all."""
     settings = values[experiment]
     recordings = experiments.module(experiment).recordings(folder)
     read = []
     for path in recordings:
         read.append(checked(experiment, path, settings))
-        print("\n".join(understood(experiment, read[-1])))
-    problems = [problem for one in read for problem in one.problems]
-    usable = [one for one in read if one.frames is not None]
+        print("\n".join(understood(read[-1])))
+    problems = [problem for recording in read for problem in recording.problems]
+    usable = [recording for recording in read if recording.frames is not None]
     print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
     said = still(experiment, read)
     if usable:
-        rows, found, wrong = whole(experiment, usable, settings)
-        said, problems = said + found, problems + wrong + unfit(experiment, rows, values)
+        rows, findings, wrong = whole(experiment, usable, settings)
+        said, problems = said + findings, problems + wrong + unfit(experiment, rows, values)
         if not wrong:
-            found, wrong = parts(experiment, rows, values)
-            said, problems = said + found, problems + wrong
+            findings, wrong = parts(experiment, rows, values)
+            said, problems = said + findings, problems + wrong
     print("\n".join(f"  {line}" for line in said))
     target = paths.check(experiment)
     target.parent.mkdir(parents=True, exist_ok=True)
-    drawn = [one for one in read if one.logs][:DRAWN]
+    drawn = [recording for recording in read if recording.logs][:DRAWN]
     if drawn:
         check_figures.draw(target, experiment, drawn, settings)
         print(f"picture: {target}")
     if len(problems) > 1:
-        print("\nto mend:", *dict.fromkeys(problems), sep="\n  ")
+        print("\nto fix:", *dict.fromkeys(problems), sep="\n  ")
     return problems[0] if problems else None
 
 
@@ -470,7 +475,7 @@ def main() -> None:
     place = Path(os.path.abspath(folder))  # without ..
     first = check(experiment, folder, params.load()) or own_data.unnoticed(place)
     if first is not None:
-        sys.exit(f"mend first: {first}")
+        sys.exit(f"fix first: {first}")
     print(f"ready: set {experiment}.source: {own_data.setting(place)} in params.yaml, then `dvc repro`")
 
 

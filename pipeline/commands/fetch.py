@@ -1,10 +1,9 @@
 """Download public recordings.
 
-`python -m pipeline.commands.fetch` lists the sources, `python -m pipeline.commands.fetch NAME` gets one.
-
-From a local copy of it: `python -m pipeline.commands.fetch NAME --from FOLDER`.
+`python -m pipeline.commands.fetch` lists the sources, `python -m pipeline.commands.fetch NAME` gets one, and
+`python -m pipeline.commands.fetch NAME --from FOLDER` copies one from a local folder.
 Every file is checked against its SHA-256 before it gets its name. An interrupted call is simply repeated: files that
-are right are left alone, and the one that was under way goes on where it stopped.
+are right stay, and the download that was interrupted goes on where it stopped.
 """
 
 import argparse
@@ -26,18 +25,18 @@ SIZES = {"velostat_recorded": 16_927_854, "strain_recorded": 5_867_681, "glove_r
 
 
 def state(name: str) -> str:
-    """How much of a source is there: absent, partly (how many files are right), or complete."""
+    """Return how much of a source is downloaded: absent, partly (how many files are right), or complete."""
     listed, target = sources.files(name), sources.folder(name)
-    there = [path for path in listed if (target / path).is_file()]
-    right = sum(sources.sha256(target / path) == listed[path] for path in there)
+    present = [path for path in listed if (target / path).is_file()]
+    right = sum(sources.sha256(target / path) == listed[path] for path in present)
     if right == len(listed):
         return "complete"
-    wrong = f", {len(there) - right} wrong" if right < len(there) else ""
-    return f"partly: {right} of {len(listed)} files{wrong}" if there else "absent"
+    wrong = f", {len(present) - right} wrong" if right < len(present) else ""
+    return f"partly: {right} of {len(listed)} files{wrong}" if present else "absent"
 
 
 def listing() -> str:
-    """All sources with files, size, state, licence and address, as lines of text."""
+    """Return all sources with files, size, state, licence and address, as lines of text."""
     rows = [("source", "files", "size", "state", "licence")]
     for name, source in sources.SOURCES.items():
         size = f"{SIZES[name] / 1e6:.1f} MB"
@@ -69,7 +68,7 @@ def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
         for path, digest in listed.items():
             goal = target / path
             if not goal.resolve().is_relative_to(target.resolve()):
-                raise InputError(f"{path}: leaves the folder {target}; mend pipeline/{name}.sha256")
+                raise InputError(f"{path}: leaves the folder {target}; fix pipeline/logs/{name}.sha256")
             bar.set_postfix_str(f"file {written + kept + 1} of {len(listed)}", refresh=False)
             if goal.is_file() and sources.sha256(goal) == digest:
                 kept += 1
@@ -80,24 +79,24 @@ def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
             if from_folder is None:
                 origin, resumed = sources.address(name, path), part.is_file()
                 _download(origin, part, bar)
-                if resumed and sources.sha256(part) != digest:  # what was there was not the start of this file
+                if resumed and sources.sha256(part) != digest:  # the old part was not the start of this file
                     part.unlink()
                     _download(origin, part, bar)
             else:
                 origin = _found(from_folder / path, from_folder, name)
                 shutil.copyfile(origin, part)
                 bar.update(part.stat().st_size)
-            found = sources.sha256(part)
-            if found != digest:
+            got = sources.sha256(part)
+            if got != digest:
                 part.unlink()
-                raise InputError(f"{origin}: SHA-256 is {found}, expected {digest}; get the file of the pinned commit")
+                raise InputError(f"{origin}: SHA-256 is {got}, expected {digest}; get the file of the pinned commit")
             part.replace(goal)
             written += 1
     return written, kept
 
 
 def _download(address: str, part: Path, bar: tqdm) -> None:
-    """The file at `address` into `part`, from where `part` ends. Raises InputError, and what came stays in `part`."""
+    """Download the file at `address` into `part`, from where `part` ends; where it raises InputError, `part` stays."""
     have = part.stat().st_size if part.is_file() else 0
     request = Request(address, headers={"Range": f"bytes={have}-"} if have else {})
     advice = "repeat the command, which goes on from there, or use --from FOLDER"
@@ -115,7 +114,7 @@ def _download(address: str, part: Path, bar: tqdm) -> None:
                         break
     except HTTPError as error:
         if error.code == http.HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
-            return  # nothing comes after what is there: its SHA-256 says whether it is the file
+            return  # `part` is as long as the file already: its SHA-256 says whether it is the file
         raise InputError(f"{address}: download failed ({error}); {advice}") from error
     except (OSError, http.client.HTTPException) as error:
         if storage_error(error) is not None:
@@ -129,7 +128,7 @@ def _download(address: str, part: Path, bar: tqdm) -> None:
 
 
 def _found(path: Path, folder: Path, name: str) -> Path:
-    """`path`, or the file of its name in `folder`: laid out like the source, or all in one folder."""
+    """Return `path`, or the file of its name in `folder`: laid out like the source, or all in one folder."""
     for candidate in (path, folder / path.name):
         if candidate.is_file():
             return candidate
@@ -137,7 +136,7 @@ def _found(path: Path, folder: Path, name: str) -> Path:
 
 
 def main() -> None:
-    """Command line: nothing, for the list; or a source's name and, instead of the download, a local folder."""
+    """List the sources, or get the one named on the command line, by download or from a local folder."""
     parser = argparse.ArgumentParser(
         prog="python -m pipeline.commands.fetch", description="List or get public recordings."
     )

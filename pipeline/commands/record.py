@@ -1,10 +1,10 @@
 """Record what a device prints on a serial port, as it comes: `python -m pipeline.commands.record PORT FILE [--baud N]`.
 
 Bytes are written unchanged, whole lines at a time, so that the file can be read while it grows. If this program is
-killed, that costs the line that is arriving; if the computer loses its power, the lines of the last SYNC_S as well: the
-disk has all lines before. The device may vanish and come back: recording goes on when the port does, and what it had
-printed of a line when it vanished becomes a line of its own, which ingest rejects. Ctrl-C ends the recording after the
-line that is arriving; if it does not end within LAST_LINE_S, it is kept as it came.
+killed, the line that is arriving is lost; if the computer loses its power, the lines of the last SYNC_S as well: the
+disk has all lines before. The device may vanish and come back: recording goes on when the port does, and the part of a
+line that the device had printed when it vanished becomes a line of its own, which ingest rejects. Ctrl-C ends the
+recording after the line that is arriving; a line that does not end within LAST_LINE_S is kept as it came.
 """
 
 import argparse
@@ -19,9 +19,9 @@ from pipeline.base.errors import InputError, run_stage
 BAUD = 115200
 WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen
 RETRY_S = 0.3  # between two attempts to open a port that vanished
-LAST_LINE_S = 0.5  # after Ctrl-C, for what is under way and for the rest of a line, each
-SYNC_S = 1.0  # between two times that the disk is made to have all lines, which takes it milliseconds
-SILENT_S = 5.0  # nothing for so long is worth a word
+LAST_LINE_S = 0.5  # after Ctrl-C, for bytes that are under way and for the rest of a line, each
+SYNC_S = 1.0  # between two calls of fsync, each of which takes milliseconds
+SILENT_S = 5.0  # a device that prints nothing for so long is reported
 
 
 class Stop:
@@ -40,7 +40,7 @@ class Stop:
 
 
 class Log:
-    """The growing file: takes bytes as they come, writes whole lines. Raises InputError when it cannot."""
+    """The growing file: takes bytes as they come, writes whole lines; InputError where the disk refuses them."""
 
     def __init__(self, path: Path):
         self.path, self.lines, self.rest = path, 0, b""
@@ -54,7 +54,7 @@ class Log:
             raise InputError(f"{path}: cannot be written ({error.strerror}); give another place") from error
 
     def add(self, data: bytes) -> None:
-        """Write all lines that are whole with these bytes (or none: for the disk's sake); keep the rest."""
+        """Write all lines that are whole with these bytes (or none), keep the rest, and sync where it is due."""
         whole, end, self.rest = (self.rest + data).rpartition(b"\n")
         self._write(whole + end)
         if self.lines > self.safe and time.monotonic() - self.synced >= SYNC_S:
@@ -94,7 +94,7 @@ class Log:
 
 
 def record(port: str, target: Path, baud: int, stop: Stop) -> int:
-    """Record until `stop`; returns the number of whole lines. Raises InputError as `Log`, and if there is no port."""
+    """Record until `stop` and return the number of whole lines. Raises InputError as `Log`, and if there is no port."""
     try:
         import serial
     except ModuleNotFoundError as error:
@@ -135,17 +135,17 @@ def record(port: str, target: Path, baud: int, stop: Stop) -> int:
 
 
 def _reopened(opened, stop: Stop):
-    """The port once it is back, or None if `stop` comes first."""
+    """Wait for the port; return it once it is back, or None if `stop` comes first."""
     while not stop:
         try:
             return opened()
-        except OSError:  # still away; the sentence was said when it went
+        except OSError:  # still away, which `record` has said already
             time.sleep(RETRY_S)
     return None
 
 
 def _finish(device, log: Log) -> None:
-    """Take what is under way (until the device pauses), and the rest of the line that is arriving."""
+    """Read the bytes that are under way (until the device pauses), and the rest of the line that is arriving."""
     try:
         end = time.monotonic() + LAST_LINE_S
         while (data := device.read(device.in_waiting or 1)) and time.monotonic() < end:
@@ -164,13 +164,13 @@ def _say(sentence: str) -> None:
 
 
 def main() -> None:
-    """Command line: the port, the new file and the baud rate."""
+    """Record the port named on the command line into a new file."""
     parser = argparse.ArgumentParser(
         prog="python -m pipeline.commands.record", description="Record a serial port to a log."
     )
     parser.add_argument("port", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
     parser.add_argument("file", type=Path, help="a new file, such as data/own/finger/single/run000/array.log")
-    parser.add_argument("--baud", type=int, default=BAUD, help=f"symbols a second (default {BAUD})")
+    parser.add_argument("--baud", type=int, default=BAUD, help=f"symbols per second (default {BAUD})")
     arguments = parser.parse_args()
     lines = record(arguments.port, arguments.file, arguments.baud, Stop())
     print(f"{arguments.file}: {lines} lines")

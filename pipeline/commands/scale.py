@@ -35,14 +35,14 @@ def set_values(values: dict, params_file: Path) -> None:
 
 
 def _float(representer, value: float):
-    """1e-06 as 1.0e-06: without a point YAML readers take it for text."""
+    """Write 1e-06 as 1.0e-06: without a point YAML readers take the number for text."""
     text = repr(value)
     text = text if "." in text else text.replace("e", ".0e")
     return representer.represent_scalar("tag:yaml.org,2002:float", text)
 
 
 def _flow(value):
-    """Lists and blocks on one line, as the rest of params.yaml writes them."""
+    """Put lists and blocks on one line, as in the rest of params.yaml."""
     if isinstance(value, list):
         sequence = CommentedSeq(value)
         sequence.fa.set_flow_style()

@@ -83,7 +83,7 @@ def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
     interval = np.median(np.diff([row[time] for row in values])) if len(values) > 1 else 0.0
     unit = fmt.columns[time].unit
     if interval * (1e-6 if unit == "us" else 1) > SLOW_S:
-        return f"the time rises by {interval:g} {unit} a line; {CONVERSIONS[unit]}"
+        return f"the time rises by {interval:g} {unit} per line; {CONVERSIONS[unit]}"
     for field, column in zip(usual, fmt.columns, strict=True):
         if column.integer and not re.fullmatch(r"\s*-?[0-9]+\s*", field):
             if column.name == fmt.time:

@@ -51,7 +51,7 @@ WRONG = {  # file, edit of its lines, what is said
     "microseconds": (
         "daq.log",
         each(lambda v: [f"{float(v[0]) * 1e6:.0f}", *v[1:]]),
-        "rises by 200000 s a line; write seconds",
+        "rises by 200000 s per line; write seconds",
     ),
     "millivolts": (
         "daq.log",

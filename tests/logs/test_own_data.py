@@ -107,7 +107,7 @@ def test_logs_that_dvc_watches_are_taken(way, root, tmp_path):
 
 
 @pytest.mark.parametrize("way", UNNOTICED)
-def test_a_link_to_a_folder_is_refused_with_the_command_that_mends_it(way, root, tmp_path):
+def test_a_link_to_a_folder_is_refused_with_the_command_that_fixes_it(way, root, tmp_path):
     place = root / "data" / "own"
     place.rmdir()
     way(place, tmp_path / "elsewhere" / "it's here")
@@ -166,7 +166,7 @@ def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(check, "check", lambda *arguments: None)  # all else is right
     for folder, words in ((outside, "is not in data/own, so"), (link, "is a link to a folder, in which")):
         monkeypatch.setattr(sys, "argv", ["check", "touch", str(folder)])
-        with pytest.raises(SystemExit, match=f"^mend first: {folder} {words}"):
+        with pytest.raises(SystemExit, match=f"^fix first: {folder} {words}"):
             check.main()
     link.unlink()
     put(root / "data" / "own")
