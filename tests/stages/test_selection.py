@@ -26,14 +26,13 @@ CNN = {"channels": [4], "hidden": [16], "training": TRAINING | {"patience": EPOC
 SP_RESNET = {"reduction": 16, "training": TRAINING | {"flip": 0.0, "noise": 0.0, "affine": 0.0}}
 
 
-def linear(spec, *, training: dict, **others) -> TorchRegressor:
+def linear(spec, *, training: dict | AugmentedTraining, **others) -> TorchRegressor:
     """In place of every network: one layer, whose loss falls in every epoch where the labels are right."""
-    make, block = (ImageClassifier, AugmentedTraining) if "flip" in training else (TorchRegressor, EarlyStopping)
-    return make(
-        lambda: nn.Sequential(nn.Flatten(), nn.Linear(spec.frames * spec.elements, spec.outputs)),
-        spec,
-        block(**training),
-    )
+    if isinstance(training, dict):
+        training = (AugmentedTraining if "flip" in training else EarlyStopping)(**training)
+    make = ImageClassifier if isinstance(training, AugmentedTraining) else TorchRegressor
+    layer = lambda: nn.Sequential(nn.Flatten(), nn.Linear(spec.frames * spec.elements, spec.outputs))  # noqa: E731
+    return make(layer, spec, training)
 
 
 def nothing(*numbers) -> None:
