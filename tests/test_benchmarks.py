@@ -89,6 +89,7 @@ def test_rows_say_what_was_met_and_replace_each_other(tmp_path):
     assert float(found[1]["ratio"]) == 11.9 and found[0]["ours"] == ""
 
 
+@pytest.mark.slow
 def test_exponents_and_earlier_points(tmp_path):
     assert growth.exponent([1, 4, 16], [3, 6, 12]) == pytest.approx(0.5)
     assert np.isnan(growth.exponent([1], [3]))
@@ -105,6 +106,7 @@ def test_exponents_and_earlier_points(tmp_path):
     assert {path.name for path in (tmp_path / "benchmarks").iterdir()} == {"data.png", "elements.png"}
 
 
+@pytest.mark.slow
 def test_the_report_shows_every_row_and_exponent(tmp_path):
     shared = {"unit": "s", "rounds": 3, "size": "full"}
     slow = rows.row("slow", what="a thing", ours=1.0, peer=11.9, peer_is="a loop", least_ratio=12, **shared)

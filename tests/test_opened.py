@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import pytest
 import yaml
 from builders.project import ROOT, Project, noting_opened
 from opened.sitecustomize import NATIVE
@@ -99,6 +100,7 @@ else:
 """
 
 
+@pytest.mark.slow
 def test_what_a_stage_opens_is_noted(tmp_path):
     import numpy as np
     import pyarrow.parquet

@@ -98,6 +98,7 @@ def test_a_silence_of_hours_moves_no_clock(settings, lines, tmp_path):
     assert np.diff(frames["t_s"].to_numpy()).max() == pytest.approx(1e4, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["robot.log", "daq.log"])
 @pytest.mark.parametrize("samples", [2000, 7000])  # without and with enough stretches to see the drift
 def test_clocks_may_have_any_zero(settings, tmp_path, samples, name):

@@ -141,6 +141,7 @@ def test_macs_per_window():
     assert model.predict(np.zeros((1, 8, 25), np.float32)).shape == (1, 400)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec, hidden", [(Spec(8, 5, 5, 20, 20), 128), (Spec(3, 2, 4, 6, 4), 8)])
 def test_one_window_in_numpy_is_the_window_of_a_batch(spec, hidden, tmp_path):
     model = lomp.build(spec, hidden=hidden, readout=[16, 8], neighbours=8, alpha=0.3, training=TRAINING)

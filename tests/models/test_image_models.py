@@ -194,6 +194,7 @@ def test_learns(key):
     assert accuracy(model, part) > 0.9 and accuracy(model, fresh) > 0.9  # chance: 0.25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", NETWORKS)
 def test_the_seed_alone_sets_the_first_weights(key):
     first, again, other = (new_network(build(key).make_network, seed).state_dict() for seed in (1, 1, 2))

@@ -102,6 +102,7 @@ def root(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_report_says_who_fails_where(root):
     render_stability.main()
     folder = paths.REPORTS / "stability"

@@ -229,6 +229,7 @@ def test_a_double_touch_result_against_lomp_is_said_plainly(root, settings, undr
     assert "Single touch: RNN is best" in readme
 
 
+@pytest.mark.slow
 def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, undrawn, monkeypatch):
     write_touch(settings)
 
@@ -301,6 +302,7 @@ def test_predictions_must_cover_the_test_windows(root, settings):
     assert np.isnan(whole[:4]).all() and np.allclose(whole[4:], 0.8 * truth[4:])
 
 
+@pytest.mark.slow
 def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, undrawn, monkeypatch):
     del settings["models"]["linear"]
     settings["models"]["perceiver"] = {}
@@ -424,6 +426,7 @@ def test_differences_are_collected(tmp_path):
     assert found[0][0] == f"{tmp_path.name}/one.py"
 
 
+@pytest.mark.slow
 def test_render_needs_neither_torch_nor_scikit_learn():
     code = (
         "import sys, pipeline.stages.render, pipeline.reporting.glove_pages, "

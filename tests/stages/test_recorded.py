@@ -107,6 +107,7 @@ def test_every_setting_of_recorded_data_is_read(experiment, stages, tmp_path, mo
     assert own and sorted(own - read) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("experiment", MADE)
 def test_real_recordings_have_the_committed_scores(experiment, stages, recordings):
     folder = recordings(experiment)

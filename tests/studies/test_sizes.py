@@ -7,7 +7,7 @@ import torch
 
 from pipeline.base.errors import InputError
 from pipeline.models import sp_resnet
-from pipeline.reporting.figures.sizes import Reference
+from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.scoring import ladders
 from pipeline.stages import render_rightsize
@@ -102,9 +102,7 @@ def test_failed_runs_are_said_in_table_file_and_figure(tmp_path):
     assert lines[1].startswith("touch,single,lomp,8,800,rmse,kPa,nan,nan,nan,0")
     pictures = []
     for name in ("one.png", "two.png"):
-        render_rightsize.figures_rightsize.curves(
-            tmp_path / name, "Touch", judged, {("lomp", "single"): Reference(11.0, 3.4)}
-        )
+        sizes_figures.curves(tmp_path / name, "Touch", judged, {("lomp", "single"): sizes_figures.Reference(11.0, 3.4)})
         pictures.append((tmp_path / name).read_bytes())
     assert pictures[0] == pictures[1]
 

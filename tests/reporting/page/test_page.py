@@ -195,6 +195,7 @@ def test_benchmarks_are_on_the_page_where_they_were_measured(reports):
     assert heading not in page.build(params.load())
 
 
+@pytest.mark.slow
 def test_a_missing_part_of_the_stability_report_is_an_error(reports):
     text = (reports / "stability" / "README.md").read_text()
     (reports / "stability" / "README.md").write_text(text.replace("## glove: all", "## glove_recorded: all"))
@@ -209,6 +210,7 @@ def test_a_link_to_nothing_is_an_error(reports):
         page.build(params.load())
 
 
+@pytest.mark.slow
 def test_the_page_follows_the_claims(reports):
     before = page.build(params.load())
     assert page.build(params.load()) == before
