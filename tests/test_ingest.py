@@ -336,7 +336,7 @@ def test_without_recordings_the_stage_says_so(root):
     assert pq.read_table(data / "frames.parquet").num_rows == 0
     assert pq.read_table(data / "rejects.parquet").schema.equals(schemas.REJECTS)
     report = json.loads((data / "ingest.json").read_text())
-    assert report["run"] is False and "pipeline.commands.fetch velostat_recorded" in report["reason"]
+    assert report["run"] is False and "tactile fetch velostat_recorded" in report["reason"]
 
 
 DAMAGES = {
@@ -365,7 +365,7 @@ def test_one_file_of_a_source_that_is_not_right_stops_the_stage(experiment, dama
     path = sources.folder(experiment) / sorted(listed)[len(listed) // 2]
     DAMAGES[damage](path)
     with pytest.raises(
-        InputError, match=rf"^{re.escape(str(path))}: is .*`python -m pipeline\.fetch {experiment}`"
+        InputError, match=rf"^{re.escape(str(path))}: is .*`tactile fetch {experiment}`"
     ) as error:
         ingest.ingest(experiment, VELOSTAT_SETTINGS)
     assert "\n" not in str(error.value) and report.read_text() == "of an earlier run"

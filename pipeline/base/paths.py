@@ -39,7 +39,7 @@ def ingest_report(experiment: str) -> Path:
 
 
 def check(experiment: str) -> Path:
-    """The picture of a folder of own logs (written by `python -m pipeline.commands.check`; no stage reads it)."""
+    """The picture of a folder of own logs (written by `tactile check`; no stage reads it)."""
     return experiment_folder(experiment) / "check.png"
 
 

@@ -1,10 +1,10 @@
-"""Record what a device prints on a serial port, as it comes: `python -m pipeline.commands.record PORT FILE [--baud N]`.
+"""Record what a device prints on a serial port, as it comes.
 
 Bytes are written unchanged, whole lines at a time, so that the file can be read while it grows. If this program is
-killed, that costs the line that is arriving; if the computer loses its power, the lines of the last SYNC_S as well: the
+killed, that costs the line that is arriving; if the computer loses its power, those of the last second as well: the
 disk has all lines before. The device may vanish and come back: recording goes on when the port does, and what it had
 printed of a line when it vanished becomes a line of its own, which ingest rejects. Ctrl-C ends the recording after the
-line that is arriving; if it does not end within LAST_LINE_S, it is kept as it came.
+line that is arriving; if it does not end within half a second, it is kept as it came.
 """
 
 import argparse
@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
 
 BAUD = 115200
 WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen
@@ -163,18 +163,16 @@ def _say(sentence: str) -> None:
     print(sentence, file=sys.stderr, flush=True)
 
 
-def main() -> None:
-    """Command line: the port, the new file and the baud rate."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline.commands.record", description="Record a serial port to a log."
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the port, the new file and the baud rate to the parser of this command."""
+    parser.add_argument("port", metavar="PORT", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="a new file, such as data/own/finger/single/run000/array.log"
     )
-    parser.add_argument("port", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
-    parser.add_argument("file", type=Path, help="a new file, such as data/own/finger/single/run000/array.log")
-    parser.add_argument("--baud", type=int, default=BAUD, help=f"symbols a second (default {BAUD})")
-    arguments = parser.parse_args()
-    lines = record(arguments.port, arguments.file, arguments.baud, Stop())
-    print(f"{arguments.file}: {lines} lines")
+    parser.add_argument("--baud", type=int, default=BAUD, metavar="N", help=f"symbols per second (default {BAUD})")
 
 
-if __name__ == "__main__":
-    run_stage(main)
+def main(given: argparse.Namespace) -> None:
+    """Record from the port named on the command line."""
+    lines = record(given.port, given.file, given.baud, Stop())
+    print(f"{given.file}: {lines} lines")

@@ -66,7 +66,7 @@ def recordings(folder: Path) -> list[Path]:
     """The files `<object>/*.dsa` in `folder`, by object and then in the order of time. InputError if there is none."""
     found = sorted(folder.glob("*/*.dsa"), key=lambda path: (path.parent.name, _first_frame(path.stem), path.name))
     if not found:
-        raise InputError(f"{folder}: no recordings; run `python -m pipeline.commands.fetch glove_recorded`")
+        raise InputError(f"{folder}: no recordings; run `tactile fetch glove_recorded`")
     return found
 
 

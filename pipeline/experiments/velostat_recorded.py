@@ -30,9 +30,7 @@ def recordings(folder: Path) -> list[Path]:
     """The Velostat logs in `folder`/velostat_data, sorted. InputError where there is none."""
     found = sorted((folder / "velostat_data").glob("*/*.txt"))
     if not found:
-        raise InputError(
-            f"{folder / 'velostat_data'}: no recordings; run `python -m pipeline.commands.fetch velostat_recorded`"
-        )
+        raise InputError(f"{folder / 'velostat_data'}: no recordings; run `tactile fetch velostat_recorded`")
     return found
 
 

@@ -30,7 +30,7 @@ def ingest(experiment: str, settings: dict) -> None:
     schema = module.frames_schema(settings)
     if experiment in sources.SOURCES:
         if not sources.is_complete(experiment):
-            reason = f"recordings not downloaded; run `python -m pipeline.commands.fetch {experiment}`"
+            reason = f"recordings not downloaded; run `tactile fetch {experiment}`"
             _write(experiment, schema, [], [], {"run": False, "reason": reason})
             print(f"{experiment}: not run, {reason}")
             return
@@ -51,7 +51,7 @@ def ingest(experiment: str, settings: dict) -> None:
     except InputError as error:
         if settings.get("source", "simulated") == "simulated":
             raise
-        more = f"`python -m pipeline.commands.check {experiment} {settings['source']}` says more"
+        more = f"`tactile check {experiment} {settings['source']}` says more"
         raise InputError(f"{error} ({more})") from error
 
 
