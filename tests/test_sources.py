@@ -72,9 +72,7 @@ def test_wrong_file_is_refused_and_not_put_in_place(small):
     with pytest.raises(InputError, match=r"two words\.txt: SHA-256 is .* expected"):
         fetch.fetch("velostat_recorded", small)
     assert [p.name for p in sources.folder("velostat_recorded").rglob("*") if p.is_file()] == ["one.txt"]
-    with pytest.raises(
-        InputError, match=r"two words\.txt: is missing; run `tactile fetch velostat_recorded`"
-    ):
+    with pytest.raises(InputError, match=r"two words\.txt: is missing; run `tactile fetch velostat_recorded`"):
         sources.is_complete("velostat_recorded")
 
 

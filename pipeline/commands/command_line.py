@@ -1,7 +1,7 @@
 """What people run by hand: check, fetch and record logs, fit the simulated film, set the scale of params.yaml.
 
-Each command is a module of this room, whose `add_arguments(parser)` says what it takes and whose `main(given)` runs it.
-`tactile COMMAND --help` says more of one.
+Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
+`main(given)` runs it with the arguments given. `--help` behind a command says more.
 """
 
 import argparse
