@@ -59,6 +59,6 @@ def recordings(tmp_path_factory):
                 (linked / path).parent.mkdir(parents=True, exist_ok=True)
                 (linked / path).symlink_to(file.resolve())
             return linked
-        pytest.skip(f"recordings not here: run `python -m pipeline.commands.fetch {name}` or set TACTILE_RECORDINGS")
+        pytest.skip(f"recordings not here: run `tactile fetch {name}` or set TACTILE_RECORDINGS")
 
     return functools.cache(find)

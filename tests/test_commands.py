@@ -1,37 +1,48 @@
-"""Every command that a message or a document names can be given: the module is there, takes these arguments.
+"""Every command that a message, a document or dvc.yaml names can be given: its own parser takes these arguments.
 
-How a module is called is what its own docstring says. Of `{experiment}` and the like in a message only the number is
-known.
+The parser of a module is the one that its `main` makes. Of `{experiment}` and the like in a message only the place is
+known: such a word can be any that the parser knows.
 """
 
+import argparse
 import ast
+import importlib
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
-from builders.project import ROOT
 from dvc.repo import Repo
 
-from pipeline.base import params
-from pipeline.logs import sources
+from pipeline.base import params, paths
 
+ROOT = Path(__file__).resolve().parent.parent
 VALUES = params.load()
-EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CODE = sorted((ROOT / "pipeline").rglob("*.py"))
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "data").rglob("README.md")), *sorted((ROOT / "reports").rglob("*.md"))]
 # A command ends with its line, its quotes, a comment behind it, or where the next one starts.
 END = r"(?=[`\"\n#;,)]|\s\s|\.\s|\.$| && | again| says | first| with |$)"
-MODULE = re.compile(r"python -m pipeline\.(?P<name>[\w{}<>]+(?:\.[\w{}<>]+)*)(?P<arguments>.*?)" + END)
+MODULE = re.compile(r"python -m (?P<name>pipeline\.[\w.{}<>]*[\w}>])(?P<arguments>.*?)" + END)
+# `tactile` is an adjective, too: as a command it stands in backticks, or in a document at the start of a line.
+TACTILE = re.compile(r"`tactile(?P<arguments> .*?)" + END)
+TACTILE_LINE = re.compile(r"^tactile(?P<arguments> .*?)" + END, re.MULTILINE)
 REPRO = re.compile(r"dvc repro(?P<arguments>.*?)" + END)
-OPEN = re.compile(r"[{<].*|[A-Z]+")  # a word that stands for others: {experiment}, <name>, MODEL
-ANYTHING = {"FOLDER", "PORT", "FILE", "N"}
+OPEN = re.compile(r"[{<].*|[A-Z_]+")  # a word that stands for others: {experiment}, <name>, MODEL
+RUN = 'if __name__ == "__main__":'
+PEOPLE = "pipeline.commands.command_line"  # what `tactile` starts
+STAGES = sorted(
+    f"pipeline.{room}.{path.stem}"
+    for room in ("stages", "studies")
+    for path in (ROOT / "pipeline" / room).glob("*.py")
+    if RUN in path.read_text()
+)
 
 
 def texts(path: Path) -> Iterator[tuple[str, bool]]:
-    """(text, whether it speaks of the code to its readers) of every string of a Python file, or of a document."""
+    """Yield (text, whether it speaks of the code to its readers) of every string of a Python file, or of a document."""
     if path.suffix == ".md":
         yield path.read_text(encoding="utf-8"), False
         return
@@ -48,7 +59,21 @@ def texts(path: Path) -> Iterator[tuple[str, bool]]:
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in skipped:
             yield node.value, node in documented
         elif isinstance(node, ast.JoinedStr):
-            yield "".join(one.value if isinstance(one, ast.Constant) else "{}" for one in node.values), False
+            yield "".join(part.value if isinstance(part, ast.Constant) else "{}" for part in node.values), False
+
+
+class Made(Exception):
+    """The parser that a module's `main` would have used."""
+
+    def __init__(self, parser: argparse.ArgumentParser):
+        self.parser = parser
+
+
+class Words(tuple):
+    """The words that an argument may be, and those that stand for them in a text."""
+
+    def __contains__(self, word: str) -> bool:
+        return all(OPEN.fullmatch(part) or tuple.__contains__(self, part) for part in word.split("|"))
 
 
 def file_of(name: str) -> Path:
@@ -57,73 +82,144 @@ def file_of(name: str) -> Path:
 
 
 @cache
-def usages(name: str) -> list[list[str]]:
-    """The arguments, word by word, of every call of a module that its docstring shows."""
-    docstring = ast.get_docstring(ast.parse(file_of(name).read_text())) or ""
-    calls = []
-    for found in MODULE.finditer(docstring):
-        if found["name"] == name:
-            words = found["arguments"].split()
-            calls += [" ".join(words).partition("[")[0].split(), [word.strip("[]") for word in words]]
-    return [list(call) for call in dict.fromkeys(map(tuple, calls))]
-
-
-def fits(word: str, wanted: str, before: list[str]) -> bool:
-    """Whether a word of a command can stand for one of its usage; `before`: the words before it."""
-    known = set()
-    for choice in wanted.split("|"):
-        known |= {"EXPERIMENT": set(VALUES["experiments"]), "NAME": set(sources.SOURCES)}.get(choice, {choice})
-        if choice == "MODEL" and before[-1] in VALUES["experiments"]:
-            known |= set(VALUES[before[-1]]["models"])
-    return wanted in ANYTHING or all(OPEN.fullmatch(part) or part in known for part in word.split("|"))
-
-
-def wrong_call(name: str, arguments: list[str], named_only: bool) -> str | None:
-    """What is wrong with `python -m pipeline.<name> <arguments>`, or None; named_only: it need not be complete."""
-    if any(OPEN.fullmatch(part) for part in name.split(".")):
+def parser_of(name: str) -> argparse.ArgumentParser | None:
+    """Return the parser of a module that can be run, or None; its arguments may be words that stand for others."""
+    path = ROOT.joinpath(*name.split(".")).with_suffix(".py")
+    if not path.is_file() or RUN not in path.read_text():
         return None
-    path = file_of(name)
-    if not path.is_file() or "__main__" not in path.read_text():
+    assert name == PEOPLE or "arguments.parse(" in path.read_text(), f"{path}: main calls no arguments.parse"
+
+    def stop(parser: argparse.ArgumentParser, *given):
+        raise Made(parser)
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(Made) as caught:
+        patch.setattr(argparse.ArgumentParser, "parse_args", stop)
+        importlib.import_module(name).main()
+    loosen(caught.value.parser)
+    return caught.value.parser
+
+
+def loosen(parser: argparse.ArgumentParser) -> None:
+    """Let words stand for others in the arguments of a parser and of its commands."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                loosen(command)
+        elif action.choices is not None:
+            action.choices = Words(action.choices)
+        elif action.type is int:
+            action.type = lambda word: word if OPEN.fullmatch(word) else int(word)
+
+
+def wrong_call(name: str, words: list[str], named_only: bool) -> str | None:
+    """Return what is wrong with the call of a module with these words, or None; named_only: it need not be complete."""
+    if any(OPEN.fullmatch(step) for step in name.split(".")):
+        return None
+    parser = parser_of(name)
+    if parser is None:
         return "there is no such command"
-    if named_only and not arguments:
+    if named_only and len(words) <= (name == PEOPLE):
         return None
-    for usage in usages(name):
-        pairs = list(zip(arguments, usage, strict=False))
-        if len(arguments) == len(usage) and all(fits(*pair, arguments[:k]) for k, pair in enumerate(pairs)):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(argparse.ArgumentParser, "error", refuse)
+        try:
+            given = parser.parse_args(words)
+        except InvalidCall as error:
+            return str(error)
+        except SystemExit:  # --help
             return None
-    return f"it is called as {[' '.join(words) for words in usages(name)]}"
+    return wrong_model(getattr(given, "experiment", ""), getattr(given, "model", None))
+
+
+class InvalidCall(Exception):
+    """What a parser says of wrong arguments."""
+
+
+def refuse(parser: argparse.ArgumentParser, message: str) -> None:
+    """Take the place of ArgumentParser.error, which ends the process."""
+    raise InvalidCall(message)
+
+
+def wrong_model(experiment: str, model: str | None) -> str | None:
+    """Return what is wrong with a model to train; any text is right for the parser, and the stage looks for it."""
+    known = {*VALUES[experiment]["models"], paths.MODEL_ZERO} if experiment in VALUES["experiments"] else ()
+    if model is None or not known or model in Words(known):
+        return None
+    return f"{experiment} has no model {model}"
 
 
 @cache
 def targets() -> set[str]:
     """Return the names of DVC's stages, and of groups of them."""
-    with Repo(str(ROOT)) as repo:
-        names = {stage.addressing for stage in repo.index.stages}
+    names = {name for name, _ in stages()}
     return names | {name.partition("@")[0] for name in names}
 
 
-def wrong_commands(text: str, documented: bool) -> Iterator[str]:
-    """`<command>: <what is wrong>` of every command in a text."""
-    for found in MODULE.finditer(text):
-        arguments = [word.strip("[]") for word in found["arguments"].split()]
-        if wrong := wrong_call(found["name"], arguments, documented):
-            yield f"{found[0]}: {wrong}"
-    for found in REPRO.finditer(text):
-        for target in found["arguments"].split():
+@cache
+def stages() -> list[tuple[str, str]]:
+    """Return (name, command) of every stage of dvc.yaml."""
+    with Repo(str(ROOT)) as repo:
+        return [(stage.addressing, stage.cmd) for stage in repo.index.stages]
+
+
+def words_of(arguments: str) -> list[str]:
+    """Return the words of a call as a text shows it: what is in brackets may be left out."""
+    return [word.strip("[]") for word in arguments.split()]
+
+
+def wrong_commands(text: str, documented: bool, lines: bool = True) -> Iterator[str]:
+    """Yield `<command>: <what is wrong>` of every command in a text; lines: `tactile` may start one."""
+    calls = [(call, call["name"]) for call in MODULE.finditer(text)]
+    calls += [(call, PEOPLE) for pattern in [TACTILE, TACTILE_LINE][: 1 + lines] for call in pattern.finditer(text)]
+    for call, name in calls:
+        if wrong := wrong_call(name, words_of(call["arguments"]), documented):
+            yield f"{call[0]}: {wrong}"
+    for call in REPRO.finditer(text):
+        for target in call["arguments"].split():
             if target not in targets() and not OPEN.fullmatch(target):
-                yield f"{found[0]}: dvc.yaml has no stage {target}"
+                yield f"{call[0]}: dvc.yaml has no stage {target}"
     for file in re.findall(r"python (?:-m pytest )?(tests/[\w/.]+\w)", text):
         if not (ROOT / file).exists():
             yield f"{file}: there is no such file"
     for extra in re.findall(r"pip install [^`\n]*'?\.\[(\w+)\]", text):
-        if extra not in EXTRAS:
+        if extra not in PROJECT["optional-dependencies"]:
             yield f".[{extra}]: pyproject.toml has no such extra"
 
 
 @pytest.mark.parametrize("path", CODE + DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_every_command_can_be_given(path):
-    wrong = [line for text, documented in texts(path) for line in wrong_commands(text, documented)]
+    lines = path.suffix == ".md"
+    wrong = [line for text, documented in texts(path) for line in wrong_commands(text, documented, lines)]
     assert not wrong, "\n".join(dict.fromkeys(wrong))
+
+
+def test_every_command_of_dvc_yaml_can_be_given():
+    wrong = {
+        name: list(wrong_commands(command.replace('"$DVC_STAGE"', name.rpartition("@")[2]), False))
+        for name, command in stages()
+    }
+    assert not any(wrong.values()), wrong
+
+
+@pytest.mark.parametrize("name", [*STAGES, PEOPLE])
+def test_every_stage_and_command_has_help(name, capsys):
+    with pytest.raises(SystemExit) as ended:
+        parser_of(name).parse_args(["--help"])
+    assert ended.value.code == 0
+    assert "usage: " in capsys.readouterr().out
+
+
+def test_the_installed_command_is_that_of_the_room():
+    module, _, function = PROJECT["scripts"]["tactile"].partition(":")
+    assert (module, function) == (PEOPLE, "main") and list(PROJECT["scripts"]) == ["tactile"]
+    modules = {path.stem.replace("_", "-") for path in (ROOT / "pipeline" / "commands").glob("[a-z]*.py")}
+    assert set(commands()) == modules - {"command-line"}
+
+
+def commands() -> Iterable[str]:
+    """Return the names of the commands of `tactile`."""
+    (action,) = (action for action in parser_of(PEOPLE)._actions if action.dest == "command")
+    return action.choices
 
 
 @pytest.mark.parametrize(
@@ -135,11 +231,14 @@ def test_every_command_can_be_given(path):
         "`python -m pipeline.stages.train touch esn`",
         "`python -m pipeline.stages.train touch`",
         "`python -m pipeline.base.files`",
-        "python -m pipeline.commands.scale fulll && dvc repro",
+        "`python -m pipeline.commands.fetch velostat_recorded`",
+        "tactile scale fulll && dvc repro",
         "run `dvc repro train` again",
         "dvc repro render@tuch      # a comment",
         "dvc repro render@touch && dvc repro rendr",
-        "python -m pipeline.commands.fetch velostat",
+        "tactile fetch velostat",
+        "run `tactile fecth velostat_recorded`",
+        "`tactile check touch`",
         "python -m pipeline.stages.agreement acept",
         "python tests/kil.py",
         "FUZZ=10 python -m pytest tests/test_fault.py` tries",
@@ -155,9 +254,14 @@ def test_a_wrong_command_is_seen(text):
     [
         "run `python -m pipeline.stages.ingest {}` again",
         "python -m pipeline.stages.train touch lomp",
-        "python -m pipeline.stages.train_series strain model_zero",
-        "python -m pipeline.commands.fetch velostat_recorded --from FOLDER",
-        "python -m pipeline.commands.record /dev/ttyUSB0 array.log --baud 115200",
+        "python -m pipeline.stages.train EXPERIMENT MODEL|model_zero",
+        "python -m pipeline.stages.train strain model_zero",
+        "tactile fetch velostat_recorded --from FOLDER",
+        "run `tactile fetch {}`, which",
+        "the tactile images of `glove`",
+        "tactile record /dev/ttyUSB0 array.log --baud 115200",
+        "tactile record PORT FILE [--baud N]",
+        "tactile check touch|strain|glove FOLDER",
         "python -m pipeline.stages.agreement",
         "python -m pipeline.stages.agreement accept",
         "dvc repro",

@@ -254,9 +254,7 @@ def test_ingest_says_that_check_knows_more(root, small):
     folder, values = small
     logs = changed(folder, root / "data" / "own" / "sensor", lambda lines: [line.replace(",", ";") for line in lines])
     settings = values["touch"] | {"source": "data/own/sensor"}
-    with pytest.raises(
-        InputError, match=rf"{logs}.* \(`python -m pipeline.commands.check touch data/own/sensor` says more\)$"
-    ):
+    with pytest.raises(InputError, match=rf"{logs}.* \(`tactile check touch data/own/sensor` says more\)$"):
         ingest.ingest("touch", settings)
 
 
@@ -304,10 +302,10 @@ def test_a_task_without_a_recording_is_one_sentence(root, written, undrawn, tmp_
 
 
 def test_command_line_of_check(written):
-    command = [sys.executable, "-m", "pipeline.commands.check"]
-    for arguments, words in ((["touch"], "usage"), (["touch", "/no/folder"], "there is no such folder")):
+    command = [sys.executable, "-m", "pipeline.commands.command_line", "check"]
+    for arguments, status, words in ((["touch"], 2, "usage"), (["touch", "/no/folder"], 1, "there is no such folder")):
         done = subprocess.run([*command, *arguments], cwd=ROOT, capture_output=True, text=True)
-        assert done.returncode == 1 and words in done.stderr and "Traceback" not in done.stderr
+        assert done.returncode == status and words in done.stderr and "Traceback" not in done.stderr
 
 
 MODELS = yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text())
@@ -338,7 +336,7 @@ def test_own_array_end_to_end(written, tmp_path):
     shutil.copytree(written / "3x7", project.folder / "data" / "own" / "finger")
     set_touch(project, "3x7")
     project.set({"touch.source": "data/own/finger"})
-    checked = project.run("-m", "pipeline.commands.check", "touch", "data/own/finger").stdout
+    checked = project.run("-m", "pipeline.commands.command_line", "check", "touch", "data/own/finger").stdout
     assert checked.endswith("ready: set touch.source: data/own/finger in params.yaml, then `dvc repro`\n")
     project.dvc("repro", "render@touch")
     rmse = tables_and_figures(project, "touch", "double", "figure8.png")
@@ -413,7 +411,7 @@ def test_any_name_of_a_touch_condition(tmp_path):
     project.set({"touch.label": values["label"] | {"map_rows": 8, "map_cols": 9}})
     project.set({"touch.models": {"constant": {}, "linear": {}}})
     project.set({"stress.touch.perturbations": {"noise": [0.01]}})
-    assert "ready" in project.run("-m", "pipeline.commands.check", "touch", str(logs)).stdout
+    assert "ready" in project.run("-m", "pipeline.commands.command_line", "check", "touch", str(logs)).stdout
     then = ("stages.evaluate touch", "stages.latency touch", "stages.stress touch", "stages.render touch")
     project.dvc("repro", "ingest_touch")
     project.stages(
@@ -436,7 +434,7 @@ def test_any_name_of_a_glove_object(tmp_path):
     project.set({"glove.source": "data/own/sensor", "glove.augmentation.seeds": [0]})
     models = ("constant", "sp_resnet")
     project.set({"glove.models": {key: MODELS["glove.models"][key] for key in models}})
-    assert "ready" in project.run("-m", "pipeline.commands.check", "glove", str(logs)).stdout
+    assert "ready" in project.run("-m", "pipeline.commands.command_line", "check", "glove", str(logs)).stdout
     train = [f"stages.train glove {model}" for model in models]
     then = (
         "studies.augmentation glove",

@@ -184,7 +184,7 @@ def test_every_injected_fault_is_in_the_rejects(miniature):
 
 def test_recorded_data_absent_is_said_and_harms_nothing(miniature):
     text = (miniature.folder / "reports" / "velostat_recorded" / "accuracy" / "README.md").read_text()
-    assert "not run" in text and "pipeline.commands.fetch" in text
+    assert "not run" in text and "tactile fetch" in text
     assert "velostat_recorded" not in set(pd.read_csv(miniature.folder / "reports" / "scores.csv").experiment)
 
 

@@ -5,10 +5,11 @@ import sys
 from collections.abc import Sequence
 
 
-def parse(description: str, **positionals: Sequence[str] | None) -> argparse.Namespace:
+def parse(description: str, **positionals: Sequence[str | None] | None) -> argparse.Namespace:
     """Return the positional arguments of the module that runs; a wrong one ends it with a sentence (exit status 2).
 
-    description: the module's docstring; positionals: name -> allowed words, or None where any text will do.
+    description: the module's docstring; positionals: name -> allowed words, or None where any text will do. An
+    argument with None among its words may be left out.
     """
     spec = getattr(sys.modules["__main__"], "__spec__", None)
     parser = argparse.ArgumentParser(
@@ -17,5 +18,7 @@ def parse(description: str, **positionals: Sequence[str] | None) -> argparse.Nam
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     for name, words in positionals.items():
-        parser.add_argument(name, choices=words, metavar=None if words else name.upper())
+        known = [word for word in words or () if word is not None]
+        optional = "?" if words and None in words else None
+        parser.add_argument(name, nargs=optional, choices=known or None, metavar=None if known else name.upper())
     return parser.parse_args()

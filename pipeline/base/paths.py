@@ -45,7 +45,7 @@ def ingest_report(experiment: str) -> Path:
 
 
 def check(experiment: str) -> Path:
-    """Return the picture of a folder of own logs, written by `python -m pipeline.commands.check`; no stage reads it."""
+    """Return the picture of a folder of own logs, written by `tactile check`; no stage reads it."""
     return experiment_folder(experiment) / "check.png"
 
 

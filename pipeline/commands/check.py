@@ -1,12 +1,11 @@
 """Read a folder of your own logs as ingest would, say what was understood, and what to fix first.
 
-Usage: python -m pipeline.commands.check touch|strain|glove FOLDER
-
 The formats, the alignment and the splits are the experiment's own, with the values of params.yaml; nothing is changed
 but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the first
 thing to fix and status 1.
 """
 
+import argparse
 import os
 import re
 import sys
@@ -21,7 +20,7 @@ import pyarrow.compute as pc
 
 from pipeline import experiments
 from pipeline.base import params, paths
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.logs import diagnosis, own_data, parse
@@ -465,11 +464,15 @@ def check(experiment: str, folder: Path, values: Mapping) -> str | None:
     return problems[0] if problems else None
 
 
-def main() -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the experiment and the folder of logs to the parser of this command."""
+    parser.add_argument("experiment", choices=EXPERIMENTS, help="the experiment that the logs are for")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
+
+
+def main(given: argparse.Namespace) -> None:
     """Check the folder named on the command line."""
-    if len(sys.argv) != 3 or sys.argv[1] not in EXPERIMENTS:
-        raise InputError(f"usage: python -m pipeline.commands.check {'|'.join(EXPERIMENTS)} FOLDER")
-    experiment, folder = sys.argv[1], Path(sys.argv[2])
+    experiment, folder = given.experiment, given.folder
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
@@ -477,7 +480,3 @@ def main() -> None:
     if first is not None:
         sys.exit(f"fix first: {first}")
     print(f"ready: set {experiment}.source: {own_data.setting(place)} in params.yaml, then `dvc repro`")
-
-
-if __name__ == "__main__":
-    run_stage(main)

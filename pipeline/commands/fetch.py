@@ -1,7 +1,6 @@
-"""Download public recordings.
+"""List public recordings, or download those of one source.
 
-`python -m pipeline.commands.fetch` lists the sources, `python -m pipeline.commands.fetch NAME` gets one, and
-`python -m pipeline.commands.fetch NAME --from FOLDER` copies one from a local folder.
+`tactile fetch` lists the sources, `tactile fetch NAME` downloads one, `tactile fetch NAME --from FOLDER` copies it.
 Every file is checked against its SHA-256 before it gets its name. An interrupted call is simply repeated: files that
 are right stay, and the download that was interrupted goes on where it stopped.
 """
@@ -15,7 +14,7 @@ from urllib.request import Request, urlopen
 
 from tqdm import tqdm
 
-from pipeline.base.errors import InputError, run_stage, storage_error
+from pipeline.base.errors import InputError, storage_error
 from pipeline.logs import sources
 
 TIMEOUT_S = 60
@@ -48,7 +47,7 @@ def listing() -> str:
         lines.append(f"  {name}: https://github.com/{source.repository}/tree/{source.commit}/{source.folder}")
     lines += [
         "",
-        "get one: python -m pipeline.commands.fetch NAME; from a local copy of it: --from FOLDER behind the name",
+        "get one: tactile fetch NAME; from a local copy of it: --from FOLDER behind the name",
     ]
     return "\n".join(lines)
 
@@ -135,23 +134,19 @@ def _found(path: Path, folder: Path, name: str) -> Path:
     raise InputError(f"{path}: not found; --from needs a folder with every file of {name}")
 
 
-def main() -> None:
-    """List the sources, or get the one named on the command line, by download or from a local folder."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline.commands.fetch", description="List or get public recordings."
-    )
-    parser.add_argument("name", nargs="?", help=f"one of: {', '.join(sorted(sources.SOURCES))}; without it, the list")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the source and the local folder to the parser of this command."""
+    parser.add_argument("name", nargs="?", choices=sorted(sources.SOURCES), help="a source; without it, the list")
     parser.add_argument("--from", dest="from_folder", type=Path, metavar="FOLDER", help="copy, do not download")
-    arguments = parser.parse_args()
-    if arguments.name is None:
-        if arguments.from_folder is not None:
+
+
+def main(given: argparse.Namespace) -> None:
+    """List the sources, or fetch the one named on the command line."""
+    if given.name is None:
+        if given.from_folder is not None:
             raise InputError(f"--from: name the source too, one of {', '.join(sources.SOURCES)}")
         print(listing())
         return
-    written, kept = fetch(arguments.name, arguments.from_folder)
-    print(f"{arguments.name}: {written} files written, {kept} already there, all SHA-256 right")
-    print(f"licence: {sources.source(arguments.name).licence}")
-
-
-if __name__ == "__main__":
-    run_stage(main)
+    written, kept = fetch(given.name, given.from_folder)
+    print(f"{given.name}: {written} files written, {kept} already there, all SHA-256 right")
+    print(f"licence: {sources.source(given.name).licence}")

@@ -1,6 +1,6 @@
 """Fit the Velostat model to recordings and write `pipeline/scenes/velostat.json`.
 
-`python -m pipeline.commands.fit_material`, after `python -m pipeline.commands.fetch velostat_recorded`.
+The recordings are those of `tactile fetch velostat_recorded`.
 
 One parameter set for four recordings (tip pike1 at 5, 10, 20 and 40 N), fitted on repetition `exp1` and
 scored on `exp2`, driven by the recorded force alone. Both logs are put on one 100 Hz grid by linear
@@ -11,6 +11,7 @@ The fit minimises sum_i (1 - R2_i)^16 over the four recordings, so that the wors
 `reports/material/` gets the figures and the table.
 """
 
+import argparse
 import dataclasses
 import json
 import sys
@@ -22,7 +23,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from pipeline.base import paths
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
 from pipeline.experiments import velostat_recorded
 from pipeline.logs import parse, sources
 from pipeline.reporting import material as report
@@ -72,7 +73,7 @@ class Recording:
 def _recorded(path: Path) -> Path:
     """Return the path of a log; InputError with the command that downloads it where it is not there."""
     if not path.is_file():
-        raise InputError(f"{path}: not found; run `python -m pipeline.commands.fetch {SOURCE}` first")
+        raise InputError(f"{path}: not found; run `tactile fetch {SOURCE}` first")
     return path
 
 
@@ -221,10 +222,14 @@ def above_after_release(recordings: list[Recording], reading: float, within_s: f
     return float(after / total)
 
 
-def main() -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add nothing to the parser of this command."""
+
+
+def main(given: argparse.Namespace) -> None:
     """Fit, score, and write `velostat.json` and `reports/material/`."""
     if not sources.is_complete(SOURCE):
-        raise InputError(f"data/sources/{SOURCE}: no recordings; run `python -m pipeline.commands.fetch {SOURCE}`")
+        raise InputError(f"data/sources/{SOURCE}: no recordings; run `tactile fetch {SOURCE}`")
     folder = sources.folder(SOURCE)
     began = time.perf_counter()
 
@@ -298,7 +303,3 @@ def main() -> None:
     figures.draw_loops(reports / "fit.png", courses)
     figures.draw_courses(reports / "courses.png", courses, DT_S)
     say(f"wrote {FITTED.name} and {reports.relative_to(paths.ROOT)}/")
-
-
-if __name__ == "__main__":
-    run_stage(main)

@@ -1,4 +1,4 @@
-"""Record what a device prints on a serial port, as it comes: `python -m pipeline.commands.record PORT FILE [--baud N]`.
+"""Record what a device prints on a serial port, as it comes.
 
 Bytes are written unchanged, whole lines at a time, so that the file can be read while it grows. If this program is
 killed, the line that is arriving is lost; if the computer loses its power, the lines of the last SYNC_S as well: the
@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
 
 BAUD = 115200
 WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen
@@ -163,18 +163,16 @@ def _say(sentence: str) -> None:
     print(sentence, file=sys.stderr, flush=True)
 
 
-def main() -> None:
-    """Record the port named on the command line into a new file."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pipeline.commands.record", description="Record a serial port to a log."
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the port, the new file and the baud rate to the parser of this command."""
+    parser.add_argument("port", metavar="PORT", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="a new file, such as data/own/finger/single/run000/array.log"
     )
-    parser.add_argument("port", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
-    parser.add_argument("file", type=Path, help="a new file, such as data/own/finger/single/run000/array.log")
-    parser.add_argument("--baud", type=int, default=BAUD, help=f"symbols per second (default {BAUD})")
-    arguments = parser.parse_args()
-    lines = record(arguments.port, arguments.file, arguments.baud, Stop())
-    print(f"{arguments.file}: {lines} lines")
+    parser.add_argument("--baud", type=int, default=BAUD, metavar="N", help=f"symbols per second (default {BAUD})")
 
 
-if __name__ == "__main__":
-    run_stage(main)
+def main(given: argparse.Namespace) -> None:
+    """Record from the port named on the command line."""
+    lines = record(given.port, given.file, given.baud, Stop())
+    print(f"{given.file}: {lines} lines")

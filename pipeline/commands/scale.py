@@ -1,17 +1,17 @@
-"""Set params.yaml to a committed scale: `python -m pipeline.commands.scale laptop|full`.
+"""Set params.yaml to a committed scale.
 
 A scale is a file scales/<name>.yaml of dotted keys and values; all other settings and the comments stay.
 """
 
+import argparse
 import difflib
-import sys
 from pathlib import Path
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from pipeline.base import files, params, paths
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
 
 
 def set_values(values: dict, params_file: Path) -> None:
@@ -54,16 +54,15 @@ def _flow(value):
     return value
 
 
-def main() -> None:
-    """Apply the scale named on the command line."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the name of the scale to the parser of this command."""
     known = sorted(path.stem for path in (paths.ROOT / "scales").glob("*.yaml"))
-    if len(sys.argv) != 2 or sys.argv[1] not in known:
-        raise InputError(f"usage: python -m pipeline.commands.scale {'|'.join(known)}")
-    values = params.parsed(paths.ROOT / "scales" / f"{sys.argv[1]}.yaml")
+    parser.add_argument("name", choices=known, help="a file of the folder scales")
+
+
+def main(given: argparse.Namespace) -> None:
+    """Apply the scale named on the command line."""
+    values = params.parsed(paths.ROOT / "scales" / f"{given.name}.yaml")
     set_values(values, paths.PARAMS)
     params.load()
-    print(f"params.yaml: {len(values)} values set to the {sys.argv[1]} scale; run `dvc repro`")
-
-
-if __name__ == "__main__":
-    run_stage(main)
+    print(f"params.yaml: {len(values)} values set to the {given.name} scale; run `dvc repro`")

@@ -70,7 +70,7 @@ def recordings(folder: Path) -> list[Path]:
     """Return the files `<object>/*.dsa` in `folder`, by object, then in the order of time; InputError without any."""
     files = sorted(folder.glob("*/*.dsa"), key=lambda path: (path.parent.name, _first_frame(path.stem), path.name))
     if not files:
-        raise InputError(f"{folder}: no recordings; run `python -m pipeline.commands.fetch glove_recorded`")
+        raise InputError(f"{folder}: no recordings; run `tactile fetch glove_recorded`")
     return files
 
 

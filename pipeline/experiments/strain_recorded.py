@@ -59,7 +59,7 @@ def recordings(folder: Path) -> list[Path]:
     files = [folder / name for name in FILES.values()]
     for path in files:
         if not path.is_file():
-            raise InputError(f"{path}: recording not found; run `python -m pipeline.commands.fetch strain_recorded`")
+            raise InputError(f"{path}: recording not found; run `tactile fetch strain_recorded`")
     return files
 
 

@@ -36,9 +36,7 @@ def recordings(folder: Path) -> list[Path]:
     """Return the Velostat logs in `folder`/velostat_data, sorted. Raises InputError where there is none."""
     logs = sorted((folder / "velostat_data").glob("*/*.txt"))
     if not logs:
-        raise InputError(
-            f"{folder / 'velostat_data'}: no recordings; run `python -m pipeline.commands.fetch velostat_recorded`"
-        )
+        raise InputError(f"{folder / 'velostat_data'}: no recordings; run `tactile fetch velostat_recorded`")
     return logs
 
 

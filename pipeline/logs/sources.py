@@ -67,7 +67,7 @@ def address(name: str, path: str) -> str:
 
 
 def folder(name: str) -> Path:
-    """Return `data/sources/<name>`, where `python -m pipeline.commands.fetch <name>` puts the files."""
+    """Return `data/sources/<name>`, where `tactile fetch <name>` puts the files."""
     source(name)
     return paths.SOURCES / name
 
@@ -91,7 +91,7 @@ def is_complete(name: str, at: Path | None = None) -> bool:
         if path not in present or sha256(at / path) != digest:
             wrong = "is not the recorded file (its SHA-256 differs)" if path in present else "is missing"
             raise InputError(
-                f"{at / path}: {wrong}; run `python -m pipeline.commands.fetch {name}`, which gets what is missing or "
+                f"{at / path}: {wrong}; run `tactile fetch {name}`, which gets what is missing or "
                 f"wrong, or remove all of {at} to go on without these recordings"
             )
     return True

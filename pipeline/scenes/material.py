@@ -24,7 +24,7 @@ constant: the recorded reading that the model was fitted to has an arbitrary sca
    the largest x that leaks with time constant T adds c (P - x) to r: P <- max(x, exp(-dt / T) P).
    A second, slower memory for a drift of the rest value over minutes was tried; it did not improve the fit.
 
-Numbers come from `velostat.json`, written by `python -m pipeline.commands.fit_material`.
+Numbers come from `velostat.json`, written by `tactile fit-material`.
 """
 
 import json

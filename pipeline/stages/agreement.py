@@ -3,21 +3,20 @@
 The committed fingerprint has every score of the run that the reports were made by, and the digest of the settings that
 each model was made with. Networks are trained to other last digits by other processors, and from there apart; how far
 apart a number may be is measured by how far apart the seeds are.
-Usage: python -m pipeline.stages.agreement           compare
-       python -m pipeline.stages.agreement accept    take this machine's scores as the fingerprint
+`accept` takes this machine's scores as the fingerprint instead.
+Usage: python -m pipeline.stages.agreement [accept]
 """
 
 import hashlib
 import json
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files, params, paths
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base import arguments, files, params, paths
+from pipeline.base.errors import run_stage
 from pipeline.reporting.markdown import table
 from pipeline.scoring import results
 
@@ -121,11 +120,10 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame, settings: Mapping[tupl
 
 def main() -> None:
     """Compare, or accept."""
-    if sys.argv[1:] not in ([], ["accept"]):
-        raise InputError("usage: python -m pipeline.stages.agreement [accept]")
+    accept = arguments.parse(__doc__, accept=("accept", None)).accept
     scores = results.read_csv(paths.REPORTS / "scores.csv", [*KEY, "value"], "python -m pipeline.stages.collect")
     settings = digests(params.load())
-    if sys.argv[1:]:
+    if accept:
         files.write_table(FINGERPRINT, fingerprint(scores, settings), missing="nan")
         return
     committed = results.read_csv(FINGERPRINT, COLUMNS, "python -m pipeline.stages.agreement accept")

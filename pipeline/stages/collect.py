@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import InputError, run_stage
 
 # Of reports/stress.csv: what others read first.
@@ -31,6 +31,7 @@ def collect(parts: list[Path], target: Path, first: Sequence[str] = ()) -> None:
 
 def main() -> None:
     """Collect every experiment of params.yaml."""
+    arguments.parse(__doc__)
     experiments = params.load()["experiments"]
     collect([paths.scores(name) for name in experiments], paths.REPORTS / "scores.csv")
     collect([paths.latency(name) for name in experiments], paths.REPORTS / "latency.csv")

@@ -30,7 +30,7 @@ def ingest(experiment: str, settings: dict) -> None:
     schema = module.frames_schema(settings)
     if experiment in sources.SOURCES:
         if not sources.is_complete(experiment):
-            reason = f"recordings not downloaded; run `python -m pipeline.commands.fetch {experiment}`"
+            reason = f"recordings not downloaded; run `tactile fetch {experiment}`"
             schemas.write(paths.frames(experiment), schema, [])
             _write_rest(experiment, [], {"run": False, "reason": reason})
             print(f"{experiment}: not run, {reason}")
@@ -53,7 +53,7 @@ def ingest(experiment: str, settings: dict) -> None:
     except InputError as error:
         if settings.get("source", "simulated") == "simulated":
             raise
-        more = f"`python -m pipeline.commands.check {experiment} {settings['source']}` says more"
+        more = f"`tactile check {experiment} {settings['source']}` says more"
         raise InputError(f"{error} ({more})") from error
     _write_rest(experiment, rejects, {"run": True, "recordings": reports})
     logs = [log for report in reports.values() for log in report["files"].values()]

@@ -3,12 +3,13 @@
 Usage: python -m pipeline.stages.settings
 """
 
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 
 
 def main() -> None:
     """Check params.yaml; the text written does not depend on its values, so that no stage runs again for it."""
+    arguments.parse(__doc__)
     params.load()
     files.write_text(paths.ROOT / "data" / "settings.txt", "params.yaml has known keys and values.\n")
 

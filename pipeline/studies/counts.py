@@ -10,7 +10,7 @@ import pandas as pd
 import torch
 from torch import nn
 
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.learning import cost
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
@@ -96,6 +96,7 @@ def _row(
 
 def main() -> None:
     """Count with the reduction of params.yaml."""
+    arguments.parse(__doc__)
     count(params.load()["glove"]["models"]["sp_resnet"]["reduction"], paths.REPORTS / "counts.csv")
 
 

@@ -58,7 +58,8 @@ def start(device, tmp_path):
         command = [
             sys.executable,
             "-m",
-            "pipeline.commands.record",
+            "pipeline.commands.command_line",
+            "record",
             *(arguments or (device.path, tmp_path / "new" / "log")),
         ]
         process = subprocess.Popen(
@@ -157,7 +158,7 @@ def test_existing_file_and_missing_port_are_one_sentence(device, tmp_path):
         (device.path, old, "exists already and is never overwritten; give another name"),
         (tmp_path / "none", tmp_path / "new.log", "cannot be opened"),
     ):
-        command = [sys.executable, "-m", "pipeline.commands.record", str(port), str(target)]
+        command = [sys.executable, "-m", "pipeline.commands.command_line", "record", str(port), str(target)]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S)
         assert done.returncode == 1 and words in done.stderr and "Traceback" not in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1

@@ -195,7 +195,7 @@ def test_no_document_type_in_any_encoding_gets_through(tmp_path):
 
 
 def test_recordings_are_in_the_order_of_time(tmp_path):
-    with pytest.raises(InputError, match="no recordings; run `python -m pipeline.commands.fetch glove_recorded`"):
+    with pytest.raises(InputError, match="no recordings; run `tactile fetch glove_recorded`"):
         glove_recorded.recordings(tmp_path)
     for condition, stem in (
         ("mug", "a_9-11"),

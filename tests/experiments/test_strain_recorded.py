@@ -134,9 +134,7 @@ def test_a_file_too_large_or_with_another_name_is_refused(tmp_path, monkeypatch)
 
 def test_recordings_are_both_days_or_a_sentence(tmp_path):
     save(tmp_path, workspace(), "new_test/para5_long.mat")
-    with pytest.raises(
-        InputError, match=r"para5_long_n\.mat: recording not found; run `python -m pipeline.commands.fetch"
-    ):
+    with pytest.raises(InputError, match=r"para5_long_n\.mat: recording not found; run `tactile fetch"):
         strain_recorded.recordings(tmp_path)
     save(tmp_path, workspace(channels=7), "para5_long_n.mat")
     assert [path.name for path in strain_recorded.recordings(tmp_path)] == ["para5_long.mat", "para5_long_n.mat"]

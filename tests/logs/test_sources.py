@@ -13,7 +13,7 @@ import pytest
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.commands import fetch
+from pipeline.commands import command_line, fetch
 from pipeline.logs import sources
 
 CONTENT = {"a/one.txt": b"1.0 2.0\n", "b/two words.txt": b"3.0 4.0\n"}
@@ -72,9 +72,13 @@ def test_wrong_file_is_refused_and_not_put_in_place(small):
     with pytest.raises(InputError, match=r"two words\.txt: SHA-256 is .* expected"):
         fetch.fetch("velostat_recorded", small)
     assert [p.name for p in sources.folder("velostat_recorded").rglob("*") if p.is_file()] == ["one.txt"]
+<<<<<<< HEAD:tests/logs/test_sources.py
     with pytest.raises(
         InputError, match=r"two words\.txt: is missing; run `python -m pipeline\.commands\.fetch velostat_recorded`"
     ):
+=======
+    with pytest.raises(InputError, match=r"two words\.txt: is missing; run `tactile fetch velostat_recorded`"):
+>>>>>>> dvc_cli:tests/test_sources.py
         sources.is_complete("velostat_recorded")
 
 
@@ -223,13 +227,13 @@ def test_progress_is_one_line_where_there_is_no_terminal(small, capsys):
 
 
 def test_command_line(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["fetch"])
-    fetch.main()
+    monkeypatch.setattr(sys, "argv", ["tactile", "fetch"])
+    command_line.main()
     said = capsys.readouterr().out
     assert said.startswith("source ") and all(name in said for name in sources.SOURCES) and "--from FOLDER" in said
-    monkeypatch.setattr(sys, "argv", ["fetch", "--from", "there"])
-    with pytest.raises(InputError, match="--from: name the source too"):
-        fetch.main()
+    monkeypatch.setattr(sys, "argv", ["tactile", "fetch", "--from", "there"])
+    with pytest.raises(SystemExit, match="--from: name the source too"):
+        command_line.main()
 
 
 @pytest.mark.parametrize("name", sources.SOURCES)

@@ -376,12 +376,12 @@ def test_velostat_report(root, recorded, monkeypatch):
 def test_velostat_without_recordings_says_why(root, recorded, monkeypatch):
     report = {
         "run": False,
-        "reason": "recordings not downloaded; run `python -m pipeline.commands.fetch velostat_recorded`",
+        "reason": "recordings not downloaded; run `tactile fetch velostat_recorded`",
     }
     paths.ingest_report("velostat_recorded").parent.mkdir(parents=True)
     paths.ingest_report("velostat_recorded").write_text(json.dumps(report))
     target = run_render("velostat_recorded", recorded, monkeypatch)
-    assert "python -m pipeline.commands.fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
+    assert "tactile fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
     assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
 
 

@@ -274,7 +274,7 @@ def test_without_recordings_the_stage_says_so(root):
     assert pq.read_table(data / "frames.parquet").num_rows == 0
     assert pq.read_table(data / "rejects.parquet").schema.equals(schemas.REJECTS)
     report = json.loads((data / "ingest.json").read_text())
-    assert report["run"] is False and "pipeline.commands.fetch velostat_recorded" in report["reason"]
+    assert report["run"] is False and "tactile fetch velostat_recorded" in report["reason"]
 
 
 DAMAGES = {
@@ -302,9 +302,13 @@ def test_one_file_of_a_source_that_is_not_right_stops_the_stage(experiment, dama
     report.write_text("of an earlier run")
     path = sources.folder(experiment) / sorted(listed)[len(listed) // 2]
     DAMAGES[damage](path)
+<<<<<<< HEAD:tests/stages/test_touch_ingest.py
     with pytest.raises(
         InputError, match=rf"^{re.escape(str(path))}: is .*`python -m pipeline\.commands\.fetch {experiment}`"
     ) as error:
+=======
+    with pytest.raises(InputError, match=rf"^{re.escape(str(path))}: is .*`tactile fetch {experiment}`") as error:
+>>>>>>> dvc_cli:tests/test_ingest.py
         ingest.ingest(experiment, VELOSTAT_SETTINGS)
     assert "\n" not in str(error.value) and report.read_text() == "of an earlier run"
     assert [one.name for one in report.parent.iterdir()] == ["ingest.json"]

@@ -1,0 +1,33 @@
+"""What people run by hand: check, fetch and record logs, fit the simulated film, set the scale of params.yaml.
+
+Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
+`main(given)` runs it with the arguments given. `--help` behind a command says more.
+"""
+
+import argparse
+
+from pipeline.base.errors import run_stage
+from pipeline.commands import check, fetch, fit_material, record, scale
+
+COMMANDS = {"check": check, "fetch": fetch, "record": record, "fit-material": fit_material, "scale": scale}
+
+
+def main() -> None:
+    """Run the command named on the command line; a wrong one ends with a sentence and exit status 2."""
+    parser = argparse.ArgumentParser(prog="tactile", description=__doc__.partition("\n")[0])
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, module in COMMANDS.items():
+        module.add_arguments(
+            commands.add_parser(
+                name,
+                help=module.__doc__.partition("\n")[0],
+                description=module.__doc__,
+                formatter_class=argparse.RawDescriptionHelpFormatter,
+            )
+        )
+    given = parser.parse_args()
+    run_stage(lambda: COMMANDS[given.command].main(given))
+
+
+if __name__ == "__main__":
+    main()
