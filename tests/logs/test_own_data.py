@@ -165,15 +165,9 @@ def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
     link.symlink_to(outside)
     monkeypatch.setattr(check, "check", lambda *arguments: None)  # all else is right
     for folder, words in ((outside, "is not in data/own, so"), (link, "is a link to a folder, in which")):
-<<<<<<< HEAD:tests/logs/test_own_data.py
-        monkeypatch.setattr(sys, "argv", ["check", "touch", str(folder)])
-        with pytest.raises(SystemExit, match=f"^fix first: {folder} {words}"):
-            check.main()
-=======
         monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", str(folder)])
         with pytest.raises(SystemExit, match=f"^fix first: {folder} {words}"):
             command_line.main()
->>>>>>> dvc_cli:tests/test_own.py
     link.unlink()
     put(root / "data" / "own")
     monkeypatch.chdir(link)

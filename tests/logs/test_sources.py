@@ -72,13 +72,7 @@ def test_wrong_file_is_refused_and_not_put_in_place(small):
     with pytest.raises(InputError, match=r"two words\.txt: SHA-256 is .* expected"):
         fetch.fetch("velostat_recorded", small)
     assert [p.name for p in sources.folder("velostat_recorded").rglob("*") if p.is_file()] == ["one.txt"]
-<<<<<<< HEAD:tests/logs/test_sources.py
-    with pytest.raises(
-        InputError, match=r"two words\.txt: is missing; run `python -m pipeline\.commands\.fetch velostat_recorded`"
-    ):
-=======
     with pytest.raises(InputError, match=r"two words\.txt: is missing; run `tactile fetch velostat_recorded`"):
->>>>>>> dvc_cli:tests/test_sources.py
         sources.is_complete("velostat_recorded")
 
 

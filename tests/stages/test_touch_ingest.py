@@ -302,13 +302,7 @@ def test_one_file_of_a_source_that_is_not_right_stops_the_stage(experiment, dama
     report.write_text("of an earlier run")
     path = sources.folder(experiment) / sorted(listed)[len(listed) // 2]
     DAMAGES[damage](path)
-<<<<<<< HEAD:tests/stages/test_touch_ingest.py
-    with pytest.raises(
-        InputError, match=rf"^{re.escape(str(path))}: is .*`python -m pipeline\.commands\.fetch {experiment}`"
-    ) as error:
-=======
     with pytest.raises(InputError, match=rf"^{re.escape(str(path))}: is .*`tactile fetch {experiment}`") as error:
->>>>>>> dvc_cli:tests/test_ingest.py
         ingest.ingest(experiment, VELOSTAT_SETTINGS)
     assert "\n" not in str(error.value) and report.read_text() == "of an earlier run"
     assert [one.name for one in report.parent.iterdir()] == ["ingest.json"]
