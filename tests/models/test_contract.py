@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline import experiments, models
 from pipeline.base import params, paths
 from pipeline.datasets import series
 from pipeline.learning import image_classifier, series_regressors
 from pipeline.learning.regressors import Spec
+from pipeline.tasks import windows as tasks_windows
 
 VALUES = params.load()
 # Sizes of training, and of what is drawn from the training part, that a few windows are enough for.
@@ -25,6 +27,11 @@ SAMPLES, WINDOWS, IMAGES, OBJECTS = 400, 24, 12, 4
 STOP_REASONS = {"patience", "max_epochs", "closed_form"}
 # A read-out that lies transposed in memory until it is saved: other sums, which differ in their last bits.
 TRANSPOSED = ("lstm_transfer_ridge",)
+
+
+def kind_of(experiment: str) -> str:
+    """Return the kind of input that an experiment's models see."""
+    return experiments.module(experiment).KIND
 
 
 class Given(NamedTuple):
@@ -77,18 +84,18 @@ def given_series(spec: Spec) -> Given:
 
 def series_spec(experiment: str, base: bool) -> Spec:
     """Return the shapes of the first protocol of an experiment on series, or of the model-0 that it starts from."""
-    settings, module = VALUES[experiment], params.experiment_module(experiment)
+    settings, module = VALUES[experiment], experiments.module(experiment)
     task = module.task(next(iter(settings["protocols"])), settings)
     return series_regressors.spec_of(module.task(task.base, settings) if base else task, settings["window"]["frames"])
 
 
 def given(experiment: str) -> Given:
     """Return data of an experiment's shapes."""
-    if experiment in params.SERIES:
+    if kind_of(experiment) == "series":
         return given_series(series_spec(experiment, base=False))
-    if experiment in params.IMAGES:
+    if kind_of(experiment) == "images":
         return given_images()
-    return given_windows(Spec(*params.shapes(VALUES[experiment])))
+    return given_windows(tasks_windows.spec(VALUES[experiment]))
 
 
 def built(experiment: str, model: str, spec: Spec, **training):
@@ -96,8 +103,8 @@ def built(experiment: str, model: str, spec: Spec, **training):
     block = tiny(VALUES[experiment]["models"][model])
     if training:
         block["training"] |= training
-    regressor = params.build_model(model, spec, block, f"{experiment}.models.{model}")
-    return series_regressors.adapted(regressor, spec) if experiment in params.SERIES else regressor
+    regressor = models.build(model, spec, block, f"{experiment}.models.{model}")
+    return series_regressors.adapted(regressor, spec) if kind_of(experiment) == "series" else regressor
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +122,7 @@ def fit(tmp_path_factory):
         return zeros[experiment]
 
     def fit(experiment: str, regressor, data: Given, **how) -> list[dict]:
-        if experiment in params.SERIES:
+        if kind_of(experiment) == "series":
             return regressor.fit(*data.parts, device="cpu", base=model_zero(experiment), **how)
         columns = None if getattr(regressor, "streams", False) else 2
         return regressor.fit(*(part[:columns] for part in data.parts), device="cpu", **how)
@@ -148,7 +155,8 @@ def cases(in_epochs: bool = False) -> list:
         pytest.param(
             experiment,
             model,
-            marks=[pytest.mark.slow] * ("training" in block and experiment in ("touch", *params.IMAGES)),
+            marks=[pytest.mark.slow]
+            * ("training" in block and (experiment == "touch" or kind_of(experiment) == "images")),
             id=f"{experiment}-{model}",
         )
         for experiment in VALUES["experiments"]
@@ -158,9 +166,9 @@ def cases(in_epochs: bool = False) -> list:
 
 
 def test_every_model_and_every_experiment_is_in_params_yaml():
-    models = {model for experiment in VALUES["experiments"] for model in VALUES[experiment]["models"]}
-    assert models == set(params.model_keys())
-    files = {path.stem for path in (paths.CODE / "experiments").glob("*.py")} - {"__init__"}
+    listed = {model for experiment in VALUES["experiments"] for model in VALUES[experiment]["models"]}
+    assert listed == set(params.model_keys())
+    files = {path.stem for path in paths.EXPERIMENTS.glob("*.py")} - {"__init__"}
     assert files == set(VALUES["experiments"])
 
 
