@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from pipeline import models
 from pipeline.base import paths, workers
 
 HERE = Path(__file__).resolve().parent
@@ -205,10 +206,9 @@ def _batch(windows: float):
 
 def sp_resnet_epoch(_, images: float):
     """An epoch of SP-ResNet on images of noise, of which the time does not depend."""
-    from pipeline.base import params
 
     block, x, y, spec = _images(images)
-    model = params.build_model("sp_resnet", spec, block, "benchmark")
+    model = models.build("sp_resnet", spec, block, "benchmark")
     return _twice(lambda: model.fit((x, y), (x[:1], y[:1]), seed=0, device="cpu"))
 
 
@@ -249,12 +249,11 @@ def lomp(side: int, max_epochs: int):
     """The touch experiment's LoMP on an array of side x side elements."""
     from benchmarks.made import touch_settings
 
-    from pipeline.base import params
     from pipeline.learning.regressors import Spec
 
     block = touch_settings()["models"]["lomp"]
     block = block | {"training": block["training"] | {"max_epochs": max_epochs}}
-    return params.build_model("lomp", Spec(8, side, side, 4 * side, 4 * side), block, "benchmark")
+    return models.build("lomp", Spec(8, side, side, 4 * side, 4 * side), block, "benchmark")
 
 
 def lstm(max_epochs: int):
@@ -264,7 +263,7 @@ def lstm(max_epochs: int):
 
     block = params.load()["strain"]["models"]["lstm_direct"]
     block = block | {"training": block["training"] | {"max_epochs": max_epochs}}
-    return params.build_model("lstm_direct", Spec(10, 1, 6, 1, 2), block, "benchmark")
+    return models.build("lstm_direct", Spec(10, 1, 6, 1, 2), block, "benchmark")
 
 
 TASKS = {

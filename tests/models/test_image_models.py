@@ -10,6 +10,7 @@ import torch
 from sklearn.naive_bayes import GaussianNB
 from torch import nn
 
+from pipeline import models
 from pipeline.base import params
 from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
@@ -47,7 +48,7 @@ def one_thread():
 
 def build(key, classes=OBJECTS, **changes):
     settings = SETTINGS[key] | changes
-    return params.build_model(key, spec_of(classes), settings, "test")
+    return models.build(key, spec_of(classes), settings, "test")
 
 
 def images(n, seed=0):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.base import params
+from pipeline import models
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec
 
@@ -56,7 +56,7 @@ def build(key, spec, settings, **training_changes):
     settings = dict(settings)
     if training_changes and "training" in settings:
         settings["training"] = settings["training"] | training_changes
-    return params.build_model(key, spec, settings, "test")
+    return models.build(key, spec, settings, "test")
 
 
 def windows(spec, n, seed=0):

@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline import tasks
 from pipeline.base import params, paths
 from pipeline.stages import latency
+from pipeline.tasks import windows
 
 SETTINGS = {"warm_up": 3, "calls": 4}
 
@@ -90,8 +92,8 @@ def test_times_are_of_the_threads_that_the_table_names(tmp_path, monkeypatch, cl
     monkeypatch.setattr(params, "load", lambda: values)
     monkeypatch.setattr("sys.argv", ["latency", "touch"])
     monkeypatch.setattr(latency, "why_not_run", lambda experiment: None)
-    monkeypatch.setattr(latency, "_windows", lambda *arguments: (None, np.zeros((4, 2, 3))))
-    monkeypatch.setattr(latency.trained, "load", lambda *arguments: SimpleNamespace(model=model))
+    monkeypatch.setattr(windows, "stream", lambda *arguments: (None, np.zeros((4, 2, 3))))
+    monkeypatch.setattr(tasks, "load", lambda *arguments: SimpleNamespace(model=model))
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         monkeypatch.setenv(name, "2")  # the stage must not depend on it
     protocol, seed = params.runs(values, "touch")[0]
