@@ -113,7 +113,7 @@ def project(tmp_path_factory):
     """A project with TASKS as a module of the pipeline."""
     project = Project(tmp_path_factory.mktemp("cluster"))
     project.set(SETTINGS)
-    (project.folder / "pipeline" / "tasks.py").write_text(TASKS)
+    (project.folder / "pipeline" / "made_tasks.py").write_text(TASKS)
     return project
 
 
@@ -144,7 +144,7 @@ def run(project, client, monkeypatch):
         def task():
             pass
 
-        task.__module__, task.__qualname__ = "pipeline.tasks", name
+        task.__module__, task.__qualname__ = "pipeline.made_tasks", name
         try:
             with tqdm(total=len(tasks)) as bar:
                 return dict(workers.run(task, tasks, bar, **more))
@@ -218,7 +218,7 @@ def test_a_lost_worker_changes_no_byte(project, client, heard):
 
 
 def test_a_killed_stage_leaves_nobody_computing(project, client, heard):
-    stage = start(project, client, "pipeline.tasks")
+    stage = start(project, client, "pipeline.made_tasks")
     two_under_way(heard)
     processes = [process for pid in client.run(os.getpid).values() for process in children(pid)]
     assert len(processes) == 2
