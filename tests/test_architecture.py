@@ -314,3 +314,13 @@ def test_numbers_in_the_readme_are_those_of_the_reports():
     assert rows
     for row in rows:
         assert row in reports, f"README.md shows a row that no report has: {row}"
+
+
+def test_files_that_the_readme_names_are_there():
+    places = re.findall(r"`(pipeline/[^`\s]+)`", (ROOT / "README.md").read_text())
+    assert len(places) > 20
+    for place in places:
+        before, names, after = re.fullmatch(r"([^{]*)(?:\{(.*)\}(.*))?", place).groups("")
+        for name in names.split(","):  # <experiment> and the like stand for any
+            wanted = re.sub(r"<\w+>", "*", f"{before}{name}{after}")
+            assert any(ROOT.glob(wanted)), f"README.md names {wanted}, which is not there"

@@ -28,7 +28,7 @@ END = r"(?=[`\"\n#;,)]|\s\s|\.\s|\.$| && | again| says | first| with |$)"
 MODULE = re.compile(r"python -m (?P<name>pipeline\.[\w.{}<>]*[\w}>])(?P<arguments>.*?)" + END)
 # `tactile` is an adjective, too: as a command it stands in backticks, or in a document at the start of a line.
 TACTILE = re.compile(r"`tactile(?P<arguments> .*?)" + END)
-TACTILE_LINE = re.compile(r"^tactile(?P<arguments> .*?)" + END, re.MULTILINE)
+TACTILE_LINE = re.compile(r"^ *tactile(?P<arguments> .*?)" + END, re.MULTILINE)
 REPRO = re.compile(r"dvc repro(?P<arguments>.*?)" + END)
 OPEN = re.compile(r"[{<].*|[A-Z_]+")  # a word that stands for others: {experiment}, <name>, MODEL
 RUN = 'if __name__ == "__main__":'
