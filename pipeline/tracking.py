@@ -1,9 +1,9 @@
-"""How the files of one trained model become one MLflow run.
+"""Make one MLflow run of the files of one trained model.
 
-The stages only write files. This module reads what they wrote for every (protocol, model, seed) of an experiment,
-and sees to it that the store holds a run of that content, found again by a hash of settings, curves, scores and model
-files. No run is ever deleted, and none changes its params, scores or files; a run that somebody deleted is restored
-when its content is wanted again. Two checkouts with the same content share the run. What does change:
+The stages only write files. This module reads the files of every (protocol, model, seed) of an experiment, and makes
+the store hold a run of that content, found again by a hash of settings, curves, scores and model files. No run is ever
+deleted, and none changes its params, scores or files; a run that somebody deleted is restored when its content is
+wanted again. Two checkouts with the same content share the run. Two things do change:
 
 * the tag `current.<checkout>`, "true" on the runs of a checkout's present results and "false" on its former ones;
 * times measured anew: further points of `train_s` and `latency.*`, by the checkout that logged the run.
@@ -33,6 +33,7 @@ from ruamel.yaml.error import YAMLError
 from pipeline.base import paths, store
 from pipeline.base.errors import InputError, storage_error
 from pipeline.base.params import training_command
+from pipeline.scoring import results
 
 os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"  # read by mlflow when it is imported
 os.environ["MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT"] = "true"  # two lines a run, where a server is used
@@ -83,52 +84,47 @@ class TrackedRun:
 
 
 class Outcome(NamedTuple):
-    """What `synchronise` did."""
+    """What `synchronise` did, in numbers of runs."""
 
-    rows: list[dict[str, str]]  # a row a run, with store.COLUMNS
+    rows: list[dict[str, str]]  # one row per run, with store.COLUMNS
     logged: int
-    restored: int  # of those found, the runs that somebody had deleted
-    measured: int  # of those found, the runs whose times were measured anew
-    former: int  # runs that no longer belong to the present results
+    restored: int  # found again, but deleted by somebody
+    measured: int  # found again, with times measured anew
+    former: int  # no longer of the present results
 
 
 def read_runs(experiment: str, params: dict) -> list[TrackedRun]:
-    """Every run that `params[experiment]` lists, in its order: protocol, then model, then seed.
+    """Read every run that `params[experiment]` lists, in its order: protocol, then model, then seed.
 
-    `params` is the whole of params.yaml as nested dicts. Raises InputError that names the first file, column
-    or row that is missing: a run is complete or it is not tracked. So it does if a model has other settings.
+    `params` is the whole of params.yaml as nested dicts. Raises InputError that names the first file, column or row
+    that is missing, or the first model made with other settings: a run is complete or it is not tracked.
     """
-    settings = params[experiment]
-    scores = _read_csv(
-        paths.scores(experiment),
-        ["protocol", "condition", "model", "seed", "metric", "value"],
-        made_by="dvc repro evaluate",
-        dtype=dict.fromkeys(["protocol", "condition", "model", "metric"], str),  # a condition may be named 007 or NA
-        keep_default_na=False,
-        na_values={"value": ["", "nan"]},
-    )
-    latency = _read_csv(
-        paths.latency(experiment),
-        ["model", "batch", "p50_ms", "p95_ms", "size_bytes"],
-        made_by="dvc repro latency",
-    )
-    runs = []
+    settings, runs = params[experiment], []
+    key = ["protocol", "condition", "model", "seed", "metric"]
+    scores = results.read_csv(paths.scores(experiment), [*key, "value"], "dvc repro evaluate")
+    speed_columns = ["model", "batch", "p50_ms", "p95_ms", "size_bytes"]
+    latency = results.read_csv(paths.latency(experiment), speed_columns, "dvc repro latency")
+    batch = f"keep 1 in {experiment}.latency.batches of params.yaml and run `dvc repro latency`"
     for protocol, replicates in settings["protocols"].items():
         for model in settings["models"]:
-            times = _read_csv(
-                paths.training_times(experiment, model),
-                ["protocol", "seed", "train_s"],
-                made_by=training_command(experiment, model),
-            )
+            made_by, path = training_command(experiment, model), paths.training_times(experiment, model)
+            times = results.read_csv(path, ["protocol", "seed", "train_s"], made_by)
             for seed in replicates["seeds"]:
-                runs.append(_read_run(experiment, params, protocol, model, seed, scores, latency, times))
+                trained = _one_row(times, path, {"protocol": protocol, "seed": seed}, f"run `{made_by}` again")
+                speed = _one_row(latency, paths.latency(experiment), {"model": model, "batch": 1}, batch)
+                metrics = _scores(scores, experiment, protocol, model, seed) | {
+                    "size_bytes": float(speed["size_bytes"])
+                }
+                timings = {f"latency.{name}": float(speed[name]) for name in ("p50_ms", "p95_ms")}
+                timings["train_s"] = float(trained["train_s"])
+                runs.append(_read_run(experiment, params, protocol, model, seed, metrics, timings))
     return runs
 
 
 def check_settings(experiments: Iterable[str], params: dict) -> None:
     """Raise InputError if DVC made the results of `experiments` with other settings than `params`.
 
-    What dvc.lock does not know, such as stages that were run by hand, cannot be checked.
+    Results that dvc.lock does not know, such as those of stages run by hand, cannot be checked.
     """
     path = paths.ROOT / "dvc.lock"
     if not path.is_file():
@@ -145,14 +141,14 @@ def check_settings(experiments: Iterable[str], params: dict) -> None:
     for experiment in experiments:
         models = [paths.model_folder(experiment, model) for model in params[experiment]["models"]]
         for output in (paths.scores(experiment), *models):
-            for dotted, value in made_with.get(_shown(output).as_posix(), {}).items():
+            for dotted, value in made_with.get(results.shown(output), {}).items():
                 wanted = params
                 for key in dotted.split("."):
                     wanted = wanted.get(key) if isinstance(wanted, Mapping) else None
                 if key := _difference(value, wanted, dotted):
+                    file = results.shown(output)
                     raise InputError(
-                        f"params.yaml, {key}: {_shown(output)} was made with another value, says dvc.lock; "
-                        "run `dvc repro`"
+                        f"params.yaml, {key}: {file} was made with another value, says dvc.lock; run `dvc repro`"
                     )
 
 
@@ -224,53 +220,37 @@ def _git(*arguments: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
-def _read_run(
-    experiment: str,
-    params: dict,
-    protocol: str,
-    model: str,
-    seed: int,
-    scores: pd.DataFrame,
-    latency: pd.DataFrame,
-    times: pd.DataFrame,
-) -> TrackedRun:
-    settings = params[experiment]
-    folder, made_by = paths.run_folder(experiment, model, protocol, seed), training_command(experiment, model)
-    history = _read_csv(folder / "history.csv", ["epoch", *CURVES], made_by=made_by)
-    fit = _read_json(folder / "fit.json", made_by=made_by)
-    if absent := {"stop_reason", "best_epoch", "epochs", "parameters", "macs", "settings"} - fit.keys():
-        raise InputError(f"{_shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `{made_by}` again")
-    if not any(path for pattern in MODEL_FILES for path in folder.glob(pattern)):
-        raise InputError(f"{_shown(folder)}: holds no model file ({' or '.join(MODEL_FILES)}); run `{made_by}` again")
-    if fit["settings"] != settings["models"][model]:
+def _scores(scores: pd.DataFrame, experiment: str, protocol: str, model: str, seed: int) -> dict[str, float]:
+    """Return `<condition>.<metric>` -> value of one run. Raises InputError where there is none, or two for one name."""
+    rows = scores[(scores["protocol"] == protocol) & (scores["model"] == model) & (scores["seed"] == seed)]
+    metrics = {f"{row.condition}.{row.metric}": float(row.value) for row in rows.itertuples(index=False)}
+    if not metrics or len(metrics) < len(rows):
+        problem = "two rows for the same condition and metric of" if metrics else "no row for"
         raise InputError(
-            f"{_shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
-            "params.yaml; run `dvc repro`"
-        )
-
-    this_run = f"protocol {protocol}, model {model}, seed {seed}"
-    is_run = (scores["protocol"] == protocol) & (scores["model"] == model) & (scores["seed"] == seed)
-    if not is_run.any():
-        raise InputError(f"{_shown(paths.scores(experiment))}: no row for {this_run}; run `dvc repro evaluate` again")
-    if scores[is_run].duplicated(["condition", "metric"]).any():
-        raise InputError(
-            f"{_shown(paths.scores(experiment))}: two rows for the same condition and metric of {this_run}; "
+            f"{results.shown(paths.scores(experiment))}: {problem} protocol {protocol}, model {model}, seed {seed}; "
             "run `dvc repro evaluate` again"
         )
-    metrics = {f"{row.condition}.{row.metric}": float(row.value) for row in scores[is_run].itertuples(index=False)}
-    speed = _one_row(
-        latency,
-        paths.latency(experiment),
-        {"model": model, "batch": 1},
-        mend=f"keep 1 in {experiment}.latency.batches of params.yaml and run `dvc repro latency`",
-    )
-    training = _one_row(
-        times,
-        paths.training_times(experiment, model),
-        {"protocol": protocol, "seed": seed},
-        mend=f"run `{made_by}` again",
-    )
+    return metrics
 
+
+def _read_run(
+    experiment: str, params: dict, protocol: str, model: str, seed: int, metrics: dict, timings: dict
+) -> TrackedRun:
+    """Read the folder of one run; metrics: its scores and size, timings: its measured times."""
+    settings = params[experiment]
+    folder, made_by = paths.run_folder(experiment, model, protocol, seed), training_command(experiment, model)
+    history = results.read_csv(folder / "history.csv", ["epoch", *CURVES], made_by)
+    fit = _read_json(folder / "fit.json", made_by)
+    if absent := {"stop_reason", "best_epoch", "epochs", "parameters", "macs", "settings"} - fit.keys():
+        raise InputError(f"{results.shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `{made_by}` again")
+    if not any(path for pattern in MODEL_FILES for path in folder.glob(pattern)):
+        holds = f"holds no model file ({' or '.join(MODEL_FILES)})"
+        raise InputError(f"{results.shown(folder)}: {holds}; run `{made_by}` again")
+    if fit["settings"] != settings["models"][model]:
+        raise InputError(
+            f"{results.shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
+            "params.yaml; run `dvc repro`"
+        )
     logged = _flatten(fit["settings"]) | {
         "protocol": protocol,
         "model": model,
@@ -279,11 +259,7 @@ def _read_run(
         "macs": "not counted" if fit["macs"] is None else str(fit["macs"]),
         "stop_reason": str(fit["stop_reason"]),
     }
-    metrics |= {
-        "best_epoch": float(fit["best_epoch"]),
-        "epochs": float(fit["epochs"]),
-        "size_bytes": float(speed["size_bytes"]),
-    }
+    metrics = metrics | {name: float(fit[name]) for name in ("best_epoch", "epochs")}
     curves = {}
     for name in CURVES:  # a diverged fit ends in a NaN, which no chart can draw; `stop_reason` says it
         points = history[["epoch", name]].replace([np.inf, -np.inf], np.nan).dropna()
@@ -299,19 +275,12 @@ def _read_run(
         if path.is_file()
     }
     return TrackedRun(
-        experiment,
-        protocol,
-        model,
-        seed,
+        *(experiment, protocol, model, seed),
         settings=logged,
         block={"device": str(params["device"])} | _flatten({experiment: decisive | {"protocols": {protocol: split}}}),
         curves=curves,
         metrics=metrics,
-        timings={
-            "latency.p50_ms": float(speed["p50_ms"]),
-            "latency.p95_ms": float(speed["p95_ms"]),
-            "train_s": float(training["train_s"]),
-        },
+        timings=timings,
         params_hash=params_hash,
         folder=folder,
         content=_hash([experiment, logged, curves, metrics, params_hash, files]),
@@ -320,7 +289,7 @@ def _read_run(
 
 @contextmanager
 def _opened() -> Iterator[MlflowClient]:
-    """A client of the store; what the store says no to in the block becomes one sentence, without a password."""
+    """Open the store; an error of it inside the block becomes one sentence, without a password."""
     uri = store.server()
     try:
         client = MlflowClient(tracking_uri=uri or f"sqlite:///{store.database()}")
@@ -334,7 +303,7 @@ def _opened() -> Iterator[MlflowClient]:
 
 
 def _sentence(error: Exception, uri: str | None, refused: Sequence[str] = ()) -> str:
-    """What went wrong with a store and what to do; `refused`: MLflow's error codes that blame what it was sent."""
+    """Say what went wrong with a store and what to do; `refused`: MLflow's error codes that blame what it was sent."""
     if storage_error(error):
         return storage_error(error)
     reason = (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".")
@@ -356,22 +325,18 @@ def _sentence(error: Exception, uri: str | None, refused: Sequence[str] = ()) ->
         problem = "the MLflow store refuses what it was asked"
         advice = "change the name or value that the reason names"
     elif uri:
-        advice = "start the server or mend MLFLOW_TRACKING_URI"
+        advice = "start the server or fix MLFLOW_TRACKING_URI"
     else:
         advice = "free it"
+    where = re.sub(r"\?.*", "", re.sub(r"//.*@", "//", uri)) if uri else "mlruns/mlflow.db"  # no account, no query
     return (
-        f"{_public(uri) if uri else 'mlruns/mlflow.db'}: {problem} ({reason}); all results are safe in data/, so "
-        f"{advice} and run `python -m pipeline.stages.track` again"
+        f"{where}: {problem} ({reason}); all results are safe in data/, so {advice} and run "
+        "`python -m pipeline.stages.track` again"
     )
 
 
-def _public(uri: str) -> str:
-    """A tracking URI without user, password and query."""
-    return re.sub(r"\?.*", "", re.sub(r"//.*@", "//", uri))
-
-
 def _secrets(uri: str) -> list[str]:
-    """What of a tracking URI is never shown, longest first: user, password and query, as written and decoded."""
+    """Return the secrets of a tracking URI, longest first: user, password and query, as written and decoded."""
     account = re.search(r"//(.*)@", uri)
     texts = [account[1], account[1].partition(":")[2]] if account else []
     texts += [uri.partition("@")[2].partition("?")[2]] if account else [uri.partition("?")[2]]
@@ -379,7 +344,7 @@ def _secrets(uri: str) -> list[str]:
 
 
 def _open_experiments(client: MlflowClient, names: set[str]) -> dict[str, str]:
-    """Name -> MLflow id of all experiments that this module ever wrote to; creates those of `names`."""
+    """Return name -> MLflow id of all experiments that this module ever wrote to; create those of `names`."""
     uri = store.server()
     known = {
         experiment.name: experiment
@@ -408,12 +373,11 @@ def _open_experiments(client: MlflowClient, names: set[str]) -> dict[str, str]:
 
 
 def _search(client: MlflowClient, experiment_ids: Iterable[str], condition: str) -> list[Run]:
-    """All runs that this module wrote and that meet a condition, deleted ones as well."""
+    """Return all runs that this module wrote and that meet a condition, deleted ones as well."""
     ids = list(experiment_ids)
-    runs: list[Run] = []
-    token = None
+    query, runs, token = f"tags.written_by = '{WRITER}' and {condition}", [], None
     while ids:
-        page = client.search_runs(ids, f"tags.written_by = '{WRITER}' and {condition}", ViewType.ALL, page_token=token)
+        page = client.search_runs(ids, query, ViewType.ALL, page_token=token)
         runs.extend(page)
         token = page.token
         if not token:
@@ -422,27 +386,26 @@ def _search(client: MlflowClient, experiment_ids: Iterable[str], condition: str)
 
 
 def _marked(client: MlflowClient, experiment_ids: Iterable[str]) -> list[Run]:
-    """The runs with this checkout's tag `current`."""
+    """Return the runs with this checkout's tag `current`."""
     return _search(client, experiment_ids, f"tags.`{store.current_tag()}` = 'true'")
 
 
 def _find(client: MlflowClient, experiment_id: str, content: str) -> Run | None:
-    """The run of a content, or None; where two checkouts logged it at the same moment, one that is not deleted."""
+    """Return the run of a content, or None; of two that were logged at the same moment, one that is not deleted."""
     matches = _search(client, [experiment_id], f"tags.content = '{content}' and attributes.status = 'FINISHED'")
     return min(matches, key=_preference, default=None)
 
 
 def _preference(run: Run) -> tuple:
-    """Smallest for the run to take among those of one content: the same one at every call."""
+    """Return a key that is smallest for the run to take among those of one content: the same one at every call."""
     deleted, of_others = run.info.lifecycle_stage != "active", run.data.tags.get("checkout") != store.checkout()
     return deleted, of_others, run.info.start_time, run.info.run_id
 
 
 def _end_interrupted(client: MlflowClient, experiment_ids: Iterable[str]) -> None:
-    """Mark what a killed call of this checkout left half-way; its content is logged anew, by a run of its own."""
-    for run in _search(
-        client, experiment_ids, f"attributes.status = 'RUNNING' and tags.checkout = '{store.checkout()}'"
-    ):
+    """Mark the runs that a killed call of this checkout left half-way; their content is logged anew, by other runs."""
+    interrupted = f"attributes.status = 'RUNNING' and tags.checkout = '{store.checkout()}'"
+    for run in _search(client, experiment_ids, interrupted):
         if run.info.lifecycle_stage == "active":
             client.set_terminated(run.info.run_id, "KILLED")
 
@@ -451,10 +414,7 @@ def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit
     """Log one run and return its id; its status is FINISHED only when everything has been logged."""
     now = int(time.time() * 1000)
     tags = {
-        "experiment": run.experiment,
-        "protocol": run.protocol,
-        "model": run.model,
-        "seed": str(run.seed),
+        **dict(zip(store.COLUMNS, run.key, strict=False)),
         "git_commit": commit[0],
         "git_dirty": commit[1],
         "params_hash": run.params_hash,
@@ -481,9 +441,8 @@ def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit
         run_name=f"{run.model} {run.protocol} seed {run.seed}",
     )
     run_id = created.info.run_id
-    points = [Metric(name, value, now, epoch) for name, curve in run.curves.items() for epoch, value in curve] + [
-        Metric(name, value, now, 0) for name, value in (metrics | run.timings).items()
-    ]
+    points = [Metric(name, value, now, epoch) for name, curve in run.curves.items() for epoch, value in curve]
+    points += [Metric(name, value, now, 0) for name, value in (metrics | run.timings).items()]
     params = [Param(name, _shortened(value)) for name, value in (run.block | run.settings).items()]
     for start in range(0, len(params), PARAMS_PER_CALL):
         client.log_batch(run_id, params=params[start : start + PARAMS_PER_CALL])
@@ -500,7 +459,7 @@ def _log_files(client: MlflowClient, run_id: str, run: TrackedRun) -> None:
 
 
 def _restore(client: MlflowClient, match: Run, run: TrackedRun) -> bool:
-    """Bring back what somebody deleted of the run `match`: the run itself (True if so), or its files."""
+    """Bring back the run `match` (return True if somebody deleted it) or its files."""
     deleted = match.info.lifecycle_stage != "active"
     if deleted:
         client.restore_run(match.info.run_id)
@@ -510,7 +469,7 @@ def _restore(client: MlflowClient, match: Run, run: TrackedRun) -> bool:
 
 
 def _lacks_files(run: Run) -> bool:
-    """Whether a run of the default store has lost its files; a server is not asked."""
+    """Tell whether a run of the default store has lost its files; a server is not asked."""
     return not store.server() and not (Path(run.info.artifact_uri) / "model").is_dir()
 
 
@@ -536,7 +495,7 @@ def _log_new_times(client: MlflowClient, match: Run, run: TrackedRun) -> bool:
 
 
 def _allowed(name: str) -> str:
-    """A condition's name in the letters that MLflow takes; those with others get a digest, so that no two meet."""
+    """Return a condition's name in the letters that MLflow takes; a changed name gets a digest, so that no two meet."""
     if not name or (NAME.fullmatch(name) and len(name) <= LONGEST_NAME and not DIGEST.search(name)):
         return name
     taken = re.sub(r"^\W|[^\w.\- ]", "_", name)[:LONGEST_NAME]
@@ -544,12 +503,12 @@ def _allowed(name: str) -> str:
 
 
 def _shortened(value: str) -> str:
-    """A param's value, or its beginning and digest where it is longer than MLflow takes; params.yaml has all of it."""
+    """Return a param's value, or its beginning and digest where MLflow would cut it; params.yaml has all."""
     return value if len(value) <= LONGEST_PARAM else f"{value[: LONGEST_PARAM - 20]}... {_hash(value)[:8]}"
 
 
 def _difference(made_with, wanted, where: str) -> str | None:
-    """The dotted key of the first setting in which two blocks differ, None if there is none."""
+    """Return the dotted key of the first setting in which two blocks differ, None if there is none."""
     if isinstance(made_with, Mapping) and isinstance(wanted, Mapping):
         for key in [*made_with, *wanted]:
             if key not in made_with or key not in wanted:
@@ -561,7 +520,7 @@ def _difference(made_with, wanted, where: str) -> str | None:
 
 
 def _flatten(settings: dict, prefix: str = "") -> dict[str, str]:
-    """Nested settings as MLflow params: `{"a": {"b": 1}}` becomes `{"a.b": "1"}`."""
+    """Return nested settings as MLflow params: `{"a": {"b": 1}}` becomes `{"a.b": "1"}`."""
     flat = {}
     for name, value in settings.items():
         if isinstance(value, dict):
@@ -575,34 +534,19 @@ def _hash(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _shown(path: Path) -> Path:
-    return path.relative_to(paths.ROOT)
-
-
 def _read_json(path: Path, made_by: str) -> dict:
     try:
         content = json.loads(paths.require(path, made_by).read_text())
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{_shown(path)}: not JSON ({error}); run `{made_by}` again") from error
+        raise InputError(f"{results.shown(path)}: not JSON ({error}); run `{made_by}` again") from error
     if not isinstance(content, dict):
-        raise InputError(f"{_shown(path)}: not a JSON object; run `{made_by}` again")
+        raise InputError(f"{results.shown(path)}: not a JSON object; run `{made_by}` again")
     return content
 
 
-def _read_csv(path: Path, columns: list[str], made_by: str, **options) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(paths.require(path, made_by), **options)
-    except ValueError as error:  # no table, or no text
-        raise InputError(f"{_shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
-    for column in columns:
-        if column not in table.columns:
-            raise InputError(f"{_shown(path)}: column {column!r} is missing; run `{made_by}` again")
-    return table
-
-
-def _one_row(table: pd.DataFrame, path: Path, where: dict, mend: str) -> pd.Series:
+def _one_row(table: pd.DataFrame, path: Path, where: dict, advice: str) -> pd.Series:
     rows = table[(table[list(where)] == pd.Series(where)).all(axis=1)]
     if len(rows) != 1:
         wanted = ", ".join(f"{name} {value}" for name, value in where.items())
-        raise InputError(f"{_shown(path)}: {len(rows)} rows for {wanted} instead of 1; {mend}")
+        raise InputError(f"{results.shown(path)}: {len(rows)} rows for {wanted} instead of 1; {advice}")
     return rows.iloc[0]

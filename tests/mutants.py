@@ -519,14 +519,14 @@ MUTANTS = [
     ),
     Mutant(
         "failure-at-three-times-the-clean-error",
-        "pipeline/reporting/stability.py",
+        "pipeline/reporting/verdicts/stability.py",
         "TIMES = 2.0 ",
         "TIMES = 3.0 ",
         "reporting/test_stability_report.py",
     ),
     Mutant(
         "growth-of-the-truth-dropped",
-        "pipeline/reporting/stability.py",
+        "pipeline/reporting/verdicts/stability.py",
         "TIMES * clean * growth:",
         "TIMES * clean:",
         "reporting/test_stability_report.py",

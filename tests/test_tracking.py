@@ -209,6 +209,11 @@ def test_a_damaged_receipt_is_written_anew(repository, capsys):
         assert len(receipt()) == 6
 
 
+def test_the_code_that_decides_how_files_become_runs_is_there():
+    assert {"tracking.py", "stages/track.py"} <= set(store.CODE)
+    assert [name for name in store.CODE if not (paths.CODE / name).is_file()] == []
+
+
 def test_an_experiment_that_was_not_run_is_one_line(repository, capsys):
     track.track(PARAMS)
     lines = [line for line in capsys.readouterr().out.splitlines() if "velostat_recorded" in line]
@@ -581,7 +586,7 @@ def test_file_that_is_no_database_is_one_sentence(repository):
         (OSError(28, "No space left on device", "mlruns/artifacts"), None, "free or unlock the disk"),
         (MlflowException("Invalid value", error_code=INVALID_PARAMETER_VALUE), None, "change the name or value"),
         (MlflowException("", error_code=UNAUTHENTICATED), "http://host", "set MLFLOW_TRACKING_USERNAME and"),
-        (MlflowException("no answer"), "http://host", "start the server or mend MLFLOW_TRACKING_URI"),
+        (MlflowException("no answer"), "http://host", "start the server or fix MLFLOW_TRACKING_URI"),
     ],
 )
 def test_the_advice_is_for_the_cause(repository, monkeypatch, error, uri, advice):

@@ -1,4 +1,4 @@
-"""Where this checkout's MLflow store lies, and what it was last known to hold: all that can be said without MLflow.
+"""Say where this checkout's MLflow store lies and what it was last known to hold, without importing MLflow.
 
 Importing MLflow and reading the model files takes seconds, and `track` is part of every `dvc repro`. So a receipt in
 `mlruns/tracked.json` says for which files, settings and code the store was found complete.
@@ -16,7 +16,7 @@ from pathlib import Path
 
 from pipeline.base import files, paths
 
-CODE = ("base/store.py", "track.py", "tracking.py")  # what decides how files become runs
+CODE = ("base/store.py", "scoring/results.py", "stages/track.py", "tracking.py")  # decide how files become runs
 COLUMNS = ("experiment", "protocol", "model", "seed", "content", "run_id")  # of a receipt's rows
 
 
@@ -53,12 +53,12 @@ def database() -> Path:
 
 
 def artifacts() -> Path:
-    """Return `mlruns/artifacts`: the files of the runs in the default store, a folder an experiment."""
+    """Return `mlruns/artifacts`: the files of the runs in the default store, one folder per experiment."""
     return folder() / "artifacts"
 
 
 def receipt() -> Path:
-    """Return `mlruns/tracked.json`: digest of what was tracked, state of the default store, and a row a run."""
+    """Return `mlruns/tracked.json`: digest of what was tracked, state of the default store, and one row per run."""
     return folder() / "tracked.json"
 
 
@@ -91,27 +91,25 @@ def one_at_a_time() -> Iterator[None]:
 
 
 def origin(params: dict) -> str:
-    """Return a digest of all that the runs are made from: settings, code, and name, size and time of each file.
+    """Return a digest of all sources of the runs: settings, code, and name, size and time of each file.
 
     No file of a result is read: DVC has compared their contents already, and writes a file anew when it changes. The
     folder counts, since the store does not work in a copy.
     """
     rows = [str(workspace()), json.dumps(params, sort_keys=True)]
     rows += [hashlib.sha256((paths.CODE / name).read_bytes()).hexdigest() for name in CODE]
-    for path in _inputs(params):
-        state = _state(path)
-        rows.append(f"{path.relative_to(paths.ROOT).as_posix()} {state}")
+    rows += [f"{path.relative_to(paths.ROOT).as_posix()} {_state(path)}" for path in _inputs(params)]
     return hashlib.sha256("\n".join(rows).encode()).hexdigest()
 
 
 def write_receipt(origin: str, rows: list[dict[str, str]]) -> None:
-    """Note that the store holds `rows` (COLUMNS, a row a run), made from what has the digest `origin`."""
+    """Note that the store holds `rows` (COLUMNS, one per run), made from sources with the digest `origin`."""
     content = {"origin": origin, "database": _state(database()), "runs": rows}
     files.write_text(receipt(), json.dumps(content, indent=1) + "\n")
 
 
 def known_rows(origin: str) -> list[dict[str, str]] | None:
-    """Return the rows of the receipt if it is of the same origin, else None; a receipt that is damaged is none."""
+    """Return the rows of the receipt if it is of the same origin, else None; a damaged receipt counts as none."""
     content = _read_receipt()
     return content["runs"] if content.get("origin") == origin else None
 
@@ -136,7 +134,7 @@ def _read_receipt() -> dict:
 
 
 def _inputs(params: dict) -> Iterator[Path]:
-    """Every file that tracking reads or logs, listed or found; some may not exist."""
+    """Yield every file that tracking reads or logs; some may not exist."""
     for experiment in params["experiments"]:
         yield paths.ingest_report(experiment)
         yield paths.scores(experiment)
@@ -147,7 +145,7 @@ def _inputs(params: dict) -> Iterator[Path]:
 
 
 def _state(path: Path) -> list[int] | None:
-    """Size in bytes and time of the last change in ns; None for a file that is not there."""
+    """Return size in bytes and time of the last change in ns; None for a file that is not there."""
     try:
         status = path.stat()
     except FileNotFoundError:

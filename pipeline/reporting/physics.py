@@ -1,26 +1,43 @@
-"""Text of reports/physics: which effects of the simulated scenes the results need."""
+"""Write for people which effects of the simulated scenes the results need: reports/physics."""
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from pipeline.base import files
 from pipeline.reporting import markdown
+from pipeline.reporting.figures import physics as physics_figures
 from pipeline.reporting.labels import model_name
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import FAILED, NEEDED, NOT_NEEDED, Assessment, Judgement
-from pipeline.scoring.variants import DEFAULT
+from pipeline.scoring.results import CONFIDENCE
+from pipeline.scoring.variants import DEFAULT, NONE
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
+HELD = {True: "Holds.", False: "Does not hold.", None: "Seeds differ, so it does not count."}  # of a claim
 ERRORS = {"rmse": "RMSE in kPa", "error": "distance in mm", "accuracy": "share of images named wrongly"}
 
 
-def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], values: Mapping) -> str:
-    """README.md; found, scores: by experiment, values: params.yaml."""
-    settings = values["physics"]
-    switches = {experiment: values[experiment]["simulate"]["effects"] for experiment in found}
-    off = {experiment: [name for name, on in own.items() if not on] for experiment, own in switches.items()}
+def write(values: Mapping, folder: Path) -> pd.DataFrame:
+    """Judge all experiments, write README.md and one figure each into the empty `folder`, and return physics.csv."""
+    scores = {experiment: physics_verdicts.read(experiment, values) for experiment in values["physics"]}
+    assessed = {experiment: physics_verdicts.assess(experiment, table) for experiment, table in scores.items()}
+    for experiment, assessment in assessed.items():
+        title = f"{TITLES[experiment]}: an effect of the scene left out"
+        unit = ERRORS[scores[experiment]["metric"].iloc[0]]
+        physics_figures.matrices(folder / f"{experiment}.png", title, assessment, unit)
+    files.write_text(folder / "README.md", readme(assessed, scores, values))
+    rows = [row for pair in assessed.items() for row in physics_verdicts.report_rows(*pair)]
+    return pd.DataFrame(rows)
+
+
+def readme(assessed: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], values: Mapping) -> str:
+    """Return README.md; assessed, scores: by experiment, values: params.yaml."""
+    switches = {experiment: values[experiment]["simulate"]["effects"] for experiment in assessed}
+    off = {experiment: [name for name, on in effects.items() if not on] for experiment, effects in switches.items()}
     parts = [
         "# No more physics than the scenes need\n",
         "Every effect of the three simulated scenes is left out in turn, and everything is done anew: logs, ingest, "
@@ -31,48 +48,43 @@ def readme(found: Mapping[str, Assessment], scores: Mapping[str, pd.DataFrame], 
         "is compared with the mean of the same seeds with it; the yardstick is the same comparison between different "
         "seeds. An effect is **needed** if, without it,\n",
         "- a model's error changes by more than its *floor*, and in every seed in the same direction; or",
-        f"- the order of the models (Kendall's tau, 1: the same) changes more than in "
-        f"{physics_verdicts.CONFIDENCE:.0%} of pairs"
-        " of groups of other seeds; or",
+        f"- the order of the models (Kendall's tau, 1: the same) changes more than in {CONFIDENCE:.0%} of pairs of "
+        "groups of other seeds; or",
         "- a claim that all seeds agree on turns over.\n",
-        f"Errors are compared as ratios: the floor is the {physics_verdicts.CONFIDENCE:.0%} band of the logarithm of "
-        f"the ratio, "
+        f"Errors are compared as ratios: the floor is the {CONFIDENCE:.0%} band of the logarithm of the ratio, "
         "t s sqrt(2 / m) for m seeds. The spread s is the model's own over all seeds, or the median of all models and "
         f"conditions where that is larger (some agree by luck); the least floor is {physics_verdicts.LEAST:.0%}.\n",
         "## What could be left out\n",
-        *[_left_out(experiment, one, off[experiment]) for experiment, one in found.items()],
+        *[_left_out(experiment, assessment, off[experiment]) for experiment, assessment in assessed.items()],
         "",
         "One effect is left out at a time; two that change nothing alone may do so together (`default` is the test "
         "of that: the scene as it is in params.yaml). An effect is judged by the models and claims below, on a scene "
-        "of this size; what only a longer "
-        "training shows is not seen.\n",
+        "of this size; what only a longer training shows is not seen.\n",
     ]
-    for experiment, one in found.items():
-        parts += _experiment(experiment, one, scores[experiment], settings[experiment])
+    for experiment, assessment in assessed.items():
+        parts += _experiment(experiment, assessment, scores[experiment], values["physics"][experiment])
     return "\n".join(parts)
 
 
 def _left_out(experiment: str, assessment: Assessment, off: list[str]) -> str:
-    """One line an experiment: what is not needed, what failed, and what stays although nothing needs it."""
-    alone = [one for one in assessment.effects if one.effect != DEFAULT]
-    by_verdict = {verdict: [one for one in alone if one.verdict == verdict] for verdict in (NEEDED, NOT_NEEDED, FAILED)}
-    purposes = {one.effect: physics_verdicts.PURPOSE.get((experiment, one.effect)) for one in by_verdict[NOT_NEEDED]}
+    """Say in one line what is not needed, what failed, and what stays although nothing needs it."""
+    alone = {judged.effect: judged.verdict for judged in assessment.effects}
+    whole = alone.pop(DEFAULT, None)
+    needed, spare, failed = ([e for e, said in alone.items() if said == v] for v in (NEEDED, NOT_NEEDED, FAILED))
+    purposes = {effect: physics_verdicts.PURPOSE.get((experiment, effect)) for effect in spare}
     free = [f"`{effect}`" for effect, purpose in purposes.items() if not purpose]
     kept = [f"`{effect}` stays: {purpose}" for effect, purpose in purposes.items() if purpose]
-    text = f"- {TITLES[experiment]}: "
-    text += f"{len(by_verdict[NEEDED])} of {len(alone)} effects are needed. "
+    text = f"- {TITLES[experiment]}: {len(needed)} of {len(alone)} effects are needed. "
     text += f"Change nothing when left out alone: {', '.join(free)}. " if free else ""
     text += f"Change nothing either, but {'; '.join(kept)}. " if kept else ""
-    failed = [f"`{one.effect}`" for one in by_verdict[FAILED]]
-    text += f"Not known, a run failed: {', '.join(failed)}. " if failed else ""
-    whole = [one.verdict for one in assessment.effects if one.effect == DEFAULT]
+    text += f"Not known, a run failed: {', '.join(f'`{effect}`' for effect in failed)}. " if failed else ""
     if whole:
-        said = {
+        consequence = {
             NOT_NEEDED: "which changes nothing.",
             NEEDED: "which changes the results: switch some of them on.",
             FAILED: "and what that changes is not known, for a run failed.",
-        }
-        text += f"Off by default, all at once: {', '.join(f'`{name}`' for name in off)}, {said[whole[0]]}"
+        }[whole]
+        text += f"Off by default, all at once: {', '.join(f'`{effect}`' for effect in off)}, {consequence}"
     return text.rstrip()
 
 
@@ -80,11 +92,11 @@ def _experiment(experiment: str, assessment: Assessment, scores: pd.DataFrame, s
     conditions = list(assessment.floor_tau)
     header = ["effect left out", *[f"tau, {name.replace('_', ' ')}" for name in conditions]]
     header += ["largest change (floors)", "of", "claims that turn over", "verdict"]
-    rows = [[_bold(one), *_row(one, conditions), one.verdict] for one in assessment.effects]
+    rows = [_row(judged, conditions) for judged in assessment.effects]
     floor = ["*floor: other seeds*", *[f"≥ {markdown.number(value)}" for value in assessment.floor_tau.values()]]
     rows.append([*floor, "1.00", "", "", ""])
     claims = [
-        f"- {claim.name}: {claim.sentence}. {_said(assessment.claims[claim.name])}"
+        f"- {claim.name}: {claim.sentence}. {HELD[assessment.claims[claim.name]]}"
         for claim in physics_verdicts.CLAIMS[experiment]
         if claim.name in assessment.claims
     ]
@@ -109,35 +121,31 @@ def _experiment(experiment: str, assessment: Assessment, scores: pd.DataFrame, s
     ]
 
 
-def _bold(one: Judgement) -> str:
-    return f"**{one.effect}**" if one.verdict == NEEDED else one.effect
-
-
-def _row(one: Judgement, conditions: list[str]) -> list[str]:
-    most = one.largest()
-    failed = most.floors != most.floors
-    change = "failed" if failed else f"{most.floors:+.2f} ({most.relative:+.0%})"
+def _row(judged: Judgement, conditions: list[str]) -> list[str]:
+    most = judged.largest()
+    change = "failed" if np.isnan(most.floors) else f"{most.floors:+.2f} ({most.relative:+.0%})"
     if abs(most.floors) > 1 and not most.steady:
         change += ", seeds differ"
-    of = f"{model_name(most.model)}, {most.condition.replace('_', ' ')}"
-    return [*[markdown.number(one.tau[name]) for name in conditions], change, of, "; ".join(one.flipped) or "none"]
-
-
-def _said(holds: bool | None) -> str:
-    return "Seeds differ, so it does not count." if holds is None else "Holds." if holds else "Does not hold."
+    return [
+        f"**{judged.effect}**" if judged.verdict == NEEDED else judged.effect,
+        *(markdown.number(judged.tau[condition]) for condition in conditions),
+        change,
+        f"{model_name(most.model)}, {most.condition.replace('_', ' ')}",
+        "; ".join(judged.flipped) or "none",
+        judged.verdict,
+    ]
 
 
 def _floors(scores: pd.DataFrame, conditions: list[str]) -> str:
+    """Return a table of the errors with all effects on, one row per model."""
     table = physics_verdicts.errors(scores)
-    whole = table[table["effect"] == physics_verdicts.NONE]
+    whole = table[table["effect"] == NONE]
     rows = []
-    for model in dict.fromkeys(whole["model"]):
+    for model, runs in whole.groupby("model", sort=False):
         cells = []
         for condition in conditions:
-            own = whole[(whole["model"] == model) & (whole["condition"] == condition)]["error"]
-            low, high = markdown.number(own.min()), markdown.number(own.max())
-            failed = own.isin([float("inf")]).any()
-            middle = markdown.number(float(np.exp(np.log(own).mean())))
-            cells.append("failed" if failed else f"{middle} ({low} to {high})")
+            errors = runs[runs["condition"] == condition]["error"]
+            middle, low, high = map(markdown.number, (np.exp(np.log(errors).mean()), errors.min(), errors.max()))
+            cells.append(f"{middle} ({low} to {high})" if np.isfinite(errors).all() else "failed")
         rows.append([model_name(model), *cells])
     return markdown.table(["Model", *[name.replace("_", " ") for name in conditions]], rows)

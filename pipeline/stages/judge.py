@@ -12,23 +12,21 @@ import pandas as pd
 
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
-from pipeline.reporting.markdown import number, size, table
+from pipeline.reporting.claims import COUNTED, VERDICTS, count_rows, ours_text, value_text
+from pipeline.reporting.markdown import table
 from pipeline.reporting.verdicts import glove as glove_verdicts
 from pipeline.reporting.verdicts import strain as strain_verdicts
 from pipeline.reporting.verdicts import touch as touch_verdicts
 from pipeline.reporting.verdicts.rules import (
     EXPERIMENTS,
     NOT_REPRODUCED,
-    NOT_TESTABLE,
     PAPERS,
-    REPRODUCED,
     TOLERANCE,
     Claim,
     Evidence,
     Judgement,
 )
 
-VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
 COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason"]
 COLUMNS += ["key", "printed", "unit", "over", "measured"]
 RULES = (
@@ -68,42 +66,6 @@ def rows(found: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
     )
 
 
-def shown(value: float, unit: str) -> str:
-    """A number as claims.md shows it."""
-    if unit == "count":
-        return "-" if value != value else size(value)
-    return number(value, 3 if abs(value) < 1 else 2)
-
-
-def ours(judged: Judgement, unit: str) -> str:
-    """Our value with its interval."""
-    text = shown(judged.ours, unit)
-    if judged.low == judged.low:
-        text += f" [{shown(judged.low, unit)}, {shown(judged.high, unit)}]"
-    return text
-
-
-def count_table(found: list[tuple[Claim, Judgement]]) -> str:
-    """How many claims have which verdict, by paper and data."""
-    groups: dict[tuple[str, str, str], list[Judgement]] = {}
-    for one, judged in found:
-        kind = "number of a table" if one.printed else "sentence"
-        groups.setdefault((PAPERS[one.paper], one.data, kind), []).append(judged)
-    groups["All", "", ""] = [judged for _, judged in found]
-    header = ["Paper", "Data", "Kind", *VERDICTS, "of not reproduced: undecided", "claims"]
-    rows = []
-    for key, own in groups.items():
-        verdicts = [judged.verdict for judged in own]
-        rows.append([*key, *map(str, map(verdicts.count, VERDICTS)), str(sum(map(undecided, own))), str(len(own))])
-    return table(header, rows)
-
-
-def undecided(judged: Judgement) -> bool:
-    """Whether a claim is not reproduced for want of runs alone."""
-    reason = judged.reason
-    return judged.verdict == NOT_REPRODUCED and "undecided" in reason and "contradicted" not in reason
-
-
 def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
     """claims.md."""
     lines = [
@@ -117,7 +79,7 @@ def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
         "claim whose runs failed, or whose recordings are not there, is not testable. Rows marked * rest on measured "
         "times and differ between runs and machines.\n",
         "## Counts\n",
-        count_table(found),
+        table(["Paper", "Data", "Kind", *COUNTED, "claims"], count_rows(rows(found), ["paper", "data", "kind"])),
     ]
     for paper, title in PAPERS.items():
         own = [(one, judged) for one, judged in found if one.paper == paper]
@@ -128,8 +90,8 @@ def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
                 one.text + (" *" if one.measured else ""),
                 one.section,
                 one.data,
-                shown(one.published, one.unit),
-                ours(judged, one.unit),
+                value_text(one.published, one.unit),
+                ours_text(*judged[:3], one.unit),
                 one.unit,
                 judged.verdict,
                 "; ".join(filter(None, [judged.reason, "" if judged.over.endswith(" seeds") else judged.over])),

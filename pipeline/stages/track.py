@@ -1,6 +1,6 @@
 """Stage: every result of the pipeline as a run in MLflow. `python -m pipeline.stages.track`
 
-A second call adds nothing; see `tracking.py` for what one run holds. The store is `mlruns/mlflow.db`, or the
+A second call adds nothing; pipeline/tracking.py says what one run holds. The store is `mlruns/mlflow.db`, or the
 server that MLFLOW_TRACKING_URI names. DVC runs this at every `dvc repro`, so it looks at a receipt first.
 """
 
@@ -30,7 +30,7 @@ def track(params: dict) -> None:
 
 
 def _track(params: dict, known: list[dict[str, str]] | None) -> list[dict[str, str]]:
-    """The receipt's rows; `known`: those of an earlier call, if all that it tracked is unchanged."""
+    """Return the receipt's rows; `known`: those of an earlier call, if all that it tracked is unchanged."""
     from pipeline import tracking  # MLflow takes 3 s to import
 
     if known is not None and tracking.holds(known):
@@ -38,15 +38,12 @@ def _track(params: dict, known: list[dict[str, str]] | None) -> list[dict[str, s
         return known
     ran = []
     for experiment in params["experiments"]:
-        reason = why_not_run(experiment)
-        if reason is None:
-            ran.append(experiment)
-        else:
+        if reason := why_not_run(experiment):
             print(f"{experiment}: not run, so nothing to track ({reason})")
+        else:
+            ran.append(experiment)
     tracking.check_settings(ran, params)
-    runs = []
-    for experiment in ran:
-        runs += tracking.read_runs(experiment, params)
+    runs = [run for experiment in ran for run in tracking.read_runs(experiment, params)]
     done = tracking.synchronise(runs)
     print(
         f"MLflow: {done.logged} runs logged, {len(runs) - done.logged} found again (of them {done.restored} restored, "
@@ -56,7 +53,7 @@ def _track(params: dict, known: list[dict[str, str]] | None) -> list[dict[str, s
 
 
 def _search_for() -> str:
-    """What to type into MLflow's search to see what was tracked."""
+    """Return the words to type into MLflow's search to see the tracked runs."""
     if store.in_temporary_copy():
         return f"search for tags.dvc_experiment = '{os.environ.get('DVC_EXP_NAME', '')}'"
     return f"the present results: tags.`{store.current_tag()}` = 'true'"

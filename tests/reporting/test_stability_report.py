@@ -8,9 +8,10 @@ import pytest
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.reporting import stability as stability_report
 from pipeline.reporting.figures import stability as stability_figures
-from pipeline.reporting.stability import FAILED, HOLDS, Level, level
+from pipeline.reporting.verdicts import stability as stability_verdicts
+from pipeline.reporting.verdicts.stability import FAILED, HOLDS, level
+from pipeline.scoring.results import Estimate
 from pipeline.stages import collect, render_stability
 
 MODELS = {"constant": {}, "linear": {}, "lomp": {}}
@@ -23,42 +24,42 @@ ERRORS = {
 }
 
 
-def errors(values: list[float], levels: list[float]) -> dict[float, Level]:
-    return dict(zip(levels, map(lambda one: level([one]), values), strict=True))
+def errors(values: list[float], levels: list[float]) -> dict[float, Estimate]:
+    return dict(zip(levels, (level([value]) for value in values), strict=True))
 
 
 def test_a_model_fails_above_twice_its_clean_error():
-    found = stability_report.verdict(errors([2, 3.9, 4.1, 9], [0, 1, 2, 3]), errors([10] * 4, [0, 1, 2, 3]))
+    found = stability_verdicts.verdict(errors([2, 3.9, 4.1, 9], [0, 1, 2, 3]), errors([10] * 4, [0, 1, 2, 3]))
     assert found[:4] == (2, 2, 2, 4.1) and found.reason == "above twice its clean error"
 
 
 def test_a_model_fails_where_a_constant_is_better():
-    found = stability_report.verdict(errors([8, 11], [0, 1]), errors([10, 10], [0, 1]))
+    found = stability_verdicts.verdict(errors([8, 11], [0, 1]), errors([10, 10], [0, 1]))
     assert (found.severity, found.reason) == (1, "worse than constant")
-    bad = stability_report.verdict(errors([12, 13], [0, 1]), errors([10, 10], [0, 1]))
+    bad = stability_verdicts.verdict(errors([12, 13], [0, 1]), errors([10, 10], [0, 1]))
     assert (bad.severity, bad.step) == (0, 0)
 
 
 def test_a_model_that_stays_below_both_holds():
-    found = stability_report.verdict(errors([2, 4], [0, 1]), errors([10, 10], [0, 1]))
+    found = stability_verdicts.verdict(errors([2, 4], [0, 1]), errors([10, 10], [0, 1]))
     assert found.reason == HOLDS and np.isnan(found.severity)
-    assert stability_report.verdict(errors([2, 4.1], [0, 1]), None).severity == 1  # without `constant`
+    assert stability_verdicts.verdict(errors([2, 4.1], [0, 1]), None).severity == 1  # without `constant`
 
 
 def test_where_the_truth_grows_the_allowance_grows_with_it():
     harder = errors([10, 20], [0, 1])
-    assert stability_report.verdict(errors([2, 7.9], [0, 1]), harder).reason == HOLDS
-    assert stability_report.verdict(errors([2, 8.1], [0, 1]), harder).severity == 1
+    assert stability_verdicts.verdict(errors([2, 7.9], [0, 1]), harder).reason == HOLDS
+    assert stability_verdicts.verdict(errors([2, 8.1], [0, 1]), harder).severity == 1
 
 
 def test_a_failed_training_is_no_holding_model():
     own = {0: level([2, np.nan]), 1: level([2, np.nan])}
-    assert stability_report.verdict(own, None).reason == FAILED
+    assert stability_verdicts.verdict(own, None).reason == FAILED
 
 
 def test_severities_are_walked_outwards_from_0_or_as_listed():
-    assert stability_report.walked([0, 2, -1, 1, -2]) == [0, -1, 1, -2, 2]
-    assert stability_report.walked([48, 12, 24]) == [48, 12, 24]
+    assert stability_verdicts.walked([0, 2, -1, 1, -2]) == [0, -1, 1, -2, 2]
+    assert stability_verdicts.walked([48, 12, 24]) == [48, 12, 24]
 
 
 @pytest.fixture
@@ -152,14 +153,14 @@ def test_a_missing_row_is_refused(root):
     table.drop(index=table[(table.model == "lomp") & (table.severity == 0.1)].index[:1]).to_csv(
         paths.stress("touch"), index=False
     )
-    with pytest.raises(InputError, match="no row for press, single, noise, 0.1, lomp, seed 0; run"):
+    with pytest.raises(InputError, match="no row for .*perturbation noise, severity 0.1, model lomp, seed 0; run"):
         render_stability.main()
 
 
 def test_a_repeated_row_is_refused(root):
     table = pd.read_csv(paths.stress("touch"))
     pd.concat([table, table.tail(1)]).to_csv(paths.stress("touch"), index=False)
-    with pytest.raises(InputError, match="two rows for press, several, distance"):
+    with pytest.raises(InputError, match="two rows for protocol press, condition several, perturbation distance"):
         render_stability.main()
 
 

@@ -7,10 +7,11 @@ import torch
 
 from pipeline.base.errors import InputError
 from pipeline.models import sp_resnet
+from pipeline.reporting import sizes as sizes_report
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
+from pipeline.reporting.verdicts.sizes import Reference
 from pipeline.scoring import ladders
-from pipeline.stages import render_rightsize
 from pipeline.studies import sizes
 
 NAN = float("nan")
@@ -57,7 +58,7 @@ def test_of_a_fraction_more_is_better():
     fractions = runs("sp_resnet", "macro_precision", "1", {0.25: [0.5, 0.5], 0.5: [0.89, 0.89], 1: [0.8, 1.0]})
     judged = sizes_verdicts.judge(fractions)
     assert list(judged["chosen"]) == [0, 1, 0]
-    assert render_rightsize.shown_error(judged.iloc[1]) == "11.00 [11.00, 11.00]"
+    assert sizes_report.shown_error(judged.iloc[1]) == "11.00 [11.00, 11.00]"
 
 
 def test_conditions_are_judged_apart():
@@ -87,22 +88,22 @@ def test_conditions_are_judged_apart():
     ],
 )
 def test_findings_follow_from_the_numbers(values, words):
-    sentence = render_rightsize.finding(sizes_verdicts.judge(runs("lomp", "rmse", "kPa", values)))
+    sentence = sizes_report.finding(sizes_verdicts.judge(runs("lomp", "rmse", "kPa", values)))
     assert all(word in sentence for word in words), sentence
 
 
 def test_failed_runs_are_said_in_table_file_and_figure(tmp_path):
     judged = sizes_verdicts.judge(runs("lomp", "rmse", "kPa", {8: [NAN, NAN], 32: [NAN, 4.0], 128: [5, 6]}))
-    table = render_rightsize.ladder_table(judged)
+    table = sizes_report.ladder_table(judged)
     assert "failed (2 of 2 runs)" in table and "failed (1 of 2 runs); others 4.00" in table
     assert table.count("*") == 1 and "128 (published)" in table
-    render_rightsize.write_csv(tmp_path / "rightsize.csv", judged)
+    sizes_report.write_csv(tmp_path / "rightsize.csv", judged)
     lines = (tmp_path / "rightsize.csv").read_text().splitlines()
     assert lines[0].startswith("experiment,condition,family,size,params,metric,unit,value,low,high,chosen")
     assert lines[1].startswith("touch,single,lomp,8,800,rmse,kPa,nan,nan,nan,0")
     pictures = []
     for name in ("one.png", "two.png"):
-        sizes_figures.curves(tmp_path / name, "Touch", judged, {("lomp", "single"): sizes_figures.Reference(11.0, 3.4)})
+        sizes_figures.curves(tmp_path / name, "Touch", judged, {("lomp", "single"): Reference(11.0, 3.4)})
         pictures.append((tmp_path / name).read_bytes())
     assert pictures[0] == pictures[1]
 

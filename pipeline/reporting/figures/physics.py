@@ -1,4 +1,4 @@
-"""Chart of what leaving an effect out of a simulated scene does to every model's error."""
+"""Draw the change of every model's error where an effect is left out of a simulated scene."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ COLOURS = LinearSegmentedColormap.from_list("change", [*STEPS, (1, style.VERMILI
 
 
 def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
-    """A matrix a condition: effects by models; numbers are the change of the error in %, colours that in floors.
+    """Draw one matrix per condition, effects by models: numbers are the change of the error in %, colours in floors.
 
     The last column is Kendall's tau. White: not more than one floor. `unit`: of the error, for the note below.
     """
@@ -30,18 +30,20 @@ def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
         1, len(conditions), figsize=(width, 1.9 + 0.34 * len(effects)), sharey=True, squeeze=False
     )
     for ax, condition in zip(axes[0], conditions, strict=True):
-        floors = np.full((len(effects), len(models) + 1), 0.0)
-        for row, one in enumerate(effects):
-            for change in one.changes:
+        floors = np.zeros((len(effects), len(models) + 1))
+        for row, judged in enumerate(effects):
+            for change in judged.changes:
                 if change.condition != condition:
                     continue
                 column = models.index(change.model)
                 floors[row, column] = np.clip(np.nan_to_num(change.floors, nan=FULL), -FULL, FULL)
                 _number(ax, column, row, change.relative * 100, change.counts, abs(floors[row, column]) > 2.5)
-            changed = one.tau[condition] < assessment.floor_tau[condition] - 1e-9
+            changed = judged.tau[condition] < assessment.floor_tau[condition] - 1e-9
             weight = "bold" if changed else "normal"
-            ax.text(len(models), row, f"{one.tau[condition]:.2f}", ha="center", va="center", fontsize=7, weight=weight)
-        drawn = ax.imshow(floors, cmap=COLOURS, vmin=-FULL, vmax=FULL, aspect="auto")
+            ax.text(
+                len(models), row, f"{judged.tau[condition]:.2f}", ha="center", va="center", fontsize=7, weight=weight
+            )
+        picture = ax.imshow(floors, cmap=COLOURS, vmin=-FULL, vmax=FULL, aspect="auto")
         ax.axvline(len(models) - 0.5, color=style.GREY, linewidth=0.8)
         labels = [model_name(model) for model in models]
         ax.set_xticks(range(len(models) + 1), [*labels, "order: tau"], rotation=50, ha="right", rotation_mode="anchor")
@@ -52,10 +54,10 @@ def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
         ax.grid(True, which="minor", color="#DDDDDD", linewidth=0.6)
         ax.tick_params(which="both", length=0)
         ax.spines[:].set_visible(False)
-    names = [f"{one.effect.replace('_', ' ')}{' *' if one.verdict == NEEDED else ''}" for one in effects]
+    names = [judged.effect.replace("_", " ") + (" *" if judged.verdict == NEEDED else "") for judged in effects]
     axes[0, 0].set_yticks(range(len(effects)), names)
     axes[0, 0].set_ylabel("effect left out (*: needed)")
-    bar = figure.colorbar(drawn, ax=axes[0].tolist(), ticks=[-FULL, -1, 0, 1, FULL], pad=0.01, shrink=0.9)
+    bar = figure.colorbar(picture, ax=axes[0].tolist(), ticks=[-FULL, -1, 0, 1, FULL], pad=0.01, shrink=0.9)
     bar.set_label("change of the error, in floors\n(1: what other seeds do)")
     note = f"Numbers: change of the error ({unit}) in %, bold where it counts: beyond one floor, in every seed alike"
     figure.suptitle(f"{title}\n{note}", fontsize=9)
@@ -63,7 +65,7 @@ def matrices(path: Path, title: str, assessment: Assessment, unit: str) -> None:
 
 
 def _number(ax: plt.Axes, column: int, row: int, percent: float, beyond: bool, dark: bool) -> None:
-    """The number of one cell; a failed run says so."""
+    """Write the number of one cell, or that a run failed."""
     text = "failed" if np.isnan(percent) else f"{round(percent):+d}" if round(percent) else "0"
     colour, weight = "white" if dark else "black", "bold" if beyond else "normal"
     ax.text(column, row, text, ha="center", va="center", fontsize=7, color=colour, weight=weight)

@@ -1,4 +1,9 @@
-"""Speed against accuracy as SVG inside a page: every model's row shows under the pointer or the keyboard's focus."""
+"""Draw speed against accuracy as SVG inside a page: every model's row shows under the pointer or the keyboard's focus.
+
+It is written by hand because every model needs an element of its own, with words, that the pointer and the keyboard
+reach, and the page loads nothing: matplotlib's SVG has no such elements, and plotly or bokeh would add megabytes of
+script to it. Markers and colours are those of the figures.
+"""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -16,16 +21,19 @@ from pipeline.scoring.results import Estimate
 WIDTH, HEIGHT = 380, 300  # of a chart's coordinates
 LEFT, RIGHT, TOP, BOTTOM = 46, 14, 12, 42  # px around the axes
 RADIUS = 6.5  # px of a marker
+ESTIMATE, COSTS = ("error", "low", "high", "runs", "failed"), ("params", "macs", "size_bytes")
+TIMES = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s")
+COLUMNS = ("panel", "model", "measure", *ESTIMATE, *TIMES, *COSTS, *FRONTS.values())  # that the charts need
 AXES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}
 
 
 def charts(table: pd.DataFrame, name: str) -> str:
-    """All panels of a speed table (see `report_speed.speed_table`), against both times, with one legend."""
+    """Return all panels of a speed table (see `speed.speed_table`), against both times, with one legend."""
     figures = [
         f"<figure><figcaption>{escape(panel)}: {escape(AXES[time].lower())}</figcaption>"
-        f"{chart(own, time, f'{name}, {panel}')}</figure>"
+        f"{chart(rows, time, f'{name}, {panel}')}</figure>"
         for time in FRONTS
-        for panel, own in table.groupby("panel", sort=False)
+        for panel, rows in table.groupby("panel", sort=False)
     ]
     columns = 3 if table["panel"].nunique() == 3 else 2
     return (
@@ -36,7 +44,7 @@ def charts(table: pd.DataFrame, name: str) -> str:
 
 
 def legend(table: pd.DataFrame) -> str:
-    """Marker and name of every model, and what filled and hollow mean."""
+    """Return marker and name of every model, and the meaning of filled and hollow."""
     items = [
         f'<li data-model="{escape(model)}"><svg viewBox="-9 -9 18 18" width="18" height="18" aria-hidden="true">'
         f"{marker(model, 0, 0, True)}</svg>{escape(model_name(model))}</li>"
@@ -50,12 +58,12 @@ def legend(table: pd.DataFrame) -> str:
     )
 
 
-def chart(own: pd.DataFrame, time: str, name: str) -> str:
-    """One panel. own: its rows of the speed table; time: a key of `report_speed.FRONTS`."""
-    good = own[own["failed"] == 0]
+def chart(rows: pd.DataFrame, time: str, name: str) -> str:
+    """Return one panel. rows: those of the speed table; time: a key of `speed.FRONTS`."""
+    good = rows[rows["failed"] == 0]
     errors = good["error"][good["error"] > 0]
     least = errors.min() / 3 if len(errors) else 0.1  # where an error of zero is drawn
-    x_ends = own[time].min() / 1.6, own[time].max() * 1.6
+    x_ends = rows[time].min() / 1.6, rows[time].max() * 1.6
     y_ends = (least, 1.0)
     if len(good):
         heights = good["error"].clip(lower=least)
@@ -79,16 +87,16 @@ def chart(own: pd.DataFrame, time: str, name: str) -> str:
     for value in ticks(*y_ends) if len(good) else ():
         parts.append(f'<path class="grid" d="M{LEFT} {y(value)}H{right}"/>')
         parts.append(f'<text x="{LEFT - 5}" y="{y(value) + 4}" text-anchor="end">{value:g}</text>')
-    middle, measure = (LEFT + right) / 2, own["measure"].iloc[0]
+    middle, measure = (LEFT + right) / 2, rows["measure"].iloc[0]
     parts.append(f'<text x="{middle}" y="{HEIGHT - 8}" text-anchor="middle">{escape(AXES[time])}</text>')
-    parts.append(f'<text transform="translate(12 {(TOP + bottom) / 2})rotate(-90)" text-anchor="middle">'
-                 f"{escape(measure)}</text>")  # fmt: skip
+    turned = f"translate(12 {(TOP + bottom) / 2})rotate(-90)"
+    parts.append(f'<text transform="{turned}" text-anchor="middle">{escape(measure)}</text>')
     front = good[good[FRONTS[time]] == 1].sort_values([time, "error"])
     if len(front):
         steps = "".join(f"H{x(row[time])}V{y(row['error'])}" for row in front.to_dict("records"))
         parts.append(f'<path class="front" d="M{x(front[time].iloc[0])} {TOP}{steps}H{right}"/>')
     # The slowest first: Tab goes from left to right, and small markers are not hidden.
-    for row in own.sort_values(time, kind="stable").to_dict("records"):
+    for row in rows.sort_values(time, kind="stable").to_dict("records"):
         words, at = escape(describe(row, time)), x(row[time])
         if row["failed"]:
             drawn = f'<path class="failed" d="M{at - 5} {TOP}l10 10m0 -10l-10 10"/>'
@@ -100,13 +108,13 @@ def chart(own: pd.DataFrame, time: str, name: str) -> str:
             f'<g class="point" tabindex="0" role="img" data-model="{escape(row["model"])}" aria-label="{words}">'
             f"<title>{words}</title>{drawn}</g>"
         )
-    label = escape(f"{name}: {measure} against {AXES[time].lower()}, {len(own)} models")
+    label = escape(f"{name}: {measure} against {AXES[time].lower()}, {len(rows)} models")
     return f'<svg class="chart" viewBox="0 0 {WIDTH} {HEIGHT}" role="group" aria-label="{label}">{"".join(parts)}</svg>'
 
 
 def describe(row: Mapping, time: str) -> str:
-    """One row of the speed table as a sentence."""
-    error = interval(Estimate(*(row[key] for key in ("error", "low", "high", "runs", "failed"))))
+    """Return one row of the speed table as a sentence."""
+    error = interval(Estimate(*(row[key] for key in ESTIMATE)))
     on = "on the front" if row[FRONTS[time]] == 1 else "not on the front"
     return (
         f"{model_name(row['model'])}, {row['panel']}: {row['measure']} {error}; {row['p50_ms']:.3g} ms median and "
@@ -117,7 +125,7 @@ def describe(row: Mapping, time: str) -> str:
 
 
 def marker(model: str, x: float, y: float, filled: bool) -> str:
-    """A model's marker of `figures.STYLES` around (x, y); hollow where not `filled`."""
+    """Return a model's marker, as in the figures, around (x, y); hollow where not `filled`."""
     look = model_style(model)
     shape = MarkerStyle(look.marker)
     path = shape.get_path().transformed(shape.get_transform())
@@ -140,12 +148,11 @@ def marker(model: str, x: float, y: float, filled: bool) -> str:
 
 
 def ticks(low: float, high: float) -> Sequence[float]:
-    """Round numbers between the ends of a logarithmic axis: decades if there are three, else 1-2-5, else all digits."""
-    powers = range(floor(log10(low)), ceil(log10(high)) + 1)
-    found: list[float] = []
+    """Return round numbers inside a logarithmic axis: decades if there are three, else 1-2-5, else all digits."""
+    powers, inside = range(floor(log10(low)), ceil(log10(high)) + 1), []
     for digits in ((1,), (1, 2, 5), range(1, 10)):
-        found = [float(f"{digit}e{power}") for power in powers for digit in digits]
-        found = [value for value in found if low <= value <= high]
-        if len(found) >= 3:
-            return found
-    return found if len(found) == 2 else [float(f"{value:.3g}") for value in (low * 1.001, high * 0.999)]
+        values = [float(f"{digit}e{power}") for power in powers for digit in digits]
+        inside = [value for value in values if low <= value <= high]
+        if len(inside) >= 3:
+            return inside
+    return inside if len(inside) == 2 else [float(f"{value:.3g}") for value in (low * 1.001, high * 0.999)]

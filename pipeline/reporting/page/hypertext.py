@@ -1,4 +1,8 @@
-"""Reports as HTML: Markdown documents and tables of numbers, with links that hold from reports/index.html."""
+"""Turn reports into HTML: Markdown documents and tables of numbers, with links that hold from reports/index.html.
+
+markdown-it reads the Markdown, which is most of the page. The rest are a few elements, one function each, which escape
+the text that they are given; with templates (Jinja2), the loops over rows and the escaping would lie in a second file.
+"""
 
 import posixpath
 import re
@@ -21,39 +25,39 @@ REFERENCE = re.compile(r'(?:href|src)="([^"#][^"]*)"')
 
 
 def read(name: str) -> str:
-    """A text file below reports/. Raises InputError where there is none."""
+    """Read a text file below reports/. Raises InputError where there is none."""
     return paths.require(paths.REPORTS / name, "dvc repro").read_text(encoding="utf-8")
 
 
 def anchor(name: str) -> str:
-    """The id, on the page, of the report `name` or of a heading of that name."""
+    """Return the id, on the page, of the report `name` or of a heading of that name."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
 
 
 def sections(text: str, mark: str = "## ") -> list[tuple[str, str]]:
-    """(heading, text below it) of a Markdown document, split at headings of one level.
+    """Split a Markdown document at the headings of one level into (heading, text below it).
 
-    What stands before the first of them has an empty heading, and its own heading of the highest level is dropped.
+    The text before the first heading has an empty one; headings of the highest level are dropped.
     """
-    found = [("", [])]
+    parts = [("", [])]
     for line in text.splitlines():
         if line.startswith(mark):
-            found.append((line[len(mark) :].strip(), []))
+            parts.append((line[len(mark) :].strip(), []))
         elif not line.startswith("# "):
-            found[-1][1].append(line)
-    return [(heading, "\n".join(lines).strip()) for heading, lines in found]
+            parts[-1][1].append(line)
+    return [(heading, "\n".join(lines).strip()) for heading, lines in parts]
 
 
 def title(text: str) -> str:
-    """The heading of the highest level of a Markdown document, or nothing."""
-    found = re.search(r"^# (.+)$", text, re.MULTILINE)
-    return found.group(1).strip() if found else ""
+    """Return the heading of the highest level of a Markdown document, or nothing."""
+    heading = re.search(r"^# (.+)$", text, re.MULTILINE)
+    return heading[1].strip() if heading else ""
 
 
 class Pages:
-    """Renders reports for one page. embedded: names of the reports that are on it, for links between them.
+    """Render reports for one page. embedded: names of the reports on it, for links between them.
 
-    `pictures` collects the PNG files that have been shown, as paths below reports/.
+    `pictures` collects the PNG files that the page shows so far, as paths below reports/.
     """
 
     def __init__(self, embedded: Iterable[str]):
@@ -64,14 +68,14 @@ class Pages:
         self._parser.add_render_rule("table_close", lambda *_: "</table></div>\n")
 
     def link(self, folder: str, target: str) -> str:
-        """`target`, as a report in `folder` (below reports/) names it, from the page."""
+        """Return the address, from the page, of the file that a report in `folder` (below reports/) calls `target`."""
         if urlsplit(target).scheme or target.startswith("#"):
             return target
         name = posixpath.normpath(posixpath.join(folder, target))
         return f"#{anchor(name)}" if name in self.embedded else name
 
     def render(self, text: str, folder: str, level: int, name: str) -> str:
-        """Markdown as HTML. level: of its highest headings on the page less one; name: of its tables, for readers.
+        """Return Markdown as HTML. level: of its highest headings on the page less one; name: of its tables.
 
         Lines that hold a figure and its caption become a gallery.
         """
@@ -86,11 +90,11 @@ class Pages:
             figures.clear()
 
         for line in text.splitlines():
-            found = FIGURE.match(line)
-            if bool(found) != bool(figures):
+            figure = FIGURE.match(line)
+            if bool(figure) != bool(figures):
                 flush()
-            if found:
-                figures.append((self.link(folder, found["path"]), found["caption"]))
+            if figure:
+                figures.append((self.link(folder, figure["path"]), figure["caption"]))
             else:
                 lines.append(line)
         flush()
@@ -111,44 +115,46 @@ class Pages:
                 if child.type == "link_open":
                     child.attrSet("href", self.link(folder, child.attrs["href"]))
                 elif child.type == "image":
-                    self._picture(child, folder)
+                    source = self.link(folder, child.attrs["src"])
+                    child.attrs |= dict(zip(("src", "width", "height"), (source, *self._size(source)), strict=True))
         return self._parser.renderer.render(tokens, self._parser.options, {})
 
-    def _picture(self, image: Token, folder: str) -> None:
-        source = self.link(folder, image.attrs["src"])
-        width, height = png_size(paths.REPORTS / source)
+    def _size(self, source: str) -> tuple[str, str]:
+        """Note that the page shows a figure (path below reports/), and return its width and height."""
         self.pictures.add(source)
-        for key, value in (("src", source), ("width", str(width)), ("height", str(height))):
-            image.attrSet(key, value)
+        width, height = png_size(paths.REPORTS / source)
+        return str(width), str(height)
 
-    def gallery(self, figures: Sequence[tuple[str, str]]) -> str:
-        """Figures with captions; (path below reports/, caption in Markdown)."""
-        found = []
+    def gallery(self, figures: Iterable[tuple[str, str]]) -> str:
+        """Return figures with captions as HTML; figures: (path below reports/, caption in Markdown)."""
+        parts = []
         for source, caption in figures:
-            width, height = png_size(paths.REPORTS / source)
-            self.pictures.add(source)
-            words = self._parser.renderInline(caption)
+            width, height = self._size(source)
             plain = escape(re.sub(r"[`*]", "", caption))
-            found.append(
+            parts.append(
                 f'<figure><a href="{quote(source)}"><img src="{quote(source)}" alt="{plain}" width="{width}" '
-                f'height="{height}" decoding="async"></a><figcaption>{words}</figcaption></figure>'
+                f'height="{height}" decoding="async"></a>'
+                f"<figcaption>{self._parser.renderInline(caption)}</figcaption></figure>"
             )
-        return f'<div class="gallery">{"".join(found)}</div>'
+        return f'<div class="gallery">{"".join(parts)}</div>'
 
     def rest(self, folder: str, text: str, names: Iterable[str]) -> str:
-        """A gallery of the PNG files `names` of a folder that have not been shown yet, by the words of their links."""
-        called = {found["path"]: found["text"] for found in LINK.finditer(text)}
-        left = [name for name in sorted(names) if f"{folder}/{name}" not in self.pictures]
-        words = {name: called.get(name, name) for name in left}
-        figures = [
-            (f"{folder}/{name}", Path(word).stem.replace("_", " ") if word == name else word)
-            for name, word in words.items()
-        ]
+        """Return a gallery of the PNG files `names` of a folder that the page does not show yet.
+
+        A caption is the text of the link to the file in the Markdown `text`, or else the name of the file.
+        """
+        captions = {link["path"]: link["text"] for link in LINK.finditer(text)}
+        figures = []
+        for name in sorted(names):
+            if f"{folder}/{name}" not in self.pictures:
+                caption = captions.get(name, name)
+                words = Path(caption).stem.replace("_", " ") if caption == name else caption
+                figures.append((f"{folder}/{name}", words))
         return self.gallery(figures) if figures else ""
 
 
 def png_size(path: Path) -> tuple[int, int]:
-    """(width, height) in pixels, from the header of a PNG file. Raises InputError where it is none."""
+    """Read (width, height) in pixels from the header of a PNG file. Raises InputError where it is none."""
     head = paths.require(path, "dvc repro").read_bytes()[:24]
     if len(head) < 24 or head[:8] != b"\x89PNG\r\n\x1a\n":
         raise InputError(f"{path}: not a PNG file; run `dvc repro` again")
@@ -156,7 +162,7 @@ def png_size(path: Path) -> tuple[int, int]:
 
 
 def scroll_open(name: str) -> str:
-    """The start of a region that scrolls by itself, so that the page does not; keyboards reach it."""
+    """Return the start of a region that scrolls by itself, so that the page does not; keyboards reach it."""
     return f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(name)}">'
 
 
@@ -165,14 +171,14 @@ def _table_open(renderer, tokens: Sequence[Token], place: int, options, environm
 
 
 def cell(text: str, value: float | None = None, html: bool = False, tag: str = "td") -> str:
-    """A cell of a table. value: what it is sorted by, where that is not its text; html: `text` is HTML already."""
+    """Return a cell of a table. value: the key to sort by, where that is not the text; html: `text` is HTML already."""
     sort = "" if value is None else f' data-value="{value!r}"'
     return f"<{tag}{sort}>{text if html else escape(text)}</{tag}>"
 
 
 def table(name: str, header: Sequence[str], rows: Sequence[tuple[Mapping[str, str], Sequence[str]]]) -> str:
-    """A sortable table. rows: (attributes of the row, its cells as `cell` makes them); name: its caption."""
-    head = "".join(f'<th scope="col">{escape(one)}</th>' for one in header)
+    """Return a sortable table. rows: (attributes of the row, its cells as `cell` makes them); name: its caption."""
+    head = "".join(f'<th scope="col">{escape(column)}</th>' for column in header)
     body = []
     for attributes, cells in rows:
         words = "".join(f' {key}="{escape(value)}"' for key, value in attributes.items())
@@ -183,8 +189,13 @@ def table(name: str, header: Sequence[str], rows: Sequence[tuple[Mapping[str, st
     )
 
 
+def folded(heading: str, html: str, open_: bool = False) -> str:
+    """Return a part of the page that opens and closes."""
+    return f"<details{' open' if open_ else ''}><summary>{escape(heading)}</summary>{html}</details>"
+
+
 def check_references(html: str) -> None:
-    """InputError that names the first file which the page refers to and which is not there."""
+    """Raise InputError that names the first file to which the page refers and which is not there."""
     for target in REFERENCE.findall(html):
         if not urlsplit(target).scheme and not (paths.REPORTS / target).exists():
             raise InputError(f"reports/index.html refers to {target}, which is not there; run `dvc repro`")

@@ -1,18 +1,21 @@
-"""Which effects of a simulated scene the results need: errors with and without, against what other seeds do.
+"""Judge which effects of a simulated scene the results need: errors without each, compared with those of other seeds.
 
-The yardstick are seeds of the whole scene. Leaving an effect out compares the mean error of some seeds with that of
-the same seeds; the same comparison between different seeds of the whole scene shows what chance does. Errors are
-compared as ratios (logarithms; means are geometric), for an effect may be what makes seeds differ: without drift, all
-errors are small, which no difference in mm would show beside the largest of them. An effect is needed if, without it,
+The yardstick is how much results vary between seeds with all effects on. Leaving an effect out compares the mean error
+of some seeds with that of the same seeds; the same comparison between different seeds of the whole scene shows what
+chance does. Errors are compared as ratios (logarithms; means are geometric), for an effect may be the reason why seeds
+differ: without drift, all errors are small, which no difference in mm would show beside the largest of them. An effect
+is needed if, without it,
 
 * a model's error changes by more than its floor, the 95 % band of a difference between two means of as many seeds,
   t s sqrt(2 / m) with s the spread over all seeds (or, if larger, the median one of all models and conditions), and
   in the same direction in every seed; or
 * the order of the models changes more (a smaller Kendall's tau) than between 95 % of such groups of seeds; or
 * a claim that all seeds agree on turns over.
+
+verdicts/rules.py asks another question: whether a difference is above 0 in the seeds that were drawn.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from itertools import combinations
 from typing import NamedTuple
 
@@ -21,9 +24,11 @@ import pandas as pd
 from scipy.special import stdtrit
 from scipy.stats import kendalltau
 
-from pipeline.scoring.variants import NONE
+from pipeline.base import paths
+from pipeline.scoring import complete, results
+from pipeline.scoring.results import CONFIDENCE
+from pipeline.scoring.variants import COLUMNS, NONE, variants
 
-CONFIDENCE = 0.95
 LEAST = 0.01  # share of its error below which no change of a model counts, however little the seeds differ
 LOWEST = 1e-3  # smaller errors are taken for this one: less than one image of a small test part, 1 um, 1 Pa
 NEEDED, NOT_NEEDED, FAILED = "needed", "not needed", "failed"
@@ -41,174 +46,100 @@ Errors = Mapping[tuple[str, str], float]  # (model, condition) -> error, infinit
 
 
 class Claim(NamedTuple):
-    """A sentence about errors; testable where `models` and `conditions` were run."""
+    """A sentence about errors. `holds` raises KeyError where a model or condition that it compares was not run."""
 
     name: str
     sentence: str
-    models: tuple[str, ...]
-    conditions: tuple[str, ...]
     holds: Callable[[Errors], bool]
 
 
-CONVENTIONAL = ("linear", "poly", "tree", "rbf")
-NETWORKS = ("cnn", "rnn", "lomp")
+CONVENTIONAL, NETWORKS = ("linear", "poly", "tree", "rbf"), ("cnn", "rnn", "lomp")  # of touch
+IMAGES = ("pressure", "strain", "combined")  # of the glove
+NETWORK = "sp_resnet_nogcam"  # of the glove
 
 
-def least(errors: Errors, models: Sequence[str], condition: str) -> float:
-    """The smallest error of several models."""
+def least(errors: Errors, models: Iterable[str], condition: str) -> float:
+    """Return the smallest error of several models."""
     return min(errors[model, condition] for model in models)
 
 
-def learning_beats_conventional(errors: Errors) -> bool:
-    """LoMP paper, section IV-C: a clear gap between conventional and learning-based approaches."""
-    return least(errors, NETWORKS, "single") < least(errors, CONVENTIONAL, "single")
+def loss(errors: Errors, model: str) -> float:
+    """Return the factor by which a model's error grows from single to double touch."""
+    return errors[model, "double"] / errors[model, "single"]
 
 
-def lomp_best_on_double(errors: Errors) -> bool:
-    """LoMP paper, section IV-D."""
-    return errors["lomp", "double"] < least(errors, (*CONVENTIONAL, "cnn", "rnn"), "double")
-
-
-def double_is_harder(errors: Errors) -> bool:
-    """LoMP paper, Table I: every conventional model."""
-    return all(errors[model, "double"] > errors[model, "single"] for model in CONVENTIONAL)
-
-
-def networks_lose_their_lead(errors: Errors) -> bool:
-    """LoMP paper, Table I: 26.21 (CNN) and 19.28 kPa (RNN) against 16.91 (linear), the reverse of single touch."""
-    return max(errors[model, "double"] / errors[model, "single"] for model in ("cnn", "rnn")) > (
-        errors["linear", "double"] / errors["linear", "single"]
-    )
-
-
-def direct_finds_the_depth(errors: Errors) -> bool:
-    """Latent-space paper, Table I: 0.43 mm of 10 mm; half of the constant's error leaves room for short trainings."""
-    return errors["lstm_direct", "task_1"] < errors["constant", "task_1"] / 2
-
-
-def direct_finds_the_place(errors: Errors) -> bool:
-    """Latent-space paper, section III-B: the place is summed from slips, better than a window of 2 s can tell."""
-    return errors["lstm_direct", "task_2"] < min(errors["constant", "task_2"], errors["ridge", "task_2"])
-
-
-def transfer_is_near(errors: Errors, condition: str, factor: float) -> bool:
-    """Latent-space paper, Table I: transfer's error is 1.5 (task 1) and 1.0 times (task 2) that of direct training."""
-    return errors["lstm_transfer_ridge", condition] < factor * errors["lstm_direct", condition]
-
-
-def combined_is_best(errors: Errors) -> bool:
-    """SP-ResNet paper, Table 1: every model."""
-    return errors["sp_resnet_nogcam", "combined"] < min(errors["sp_resnet_nogcam", one] for one in IMAGES[:2])
-
-
-def network_beats(errors: Errors, other: str) -> bool:
-    """SP-ResNet paper, Table 1: all three datasets."""
-    return all(errors["sp_resnet_nogcam", one] < errors[other, one] for one in IMAGES)
-
-
-def pressure_beats_strain(errors: Errors) -> bool:
-    """SP-ResNet paper, Table 1: every network."""
-    return errors["sp_resnet_nogcam", "pressure"] < errors["sp_resnet_nogcam", "strain"]
-
-
-TOUCH = (*CONVENTIONAL, *NETWORKS)
-IMAGES = ("pressure", "strain", "combined")
 CLAIMS = {
     "touch": (
-        Claim(
+        Claim(  # LoMP paper, section IV-C: a clear gap between conventional and learning-based approaches
             "learning beats conventional",
             "on single touch, the best network has a smaller error than the best conventional model",
-            TOUCH,
-            ("single",),
-            learning_beats_conventional,
+            lambda errors: least(errors, NETWORKS, "single") < least(errors, CONVENTIONAL, "single"),
         ),
-        Claim(
+        Claim(  # LoMP paper, section IV-D
             "LoMP best on double",
             "on double touch, LoMP has the smallest error of all",
-            TOUCH,
-            ("double",),
-            lomp_best_on_double,
+            lambda errors: errors["lomp", "double"] < least(errors, (*CONVENTIONAL, "cnn", "rnn"), "double"),
         ),
-        Claim(
+        Claim(  # LoMP paper, Table I
             "double is harder",
             "every conventional model has a larger error on double than on single touch",
-            CONVENTIONAL,
-            ("single", "double"),
-            double_is_harder,
+            lambda errors: all([errors[model, "double"] > errors[model, "single"] for model in CONVENTIONAL]),
         ),
-        Claim(
+        Claim(  # LoMP paper, Table I: 26.21 (CNN) and 19.28 kPa (RNN) against 16.91 (linear), the reverse of single
             "plain networks lose most",
             "from single to double touch, CNN or RNN lose more (as a factor) than linear regression",
-            ("linear", "cnn", "rnn"),
-            ("single", "double"),
-            networks_lose_their_lead,
+            lambda errors: max(loss(errors, "cnn"), loss(errors, "rnn")) > loss(errors, "linear"),
         ),
     ),
     "strain": (
-        Claim(
+        Claim(  # latent-space paper, Table I: 0.43 mm of 10 mm; half of the constant's leaves room for short trainings
             "depth can be read",
             "task 1: direct training halves the constant's error",
-            ("constant", "lstm_direct"),
-            ("task_1",),
-            direct_finds_the_depth,
+            lambda errors: errors["lstm_direct", "task_1"] < errors["constant", "task_1"] / 2,
         ),
-        Claim(
+        Claim(  # latent-space paper, section III-B: the place is summed from slips, which a window of 2 s cannot tell
             "place can be summed from slips",
             "task 2: direct training has a smaller error than a ridge regression on a window of 2 s and the constant",
-            ("constant", "ridge", "lstm_direct"),
-            ("task_2",),
-            direct_finds_the_place,
+            lambda errors: errors["lstm_direct", "task_2"] < least(errors, ("constant", "ridge"), "task_2"),
         ),
-        Claim(
+        Claim(  # latent-space paper, Table I: transfer's error is 1.5 times that of direct training
             "transfer near direct, z",
             "task 1: the error of transfer is less than twice that of direct training",
-            ("lstm_direct", "lstm_transfer_ridge"),
-            ("task_1",),
-            lambda errors: transfer_is_near(errors, "task_1", 2.0),
+            lambda errors: errors["lstm_transfer_ridge", "task_1"] < 2.0 * errors["lstm_direct", "task_1"],
         ),
-        Claim(
+        Claim(  # latent-space paper, Table I: 1.0 times
             "transfer near direct, xy",
             "task 2: the error of transfer is less than 1.25 times that of direct training",
-            ("lstm_direct", "lstm_transfer_ridge"),
-            ("task_2",),
-            lambda errors: transfer_is_near(errors, "task_2", 1.25),
+            lambda errors: errors["lstm_transfer_ridge", "task_2"] < 1.25 * errors["lstm_direct", "task_2"],
         ),
     ),
-    "glove": (
+    "glove": (  # SP-ResNet paper, Table 1: every model; all three datasets; every network
         Claim(
             "combined is best",
             "the network has its smallest error on combined images",
-            ("sp_resnet_nogcam",),
-            IMAGES,
-            combined_is_best,
+            lambda errors: errors[NETWORK, "combined"] < min(errors[NETWORK, images] for images in IMAGES[:2]),
         ),
         Claim(
             "network beats tree",
             "the network has a smaller error than the decision tree on all three datasets",
-            ("sp_resnet_nogcam", "tree"),
-            IMAGES,
-            lambda errors: network_beats(errors, "tree"),
+            lambda errors: all([errors[NETWORK, images] < errors["tree", images] for images in IMAGES]),
         ),
         Claim(
             "network beats naive Bayes",
             "the network has a smaller error than naive Bayes on all three datasets",
-            ("sp_resnet_nogcam", "naive_bayes"),
-            IMAGES,
-            lambda errors: network_beats(errors, "naive_bayes"),
+            lambda errors: all([errors[NETWORK, images] < errors["naive_bayes", images] for images in IMAGES]),
         ),
         Claim(
             "pressure tells more than joints",
             "the network has a smaller error on pressure than on strain images",
-            ("sp_resnet_nogcam",),
-            ("pressure", "strain"),
-            pressure_beats_strain,
+            lambda errors: errors[NETWORK, "pressure"] < errors[NETWORK, "strain"],
         ),
     ),
 }
 
 
 class Change(NamedTuple):
-    """What leaving an effect out does to one model's error in one condition, geometric means over its seeds."""
+    """The change of one model's error in one condition where an effect is left out; geometric means over its seeds."""
 
     condition: str
     model: str
@@ -219,22 +150,22 @@ class Change(NamedTuple):
 
     @property
     def floors(self) -> float:
-        """The change in units of the floor, positive where the error grows; NaN if a run failed."""
+        """Return the change in units of the floor, positive where the error grows; NaN if a run failed."""
         return float(np.log(self.after / self.before)) / self.floor if np.isfinite(self.after) else np.nan
 
     @property
     def counts(self) -> bool:
-        """Whether the change is more than chance: beyond the floor, and steady."""
+        """Tell whether the change is more than chance: beyond the floor, and steady."""
         return abs(self.floors) > 1 and self.steady
 
     @property
     def relative(self) -> float:
-        """The change as a share of the error with all effects."""
+        """Return the change as a share of the error with all effects."""
         return self.after / self.before - 1 if np.isfinite(self.after) else np.nan
 
 
 class Judgement(NamedTuple):
-    """What leaving out one effect does."""
+    """The verdict on one effect, and the changes where it is left out."""
 
     effect: str
     tau: dict[str, float]  # condition -> Kendall's tau between the models' mean errors with and without
@@ -243,9 +174,9 @@ class Judgement(NamedTuple):
     verdict: str
 
     def largest(self, condition: str | None = None) -> Change:
-        """The largest change in floors, of one condition or of all: failed ones first, then those that count."""
-        own = [one for one in self.changes if condition in (None, one.condition)]
-        return max(own, key=lambda one: (np.isnan(one.floors), one.counts, abs(one.floors)))
+        """Return the largest change in floors, of one condition or of all: failed ones first, then those that count."""
+        changes = [change for change in self.changes if condition in (None, change.condition)]
+        return max(changes, key=lambda change: (np.isnan(change.floors), change.counts, abs(change.floors)))
 
 
 class Assessment(NamedTuple):
@@ -256,8 +187,22 @@ class Assessment(NamedTuple):
     effects: list[Judgement]
 
 
+def read(experiment: str, values: Mapping) -> pd.DataFrame:
+    """Read physics.csv of an experiment. Raises InputError for a run of params.yaml that is missing or there twice."""
+    path, made_by = paths.physics(experiment), f"python -m pipeline.studies.physics {experiment}"
+    scores = results.read_csv(path, COLUMNS, made_by)
+    runs = (
+        (*variant, condition, model)
+        for variant in variants(values, experiment)
+        for condition in dict.fromkeys(scores["condition"]) or ["any"]
+        for model in values["physics"][experiment]["models"]
+    )
+    complete.check(scores, path, ["effect", "seed", "condition", "model"], runs, made_by)
+    return scores
+
+
 def errors(scores: pd.DataFrame) -> pd.DataFrame:
-    """`scores` (variants.COLUMNS) with a column `error`: the value, or 1 - accuracy; infinite for a failed run.
+    """Return `scores` (variants.COLUMNS) with a column `error`: the value, or 1 - accuracy; infinite for a failed run.
 
     At least LOWEST, so that it has a logarithm.
     """
@@ -268,53 +213,49 @@ def errors(scores: pd.DataFrame) -> pd.DataFrame:
 def assess(experiment: str, scores: pd.DataFrame) -> Assessment:
     """Judge every effect of one experiment from its physics.csv."""
     table = errors(scores)
-    runs = {
-        key: {(row.model, row.condition): row.error for row in own.itertuples()}
-        for key, own in table.groupby(["effect", "seed"], sort=False)
-    }
-    whole = {seed: run for (effect, seed), run in runs.items() if effect == NONE}
-    keys, conditions = list(next(iter(whole.values()))), list(dict.fromkeys(table["condition"]))
-    size = min(table[table["effect"] != NONE].groupby("effect")["seed"].nunique())
-    floors = _floors(list(whole.values()), size)
-    floor_tau = {condition: _floor_tau(list(whole.values()), size, condition) for condition in conditions}
-    testable = [
-        claim
-        for claim in CLAIMS[experiment]
-        if all((model, condition) in floors for model in claim.models for condition in claim.conditions)
-    ]
+    runs: dict[str, dict[int, Errors]] = {}  # effect -> seed -> errors
+    for (effect, seed), rows in table.groupby(["effect", "seed"], sort=False):
+        by_model = dict(zip(zip(rows["model"], rows["condition"], strict=True), rows["error"], strict=True))
+        runs.setdefault(effect, {})[seed] = by_model
+    whole = runs.pop(NONE)
+    every, conditions = list(whole.values()), list(dict.fromkeys(table["condition"]))
+    size = min(map(len, runs.values()))
+    floors = _floors(every, size)
+    floor_tau = {condition: _floor_tau(every, size, condition) for condition in conditions}
+    testable = [claim for claim in CLAIMS[experiment] if _is_testable(claim, every[0])]
     claims = {}
     for claim in testable:
-        said = {claim.holds(run) for run in whole.values()}
-        claims[claim.name] = said.pop() if len(said) == 1 else None
-    found = []
-    for effect in dict.fromkeys(table["effect"]):
-        if effect == NONE:
-            continue
-        own = {seed: run for (name, seed), run in runs.items() if name == effect}
-        before = mean([whole[seed] for seed in own])
-        after = mean(list(own.values()))
+        answers = {claim.holds(run) for run in every}
+        claims[claim.name] = answers.pop() if len(answers) == 1 else None
+    judged = []
+    for effect, without in runs.items():
+        before, after = mean([whole[seed] for seed in without]), mean(list(without.values()))
         changes = [
-            Change(condition, model, before[key], after[key], floors[key], _steady(whole, own, key))
-            for key in keys
+            Change(condition, model, before[key], after[key], floors[key], _steady(whole, without, key))
+            for key in every[0]
             for model, condition in [key]
         ]
         taus = {condition: tau(before, after, condition) for condition in conditions}
-        flipped = [
-            claim.name
-            for claim in testable
-            if claims[claim.name] is not None and claim.holds(after) != claims[claim.name]
-        ]
-        found.append(Judgement(effect, taus, changes, flipped, _verdict(taus, floor_tau, changes, flipped)))
-    return Assessment(floor_tau, claims, found)
+        flipped = [claim.name for claim in testable if claims[claim.name] not in (None, claim.holds(after))]
+        judged.append(Judgement(effect, taus, changes, flipped, _verdict(taus, floor_tau, changes, flipped)))
+    return Assessment(floor_tau, claims, judged)
+
+
+def _is_testable(claim: Claim, errors: Errors) -> bool:
+    try:
+        claim.holds(errors)
+    except KeyError:
+        return False
+    return True
 
 
 def mean(runs: list[Errors]) -> dict[tuple[str, str], float]:
-    """Geometric mean error of every model and condition over runs; infinite if one failed."""
+    """Return the geometric mean error of every model and condition over runs; infinite if one failed."""
     return {key: float(np.exp(np.mean(np.log([run[key] for run in runs])))) for key in runs[0]}
 
 
 def tau(one: Errors, other: Errors, condition: str) -> float:
-    """Kendall's tau-b between the errors of all models in one condition: 1 for the same order. One model: 1."""
+    """Return Kendall's tau-b between the errors of all models in one condition: 1 for the same order, or one model."""
     models = [model for model, name in one if name == condition]
     if len(models) < 2:
         return 1.0
@@ -322,36 +263,36 @@ def tau(one: Errors, other: Errors, condition: str) -> float:
 
 
 def _floors(runs: list[Errors], size: int) -> dict[tuple[str, str], float]:
-    """The 95 % band of a difference between mean logarithms of `size` runs, by model and condition; NaN if one failed.
+    """Return per model and condition the 95 % band of a difference between mean logarithms of `size` runs.
 
-    From the spread over all runs of one seed each, or the median spread of all models and conditions where that is
-    larger: among so many, some agree by luck when there are few seeds.
+    It is NaN if a run failed. It rests on the spread over all runs of one seed each, or on the median spread of all
+    models and conditions where that is larger: among so many, some agree by luck when there are few seeds.
     """
     with np.errstate(invalid="ignore"):  # infinite - infinite, of failed runs
         spread = {key: float(np.std(np.log([run[key] for run in runs]), ddof=1)) for key in runs[0]}
     finite = [value for value in spread.values() if np.isfinite(value)]
     middle = float(np.median(finite)) if finite else np.nan
-    band = stdtrit(len(runs) - 1, (1 + CONFIDENCE) / 2) * np.sqrt(2 / size)
+    band = float(stdtrit(len(runs) - 1, (1 + CONFIDENCE) / 2) * np.sqrt(2 / size))
     least_change = float(np.log1p(LEAST))
     return {
-        key: max(float(band) * max(value, middle), least_change) if np.isfinite(value) else np.nan
+        key: max(band * max(value, middle), least_change) if np.isfinite(value) else np.nan
         for key, value in spread.items()
     }
 
 
 def _floor_tau(runs: list[Errors], size: int, condition: str) -> float:
-    """The tau that 95 % of the pairs of groups of `size` seeds (half of all at most) with no common seed reach."""
-    size = min(size, len(runs) // 2)
-    found = [
-        tau(mean(list(one)), mean(list(other)), condition)
-        for one in combinations(runs, size)
-        for other in combinations([run for run in runs if not any(run is own for own in one)], size)
+    """Return the tau that 95 % of the pairs of disjoint groups of `size` seeds (half of all at most) reach."""
+    size, places = min(size, len(runs) // 2), range(len(runs))
+    taus = [
+        tau(mean([runs[k] for k in first]), mean([runs[k] for k in second]), condition)
+        for first in combinations(places, size)
+        for second in combinations([k for k in places if k not in first], size)
     ]
-    return float(np.quantile(found, 1 - CONFIDENCE, method="lower"))
+    return float(np.quantile(taus, 1 - CONFIDENCE, method="lower"))
 
 
 def _steady(whole: Mapping[int, Errors], without: Mapping[int, Errors], key: tuple[str, str]) -> bool:
-    """Whether an error changes in the same direction in every seed."""
+    """Tell whether an error changes in the same direction in every seed."""
     signs = {np.sign(run[key] - whole[seed][key]) for seed, run in without.items()}
     return len(signs) == 1 and 0 not in signs
 
@@ -364,23 +305,21 @@ def _verdict(taus: Mapping, floor_tau: Mapping, changes: list[Change], flipped: 
 
 
 def report_rows(experiment: str, assessment: Assessment) -> list[dict]:
-    """Rows of reports/physics.csv: one an effect and condition."""
-    rows = []
-    for one in assessment.effects:
-        for condition, value in one.tau.items():
-            most = one.largest(condition)
-            rows.append(
-                {
-                    "experiment": experiment,
-                    "effect": one.effect,
-                    "condition": condition,
-                    "tau": value,
-                    "floor_tau": assessment.floor_tau[condition],
-                    "model": most.model,
-                    "change_floors": most.floors,
-                    "change_relative": most.relative,
-                    "claims_flipped": "; ".join(one.flipped),
-                    "verdict": one.verdict,
-                }
-            )
-    return rows
+    """Return the rows of reports/physics.csv: one per effect and condition."""
+    return [
+        {
+            "experiment": experiment,
+            "effect": judged.effect,
+            "condition": condition,
+            "tau": value,
+            "floor_tau": assessment.floor_tau[condition],
+            "model": largest.model,
+            "change_floors": largest.floors,
+            "change_relative": largest.relative,
+            "claims_flipped": "; ".join(judged.flipped),
+            "verdict": judged.verdict,
+        }
+        for judged in assessment.effects
+        for condition, value in judged.tau.items()
+        for largest in [judged.largest(condition)]
+    ]

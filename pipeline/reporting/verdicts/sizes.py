@@ -1,4 +1,8 @@
-"""What size of a ladder is enough."""
+"""Judge which size of a ladder is enough: the smallest within one standard error of the best.
+
+The rule is of its own, as in the choice of a model by cross-validation: it asks for no evidence that two sizes differ
+(the 95 % intervals of verdicts/rules.py), and takes the smaller one until there is some.
+"""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -7,24 +11,24 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.base.errors import InputError
 from pipeline.reporting.labels import model_name
-from pipeline.scoring import ladders
-from pipeline.scoring.results import estimate, read_csv, shown
+from pipeline.scoring import complete, ladders
+from pipeline.scoring.results import Scores, estimate, read_csv
 
-JUDGED = ("experiment", "condition", "family", "size", "params", "metric", "unit", "value", "low", "high", "chosen")
-JUDGED += ("runs", "failed", "macs")  # runs: those that did not fail
+LADDER = ["experiment", "condition", "family"]
+JUDGED = [*LADDER, "size", "params", "metric", "unit", "value", "low", "high", "chosen", "runs", "failed", "macs"]
 HIGHER = ("accuracy", "macro_precision", "r2")  # metrics of which more is better
 NAMES = {"rmse": "RMSE", "error": "mean", "macro_precision": "1 - macro precision"}
 
 
 class Scale(NamedTuple):
-    """What a family's sizes are, and the paper's own size."""
+    """The name of a family's sizes, and the paper's own size."""
 
     size_name: str
     published: float
 
 
+SHORTER = ("window", "lstm")  # families whose ladders are trained for a shorter time than the model of the tables
 SCALES = {
     "lomp": Scale("hidden units", 128),
     "window": Scale("frames of a window", 8),
@@ -34,12 +38,12 @@ SCALES = {
 
 
 def label(family: str) -> str:
-    """The name of a family's model."""
+    """Return the name of a family's model."""
     return model_name(ladders.FAMILIES[family].model)
 
 
 def wanted(experiment: str, values: Mapping) -> dict[str, tuple[list, list]]:
-    """Family -> sizes and seeds that params.yaml asks for; values: all of it."""
+    """Return family -> (sizes, seeds) that params.yaml (`values`) asks for."""
     if experiment == "strain":
         study = values["strain"]["study"]
         return {"lstm": (study["capacity"]["units"], study["seeds"])}
@@ -47,62 +51,77 @@ def wanted(experiment: str, values: Mapping) -> dict[str, tuple[list, list]]:
 
 
 def read(experiment: str, values: Mapping) -> pd.DataFrame:
-    """The runs that the stage `rightsize` wrote. Raises InputError for a missing file, column or run."""
+    """Read the runs of an experiment's ladders. Raises InputError for a missing file, column or run, or one twice."""
     made_by = f"python -m pipeline.studies.sizes {experiment}"
-    table = read_csv(ladders.path(experiment), ladders.COLUMNS, made_by)
+    path = ladders.path(experiment)
+    table = read_csv(path, ladders.COLUMNS, made_by)
     conditions = dict.fromkeys(table["condition"]) or ("any",)  # of an empty table every run is missing
-    known = set(zip(table["family"], table["condition"], table["size"], table["seed"], strict=True))
-    for family, (sizes, seeds) in wanted(experiment, values).items():
-        for run in itertools.product([family], conditions, sizes, seeds):
-            if run not in known:
-                raise InputError(
-                    f"{shown(ladders.path(experiment))}: no row for family {run[0]}, condition {run[1]}, "
-                    f"size {run[2]:g}, seed {run[3]}; run `{made_by}` again"
-                )
+    runs = (
+        (family, condition, size, seed)
+        for family, (sizes, seeds) in wanted(experiment, values).items()
+        for condition, size, seed in itertools.product(conditions, sizes, seeds)
+    )
+    complete.check(table, path, ["family", "condition", "size", "seed"], runs, made_by)
     return table
 
 
 def error_of(values, metric: str):
-    """A metric as people read it here, so that less is better: 1 - a fraction of which more is better, in %."""
+    """Return a metric so that less is better: a fraction of which more is better becomes 1 - the fraction, in %."""
     return 100 * (1 - values) if metric in HIGHER else values
 
 
 def unit_of(metric: str, unit: str) -> str:
-    """The unit of `error_of`."""
+    """Return the unit of `error_of`."""
     return "%" if metric in HIGHER else unit
 
 
 def smallest(errors: Mapping[float, Sequence[float]]) -> float | None:
-    """The smallest size whose mean error is at most the best mean plus the standard error of that mean.
+    """Return the smallest size whose mean error is at most the best mean plus the standard error of that mean.
 
-    errors: size -> an error a run, NaN for a failed one. A size with a failed run is neither the best nor enough.
+    errors: size -> one error per run, NaN for a failed run. A size with a failed run is neither the best nor enough.
     One run has no standard error: then the best alone is enough. None where every size has a failed run.
     """
-    kept = {size: np.asarray(values, float) for size, values in errors.items() if np.isfinite(values).all()}
-    if not kept:
+    sound = {size: np.asarray(values, float) for size, values in errors.items() if np.isfinite(values).all()}
+    if not sound:
         return None
-    mean = {size: values.mean() for size, values in kept.items()}
-    best = min(mean, key=mean.get)
-    runs = kept[best]
-    limit = mean[best] + (runs.std(ddof=1) / np.sqrt(len(runs)) if len(runs) > 1 else 0.0)
-    return min(size for size in mean if mean[size] <= limit)
+    means = {size: values.mean() for size, values in sound.items()}
+    best = min(means, key=means.get)
+    runs = sound[best]
+    limit = means[best] + (runs.std(ddof=1) / np.sqrt(len(runs)) if len(runs) > 1 else 0.0)
+    return min(size for size in means if means[size] <= limit)
 
 
 def judge(runs: pd.DataFrame) -> pd.DataFrame:
-    """One row a size: mean, 95 % t interval, and `chosen`, which is 1 for the smallest that is enough.
+    """Return JUDGED, one row per size: mean, 95 % t interval, and `chosen`, 1 for the smallest that is enough.
 
-    runs: a row a run, of ladders.COLUMNS.
+    runs: ladders.COLUMNS, one row per run. The column `runs` of the result counts those that did not fail.
     """
     rows = []
-    for (experiment, condition, family, metric), own in runs.groupby(
-        ["experiment", "condition", "family", "metric"], sort=False
-    ):
-        sizes = {size: part for size, part in own.groupby("size")}
+    for (*ladder, metric), own in runs.groupby([*LADDER, "metric"], sort=False):
+        sizes = dict(list(own.groupby("size")))
         sign = -1 if metric in HIGHER else 1
-        small = smallest({size: sign * part["value"].to_numpy() for size, part in sizes.items()})
+        enough = smallest({size: sign * part["value"].to_numpy() for size, part in sizes.items()})
         for size, part in sizes.items():
-            first, found = part.iloc[0], estimate(part["value"])
-            counts = (found.runs, found.failed, first["macs"])
-            row = (experiment, condition, family, size, first["params"], metric, first["unit"], *found[:3])
-            rows.append((*row, int(size == small), *counts))
+            first, mean = part.iloc[0], estimate(part["value"])
+            rows.append((*ladder, size, first["params"], metric, first["unit"], *mean[:3], int(size == enough)))
+            rows[-1] += (mean.runs, mean.failed, first["macs"])
     return pd.DataFrame(rows, columns=JUDGED)
+
+
+class Reference(NamedTuple):
+    """Errors to compare a ladder with, NaN if unknown: the constant model's and the fully trained model's."""
+
+    constant: float
+    trained: float
+
+
+def references(experiment: str, values: Mapping, judged: pd.DataFrame) -> dict[tuple[str, str], Reference]:
+    """Return the references of each (family, condition); a ladder of fully trained models needs the constant alone."""
+    models, by_ladder = values[experiment]["models"], {}
+    scores = Scores(experiment, values[experiment])
+    for (family, condition, metric), _ in judged.groupby(["family", "condition", "metric"], sort=False):
+        run = ladders.protocol(experiment, condition), condition
+        compared = ("constant", ladders.FAMILIES[family].model if family in SHORTER else "")
+        means = [scores.estimate(*run, model, metric).mean if model in models else np.nan for model in compared]
+        by_ladder[family, condition] = Reference(*(error_of(mean, metric) for mean in means))
+    return by_ladder

@@ -17,7 +17,7 @@ from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.reporting.page import charts, hypertext
+from pipeline.reporting.page import charts, hypertext, provenance, sections, verdicts
 from pipeline.stages import page
 
 ABSENT = "glove_recorded"
@@ -109,7 +109,7 @@ def reports(tmp_path, monkeypatch) -> Path:
     (stability / "README.md").write_text("\n".join([*told, "## Training\n\n- 0 diverged.\n"]))
     (stability / "failures.md").write_text("\n".join([*failures, "## Severities\n\n- `noise`: share of the span\n"]))
     (stability / "training.md").write_text("# Trainings\n\n| model | runs |\n| --- | --: |\n| CNN | 3 |\n")
-    for name in page.CHAPTERS:
+    for name in sections.CHAPTERS:
         (folder / name).mkdir()
         png(folder / name / "touch.png")
         text = f"# {name}\n\n## Findings\n\nEnough. [Numbers](../{name}.csv)\n\n## Touch\n\n![Curves](touch.png)\n"
@@ -123,7 +123,7 @@ def reports(tmp_path, monkeypatch) -> Path:
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(paths, "REPORTS", folder)
     monkeypatch.setattr(paths, "PARAMS", tmp_path / "params.yaml")
-    monkeypatch.setattr(page.params.load, "__defaults__", (tmp_path / "params.yaml",))
+    monkeypatch.setattr(params.load, "__defaults__", (tmp_path / "params.yaml",))
     return folder
 
 
@@ -156,7 +156,7 @@ class Reader(HTMLParser):
 
 
 def test_every_file_link_and_claim_is_there(reports):
-    html = page.build(params.load())
+    html = sections.build(params.load())
     found = Reader(html)
     assert len(found.ids) == len(set(found.ids)) and not found.open
     for target in found.references:
@@ -175,24 +175,24 @@ def test_every_file_link_and_claim_is_there(reports):
 
 
 def test_text_of_reports_is_escaped(reports):
-    html = page.build(params.load())
+    html = sections.build(params.load())
     assert EVIL not in html and html.count("<script>") == 1
     assert EVIL in Reader(html).text
 
 
 def test_an_experiment_that_was_not_run_says_so(reports):
-    section = page.build(params.load()).split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
+    section = sections.build(params.load()).split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
     assert f"no recordings of {ABSENT}" in section and "<svg" not in section
     shutil.rmtree(reports / "touch" / "speed")
     with pytest.raises(InputError, match="reports/touch/speed"):
-        page.build(params.load())
+        sections.build(params.load())
 
 
 def test_benchmarks_are_on_the_page_where_they_were_measured(reports):
-    heading = page.CHAPTERS["benchmarks"]
-    assert heading in page.build(params.load())
+    heading = sections.CHAPTERS["benchmarks"]
+    assert heading in sections.build(params.load())
     shutil.rmtree(reports / "benchmarks")
-    assert heading not in page.build(params.load())
+    assert heading not in sections.build(params.load())
 
 
 @pytest.mark.slow
@@ -200,44 +200,44 @@ def test_a_missing_part_of_the_stability_report_is_an_error(reports):
     text = (reports / "stability" / "README.md").read_text()
     (reports / "stability" / "README.md").write_text(text.replace("## glove: all", "## glove_recorded: all"))
     with pytest.raises(InputError, match="nothing about glove;"):
-        page.build(params.load())
+        sections.build(params.load())
 
 
 def test_a_link_to_nothing_is_an_error(reports):
     with open(reports / "touch" / "accuracy" / "README.md", "a") as file:
         file.write("\n[More](more.md)\n")
     with pytest.raises(InputError, match="touch/accuracy/more.md"):
-        page.build(params.load())
+        sections.build(params.load())
 
 
 @pytest.mark.slow
 def test_the_page_follows_the_claims(reports):
-    before = page.build(params.load())
-    assert page.build(params.load()) == before
+    before = sections.build(params.load())
+    assert sections.build(params.load()) == before
     write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:7], "not testable", "runs failed", 0, "kPa")])
-    after = page.build(params.load())
-    assert "<strong>2</strong> " + page.badge("reproduced") in before
-    assert "<strong>1</strong> " + page.badge("reproduced") in after and "runs failed" in after
+    after = sections.build(params.load())
+    assert "<strong>2</strong> " + verdicts.badge("reproduced") in before
+    assert "<strong>1</strong> " + verdicts.badge("reproduced") in after and "runs failed" in after
     write_claims(reports, [(*CLAIMS[0][:7], "proved", "", 0, "kPa")])
     with pytest.raises(InputError, match="verdict 'proved' is unknown"):
-        page.build(params.load())
+        sections.build(params.load())
 
 
 def test_undecided_is_told_from_contradicted():
-    assert "undecided" in page.badge("not reproduced", "undecided: the interval includes 0")
-    assert "undecided" not in page.badge("not reproduced", "contradicted: A; undecided: B")
-    assert "undecided" not in page.badge("reproduced")
+    assert "undecided" in verdicts.badge("not reproduced", "undecided: the interval includes 0")
+    assert "undecided" not in verdicts.badge("not reproduced", "contradicted: A; undecided: B")
+    assert "undecided" not in verdicts.badge("reproduced")
 
 
 def test_scale_and_versions_are_named(reports):
-    values = page.params.load()
-    assert page.scale_of(values) == "laptop"
+    values = params.load()
+    assert provenance.scale_of(values) == "laptop"
     values["touch"]["window"]["stride"] = 3
-    assert page.scale_of(values).startswith("none")
-    assert page.versions()["torch"] in (ROOT / "constraints.txt").read_text()
+    assert provenance.scale_of(values).startswith("none")
+    assert provenance.versions()["torch"] in (ROOT / "constraints.txt").read_text()
     (paths.ROOT / "constraints.txt").write_text("torch==1\n")
     with pytest.raises(InputError, match="numpy"):
-        page.versions()
+        provenance.versions()
 
 
 def test_dvc_watches_what_decides_the_scale():
@@ -338,7 +338,7 @@ def test_browser_sorts_and_filters_the_claims(tab, address):
         assert all(one != one for one in values[len(known) :]), "what has no number is last"
     shown = f"[...{table}.tBodies[0].rows].filter((row) => row.getClientRects().length)"
     select = "document.querySelector('select[name=verdict]')"
-    for verdict in page.VERDICTS:
+    for verdict in verdicts.SIGNS:
         change = f"{select}.value = '{verdict}'; {select}.dispatchEvent(new Event('input', {{bubbles: true}}))"
         tab.run(change)
         kept = tab.run(f"{shown}.map((row) => row.dataset.verdict)")

@@ -1,6 +1,7 @@
 """Judging effects of a scene: verdicts follow the scores, and every run of params.yaml is asked for."""
 
 import csv
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,6 @@ from pipeline.reporting import physics as physics_report
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import CLAIMS, FAILED, NEEDED, NONE, NOT_NEEDED, assess
 from pipeline.scoring.variants import COLUMNS, DEFAULT, variants
-from pipeline.stages import render_physics
 from pipeline.studies import physics as physics_study
 
 # RMSE in kPa: LoMP is best on double touch, the networks are best on single touch.
@@ -140,6 +140,18 @@ def test_claims_turn_over_with_the_scores(changes, claim):
     assert claim in found.effects[0].flipped and found.effects[0].verdict == NEEDED
 
 
+@pytest.mark.parametrize("model", ["linear", "tree", "lomp"])
+def test_a_claim_about_a_model_that_was_not_run_is_not_tested(model):
+    scores = touch_scores()
+    found = assess("touch", scores[scores.model != model])
+    about = {  # model -> claims that do not compare it
+        "linear": set(),
+        "tree": {"plain networks lose most"},
+        "lomp": {"double is harder", "plain networks lose most"},
+    }
+    assert set(found.claims) == about[model]
+
+
 def test_a_claim_that_seeds_disagree_on_does_not_count():
     scores = touch_scores({("lomp", "double"): 2.0})
     own = (scores.condition == "double") & (scores.model == "lomp") & (scores.effect == NONE) & (scores.seed == 2)
@@ -203,15 +215,15 @@ GLOVE = {
 )
 def test_every_claim_can_hold_and_fail(experiment, errors, name, change):
     claim = next(one for one in CLAIMS[experiment] if one.name == name)
-    assert all((model, condition) in errors for model in claim.models for condition in claim.conditions)
     assert claim.holds(errors) and not claim.holds(errors | change)
 
 
 def test_params_yaml_runs_what_the_claims_need():
     values = params.load()
+    conditions = {"touch": ("single", "double"), "strain": ("task_1", "task_2"), "glove": physics_verdicts.IMAGES}
     for experiment, claims in CLAIMS.items():
-        models = set(values["physics"][experiment]["models"])
-        assert all(set(claim.models) <= models for claim in claims)
+        errors = dict.fromkeys(product(values["physics"][experiment]["models"], conditions[experiment]), 1.0)
+        assert all(isinstance(claim.holds(errors), bool) for claim in claims)
         wanted = variants(values, experiment)
         assert {effect for effect, _ in wanted} - {DEFAULT} == {NONE, *values[experiment]["simulate"]["effects"]}
 
@@ -266,10 +278,13 @@ def test_a_missing_run_is_named(tmp_path, monkeypatch):
     target.parent.mkdir(parents=True)
     scores = touch_scores()
     scores.to_csv(target, index=False)
-    assert len(render_physics.read("touch", values)) == len(scores)
+    assert len(physics_verdicts.read("touch", values)) == len(scores)
     scores.drop(scores[(scores.effect == "creep") & (scores.model == "lomp")].index[0]).to_csv(target, index=False)
     with pytest.raises(InputError, match="no row for effect creep, seed 0, condition single, model lomp"):
-        render_physics.read("touch", values)
+        physics_verdicts.read("touch", values)
+    pd.concat([scores, scores.tail(1)]).to_csv(target, index=False)
+    with pytest.raises(InputError, match="two rows for effect creep, seed 1, condition double, model lomp"):
+        physics_verdicts.read("touch", values)
 
 
 def test_miniature_judges_every_effect_and_condition(miniature):

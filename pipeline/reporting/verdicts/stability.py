@@ -1,0 +1,155 @@
+"""Judge at which severity of a perturbation each trained model fails, and count the trainings that failed.
+
+A model fails at the first severity at which its error, the mean over the seeds, is above twice its clean error, or
+above that of the model `constant` under the same perturbation. Where the perturbation changes the truth itself, such
+as presses twice as hard, the twofold is of the clean error times the growth of the constant model's error. The clean
+error is that at severity 0; a perturbation without unperturbed version has its first level as reference. Severities
+are walked from the smallest change, whatever its sign, to the largest.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+from pipeline.scoring import complete, results
+from pipeline.scoring.results import Estimate
+
+FLOOR = "constant"
+TIMES = 2.0  # the clean error: beyond, a model has failed
+HOLDS, WORSE, FAILED = "holds", "worse than constant", "failed in training"
+# Experiment -> the metric of stress.csv that stands for the error, the name of the error, and its unit.
+ERRORS = {
+    "touch": ("rmse", "RMSE", "kPa"),
+    "velostat_recorded": ("rmse", "RMSE", "N"),
+    "strain": ("error", "Error", "mm"),
+    "strain_recorded": ("error", "Error", "mm"),
+    "glove": ("accuracy", "1 - accuracy", "1"),
+    "glove_recorded": ("accuracy", "1 - accuracy", "1"),
+}
+PLACE = ["protocol", "condition", "perturbation"]
+LAST = ["last_severity", "last_error"]  # of the walk
+FAILURES = ["experiment", *PLACE, "model", "fails_at", "step", "clean", "error", "verdict", *LAST]
+TRAININGS = ["experiment", "model", "runs", "diverged", "no_usable_epoch", "scores", "nan", "worse_than_constant"]
+
+
+class Verdict(NamedTuple):
+    """Where one model fails: severity and its place in the walk, NaN if nowhere; clean, error: before, and there."""
+
+    severity: float
+    step: float
+    clean: float
+    error: float
+    reason: str
+
+
+def read(experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
+    """Read stress.csv as protocol, condition, perturbation, severity, model, seed, error; one row per run.
+
+    settings, stress: the experiment's blocks of params.yaml. Raises InputError for a missing or repeated row: every
+    model, seed and severity of params.yaml has one in each condition.
+    """
+    made_by, path = f"python -m pipeline.stages.stress {experiment}", paths.stress(experiment)
+    metric = ERRORS[experiment][0]
+    key = [*PLACE, "severity", "model", "seed"]
+    table = results.read_csv(path, [*key, "metric", "value"], made_by)
+    table = table[table["metric"] == metric]
+    levels = table[[*PLACE, "severity"]].drop_duplicates()
+    for protocol in stress["protocols"]:
+        if protocol not in set(levels["protocol"]):
+            raise InputError(f"{results.shown(path)}: no row for protocol {protocol}; run `{made_by}` again")
+    wanted = (
+        (*level, model, seed)
+        for protocol in stress["protocols"]
+        for level in levels[levels["protocol"] == protocol].itertuples(index=False, name=None)
+        for model in settings["models"]
+        for seed in stress.get("seeds", settings["protocols"][protocol]["seeds"])
+    )
+    complete.check(table, path, key, wanted, made_by)
+    error = 1 - table["value"] if metric == "accuracy" else table["value"]
+    return table[key].assign(error=error).reset_index(drop=True)
+
+
+def level(errors: Sequence[float]) -> Estimate:
+    """Return the mean of the seeds' errors at one severity, with the lowest and highest in place of an interval.
+
+    A run failed where its error is not finite.
+    """
+    good = np.asarray(errors, dtype=float)
+    good = good[np.isfinite(good)]
+    ends = (float(good.min()), float(good.max())) if len(good) else (np.nan, np.nan)
+    return results.estimate(errors)._replace(low=ends[0], high=ends[1])
+
+
+def walked(severities: Sequence[float]) -> list[float]:
+    """Order severities as a model is led to its failure: from 0 outwards, or as listed where there is no 0."""
+    listed = list(dict.fromkeys(severities))
+    return sorted(listed, key=lambda value: (abs(value), value)) if 0 in listed else listed
+
+
+def curves(table: pd.DataFrame) -> dict[tuple, dict[str, dict[float, Estimate]]]:
+    """Return (protocol, condition, perturbation) -> model -> severity -> `level`, severities as walked."""
+    by_place = {}
+    for place, runs in table.groupby(PLACE, sort=False):
+        order = walked(runs["severity"])
+        levels = {key: level(errors) for key, errors in runs.groupby(["model", "severity"])["error"]}
+        models = runs["model"].unique()
+        by_place[place] = {model: {severity: levels[model, severity] for severity in order} for model in models}
+    return by_place
+
+
+def verdict(errors: Mapping[float, Estimate], floor: Mapping[float, Estimate] | None) -> Verdict:
+    """Judge where a model with `errors` by severity fails; floor: those of `constant`, if it is among the models."""
+    first = next(iter(errors))
+    clean = errors[first].mean
+    if not all(np.isfinite(seeds.mean) and not seeds.failed for seeds in errors.values()):
+        return Verdict(np.nan, np.nan, clean, np.nan, FAILED)
+    for step, (severity, seeds) in enumerate(errors.items()):
+        growth = max(1.0, floor[severity].mean / floor[first].mean) if floor and floor[first].mean > 0 else 1.0
+        if floor and seeds.mean > floor[severity].mean:
+            return Verdict(severity, step, clean, seeds.mean, WORSE)
+        if seeds.mean > TIMES * clean * growth:
+            return Verdict(severity, step, clean, seeds.mean, "above twice its clean error")
+    return Verdict(np.nan, np.nan, clean, seeds.mean, HOLDS)
+
+
+def failures(table: pd.DataFrame, experiment: str) -> pd.DataFrame:
+    """Judge every condition, perturbation and model but `constant`: one row of FAILURES each."""
+    rows = []
+    for place, models in curves(table).items():
+        for model, errors in models.items():
+            if model != FLOOR:
+                last = list(errors)[-1]
+                judged = verdict(errors, models.get(FLOOR))
+                rows.append((experiment, *place, model, *judged, last, errors[last].mean))
+    return pd.DataFrame(rows, columns=FAILURES)
+
+
+def training_failures(experiment: str, settings: Mapping) -> pd.DataFrame:
+    """Count per model its runs, those that diverged or left no usable weights, and missing or too bad scores.
+
+    A score is the error of one protocol, condition and seed on clean test data; worse than constant: than that model.
+    """
+    scores, metric = results.Scores(experiment, settings), ERRORS[experiment][0]
+    measured = [(protocol, condition) for protocol, condition, name in scores.measured() if name == metric]
+    sign = -1 if metric == "accuracy" else 1
+
+    def errors(model: str) -> np.ndarray:
+        return sign * np.concatenate([scores.runs(*place, model, metric) for place in measured])
+
+    rows = []
+    for model in settings["models"]:
+        fits = [
+            results.read_fit(experiment, model, protocol, seed)
+            for protocol, block in settings["protocols"].items()
+            for seed in block["seeds"]
+        ]
+        values = errors(model)
+        worse = int((values > errors(FLOOR)).sum()) if FLOOR in settings["models"] else 0
+        diverged = sum(fit.stop_reason == "diverged" for fit in fits)
+        unusable = sum(fit.best_epoch == 0 for fit in fits)
+        rows.append((experiment, model, len(fits), diverged, unusable, len(values), int(np.isnan(values).sum()), worse))
+    return pd.DataFrame(rows, columns=TRAININGS)
