@@ -1,7 +1,7 @@
-"""Stage: a verdict on every claim of the three papers.
+"""Judge every claim of the three papers.
 
-Writes reports/claims.csv, one row a claim in full precision, and reports/claims.md, which says the same to people and,
-for each claim that is not reproduced, what was tried to find the reason.
+Writes reports/claims.csv, one row per claim in full precision, and reports/claims.md, which says the same to people
+and, for each claim that is not reproduced, what was tried to find the reason.
 Usage: python -m pipeline.stages.judge
 """
 
@@ -12,7 +12,8 @@ import pandas as pd
 
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
-from pipeline.reporting.markdown import number, size, table
+from pipeline.reporting.markdown import table
+from pipeline.reporting.sentences import claim_interval, claim_number
 from pipeline.reporting.verdicts import glove as glove_verdicts
 from pipeline.reporting.verdicts import strain as strain_verdicts
 from pipeline.reporting.verdicts import touch as touch_verdicts
@@ -29,8 +30,6 @@ from pipeline.reporting.verdicts.rules import (
 )
 
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
-COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason"]
-COLUMNS += ["key", "printed", "unit", "over", "measured"]
 RULES = (
     ("direction", "the whole 95 % interval of the difference, paired by seed, lies on the claimed side of 0"),
     ("several directions", "every one of them is; the weakest is shown"),
@@ -42,70 +41,64 @@ RULES = (
 
 
 def all_claims() -> list[Claim]:
-    """The claims of all papers."""
+    """List the claims of all papers."""
     return [*touch_verdicts.claims(), *strain_verdicts.claims(), *glove_verdicts.claims()]
 
 
-def on_own_logs(one: Claim, values: Mapping) -> Claim:
-    """The claim as it stands where params.yaml names a folder of the user's own logs in place of the simulator."""
-    if one.data == "recorded" or values[EXPERIMENTS[one.paper]]["source"] == "simulated":
-        return one
-    return replace(one, data="recorded", why=None)  # what was tried was tried on the simulated scene
+def on_own_logs(claim: Claim, values: Mapping) -> Claim:
+    """Return the claim as it stands where params.yaml names the user's own logs in place of the simulator."""
+    if claim.data == "recorded" or values[EXPERIMENTS[claim.paper]]["source"] == "simulated":
+        return claim
+    return replace(claim, data="recorded", why=None)  # what was tried was tried on the simulated scene
 
 
-def rows(found: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
-    """claims.csv."""
+def rows(verdicts: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
+    """Return claims.csv."""
     return pd.DataFrame(
-        [
-            (
-                *(one.text, one.paper, one.section, one.data, one.published),
-                *(judged.ours, judged.low, judged.high, judged.verdict, judged.reason),
-                *(one.key, int(one.printed), one.unit, judged.over, int(one.measured)),
-            )
-            for one, judged in found
-        ],
-        columns=COLUMNS,
+        {
+            "claim": claim.text,
+            "paper": claim.paper,
+            "section": claim.section,
+            "data": claim.data,
+            "published": claim.published,
+            "ours": judged.ours,
+            "low": judged.low,
+            "high": judged.high,
+            "verdict": judged.verdict,
+            "reason": judged.reason,
+            "key": claim.key,
+            "printed": int(claim.printed),
+            "unit": claim.unit,
+            "over": judged.over,
+            "measured": int(claim.measured),
+        }
+        for claim, judged in verdicts
     )
 
 
-def shown(value: float, unit: str) -> str:
-    """A number as claims.md shows it."""
-    if unit == "count":
-        return "-" if value != value else size(value)
-    return number(value, 3 if abs(value) < 1 else 2)
-
-
-def ours(judged: Judgement, unit: str) -> str:
-    """Our value with its interval."""
-    text = shown(judged.ours, unit)
-    if judged.low == judged.low:
-        text += f" [{shown(judged.low, unit)}, {shown(judged.high, unit)}]"
-    return text
-
-
-def count_table(found: list[tuple[Claim, Judgement]]) -> str:
-    """How many claims have which verdict, by paper and data."""
+def count_table(verdicts: list[tuple[Claim, Judgement]]) -> str:
+    """Count the claims of each verdict, by paper and data."""
     groups: dict[tuple[str, str, str], list[Judgement]] = {}
-    for one, judged in found:
-        kind = "number of a table" if one.printed else "sentence"
-        groups.setdefault((PAPERS[one.paper], one.data, kind), []).append(judged)
-    groups["All", "", ""] = [judged for _, judged in found]
+    for claim, judged in verdicts:
+        kind = "number of a table" if claim.printed else "sentence"
+        groups.setdefault((PAPERS[claim.paper], claim.data, kind), []).append(judged)
+    groups["All", "", ""] = [judged for _, judged in verdicts]
     header = ["Paper", "Data", "Kind", *VERDICTS, "of not reproduced: undecided", "claims"]
-    rows = []
-    for key, own in groups.items():
-        verdicts = [judged.verdict for judged in own]
-        rows.append([*key, *map(str, map(verdicts.count, VERDICTS)), str(sum(map(undecided, own))), str(len(own))])
-    return table(header, rows)
+    cells = []
+    for key, group in groups.items():
+        words = [judged.verdict for judged in group]
+        cells.append([*key, *map(str, map(words.count, VERDICTS)), str(sum(map(undecided, group))), str(len(group))])
+    return table(header, cells)
 
 
 def undecided(judged: Judgement) -> bool:
-    """Whether a claim is not reproduced for want of runs alone."""
+    """Return whether a claim is not reproduced for want of runs alone."""
     reason = judged.reason
     return judged.verdict == NOT_REPRODUCED and "undecided" in reason and "contradicted" not in reason
 
 
-def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
-    """claims.md."""
+def text(verdicts: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
+    """Write claims.md."""
     lines = [
         "# A verdict on every claim\n",
         "Every sentence of the papers that can be true or false of numbers, in our words, and every number of their "
@@ -117,32 +110,32 @@ def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
         "claim whose runs failed, or whose recordings are not there, is not testable. Rows marked * rest on measured "
         "times and differ between runs and machines.\n",
         "## Counts\n",
-        count_table(found),
+        count_table(verdicts),
     ]
     for paper, title in PAPERS.items():
-        own = [(one, judged) for one, judged in found if one.paper == paper]
+        of_paper = [(claim, judged) for claim, judged in verdicts if claim.paper == paper]
         lines.append(f"## {title}\n")
         header = ["Claim", "Section", "Data", "Published", "Ours", "Unit", "Verdict", "Reason"]
         cells = [
             [
-                one.text + (" *" if one.measured else ""),
-                one.section,
-                one.data,
-                shown(one.published, one.unit),
-                ours(judged, one.unit),
-                one.unit,
+                claim.text + (" *" if claim.measured else ""),
+                claim.section,
+                claim.data,
+                claim_number(claim.published, claim.unit),
+                claim_interval(judged, claim.unit),
+                claim.unit,
                 judged.verdict,
                 "; ".join(filter(None, [judged.reason, "" if judged.over.endswith(" seeds") else judged.over])),
             ]
-            for one, judged in own
+            for claim, judged in of_paper
         ]
         lines.append(table(header, cells))
         missed: dict[str, list[str]] = {}
-        for one, judged in own:
+        for claim, judged in of_paper:
             if judged.verdict == NOT_REPRODUCED:
-                mark = " [recorded]" if one.data == "recorded" else ""
-                head = f"**{one.text.rstrip('.')}**{mark} ({judged.reason})"
-                missed.setdefault(one.explained(evidence), []).append(head)
+                mark = " [recorded]" if claim.data == "recorded" else ""
+                head = f"**{claim.text.rstrip('.')}**{mark} ({judged.reason})"
+                missed.setdefault(claim.explained(evidence), []).append(head)
         if missed:
             lines.append(f"### {title}: what was tried where a claim is not reproduced\n")
         for why, heads in missed.items():
@@ -151,14 +144,15 @@ def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
 
 
 def main() -> None:
-    """Judge all claims by what the stages wrote."""
+    """Judge all claims by the files that the stages wrote."""
     values = params.load()
     evidence = Evidence(values)
-    found = [(one, one.judged(evidence)) for one in (on_own_logs(one, values) for one in all_claims())]
-    files.write_table(paths.REPORTS / "claims.csv", rows(found))
-    files.write_text(paths.REPORTS / "claims.md", text(found, evidence))
-    verdicts = [judged.verdict for _, judged in found]
-    print(f"{len(found)} claims: {', '.join(f'{verdicts.count(v)} {v}' for v in VERDICTS)}")
+    claims = [on_own_logs(claim, values) for claim in all_claims()]
+    verdicts = [(claim, claim.judged(evidence)) for claim in claims]
+    files.write_table(paths.REPORTS / "claims.csv", rows(verdicts))
+    files.write_text(paths.REPORTS / "claims.md", text(verdicts, evidence))
+    words = [judged.verdict for _, judged in verdicts]
+    print(f"{len(words)} claims: {', '.join(f'{words.count(word)} {word}' for word in VERDICTS)}")
 
 
 if __name__ == "__main__":
