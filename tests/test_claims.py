@@ -380,7 +380,7 @@ def test_the_list_of_claims():
 
 def test_a_paragraph_is_printed_only_where_a_claim_is_not_reproduced():
     def claim(key, judge, why):
-        return Claim("lomp", key, f"Sentence {key}.", "I", "kPa", judge, 1.0, why=why)
+        return Claim("lomp", key, "I", "kPa", f"Sentence {key}.", judge, 1.0, why=why)
 
     good, bad = pd.Series([1.0, 1.1, 0.9]), pd.Series([-1.0, -1.1, -0.9])
     listed = [

@@ -479,4 +479,4 @@ def test_the_streaming_model_is_beside_the_papers_models_not_among_them():
     ],
 )  # fmt: skip
 def test_a_claim_is_a_line_with_its_verdict_and_reason(judge, published, line):
-    assert claim_sentence(Claim("lomp", "a", "A.", "I", "kPa", judge, published), Evidence({})) == line
+    assert claim_sentence(Claim("lomp", "a", "I", "kPa", "A.", judge, published), Evidence({})) == line

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from decimal import Decimal
 from functools import partial
+from itertools import chain
 
 import numpy as np
 import pandas as pd
@@ -16,9 +17,9 @@ from pipeline.reporting.verdicts.glove_measures import (
     NAMED_PAIRS,
     above,
     by_frames,
+    find_pair,
     fusion,
     gain,
-    pair,
     printed_attention,
     printed_ratio,
     published_fusion,
@@ -63,7 +64,7 @@ from pipeline.scoring.published import counts, precision, precision_gain
 
 SMALLEST_GAIN = 0.5  # points: less is no improvement; about what the paper calls one (0.47 for its attention)
 ALL_NETWORKS = (*NETWORKS, "sp_resnet_nogcam")
-claim = partial(Claim, "sp_resnet")
+claim, printed = partial(Claim, "sp_resnet"), partial(printed_claim, "sp_resnet")
 Judge = Callable[[Evidence], Judgement]
 
 
@@ -114,7 +115,7 @@ def cheapest(column: str) -> Judge:
 
 def counted(model: str, column: str) -> Judge:
     """Return the judge of a count, at the shape that the paper's numbers are of, against the printed one."""
-    printed, unit = counts()[model, column]
+    value, unit = counts()[model, column]
 
     def judge(e: Evidence) -> Judgement:
         rows = e.counts()
@@ -122,7 +123,7 @@ def counted(model: str, column: str) -> Judge:
         if not len(rows):
             raise NotTestable(f"{model_name(model)} was not counted")
         ours = int(rows.iloc[0][column])
-        return count(ours, float(printed * unit), equal=(Decimal(ours) / unit).quantize(printed) == printed)
+        return count(ours, float(value * unit), equal=(Decimal(ours) / unit).quantize(value) == value)
 
     return judge
 
@@ -157,7 +158,7 @@ def confused(dataset: str, names: tuple[str, str]) -> Judge:
     """Return the judge of: two objects are confused more than an average pair, and are one of the most confused."""
 
     def judge(e: Evidence) -> Judgement:
-        runs, place = pair(e, dataset, names)
+        runs, place = find_pair(e, dataset, names)
         upper = np.triu_indices(runs.shape[1], 1)
         judged = positive(pd.Series([pair_shares(run)[place] - pair_shares(run)[upper].mean() for run in runs]))
         rank = ranked_pairs(runs.sum(axis=0)).index(place) + 1
@@ -173,7 +174,7 @@ def resolved(dataset: str, names: tuple[str, str]) -> Judge:
     """Return the judge of: combined images confuse two objects less than those of one dataset do."""
 
     def judge(e: Evidence) -> Judgement:
-        (alone, place), (both, _) = pair(e, dataset, names), pair(e, "combined", names)
+        (alone, place), (both, _) = find_pair(e, dataset, names), find_pair(e, "combined", names)
         shares = [pair_shares(a)[place] - pair_shares(b)[place] for a, b in zip(alone, both, strict=True)]
         return positive(pd.Series(shares))
 
@@ -207,110 +208,63 @@ def always_above(source: str) -> Judge:
     return judge
 
 
+# One record per claim: key, section and unit; the sentence; how it is judged, and the rest.
+# fmt: off
+
+
 def fusion_claims(experiment: str, bending: str, end: str, why, **more) -> list[Claim]:
     """List the claims on two kinds of touch; bending: the second kind in words; end: of the keys."""
     return [
-        claim(
-            f"fusion{end}",
+        claim(f"fusion{end}", "Abstract, 3.2", "points",
             f"Pressure and {bending} together are recognised better than either alone (SP-ResNet).",
-            "Abstract, 3.2",
-            "points",
-            lambda e: positive(fusion(e, "sp_resnet", experiment)),
-            published_fusion("sp_resnet"),
-            why=why,
-            **more,
-        ),
-        printed_claim(
-            "sp_resnet",
-            f"fusion-number{end}",
+            lambda e: positive(fusion(e, "sp_resnet", experiment)), published_fusion("sp_resnet"), why=why, **more),
+        printed(f"fusion-number{end}", "Abstract, 3.2", "points",
             "Together they gain 4.33 points over the better of the two (SP-ResNet).",
-            "Abstract, 3.2",
-            "points",
-            partial(fusion, model="sp_resnet", experiment=experiment),
-            published_fusion("sp_resnet"),
-            why=why,
-            **more,
-        ),
-        claim(
-            f"fusion-networks{end}",
+            partial(fusion, model="sp_resnet", experiment=experiment), published_fusion("sp_resnet"), why=why, **more),
+        claim(f"fusion-networks{end}", "Table 1", "points",
             "Every network gains by having both.",
-            "Table 1",
-            "points",
             all_of(ALL_NETWORKS, lambda e, model: fusion(e, model, experiment)),
-            min(map(published_fusion, ALL_NETWORKS)),
-            why=why,
-            **more,
-        ),
+            min(map(published_fusion, ALL_NETWORKS)), why=why, **more),
     ]
 
 
 def pressure_claim(experiment: str, bending: str, end: str, **more) -> Claim:
     """Return the claim that pressure tells more than the joints."""
-    return claim(
-        f"pressure-above-strain{end}",
+    return claim(f"pressure-above-strain{end}", "3.2", "points",
         f"Palm pressure alone is recognised better than {bending} alone (SP-ResNet).",
-        "3.2",
-        "points",
         lambda e: positive(score(e, "sp_resnet", "pressure", experiment) - score(e, "sp_resnet", "strain", experiment)),
-        precision("sp_resnet", "pressure") - precision("sp_resnet", "strain"),
-        **more,
-    )
+        precision("sp_resnet", "pressure") - precision("sp_resnet", "strain"), **more)
 
 
 def second_best_claim(experiment: str, end: str, **more) -> Claim:
     """Return the claim on SP-ResNet's place."""
-    return claim(
-        f"second-best{end}",
+    return claim(f"second-best{end}", "3.3, Table 1", "points",
         "SP-ResNet is the second best of the networks, combined.",
-        "3.3, Table 1",
-        "points",
-        second_best(experiment),
-        why=why_order("combined", experiment),
-        **more,
-    )
+        second_best(experiment), why=why_order("combined", experiment), **more)
 
 
 def baseline_claim(experiment: str, dataset: str, end: str, **more) -> Claim:
     """Return the claim that every network is above both baselines on a dataset."""
-    return claim(
-        f"networks-above-baselines{end}-{dataset}",
+    return claim(f"networks-above-baselines{end}-{dataset}", "Table 1", "points",
         f"Every network is above Naive Bayes and the decision tree, {dataset}.",
-        "Table 1",
-        "points",
         above_baselines(dataset, experiment),
         min(precision(m, dataset) for m in NETWORKS) - max(precision(b, dataset) for b in BASELINES),
-        why=why_order(dataset, experiment),
-        **more,
-    )
+        why=why_order(dataset, experiment), **more)
 
 
 def attention_claim(experiment: str, dataset: str, end: str, **more) -> Claim:
     """Return the claim that the attention helps on a dataset."""
-    return claim(
-        f"attention{end}-{dataset}",
+    return claim(f"attention{end}-{dataset}", "3.3, Table 1", "points",
         f"The attention (GCAM) helps SP-ResNet, {dataset}.",
-        "3.3, Table 1",
-        "points",
-        attention(dataset, experiment),
-        printed_attention(dataset),
-        why=why_attention(dataset, experiment),
-        **more,
-    )
+        attention(dataset, experiment), printed_attention(dataset), why=why_attention(dataset, experiment), **more)
 
 
 def precision_claims() -> list[Claim]:
     """List the numbers of Table 1."""
     return [
-        printed_claim(
-            "sp_resnet",
-            f"precision-{dataset}-{model}",
+        printed(f"precision-{dataset}-{model}", "3.2, Table 1" if model == "sp_resnet" else "Table 1", "%",
             f"{model_name(model)} has a precision of {digits(precision(model, dataset))} %, {dataset}.",
-            "3.2, Table 1" if model == "sp_resnet" else "Table 1",
-            "%",
-            partial(score, model=model, dataset=dataset),
-            precision(model, dataset),
-            why=why_number(model, dataset),
-        )
+            partial(score, model=model, dataset=dataset), precision(model, dataset), why=why_number(model, dataset))
         for dataset in MODALITIES
         for model in MODELS
     ]
@@ -319,15 +273,9 @@ def precision_claims() -> list[Claim]:
 def cost_claims() -> list[Claim]:
     """List the claims that SP-ResNet costs least."""
     return [
-        claim(
-            f"fewest-{column}",
+        claim(f"fewest-{column}", "3.3, Table 1", "1",
             f"SP-ResNet costs least: the fewest {words} of the networks (over the next lowest).",
-            "3.3, Table 1",
-            "1",
-            cheapest(column),
-            printed_ratio(column),
-            why=why_cost,
-        )
+            cheapest(column), printed_ratio(column), why=why_cost)
         for column, words in (("macs", "multiply-accumulates"), ("params", "parameters"))
     ]
 
@@ -337,37 +285,20 @@ def dataset_claims(dataset: str) -> list[Claim]:
     words = {"A": "Flips (A) alone help", "C": "Moves, turns and scales (C) alone help"}
     words["all"] = "All augmentations together help"
     return [
-        claim(
-            f"order-{dataset}",
+        claim(f"order-{dataset}", "Table 1", "points",
             f"The seven models come in the order of Table 1, {dataset}.",
-            "Table 1",
-            "points",
-            order(dataset),
-            why=why_order(dataset),
-        ),
+            order(dataset), why=why_order(dataset)),
         baseline_claim("glove", dataset, ""),
         attention_claim("glove", dataset, ""),
         *(
-            claim(
-                f"augmentation-{method}-{dataset}",
+            claim(f"augmentation-{method}-{dataset}", "3.3, Table 2", "points",
                 f"{help_of}, {dataset}.",
-                "3.3, Table 2",
-                "points",
-                helps(method, dataset),
-                precision_gain(method, dataset),
-                why=why_augmentation(dataset),
-            )
+                helps(method, dataset), precision_gain(method, dataset), why=why_augmentation(dataset))
             for method, help_of in words.items()
         ),
-        claim(
-            f"augmentation-B-{dataset}",
+        claim(f"augmentation-B-{dataset}", "3.3, Table 2", "points",
             f"Noise (B) alone does not help (a gain below {SMALLEST_GAIN} points), {dataset}.",
-            "3.3, Table 2",
-            "points",
-            does_not_help("B", dataset),
-            precision_gain("B", dataset),
-            why=why_augmentation(dataset),
-        ),
+            does_not_help("B", dataset), precision_gain("B", dataset), why=why_augmentation(dataset)),
     ]
 
 
@@ -375,17 +306,10 @@ def count_claims() -> list[Claim]:
     """List the counts of Table 1."""
     words = {"macs": "multiply-accumulates", "params": "parameters"}
     return [
-        claim(
-            f"{column}-{model}",
-            f"{model_name(model)} has {float(printed * unit):,.0f} {words[column]}.",
-            "3.3, Table 1",
-            "count",
-            counted(model, column),
-            float(printed * unit),
-            printed=True,
-            why=why_counts(model),
-        )
-        for (model, column), (printed, unit) in counts().items()
+        claim(f"{column}-{model}", "3.3, Table 1", "count",
+            f"{model_name(model)} has {float(value * unit):,.0f} {words[column]}.",
+            counted(model, column), float(value * unit), printed=True, why=why_counts(model))
+        for (model, column), (value, unit) in counts().items()
     ]
 
 
@@ -393,22 +317,12 @@ def pair_claims(dataset: str, names: tuple[str, str]) -> list[Claim]:
     """List the claims on two objects that the paper says one dataset cannot tell apart."""
     words = " and ".join(name.replace("_", " ") for name in names)
     return [
-        claim(
-            f"confused-{dataset}-{'-'.join(names)}",
+        claim(f"confused-{dataset}-{'-'.join(names)}", "3.2, Fig. 14", "points",
             f"From {dataset} alone {words} are confused: above an average pair, and among the worst three.",
-            "3.2, Fig. 14",
-            "points",
-            confused(dataset, names),
-            why=why_pair(dataset, names),
-        ),
-        claim(
-            f"resolved-{dataset}-{'-'.join(names)}",
+            confused(dataset, names), why=why_pair(dataset, names)),
+        claim(f"resolved-{dataset}-{'-'.join(names)}", "3.2, Fig. 14", "points",
             f"Both together make up for it: {words} are confused less than from {dataset} alone.",
-            "3.2, Fig. 14",
-            "points",
-            resolved(dataset, names),
-            why=why_pair(dataset, names),
-        ),
+            resolved(dataset, names), why=why_pair(dataset, names)),
     ]
 
 
@@ -417,25 +331,13 @@ def frames_claims(source: str) -> list[Claim]:
     where = "STAG data set" if source == "stag" else f"simulated glove, {source}"
     data = "recorded" if source == "stag" else "simulated"
     return [
-        claim(
-            f"above-resnet3x3-{source}",
+        claim(f"above-resnet3x3-{source}", "3.3, Fig. 15", "points",
             f"SP-ResNet is above ResNet_3x3 at every number of input frames, {where}.",
-            "3.3, Fig. 15",
-            "points",
-            always_above(source),
-            data=data,
-            why=why_frames(source),
-        ),
+            always_above(source), data=data, why=why_frames(source)),
         *(
-            claim(
-                f"more-frames-{model}-{source}",
+            claim(f"more-frames-{model}-{source}", "3.3, Fig. 15", "points",
                 f"More input frames help {model_name(model)}, {where}.",
-                "3.3, Fig. 15",
-                "points",
-                more_frames(source, model),
-                data=data,
-                why=why_frames(source),
-            )
+                more_frames(source, model), data=data, why=why_frames(source))
             for model in COMPARED
         ),
     ]
@@ -449,7 +351,7 @@ def hardware_claims() -> list[Claim]:
     }
     hardware = untestable("it is about the glove itself, which is not at hand")
     return [
-        claim(f"repeatable-{kind}", text, f"1.4, Fig. {figure}", "1", hardware, data="recorded")
+        claim(f"repeatable-{kind}", f"1.4, Fig. {figure}", "1", text, hardware, data="recorded")
         for kind, (text, figure) in words.items()
     ]
 
@@ -464,10 +366,10 @@ def claims() -> list[Claim]:
         *precision_claims(),
         second_best_claim("glove", ""),
         *cost_claims(),
-        *(one for dataset in MODALITIES for one in dataset_claims(dataset)),
+        *chain.from_iterable(map(dataset_claims, MODALITIES)),
         *count_claims(),
-        *(one for dataset, pairs in NAMED_PAIRS.items() for names in pairs for one in pair_claims(dataset, names)),
-        *(one for source in ("stag", "combined", "pressure") for one in frames_claims(source)),
+        *chain.from_iterable(pair_claims(dataset, pair) for dataset, pairs in NAMED_PAIRS.items() for pair in pairs),
+        *chain.from_iterable(map(frames_claims, ("stag", "combined", "pressure"))),
         *hardware_claims(),
         *fusion_claims(*of_recordings, why_recorded, **recorded),
         pressure_claim(*of_recordings, why=why_recorded, **recorded),

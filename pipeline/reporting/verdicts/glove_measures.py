@@ -89,7 +89,7 @@ def confusions(e: Evidence) -> tuple[dict[str, np.ndarray], list[str]]:
     return e.once(("confusions",), read)
 
 
-def pair(e: Evidence, dataset: str, names: tuple[str, str]) -> tuple[np.ndarray, tuple[int, int]]:
+def find_pair(e: Evidence, dataset: str, names: tuple[str, str]) -> tuple[np.ndarray, tuple[int, int]]:
     """Count the confusions of a dataset; find two objects. Raises NotTestable where one is missing or a run failed."""
     counts, objects = confusions(e)
     if absent := [name for name in names if name not in objects]:
@@ -260,7 +260,7 @@ def why_pair(dataset: str, names: tuple[str, str]):
     def why(e: Evidence) -> str:
         objects, parts = confusions(e)[1], []
         for source in (dataset, "combined"):
-            runs, place = pair(e, source, names)
+            runs, place = find_pair(e, source, names)
             total = runs.sum(axis=0)
             worst = ", ".join(
                 f"{objects[i]} and {objects[j]} {digits(pair_shares(total)[i, j], 1)}"

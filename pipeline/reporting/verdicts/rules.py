@@ -156,9 +156,9 @@ class Claim:
 
     paper: str  # key of PAPERS
     key: str  # short name, unique together with `data`
-    text: str  # the sentence, in our words
     section: str  # where the paper says it
     unit: str
+    text: str  # the sentence, in our words
     judge: Callable[[Evidence], Judgement]
     published: float = np.nan
     data: str = "simulated"  # or recorded
@@ -316,12 +316,12 @@ def all_of(models: Iterable[str], values: Callable[[Evidence, str], pd.Series]) 
 def printed_claim(
     paper: str,
     key: str,
-    text: str,
     section: str,
     unit: str,
+    text: str,
     values: Callable[[Evidence], pd.Series],
     published: float,
     **more,
 ) -> Claim:
     """Return the claim that repeats a number of a table; values: our number, by seed; more: further fields of Claim."""
-    return Claim(paper, key, text, section, unit, near(values, published), published, printed=True, **more)
+    return Claim(paper, key, section, unit, text, near(values, published), published, printed=True, **more)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from itertools import chain
 
 from pipeline.reporting.verdicts.rules import (
     Claim,
@@ -96,127 +97,67 @@ def drift_less(task: str, target: str) -> Callable[[Evidence], Judgement]:
     return lambda e: positive(decoded(e, task, target, False) - decoded(e, task, target, True))
 
 
+# One record per claim: key, section and unit; the sentence; how it is judged, and the rest.
+# fmt: off
+
+
 def table_claims(task: str) -> list[Claim]:
     """List the numbers of Table I on one task."""
     words = name_of(task)
     times = latent("lstm_direct", task, "training time") / latent("lstm_transfer", task, "training time")
     return [
         *(
-            claim(
-                f"parameters-{model}-{task}",
+            claim(f"parameters-{model}-{task}", "III-A, Table I", "count",
                 f"{name} has {latent(model, task, 'parameters'):,.0f} parameters to tune on {words}.",
-                "III-A, Table I",
-                "count",
-                parameters(model, task),
-                latent(model, task, "parameters"),
-                printed=True,
-            )
+                parameters(model, task), latent(model, task, "parameters"), printed=True)
             for model, name in NAMES.items()
         ),
         *(
-            printed(
-                f"error-{model}-{task}",
+            printed(f"error-{model}-{task}", "IV-A, Table I", "mm",
                 f"{name} has a test error of {latent(model, task, 'test error'):g} mm on {words}.",
-                "IV-A, Table I",
-                "mm",
-                partial(score, model=model, task=task),
-                latent(model, task, "test error"),
-                why=why_error(task),
-            )
+                partial(score, model=model, task=task), latent(model, task, "test error"), why=why_error(task))
             for model, name in NAMES.items()
         ),
-        printed(
-            f"accuracy-ratio-{task}",
+        printed(f"accuracy-ratio-{task}", "Table I", "1",
             f"On {words} the error of transfer is {printed_ratio(task):.2f} times that of direct training.",
-            "Table I",
-            "1",
-            partial(error_ratio, task=task),
-            printed_ratio(task),
-            why=why_ratio,
-        ),
-        printed(
-            f"time-ratio-{task}",
+            partial(error_ratio, task=task), printed_ratio(task), why=why_ratio),
+        printed(f"time-ratio-{task}", "Table I", "1",
             f"On {words} direct training takes {times:.2f} times as long as transfer.",
-            "Table I",
-            "1",
-            partial(time_ratio, task=task),
-            times,
-            measured=True,
-            why=why_time,
-        ),
-        claim(
-            f"time-less-{task}",
+            partial(time_ratio, task=task), times, measured=True, why=why_time),
+        claim(f"time-less-{task}", "Table I", "1",
             f"On {words} transfer trains in less time than direct training (ratio minus 1).",
-            "Table I",
-            "1",
-            faster(task),
-            times - 1,
-            measured=True,
-            why=why_time,
-        ),
+            faster(task), times - 1, measured=True, why=why_time),
     ]
 
 
 def comparison_claims() -> list[Claim]:
     """List what the paper concludes from Table I."""
     return [
-        claim(
-            "time-absolute",
+        claim("time-absolute", "Table I", "s",
             "Direct training takes 344 s, transfer 93 s on task 1.",
-            "Table I",
-            "s",
             untestable("the paper's machine is not at hand; times of another device do not compare"),
-            latent("lstm_direct", "task_1", "training time"),
-            measured=True,
-        ),
-        claim(
-            "direct-better-task_1",
+            latent("lstm_direct", "task_1", "training time"), measured=True),
+        claim("direct-better-task_1", "IV-B, Table I", "mm",
             "Direct training leads to better accuracy than transfer on task 1.",
-            "IV-B, Table I",
-            "mm",
             lambda e: positive(lower(e, "lstm_direct", "lstm_transfer", "task_1")),
-            latent("lstm_transfer", "task_1", "test error") - latent("lstm_direct", "task_1", "test error"),
-        ),
-        claim(
-            "transfer-better-task_2",
+            latent("lstm_transfer", "task_1", "test error") - latent("lstm_direct", "task_1", "test error")),
+        claim("transfer-better-task_2", "IV-B, Table I", "1",
             "On task 2 transfer is as good as direct training or better (its error at most 10 % above).",
-            "IV-B, Table I",
-            "1",
-            no_worse("lstm_transfer", "lstm_direct", "task_2"),
-            printed_ratio("task_2") - 1,
-            why=why_ratio,
-        ),
-        claim(
-            "gap-shrinks",
+            no_worse("lstm_transfer", "lstm_direct", "task_2"), printed_ratio("task_2") - 1, why=why_ratio),
+        claim("gap-shrinks", "IV-B", "1",
             "The gap between direct training and transfer is smaller on the more complex task 2 than on task 1.",
-            "IV-B",
-            "1",
             lambda e: positive(error_ratio(e, "task_1") - error_ratio(e, "task_2")),
-            printed_ratio("task_1") - printed_ratio("task_2"),
-            why=why_ratio,
-        ),
-        claim(
-            "task_2-harder",
+            printed_ratio("task_1") - printed_ratio("task_2"), why=why_ratio),
+        claim("task_2-harder", "IV-A", "1",
             "Task 2 is much more complex than task 1, and learned less well (difference of R2, direct training).",
-            "IV-A",
-            "1",
-            lambda e: positive(score(e, "lstm_direct", "task_1", "r2") - score(e, "lstm_direct", "task_2", "r2")),
-        ),
-        claim(
-            "task_0-poor",
+            lambda e: positive(score(e, "lstm_direct", "task_1", "r2") - score(e, "lstm_direct", "task_2", "r2"))),
+        claim("task_0-poor", "III-B, IV-A", "1",
             "Task 0, all three motions together, is learned less accurately than task 2 (difference of R2).",
-            "III-B, IV-A",
-            "1",
-            lambda e: positive(score(e, "lstm_direct", "task_2", "r2") - score(e, "lstm_direct", "task_0", "r2")),
-        ),
-        claim(
-            "redundant-strands",
+            lambda e: positive(score(e, "lstm_direct", "task_2", "r2") - score(e, "lstm_direct", "task_0", "r2"))),
+        claim("redundant-strands", "IV-A", "1",
             "The strands are more correlated, hence more redundant, in task 1 than in task 2.",
-            "IV-A",
-            "1",
             lambda e: positive(channel_correlation(e, "task_1") - channel_correlation(e, "task_2"), "tenths"),
-            why=why_correlation,
-        ),
+            why=why_correlation),
     ]
 
 
@@ -225,84 +166,42 @@ def study_claims(task: str) -> list[Claim]:
     words, drift = name_of(task), []
     for target in ("true drift", "elapsed time"):
         drift += [
-            claim(
-                f"drift-free-{target.replace(' ', '-')}-{task}",
+            claim(f"drift-free-{target.replace(' ', '-')}-{task}", "I-A, IV-B", "1",
                 f"The latent space is free of drift: {target} cannot be read from it (R2 below 0.1), {words}.",
-                "I-A, IV-B",
-                "1",
-                drift_free(task, target),
-                why=why_drift(task),
-            ),
-            claim(
-                f"drift-less-{target.replace(' ', '-')}-{task}",
+                drift_free(task, target), why=why_drift(task)),
+            claim(f"drift-less-{target.replace(' ', '-')}-{task}", "IV-B", "1",
                 f"The latent space removes drift: {target} is read from it less well than from voltages, {words}.",
-                "IV-B",
-                "1",
-                drift_less(task, target),
-                why=why_drift(task),
-            ),
+                drift_less(task, target), why=why_drift(task)),
         ]
     return [
-        claim(
-            f"few-samples-{task}",
+        claim(f"few-samples-{task}", "I-A, IV-B", "mm",
             f"With few samples (up to a tenth) transfer is more accurate than direct training, {words}.",
-            "I-A, IV-B",
-            "mm",
-            few_samples(task),
-            why=why_samples(task),
-        ),
-        claim(
-            f"samples-needed-{task}",
+            few_samples(task), why=why_samples(task)),
+        claim(f"samples-needed-{task}", "IV-B", "1",
             f"Transfer needs fewer samples: a tenth of them costs it less of its accuracy, {words}.",
-            "IV-B",
-            "1",
-            fewer_needed(task),
-            why=why_samples(task),
-        ),
-        claim(
-            f"states-carry-{task}",
+            fewer_needed(task), why=why_samples(task)),
+        claim(f"states-carry-{task}", "I-A, IV-B", "mm",
             f"The recycled layers carry what a new task needs: a read-out is below one of voltages, {words}.",
-            "I-A, IV-B",
-            "mm",
-            states_carry(task),
-            why=why_states,
-        ),
+            states_carry(task), why=why_states),
         *drift,
-        claim(
-            f"reservoir-{task}",
+        claim(f"reservoir-{task}", "V", "1",
             f"A reservoir is a viable candidate in place of the LSTM: no worse than transfer (10 %), {words}.",
-            "V",
-            "1",
-            no_worse("esn", "lstm_transfer", task),
-            why=why_reservoir,
-        ),
+            no_worse("esn", "lstm_transfer", task), why=why_reservoir),
     ]
 
 
 def untestable_claims() -> list[Claim]:
     """List the claims that neither the paper nor this project can test."""
     return [
-        claim(
-            "base-task_1",
+        claim("base-task_1", "IV-A", "mm",
             "A redundant task such as task 1 is not fit to train model-0.",
-            "IV-A",
-            "mm",
-            untestable("model-0 is trained on task 0 alone, as in the paper, which did not test this either"),
-        ),
-        claim(
-            "more-strands",
+            untestable("model-0 is trained on task 0 alone, as in the paper, which did not test this either")),
+        claim("more-strands", "IV-B, V", "mm",
             "The more sensors there are, the greater the advantage of transfer.",
-            "IV-B, V",
-            "mm",
-            untestable("the finger has six strands, in the paper and here; neither varies them"),
-        ),
-        claim(
-            "reinforcement",
+            untestable("the finger has six strands, in the paper and here; neither varies them")),
+        claim("reinforcement", "I-A, V", "1",
             "Latent states serve reinforcement learning and closed-loop control.",
-            "I-A, V",
-            "1",
-            untestable("there is no control task, in the paper or here"),
-        ),
+            untestable("there is no control task, in the paper or here")),
     ]
 
 
@@ -310,75 +209,41 @@ def recorded_claims() -> list[Claim]:
     """List the claims that the recorded sensors can test."""
     on_recordings = partial(claim, data="recorded")
     return [
-        on_recordings(
-            "transfer-recorded",
+        on_recordings("transfer-recorded", "IV-B, Table I", "1",
             "Transfer is as good as direct training or better on a place in the plane (its error at most 10 % above).",
-            "IV-B, Table I",
-            "1",
-            no_worse_recorded("lstm_transfer", "within_day", "lstm_direct", "within_day"),
-            printed_ratio("task_2") - 1,
-            why=why_recorded,
-        ),
-        printed(
-            "accuracy-ratio-recorded",
+            no_worse_recorded("lstm_transfer", "within_day", "lstm_direct", "within_day"), printed_ratio("task_2") - 1,
+            why=why_recorded),
+        printed("accuracy-ratio-recorded", "Table I", "1",
             "On a place in the plane the error of transfer is 0.96 times that of direct training.",
-            "Table I",
-            "1",
             lambda e: recorded(e, "lstm_transfer", "within_day") / recorded(e, "lstm_direct", "within_day"),
-            printed_ratio("task_2"),
-            data="recorded",
-            why=why_recorded,
-        ),
-        on_recordings(
-            "direct-better-recorded-z",
+            printed_ratio("task_2"), data="recorded", why=why_recorded),
+        on_recordings("direct-better-recorded-z", "IV-B, Table I", "mm",
             "Direct training leads to better accuracy than transfer on the depth.",
-            "IV-B, Table I",
-            "mm",
             lambda e: positive(
                 recorded(e, "lstm_transfer", "within_day", "z") - recorded(e, "lstm_direct", "within_day", "z")
-            ),
-        ),
-        on_recordings(
-            "states-carry-recorded",
+            )),
+        on_recordings("states-carry-recorded", "I-A, IV-B", "mm",
             "The recycled layers carry what a new task needs: their read-out is below one of raw voltages.",
-            "I-A, IV-B",
-            "mm",
             lambda e: positive(recorded(e, "ridge", "within_day") - recorded(e, "lstm_transfer", "within_day")),
-            why=why_recorded,
-        ),
-        on_recordings(
-            "drift-free-recorded",
+            why=why_recorded),
+        on_recordings("drift-free-recorded", "I-A, IV-B", "1",
             "The latent space is free of drift: a read-out of it is no worse on the next day (10 %).",
-            "I-A, IV-B",
-            "1",
-            no_worse_recorded("lstm_transfer", "across_days", "lstm_transfer", "within_day"),
-            why=why_recorded,
-        ),
-        on_recordings(
-            "lstm-drift-recorded",
+            no_worse_recorded("lstm_transfer", "across_days", "lstm_transfer", "within_day"), why=why_recorded),
+        on_recordings("lstm-drift-recorded", "I, V", "1",
             "An LSTM makes up for the drift of the sensors: its error is no worse on the next day (10 %).",
-            "I, V",
-            "1",
-            no_worse_recorded("lstm_direct", "across_days", "lstm_direct", "within_day"),
-            why=why_recorded,
-        ),
-        on_recordings(
-            "reservoir-recorded",
+            no_worse_recorded("lstm_direct", "across_days", "lstm_direct", "within_day"), why=why_recorded),
+        on_recordings("reservoir-recorded", "V", "1",
             "A reservoir is a viable candidate in place of the LSTM: no worse than transfer (10 %), within a day.",
-            "V",
-            "1",
-            no_worse_recorded("esn", "within_day", "lstm_transfer", "within_day"),
-            why=why_recorded,
-        ),
+            no_worse_recorded("esn", "within_day", "lstm_transfer", "within_day"), why=why_recorded),
     ]
 
 
 def claims() -> list[Claim]:
     """List every claim that is looked at, in the order of the paper."""
     return [
-        *(claim for task in TASKS for claim in table_claims(task)),
+        *chain.from_iterable(map(table_claims, TASKS)),
         *comparison_claims(),
-        *(claim for task in TASKS for claim in study_claims(task)),
+        *chain.from_iterable(map(study_claims, TASKS)),
         *untestable_claims(),
         *recorded_claims(),
     ]

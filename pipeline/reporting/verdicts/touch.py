@@ -54,11 +54,11 @@ recorded = partial(claim, data="recorded")
 
 
 def lower(
-    key: str, text: str, section: str, ones: Sequence[str], others: Sequence[str], condition: str = "single", why=None
+    key: str, section: str, text: str, ones: Sequence[str], others: Sequence[str], condition: str = "single", why=None
 ) -> Claim:
     """Return the claim that every one of `ones` has a lower error than every one of `others`."""
     published = min(rmse(model, condition) for model in others) - max(rmse(model, condition) for model in ones)
-    return claim(key, text, section, "kPa", all_better(ones, others, condition), published, why=why)
+    return claim(key, section, "kPa", text, all_better(ones, others, condition), published, why=why)
 
 
 def all_better(ones: Sequence[str], others: Sequence[str], condition: str) -> Callable[[Evidence], Judgement]:
@@ -93,18 +93,16 @@ def printed_growth(model: str) -> float:
     return rmse(model, "double") / rmse(model)
 
 
+# One record per claim: key, section and unit; the sentence; how it is judged, and the rest.
+# fmt: off
+
+
 def rmse_claims() -> list[Claim]:
     """List the numbers of Table I."""
     return [
-        printed(
-            f"rmse-{condition}-{model}",
+        printed(f"rmse-{condition}-{model}", "Table I", "kPa",
             f"{model_name(model)} has an error of {digits(rmse(model, condition))} kPa on {condition} touch.",
-            "Table I",
-            "kPa",
-            partial(score, model=model, condition=condition),
-            rmse(model, condition),
-            why=why_number(model, condition),
-        )
+            partial(score, model=model, condition=condition), rmse(model, condition), why=why_number(model, condition))
         for condition in ("single", "double")
         for model in MODELS
     ]
@@ -113,59 +111,30 @@ def rmse_claims() -> list[Claim]:
 def single_claims() -> list[Claim]:
     """List what the paper says of single touch beside Table I."""
     return [
-        lower(
-            "rnn-lowest",
+        lower("rnn-lowest", "IV-C",
             "The RNN has the lowest error of all on single touch.",
-            "IV-C",
-            ["rnn"],
-            [model for model in MODELS if model != "rnn"],
-            why=why_rnn,
-        ),
-        claim(
-            "lomp-like-rnn",
+            ["rnn"], [model for model in MODELS if model != "rnn"], why=why_rnn),
+        claim("lomp-like-rnn", "IV-C, V", "1",
             "On single touch LoMP performs like the RNN (ratio of errors minus 1 near 0).",
-            "IV-C, V",
-            "1",
-            lambda e: within(score(e, "lomp") / score(e, "rnn") - 1, 0.1),
-            rmse("lomp") / rmse("rnn") - 1,
-            why=why_rnn,
-        ),
-        claim(
-            "high-pressure-cnn",
+            lambda e: within(score(e, "lomp") / score(e, "rnn") - 1, 0.1), rmse("lomp") / rmse("rnn") - 1, why=why_rnn),
+        claim("high-pressure-cnn", "IV-C, Fig. 4", "kPa",
             "At high pressure networks with convolutions (CNN, VGG-16, ConvLSTM) are further off than the RNN.",
-            "IV-C, Fig. 4",
-            "kPa",
             lambda e: all_positive(
                 {
                     f"{model_name(m)} above RNN": high_pressure_error(e, m) - high_pressure_error(e, "rnn")
                     for m in ("cnn", "vgg", "convlstm")
                 }
             ),
-            why=why_high,
-        ),
-        claim(
-            "high-pressure-lomp",
+            why=why_high),
+        claim("high-pressure-lomp", "IV-C, Fig. 4", "kPa",
             "At high pressure LoMP is further off than the RNN.",
-            "IV-C, Fig. 4",
-            "kPa",
-            lambda e: positive(high_pressure_error(e, "lomp") - high_pressure_error(e, "rnn")),
-            why=why_high,
-        ),
-        claim(
-            "locations",
+            lambda e: positive(high_pressure_error(e, "lomp") - high_pressure_error(e, "rnn")), why=why_high),
+        claim("locations", "IV-C, V", "mm",
             "From 25 elements, learning-based models tell 400 places 3 mm apart (3 mm minus location error above 0).",
-            "IV-C, V",
-            "mm",
-            all_of(LEARNED, lambda e, m: 3 - score(e, m, metric="location_error")),
-            why=why_rnn,
-        ),
-        claim(
-            "off-centre",
+            all_of(LEARNED, lambda e, m: 3 - score(e, m, metric="location_error")), why=why_rnn),
+        claim("off-centre", "IV-C, Fig. 5", "counts",
             "Off its centre, the same pressure gives a lower reading of an element: the curve shifts to the left.",
-            "IV-C, Fig. 5",
-            "counts",
-            lambda e: positive(press_shift(e), "elements"),
-        ),
+            lambda e: positive(press_shift(e), "elements")),
     ]
 
 
@@ -174,95 +143,41 @@ def double_claims() -> list[Claim]:
     others = [model for model in (*LEARNED, "rbf") if model != "vgg"]
     next_best = min(rmse(model, "double") for model in REST)
     return [
-        lower(
-            "lomp-best-double",
+        lower("lomp-best-double", "IV-D, Table I",
             "LoMP, fitted to single touches alone, has the lowest error of all on double touch.",
-            "IV-D, Table I",
-            ["lomp"],
-            REST,
-            "double",
-            why=why_double,
-        ),
-        printed(
-            "lomp-margin-double",
+            ["lomp"], REST, "double", why=why_double),
+        printed("lomp-margin-double", "Table I", "1",
             "On double touch the next model has about twice LoMP's error.",
-            "Table I",
-            "1",
-            double_margin,
-            next_best / rmse("lomp", "double"),
-            why=why_double,
-        ),
-        claim(
-            "growth-global",
+            double_margin, next_best / rmse("lomp", "double"), why=why_double),
+        claim("growth-global", "IV-D, Fig. 7", "1",
             "From single to double touch, errors of RNN, CNN, ConvLSTM and VGG-16 grow by more than LoMP's.",
-            "IV-D, Fig. 7",
-            "1",
             all_of(GLOBAL, lambda e, m: growth(e, m) - growth(e, "lomp")),
-            min(map(printed_growth, GLOBAL)) - printed_growth("lomp"),
-            why=why_double,
-        ),
-        printed(
-            "growth-lomp",
+            min(map(printed_growth, GLOBAL)) - printed_growth("lomp"), why=why_double),
+        printed("growth-lomp", "Table I", "1",
             "LoMP's error on double touch is 3.45 times that on single touch.",
-            "Table I",
-            "1",
-            partial(growth, model="lomp"),
-            printed_growth("lomp"),
-            why=why_double,
-        ),
-        lower(
-            "conventional-double",
+            partial(growth, model="lomp"), printed_growth("lomp"), why=why_double),
+        lower("conventional-double", "IV-D, Table I",
             "Linear and polynomial regression have lower errors on double touch than RNN, CNN, ConvLSTM and VGG-16.",
-            "IV-D, Table I",
-            ["linear", "poly"],
-            GLOBAL,
-            "double",
-            why=why_double,
-        ),
+            ["linear", "poly"], GLOBAL, "double", why=why_double),
         *(
-            claim(
-                f"growth-{model}",
+            claim(f"growth-{model}", "IV-D, Table I", "1",
                 f"The error of a conventional model about doubles with a second touch: {model_name(model)}.",
-                "IV-D, Table I",
-                "1",
-                near(partial(growth, model=model), printed_growth(model)),
-                printed_growth(model),
-                why=why_double,
-            )
+                near(partial(growth, model=model), printed_growth(model)), printed_growth(model), why=why_double)
             for model in CONVENTIONAL
         ),
-        claim(
-            "vgg-overfits",
+        claim("vgg-overfits", "IV-D", "1",
             "VGG-16 is more overfitted to single touch than other learning models: its error grows most.",
-            "IV-D",
-            "1",
             all_of(others, lambda e, m: growth(e, "vgg") - growth(e, m)),
-            printed_growth("vgg") - max(map(printed_growth, others)),
-            why=why_vgg,
-        ),
-        lower(
-            "rnn-below-cnn-double",
+            printed_growth("vgg") - max(map(printed_growth, others)), why=why_vgg),
+        lower("rnn-below-cnn-double", "IV-D, Table I",
             "On double touch the RNN has a lower error than CNN and ConvLSTM.",
-            "IV-D, Table I",
-            ["rnn"],
-            ["cnn", "convlstm"],
-            "double",
-            why=why_double,
-        ),
-        claim(
-            "cnn-two-peaks",
+            ["rnn"], ["cnn", "convlstm"], "double", why=why_double),
+        claim("cnn-two-peaks", "IV-D, Figs. 6, 8a", "1",
             "CNN and ConvLSTM show both touches more often than the RNN, which does not tell them apart.",
-            "IV-D, Figs. 6, 8a",
-            "1",
-            all_of(("cnn", "convlstm"), lambda e, m: both_shown(e, m) - both_shown(e, "rnn")),
-        ),
-        claim(
-            "lomp-two-peaks",
+            all_of(("cnn", "convlstm"), lambda e, m: both_shown(e, m) - both_shown(e, "rnn"))),
+        claim("lomp-two-peaks", "IV-D, Fig. 8a", "1",
             "LoMP shows both touches more often than RNN, CNN, ConvLSTM and VGG-16.",
-            "IV-D, Fig. 8a",
-            "1",
-            all_of(GLOBAL, lambda e, m: both_shown(e, "lomp") - both_shown(e, m)),
-        ),
+            all_of(GLOBAL, lambda e, m: both_shown(e, "lomp") - both_shown(e, m))),
     ]
 
 
@@ -276,43 +191,25 @@ def demonstration_claims() -> list[Claim]:
     words = {"three": "three simultaneous touches", "slide": "two touches that slide at the same time"}
     return [
         *(
-            claim(
-                f"recognised-{condition}",
+            claim(f"recognised-{condition}", "IV-E, Fig. 8", "1",
                 f"LoMP shows {touches}: as many peaks as touches in more than half of the windows (share minus 0.5).",
-                "IV-E, Fig. 8",
-                "1",
-                recognised(condition),
-                why=why_touches(condition),
-            )
+                recognised(condition), why=why_touches(condition))
             for condition, touches in words.items()
         ),
-        claim(
-            "recognised-tape",
+        claim("recognised-tape", "IV-E, Fig. 8d", "1",
             "LoMP shows the pattern of a rolled tape: it explains more than half of the variance (R2 minus 0.5).",
-            "IV-E, Fig. 8d",
-            "1",
-            lambda e: positive(score(e, "lomp", "tape", "r2") - MOST),
-            why=why_touches("tape"),
-        ),
-        claim(
-            "tape-tilt",
+            lambda e: positive(score(e, "lomp", "tape", "r2") - MOST), why=why_touches("tape")),
+        claim("tape-tilt", "IV-E, Fig. 8d", "1",
             "LoMP's map of the tape is tilted to the side that is pressed harder, the left.",
-            "IV-E, Fig. 8d",
-            "1",
-            lambda e: positive(tilt(e)),
-            why=why_tape,
-        ),
+            lambda e: positive(tilt(e)), why=why_tape),
     ]
 
 
 def latency_claims() -> list[Claim]:
     """List what the paper says of times."""
     return [
-        claim(
-            "latency-order",
+        claim("latency-order", "IV-C, Table II", "1",
             "Times of a prediction rise from linear regression over CNN and LoMP to RNN.",
-            "IV-C, Table II",
-            "1",
             lambda e: slower(
                 {
                     "CNN above linear": time_ratio(e, "cnn", "linear"),
@@ -320,117 +217,60 @@ def latency_claims() -> list[Claim]:
                     "RNN above LoMP": time_ratio(e, "rnn", "lomp"),
                 }
             ),
-            time_ms("lomp") / time_ms("cnn"),
-            measured=True,
-            why=why_latency,
-        ),
-        claim(
-            "latency-lomp-rnn",
+            time_ms("lomp") / time_ms("cnn"), measured=True, why=why_latency),
+        claim("latency-lomp-rnn", "IV-C, Table II", "1",
             "LoMP, with its GRU of one layer, is faster than the RNN (RNN over LoMP).",
-            "IV-C, Table II",
-            "1",
-            lambda e: slower({"RNN above LoMP": time_ratio(e, "rnn", "lomp")}),
-            time_ms("rnn") / time_ms("lomp"),
-            measured=True,
-            why=why_latency,
-        ),
+            lambda e: slower({"RNN above LoMP": time_ratio(e, "rnn", "lomp")}), time_ms("rnn") / time_ms("lomp"),
+            measured=True, why=why_latency),
         *(
-            printed(
-                f"latency-{one}-{other}",
+            printed(f"latency-{one}-{other}", "Table II", "1",
                 f"A prediction of {model_name(one)} takes {digits(time_ms(one) / time_ms(other))} times as long as one "
                 f"of {model_name(other)}.",
-                "Table II",
-                "1",
-                partial(measured_ratio, one=one, other=other),
-                time_ms(one) / time_ms(other),
-                measured=True,
-                why=why_latency,
-            )
+                partial(measured_ratio, one=one, other=other), time_ms(one) / time_ms(other), measured=True,
+                why=why_latency)
             for one, other in (("lomp", "cnn"), ("lomp", "linear"), ("rnn", "linear"), ("cnn", "linear"))
         ),
-        claim(
-            "latency-absolute",
+        claim("latency-absolute", "IV-C, Table II", "ms",
             "LoMP takes 1.45 ms for a prediction on a GTX 1070.",
-            "IV-C, Table II",
-            "ms",
-            untestable("this GPU is not at hand; times of another device do not compare"),
-            time_ms("lomp"),
-            measured=True,
-        ),
+            untestable("this GPU is not at hand; times of another device do not compare"), time_ms("lomp"),
+            measured=True),
     ]
 
 
 def recorded_claims() -> list[Claim]:
     """List the claims that the recorded taxel can test, and one that no recording can."""
     return [
-        recorded(
-            "learning-taxel",
+        recorded("learning-taxel", "IV-C", "N",
             "Learning-based models (RBF-Net, RNN) are below the conventional ones on recorded single touches.",
-            "IV-C",
-            "N",
-            lambda e: taxel_better(e, ("rbf", "rnn"), CONVENTIONAL),
-            why=why_taxel,
-        ),
-        recorded(
-            "nonlinear-taxel",
+            lambda e: taxel_better(e, ("rbf", "rnn"), CONVENTIONAL), why=why_taxel),
+        recorded("nonlinear-taxel", "IV-C", "N",
             "The sensor is not linear: polynomial regression is below linear regression on recorded touches.",
-            "IV-C",
-            "N",
-            lambda e: positive(taxel(e, "poly", "linear")),
-            why=why_taxel,
-        ),
-        recorded(
-            "rnn-lowest-taxel",
+            lambda e: positive(taxel(e, "poly", "linear")), why=why_taxel),
+        recorded("rnn-lowest-taxel", "IV-C", "N",
             "The RNN has the lowest error of all on recorded single touches.",
-            "IV-C",
-            "N",
             lambda e: taxel_better(e, ["rnn"], [m for m in e.values["velostat_recorded"]["models"] if m != "rnn"]),
-            why=why_taxel,
-        ),
-        recorded(
-            "double-recorded",
+            why=why_taxel),
+        recorded("double-recorded", "IV-D", "kPa",
             "LoMP has the lowest error of all on recorded double touches.",
-            "IV-D",
-            "kPa",
-            untestable("no recordings of a whole array with several touches are public; the recorded taxel is one"),
-        ),
+            untestable("no recordings of a whole array with several touches are public; the recorded taxel is one")),
     ]
 
 
 def claims() -> list[Claim]:
     """List every claim that is looked at, in the order of the paper."""
     return [
-        lower(
-            "learning-single",
+        lower("learning-single", "IV-C, Table I",
             "On single touch every learning-based model is below every conventional one.",
-            "IV-C, Table I",
-            LEARNED,
-            CONVENTIONAL,
-            why=why_learning,
-        ),
-        lower(
-            "lomp-conventional-single",
+            LEARNED, CONVENTIONAL, why=why_learning),
+        lower("lomp-conventional-single", "IV-C, Table I",
             "On single touch LoMP is below every conventional model.",
-            "IV-C, Table I",
-            ["lomp"],
-            CONVENTIONAL,
-        ),
-        lower(
-            "rbf-single",
+            ["lomp"], CONVENTIONAL),
+        lower("rbf-single", "IV-C, Table I",
             "RBF-Net cannot follow single touches as the deep networks do: all of them are below it.",
-            "IV-C, Table I",
-            LEARNED,
-            ["rbf"],
-            why=why_learning,
-        ),
-        claim(
-            "nonlinear-single",
+            LEARNED, ["rbf"], why=why_learning),
+        claim("nonlinear-single", "IV-C, Table I", "kPa",
             "The sensor is not linear: polynomial regression is below linear regression on single touch.",
-            "IV-C, Table I",
-            "kPa",
-            lambda e: positive(better(e, "poly", "linear")),
-            rmse("linear") - rmse("poly"),
-        ),
+            lambda e: positive(better(e, "poly", "linear")), rmse("linear") - rmse("poly")),
         *rmse_claims(),
         *single_claims(),
         *double_claims(),
