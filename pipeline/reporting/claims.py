@@ -1,11 +1,11 @@
 """Say how a claim's numbers and the counts of verdicts read, in reports/claims.md and on the reviewer's page."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
 from pipeline.reporting.markdown import number, size
-from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED
+from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED, Claim, Evidence
 
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
 COUNTED = (*VERDICTS, "of not reproduced: undecided")  # columns of a table of counts
@@ -48,3 +48,21 @@ def count_rows(claims: pd.DataFrame, by: Sequence[str]) -> list[list[str]]:
         undecided = sum(map(is_undecided, verdicts, group["reason"]))
         rows.append([*names, *map(str, (*map(verdicts.count, VERDICTS), undecided, len(verdicts)))])
     return rows
+
+
+def claim_sentences(claims: Iterable[Claim], keys: Iterable[str], evidence: Evidence) -> list[str]:
+    """Return a line per claim, in the order of `keys`: our number, the published one, and the verdict of claims.csv."""
+    by_key = {claim.key: claim for claim in claims}
+    return [claim_sentence(by_key[key], evidence) for key in keys]
+
+
+def claim_sentence(claim: Claim, evidence: Evidence) -> str:
+    """Return the line of one claim."""
+    judged = claim.judged(evidence)
+    numbers = ""
+    if judged.ours == judged.ours:
+        unit = f" {claim.unit}" if claim.unit not in ("1", "count") else ""
+        paper = f" (paper: {value_text(claim.published, claim.unit)})" if claim.published == claim.published else ""
+        numbers = f" {ours_text(*judged[:3], claim.unit)}{unit}{paper}:"
+    reason = f" ({judged.reason})" if judged.reason else ""
+    return f"- {claim.text.rstrip('.')}:{numbers} {judged.verdict}{reason}."

@@ -1,45 +1,72 @@
-"""What the reports of all experiments have in common: what they start from, and the folder of measured times."""
+"""Read and write what the reports of all experiments have in common.
 
+The report of an experiment is the module of its name in this folder. Its `write(target, settings)` writes the folders
+`accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block of params.yaml.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-import pyarrow.parquet
+import pandas as pd
+import pyarrow as pa
 
-from pipeline.base import files, params
+from pipeline import experiments
+from pipeline.base import files
 from pipeline.reporting import speed as speed_report
-from pipeline.reporting.differences import read_differences
 from pipeline.reporting.figures import speed as speed_figures
+from pipeline.reporting.sentences import read_differences
 from pipeline.scoring import results
 
 CODE = Path(__file__).resolve().parents[1]
 FITTING = {
-    "train": ["regressors"],
-    "train_series": ["lstm", "series_regressors"],
-    "train_images": ["image_classifier"],
-}  # by training stage
+    "windows": ["regressors"],
+    "series": ["lstm", "series_regressors"],
+    "images": ["image_classifier"],
+}  # by kind of input
 
 
-def read(experiment: str, settings: dict) -> tuple[results.Scores, dict, pyarrow.Table, str, int]:
-    """(scores, latency, dataset, main protocol, its first seed): what every report starts from."""
+def read(experiment: str, settings: Mapping) -> tuple[results.Scores, dict, pa.Table, str, int]:
+    """Read (scores, latency, dataset, main protocol, its first seed): what every report starts from."""
     protocol = next(iter(settings["protocols"]))
     seed = settings["protocols"][protocol]["seeds"][0]
     scores, latency = results.Scores(experiment, settings), results.read_latency(experiment, settings)
     return scores, latency, results.read_windows(experiment), protocol, seed
 
 
-def own_differences(experiment: str, settings: dict) -> list[tuple[str, str]]:
-    """The differences from its paper in the files of one experiment."""
-    shared = [
-        *(f"learning/{file}" for file in FITTING[params.training_stage(experiment)]),
+def score_table(
+    scores: results.Scores,
+    runs: Iterable[tuple[str, str, str, str]],
+    units: Mapping[str, str] | None = None,
+    published: Callable[[str, str, str], float] | None = None,
+) -> pd.DataFrame:
+    """Return one row per (protocol, condition, model, metric) of `runs`: mean and interval in full precision.
+
+    units: metric -> unit; published: (model, condition, metric) -> the paper's number. Without one, no such column.
+    """
+    rows = []
+    for protocol, condition, model, metric in runs:
+        row = {"protocol": protocol, "condition": condition, "model": model, "metric": metric}
+        row |= {"unit": units[metric]} if units else {}
+        row |= {"published": published(model, condition, metric)} if published else {}
+        rows.append(row | scores.estimate(protocol, condition, model, metric)._asdict())
+    return pd.DataFrame(rows)
+
+
+def experiment_differences(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
+    """Read the differences from its paper in the files of one experiment: (file, text)."""
+    names = [
+        *(f"learning/{name}" for name in FITTING[experiments.module(experiment).KIND]),
         f"experiments/{experiment}",
         f"scenes/{experiment}",
+        *(f"models/{model}" for model in settings["models"]),
     ]
-    own = {f"{CODE.name}/{file}.py" for file in (*shared, *(f"models/{model}" for model in settings["models"]))}
-    return [(file, text) for file, text in read_differences(CODE) if file in own]
+    of_experiment = {f"{CODE.name}/{name}.py" for name in names}
+    return [(file, text) for file, text in read_differences(CODE) if file in of_experiment]
 
 
 def write_speed(
     target: Path,
-    settings: dict,
+    settings: Mapping,
     scores: results.Scores,
     latency: dict,
     panels: dict[str, tuple[str, str]],
@@ -47,7 +74,7 @@ def write_speed(
     note: str = "",
     end: str = "",
 ) -> None:
-    """All of the folder `speed`; panels, measure: see `report_speed.speed_table`; note, end: more of table2.md."""
+    """Write the folder `speed`; panels, measure: see `speed.speed_table`; note, end: more text of table2.md."""
     folder = target / "speed"
     table = speed_report.speed_table(scores, settings, latency, panels, measure)
     files.write_table(folder / "table2.csv", table)

@@ -1,344 +1,409 @@
-"""The tables of reports/glove: Tables 1 and 2 of the SP-ResNet paper beside the published numbers.
-
-Scores are fractions in files and percent in text; a difference of two of them is in points.
-"""
+"""Write reports/glove: figures, and findings on the claims of the SP-ResNet paper; its tables: see `glove_tables`."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
-from pipeline.base import paths
-from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
-from pipeline.datasets.images import MODALITIES, classes, modality, split_name
-from pipeline.reporting import markdown
+from pipeline import experiments
+from pipeline.base import files, paths
+from pipeline.datasets import images, schemas
+from pipeline.datasets.images import MODALITIES
+from pipeline.reporting import experiment, glove_tables, sentences
+from pipeline.reporting.claims import claim_sentences
+from pipeline.reporting.figures import glove as glove_figures
+from pipeline.reporting.figures import style
+from pipeline.reporting.glove_tables import METRICS
 from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, number, size
-from pipeline.scoring import classification
-from pipeline.scoring.results import (
-    PUBLISHED,
-    Estimate,
-    Fit,
-    Scores,
-    estimate,
-    read_csv,
-    read_fit,
-    read_predictions,
-    shown,
+from pipeline.reporting.markdown import code, interval, number
+from pipeline.reporting.verdicts import glove as glove_verdicts
+from pipeline.reporting.verdicts.glove_measures import NAMED_PAIRS, published_fusion
+from pipeline.reporting.verdicts.rules import Evidence
+from pipeline.scoring import glove_results
+from pipeline.scoring.glove_results import (
+    COMPARED,
+    MOST_CONFUSED,
+    NETWORKS,
+    gain,
+    main_protocols,
+    pair_shares,
+    ranked,
+    ranked_pairs,
+    score,
+    splits,
 )
+from pipeline.scoring.published import METHODS, PRINTED, precision
+from pipeline.scoring.results import Estimate, Fit, Scores, estimate
 
-PRINTED = {  # models as the paper prints them; a model that is not listed has no published number
-    "naive_bayes": "Naive Bayes",
-    "tree": "Decision Tree",
-    "resnet18": "ResNet-18",
-    "mobilenet": "MobileNet",
-    "resnet3x3": "ResNet_3x3",
-    "sp_resnet_nogcam": "SP-ResNet (no GCAM)",
-    "sp_resnet": "SP-ResNet",
-}
-METHODS = {  # of augmentation, as augmentation.csv and the paper call them
-    "none": "no augmentation",
-    "A": "only A (flip)",
-    "B": "only B (noise)",
-    "C": "only C (affine)",
-    "all": "all",
-}
-NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
-METRICS = {"macro_precision": "Macro precision", "accuracy": "Accuracy"}
+RANDOM = "random_frames"
+FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
+GRASPED = "mobile_phone"  # in figure 10
+SEQUENCE_FRAMES = 50  # of figure 13
+WRONG = ("accuracy", "Images named wrongly (%)")
 
 
-def published() -> dict[tuple[str, str], float]:
-    """Tables 1 and 2: (model, or augmentation method; dataset) -> precision in %."""
-    rows = pd.read_csv(PUBLISHED)
-    rows = rows[(rows["paper"] == "sp_resnet") & (rows["metric"] == "precision")]
-    keys = {("Table 1", printed): key for key, printed in PRINTED.items()}
-    keys |= {("Table 2", printed): key for key, printed in METHODS.items()}
-    return {(keys[row.source, row.model], row.condition): float(row.value) for row in rows.itertuples()}
+def write(target: Path, settings: Mapping) -> None:
+    """Write the report of `glove`; see `experiment`."""
+    accuracy = target / "accuracy"
+    scores, latency, table, _, _ = experiment.read("glove", settings)
+    objects, protocols = images.classes(table), main_protocols(settings)
+    counts, stag = glove_results.read_counts(), glove_results.read_stag()
+    augmentation = {metric: glove_results.read_augmentation(settings, metric) for metric in METRICS}
+    fits = glove_results.read_fits("glove", settings)
+    asked = dict.fromkeys(protocols if "sp_resnet" in settings["models"] else (), "sp_resnet")
+    confusions = glove_results.read_confusions("glove", settings, table, asked)
+    compared = [model for model in COMPARED if model in settings["models"]]
+    frames = {
+        dataset: glove_results.scores_by_frames(table, protocols[dataset], settings, compared) for dataset in FRAMES_OF
+    }
+    evidence = Evidence(
+        {"glove": settings},
+        {
+            ("scores", "glove"): scores,
+            ("counts",): counts,
+            ("stag",): stag,
+            ("augmentation",): augmentation["macro_precision"],
+            ("confusions",): (confusions, objects),
+            **{("frames", dataset): rows for dataset, rows in frames.items()},
+        },
+    )
+
+    files.write_table(accuracy / "table1.csv", glove_tables.score_table(scores, settings))
+    files.write_text(accuracy / "table1.md", glove_tables.table_one(scores, settings, counts))
+    files.write_table(accuracy / "table2.csv", glove_tables.augmentation_table(augmentation))
+    files.write_text(accuracy / "table2.md", glove_tables.table_two(augmentation["macro_precision"], settings))
+    by_frames = [rows.assign(condition=dataset) for dataset, rows in frames.items()]
+    files.write_table(accuracy / "figure15.csv", pd.concat(by_frames))
+    readme = findings(scores, settings, evidence, confusions, objects, frames | {"STAG": stag}, all_fits(fits))
+    files.write_text(accuracy / "README.md", readme)
+
+    draw_grasp(accuracy / "figure10.png", table, objects)
+    draw_sequences(accuracy / "figure13.png", settings, objects)
+    draw_confusions(accuracy, "figure14", settings, confusions, asked, objects)
+    if compared:
+        title = "Figure 15, on our own data: macro precision against the number of input frames"
+        glove_figures.precision_by_frames(accuracy / "figure15.png", frames, title)
+    if len(stag):
+        title = "Figure 15: the STAG data set"
+        glove_figures.precision_by_frames(accuracy / "figure15_stag.png", {"STAG": stag}, title)
+    draw_learning(accuracy, settings, fits)
+    panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
+    experiment.write_speed(target, settings, scores, latency, panels, WRONG)
 
 
-def read_counts() -> pd.DataFrame:
-    """counts.csv: multiply-accumulates and parameters."""
-    names = ["model", "input_shape", "classes", "macs", "params", "published_macs", "published_params", "verdict"]
-    return read_csv(paths.REPORTS / "counts.csv", [*names, "note"], "python -m pipeline.studies.counts")
+def findings(
+    scores: Scores,
+    settings: Mapping,
+    evidence: Evidence,
+    confusions: Mapping[str, np.ndarray],
+    objects: Sequence[str],
+    frames: Mapping[str, pd.DataFrame],
+    trained: Sequence[Fit],
+) -> str:
+    """Write README.md: verdicts on the claims, and sentences that are computed from the numbers.
 
-
-def like_with_like(counts: pd.DataFrame) -> pd.DataFrame:
-    """The rows of counts.csv at the shape that is trained here, by model."""
-    return counts[counts["published_macs"].isna()].set_index("model")
-
-
-def read_augmentation(settings: Mapping, metric: str) -> dict[tuple[str, str], list[float]]:
-    """(method, dataset) -> a value a seed of `augmentation.seeds`, fractions; settings: the block `glove`.
-
-    `all` is the model as Table 1 has it. Raises InputError that names a missing row.
+    confusions: dataset -> (runs, classes, classes) images; objects: names of the classes; frames: dataset -> macro
+    precision by number of input frames, a table like stag.csv.
     """
-    block, made_by = settings["augmentation"], "python -m pipeline.studies.augmentation glove"
-    protocols = {dataset: f"{block['split']}_{dataset}" for dataset in MODALITIES}
-    path = paths.augmentation("glove")
-    rows = read_csv(path, ["method", "protocol", "seed", "metric", "value"], made_by)
-    values = {(row.method, row.protocol, int(row.seed), row.metric): row.value for row in rows.itertuples()}
-    same_seeds = {protocol: {"seeds": block["seeds"]} for protocol in protocols.values()}
-    complete = Scores("glove", {"protocols": same_seeds})
-    found = {}
+    protocols, split = main_protocols(settings), next(iter(splits(settings))).replace("_", " ")
+    chosen, claims = settings["yardstick"], glove_verdicts.claims()
+    words = f"{chosen['condition']}, {METRICS[chosen['metric']].lower()}, set on the validation part, frames at random"
+
+    def verdicts(*keys: str) -> list[str]:
+        return claim_sentences(claims, keys, evidence)
+
+    lines = [
+        "# SP-ResNet (glove): results\n",
+        f"Macro precision in % on the test part, split by {split}, mean over seeds [95 % t interval]; differences in "
+        "points, paired by seed. Verdicts are those of `reports/claims.md`, which says by which rules. "
+        "[Table 1](table1.md), [Table 2](table2.md), [speed](../speed/table2.md).\n",
+        "## Models and datasets\n",
+        *best_sentences(scores, settings, protocols),
+        *order_sentences(scores, settings, protocols),
+        *verdicts(*(f"order-{dataset}" for dataset in MODALITIES)),
+        *verdicts("fusion", "fusion-number", "fusion-networks"),
+        *fusion_sentences(scores, settings, protocols),
+        *verdicts(*(f"attention-{dataset}" for dataset in MODALITIES)),
+        *place_sentences(scores, settings, protocols["combined"]),
+        *verdicts("second-best", "fewest-macs", "fewest-params"),
+        *verdicts(*(f"networks-above-baselines-{dataset}" for dataset in MODALITIES)),
+        *floor_sentences(scores, settings, protocols),
+        "\n## Split, scene and training\n",
+        *optimism_sentences(scores, settings),
+        sentences.yardstick(scores, settings, (f"{RANDOM}_{chosen['condition']}", chosen["condition"]), words, "%"),
+        training_sentence(trained),
+        "\n## Augmentation and input frames\n",
+        *verdicts(*(f"augmentation-{m}-{dataset}" for m in METHODS if m != "none" for dataset in MODALITIES)),
+    ]
+    for dataset, rows in frames.items():
+        if dataset == "STAG" and not len(rows):
+            lines.append(
+                "- The paper's figure 15 is of the STAG data set; no file of it is named (`glove.stag.file` of "
+                "params.yaml), so it was not run."
+            )
+            continue
+        lines += frames_sentences(dataset, rows)
+        keys = [*(f"more-frames-{model}" for model in COMPARED), "above-resnet3x3"]
+        lines += verdicts(*(f"{key}-{dataset.lower()}" for key in keys))
+    lines.append("\n## Confusions\n")
+    for dataset, pairs in NAMED_PAIRS.items():
+        for pair in pairs:
+            lines += pair_sentences(confusions, objects, dataset, pair)
+            lines += verdicts(*(f"{verb}-{dataset}-{'-'.join(pair)}" for verb in ("confused", "resolved")))
+    lines += confused_sentences(confusions, objects)
+    captions = {
+        "figure10": "tactile images of one grasp",
+        "figure13": "tactile sequences of all objects",
+        **{f"figure14_{dataset}": f"confusion matrix, {dataset}" for dataset in confusions},
+    }
+    if any(len(frames[dataset]) for dataset in FRAMES_OF):
+        captions["figure15"] = "macro precision against the number of input frames"
+    if len(frames["STAG"]):
+        captions["figure15_stag"] = "the same on the STAG data set"
+    if trained:
+        captions["learning_curves"] = "validation loss over epochs"
+    lines += ["\n## Figures\n", *sentences.figure_lines(captions)]
+    lines += sentences.differences_section(experiment.experiment_differences("glove", settings))
+    return "\n".join(lines) + "\n"
+
+
+def best_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, str]) -> list[str]:
+    """Return which model is best on each dataset, and which ones a difference paired by seed does not tell from it."""
+    lines = []
     for dataset, protocol in protocols.items():
-        for method in METHODS:
-            if method == "all":
-                found[method, dataset] = complete.runs(protocol, dataset, block["model"], metric)
-                continue
-            for seed in block["seeds"]:
-                if (method, protocol, seed, metric) not in values:
-                    raise InputError(
-                        f"{shown(path)}: no row for method {method}, protocol {protocol}, seed {seed}, metric "
-                        f"{metric}; run `{made_by}` again"
-                    )
-            found[method, dataset] = [values[method, protocol, seed, metric] for seed in block["seeds"]]
-    return found
-
-
-def read_stag() -> pd.DataFrame:
-    """Scores on the STAG data set by number of input frames; no row where the user has named no file."""
-    names = ["model", "seed", "frames", "metric", "value"]
-    return read_csv(paths.stag("glove"), names, "python -m pipeline.studies.stag glove")
-
-
-def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fit]]]:
-    """Network -> protocol -> a fit a seed."""
-    return {
-        model: {
-            protocol: [read_fit(experiment, model, protocol, seed) for seed in block["seeds"]]
-            for protocol, block in settings["protocols"].items()
-        }
-        for model, own in settings["models"].items()
-        if "training" in own
-    }
-
-
-def read_confusions(
-    experiment: str, settings: Mapping, table: pa.Table, models: Mapping[str, str]
-) -> dict[str, np.ndarray]:
-    """Dataset -> (runs, classes, classes) test images of the main split; failed runs are left out.
-
-    table: the dataset's; models: dataset -> the model that is asked.
-    """
-    protocols, found = main_protocols(settings), {}
-    truth = np.eye(len(classes(table)))[table["label"].to_numpy()]
-    for dataset, model in models.items():
-        runs = []
-        for seed in settings["protocols"][protocols[dataset]]["seeds"]:
-            predicted = read_predictions(experiment, model, protocols[dataset], seed, table)
-            rows = np.isfinite(predicted).all(axis=1)
-            if rows.any():
-                runs.append(classification.confusion(truth[rows], predicted[rows]))
-        found[dataset] = np.array(runs).reshape(-1, truth.shape[1], truth.shape[1])
-    return found
-
-
-def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: Sequence[str]) -> pd.DataFrame:
-    """Scores of the mean answer to 1 .. MOST_FRAMES images of a test session; columns as in stag.csv.
-
-    table: the dataset's. Fewer, where an object has no test session that long; shorter sessions than the most frames
-    are left out at every number of frames, so that all numbers are of the same sessions.
-    """
-    label = table["label"].to_numpy()
-    names = np.char.add(np.char.add(schemas.names(table["condition"]), "/"), schemas.names(table["recording"]))
-    _, session, images = np.unique(names, return_inverse=True, return_counts=True)
-    tests = {
-        seed: np.flatnonzero(schemas.names(table[schemas.split_column(protocol, seed)]) == "test")
-        for seed in settings["protocols"][protocol]["seeds"]
-    }
-    longest = [images[session[test[label[test] == k]]].max() for test in tests.values() for k in set(label[test])]
-    most = min(classification.MOST_FRAMES, *longest)
-    rows = []
-    for model in models:
-        for seed, test in tests.items():
-            predicted = read_predictions("glove", model, protocol, seed, table)
-            failed = not np.isfinite(predicted[test]).all()
-            used = test[images[session[test]] >= most]
-            for frames in range(1, most + 1):
-                first, mean = classification.by_frames(predicted[used], session[used], frames)
-                truth = np.eye(predicted.shape[1])[label[used[first]]]
-                for metric, unit, value, n in classification.scores(truth, mean):
-                    rows.append((model, seed, frames, metric, unit, np.nan if failed else value, n))
-    return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "unit", "value", "n"])
-
-
-def score(scores: Scores, protocol: str, model: str, metric: str = "macro_precision") -> Estimate:
-    """Mean and interval over the seeds of one protocol, in percent."""
-    return scores.estimate(protocol, modality(protocol), model, metric).percent()
-
-
-def gain(scores: Scores, one: tuple[str, str], other: tuple[str, str], metric: str = "macro_precision") -> Estimate:
-    """How far `one` is above `other` in points, paired by seed; each is (protocol, model)."""
-    values = [
-        dict(zip(scores.protocols[p]["seeds"], scores.runs(p, modality(p), model, metric), strict=True))
-        for p, model in (one, other)
-    ]
-    return estimate([100 * (values[0][seed] - values[1][seed]) for seed in values[0] if seed in values[1]])
-
-
-def splits(settings: Mapping) -> dict[str, list[str]]:
-    """Split -> its protocols, the first being the main one."""
-    found = {}
-    for protocol in settings["protocols"]:
-        found.setdefault(split_name(protocol), []).append(protocol)
-    return found
-
-
-def main_protocols(settings: Mapping) -> dict[str, str]:
-    """Dataset -> its protocol in the main split."""
-    return {modality(protocol): protocol for protocol in next(iter(splits(settings).values()))}
-
-
-def score_table(scores: Scores, settings: Mapping, paper: Mapping[tuple[str, str], float]) -> pd.DataFrame:
-    """A row for every protocol, model and metric, fractions in full precision; paper: see `published`."""
-    rows = []
-    for protocol in settings["protocols"]:
-        dataset = modality(protocol)
-        for model in settings["models"]:
-            for metric in METRICS:
-                printed = paper.get((model, dataset), np.nan) / 100 if metric == "macro_precision" else np.nan
-                found = scores.estimate(protocol, dataset, model, metric)
-                rows.append((protocol, dataset, model, metric, "1", printed, *found))
-    names = ["protocol", "condition", "model", "metric", "unit", "published", "mean", "low", "high", "runs", "failed"]
-    return pd.DataFrame(rows, columns=names)
-
-
-def table_one(scores: Scores, settings: Mapping, counts: pd.DataFrame) -> str:
-    """table1.md: precision and accuracy of three datasets in both splits, operations and parameters."""
-    paper, protocols = published(), main_protocols(settings)
-    split = next(iter(splits(settings))).replace("_", " ")
-    seeds = len(settings["protocols"][protocols[MODALITIES[0]]]["seeds"])
-    text = [
-        "# Table 1: precision on three datasets of tactile images\n",
-        "Ours: mean [95 % t interval] over seeds, each of which draws another split and another start; higher is "
-        "better. Published: the paper's one number. Macro precision: mean over objects of the share of images given "
-        "that name that are it; accuracy: share of images named rightly. The paper writes `precision` without saying "
-        "which. An interval may pass 100 %. `Constant (mean)` answers with the most frequent object.\n",
-        "**The paper's split is not stated.** It speaks of 950 frames in a row of each object; frames at random seem "
-        "likely, with neighbours of one grasp on both sides. Split by session, no grasp is on two sides: these are the "
-        "numbers to believe, and the first table has them.\n",
-        f"## Macro precision (%), split by {split}, {seeds} seeds\n",
-    ]
-    rows = []
-    for model in settings["models"]:
-        row = [model_name(model)]
-        for dataset, protocol in protocols.items():
-            row += [number(paper.get((model, dataset), np.nan)), interval(score(scores, protocol, model))]
-        rows.append(row)
-    header = [f"{dataset}: {whose}" for dataset in protocols for whose in ("published", "ours")]
-    text += [markdown.table(["Model", *header], rows), f"## Accuracy (%), split by {split}, {seeds} seeds\n"]
-    rows = [
-        [model_name(model), *(interval(score(scores, protocol, model, "accuracy")) for protocol in protocols.values())]
-        for model in settings["models"]
-    ]
-    text += [markdown.table(["Model", *protocols], rows), split_table(scores, settings, paper), count_table(counts)]
-    return "\n".join(text)
-
-
-def split_table(scores: Scores, settings: Mapping, paper: Mapping[tuple[str, str], float]) -> str:
-    """Every model and dataset in both splits."""
-    both = splits(settings)
-    rows = []
-    for model in settings["models"]:
-        for dataset in MODALITIES:
-            cells = [
-                interval(score(scores, f"{split}_{dataset}", model, metric)) for metric in METRICS for split in both
-            ]
-            rows.append([model_name(model), dataset, number(paper.get((model, dataset), np.nan)), *cells])
-    header = ["Model", "Dataset", "published"]
-    header += [f"{name}: {split.replace('_', ' ')}" for name in METRICS.values() for split in both]
-    return "\n".join(
-        [
-            "## Random frames against sessions (%)\n",
-            "Numbers without an interval are of one seed.\n",
-            markdown.table(header, rows),
+        order = ranked(scores, settings, protocol)
+        failed = [model_name(model) for model in settings["models"] if model not in order]
+        if failed:
+            lines.append(f"- {dataset.capitalize()}: runs failed for {', '.join(failed)}.")
+        if not order:
+            continue
+        best = next(iter(order))
+        close = [
+            f"{model_name(model)} ({interval(value)})"
+            for model, value in order.items()
+            if model != best and not gain(scores, (protocol, best), (protocol, model)).low > 0
         ]
-    )
-
-
-def count_table(counts: pd.DataFrame) -> str:
-    """Operations and parameters: published, ours at the shape that gives the published ones, and like with like."""
-    own = like_with_like(counts)
-    rows = []
-    for row in counts[counts["published_macs"].notna()].itertuples():
-        classes = "no head" if np.isnan(row.classes) else f"{row.classes:,.0f} classes"
-        reduction = f" ({row.note})" if str(row.note).startswith("reduction") else ""
-        as_trained = not reduction or "as trained" in reduction
-        rows.append(
-            [
-                model_name(row.model) + reduction,
-                f"{row.input_shape}, {classes}",
-                *(size(value) for value in (row.published_macs, row.macs, row.published_params, row.params)),
-                row.verdict,
-                *(size(own.loc[row.model, name]) if as_trained else "" for name in ("macs", "params")),
-            ]
+        lines.append(
+            f"- {dataset.capitalize()}: {model_name(best)} is best with {interval(order[best])} %"
+            + (f"; not told apart from it: {', '.join(close)}." if close else ".")
         )
-    header = ["Network", "shape of the count", "published MACs", "our MACs", "published parameters", "our parameters"]
-    header += ["verdict", "MACs, like with like", "parameters, like with like"]
-    (shape,), (classes,) = own["input_shape"].unique(), own["classes"].unique()
-    notes = {row.model: row.note for row in counts.itertuples() if isinstance(row.note, str)}
-    notes = {model: note for model, note in notes.items() if not note.startswith("reduction")}
-    return "\n".join(
-        [
-            "## Multiply-accumulates (MACs) and parameters\n",
-            f"The published counts do not compare like with like: they are of different images and classes. Like with "
-            f"like: {shape} images and {classes:.0f} classes, as trained here. Reproduced: both counts equal the "
-            "published ones at the precision that is printed.\n",
-            markdown.table(header, rows),
-            *(f"{model_name(model)}: {note}.\n" for model, note in notes.items()),
-        ]
+    return lines
+
+
+def order_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, str]) -> list[str]:
+    """Return the order of the published models in ours and in the paper."""
+    lines = []
+    for dataset, protocol in protocols.items():
+        order = [model for model in ranked(scores, settings, protocol) if model in PRINTED["sp_resnet"]]
+        if len(order) > 1:
+            printed = sorted(order, key=lambda model, dataset=dataset: -precision(model, dataset))
+            lines.append(
+                f"- Order, {dataset}: {', '.join(map(model_name, order))}; in the paper "
+                f"{', '.join(map(model_name, printed))}."
+            )
+    return lines
+
+
+def fusion_gain(scores: Scores, protocols: Mapping[str, str], model: str) -> Estimate:
+    """Return what the combined dataset adds to the better single one, in points, paired by seed."""
+    single = [dataset for dataset in protocols if dataset != "combined"]
+    better = max(single, key=lambda dataset: score(scores, protocols[dataset], model).mean)
+    return gain(scores, (protocols["combined"], model), (protocols[better], model))
+
+
+def fusion_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, str]) -> list[str]:
+    """Return what pressure and strain together add to the better one of them for each published model."""
+    parts = [
+        f"{model_name(model)} {interval(fusion_gain(scores, protocols, model))} "
+        f"(paper: {number(published_fusion(model))})"
+        for model in settings["models"]
+        if model in PRINTED["sp_resnet"]
+    ]
+    return [f"- Fusion, gain over the better single dataset (points): {', '.join(parts)}."] if parts else []
+
+
+def place_sentences(scores: Scores, settings: Mapping, protocol: str) -> list[str]:
+    """Return SP-ResNet's place among the networks; none where one of these is not among the models."""
+    if not set(NETWORKS) <= set(settings["models"]):
+        return []
+    others = [model for model in NETWORKS if model != "sp_resnet"]
+    above = {model: gain(scores, (protocol, model), (protocol, "sp_resnet")) for model in others}
+    place = 1 + sum(value.mean > 0 for value in above.values())
+    parts = ", ".join(f"{model_name(model)} {interval(value)}" for model, value in above.items())
+    return [
+        f"- Combined, SP-ResNet is number {place} of {len(NETWORKS)} networks by its mean; the others are above it by "
+        f"{parts} points."
+    ]
+
+
+def floor_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, str]) -> list[str]:
+    """Return what a constant answer has."""
+    if "constant" not in settings["models"]:
+        return []
+    floor = score(scores, protocols["combined"], "constant", "accuracy")
+    return [f"- A constant answer (the most frequent object) names {interval(floor)} % of the images rightly."]
+
+
+def optimism_sentences(scores: Scores, settings: Mapping) -> list[str]:
+    """Return how much better every model looks when frames of one session are on both sides."""
+    main, *others = splits(settings)
+    lines = []
+    for other in others:
+        for dataset in MODALITIES:
+            more = {}
+            for model in (model for model in settings["models"] if model != "constant"):
+                pair = [score(scores, f"{split}_{dataset}", model) for split in (other, main)]
+                if not any(value.failed for value in pair):
+                    more[model] = pair[0].mean - pair[1].mean
+            if not more:
+                continue
+            least, most = min(more, key=more.get), max(more, key=more.get)
+            text = (
+                f"- {other.replace('_', ' ').capitalize()} against {main}s, {dataset}: scores are higher by "
+                f"{number(more[least])} ({model_name(least)}) to {number(more[most])} points ({model_name(most)})"
+            )
+            if "sp_resnet" in more:
+                ours = [interval(score(scores, f"{split}_{dataset}", "sp_resnet")) for split in (main, other)]
+                text += f"; SP-ResNet has {ours[0]} % by {main} and {ours[1]} % on {other.replace('_', ' ')}"
+            lines.append(text + ".")
+    known = [
+        (model, dataset) for model in PRINTED["sp_resnet"] if model in settings["models"] for dataset in MODALITIES
+    ]
+    if not known:
+        return lines
+    distance = {
+        split: np.nanmean([abs(score(scores, f"{split}_{d}", m).mean - precision(m, d)) for m, d in known])
+        for split in (main, *others)
+    }
+    nearest = min(distance, key=distance.get)
+    parts = ", ".join(f"{number(value)} points by {split.replace('_', ' ')}" for split, value in distance.items())
+    lines.append(
+        f"- The paper does not state its split. Table 1 lies nearest to ours by {nearest.replace('_', ' ')} (mean "
+        f"distance over models and datasets: {parts}); frames at random seems likely, and the yardstick was set on it."
+    )
+    return lines
+
+
+def frames_sentences(dataset: str, rows: pd.DataFrame) -> list[str]:
+    """Return macro precision with the fewest and the most input frames, and SP-ResNet's lead at each number."""
+    rows = rows[rows["metric"] == "macro_precision"]
+    if not len(rows):
+        return []
+    values = {key: 100 * group.set_index("seed")["value"] for key, group in rows.groupby(["model", "frames"])}
+    numbers = sorted(set(rows["frames"]))
+    parts = [
+        f"{model_name(model)} {' to '.join(interval(estimate(values[model, n])) for n in (numbers[0], numbers[-1]))} %"
+        for model in dict.fromkeys(rows["model"])
+    ]
+    text = f"- Macro precision with {numbers[0]} to {numbers[-1]} input frames, {dataset}: {', '.join(parts)}"
+    if set(COMPARED) <= set(rows["model"]):
+        lead = {n: interval(estimate(values["sp_resnet", n] - values["resnet3x3", n])) for n in numbers}
+        text += f"; SP-ResNet above ResNet_3x3 (points): {', '.join(f'{n}: {points}' for n, points in lead.items())}"
+    return [f"{text}."]
+
+
+def pair_sentences(
+    confusions: Mapping[str, np.ndarray], objects: Sequence[str], dataset: str, names: tuple[str, str]
+) -> list[str]:
+    """Return how often two objects are given each other's name, by one dataset and combined; none without runs."""
+    if not {dataset, "combined"} <= set(confusions) or not len(confusions[dataset]) or not set(names) <= set(objects):
+        return []
+    i, j = pair = tuple(sorted(objects.index(name) for name in names))
+    counts, combined = confusions[dataset], confusions["combined"]
+    rates = [interval(estimate([100 * run[a, b] / run[a].sum() for run in counts])) for a, b in ((i, j), (j, i))]
+    together = f"{number(pair_shares(combined.sum(axis=0))[pair])} %" if len(combined) else "failed"
+    one, other = (f"`{objects[k]}`" for k in pair)
+    return [
+        f"- Confused by {dataset}: {one} is named {other} in {rates[0]} % of its images, {other} {one} in {rates[1]} "
+        f"%. Combined: {together} of both."
+    ]
+
+
+def confused_sentences(confusions: Mapping[str, np.ndarray], objects: Sequence[str]) -> list[str]:
+    """Return the most confused pairs of each dataset."""
+    lines, quoted = [], [code(name) for name in objects]
+    for dataset, counts in confusions.items():
+        total = counts.sum(axis=0)
+        shares = pair_shares(total)
+        order = [pair for pair in ranked_pairs(total) if shares[pair] > 0]
+        named = [f"{quoted[i]} and {quoted[j]} {number(shares[i, j])} %" for i, j in order[:MOST_CONFUSED]]
+        lines.append(
+            f"- Most confused, {dataset} (images of both given the other's name): {', '.join(named) or 'no pair'}."
+        )
+    return lines
+
+
+def training_sentence(trained: Sequence[Fit]) -> str:
+    """Return how the runs of the networks ended."""
+    last = sum(fit.best_epoch == fit.epochs for fit in trained)
+    return (
+        f"- {sentences.stops(trained)} The learning rate follows a fixed course over the allowed epochs, so none stops "
+        f"by patience; the best epoch, which is kept, was the last one in {last} of them."
     )
 
 
-def augmentation_table(values: Mapping[str, Mapping[tuple[str, str], list[float]]]) -> pd.DataFrame:
-    """table2.csv: precision with each method and its gain over none, fractions; values: metric -> read_augmentation."""
-    paper, rows = published(), []
-    for metric, found in values.items():
-        for method, dataset in found:
-            printed = (np.nan, np.nan)
-            if metric == "macro_precision":
-                printed = paper[method, dataset] / 100, (paper[method, dataset] - paper["none", dataset]) / 100
-            own = estimate(found[method, dataset])
-            more = augmentation_gain(found, method, dataset)
-            more = [value / 100 for value in more[:3]]
-            rows.append((method, dataset, metric, "1", printed[0], *own, printed[1], *more))
-    names = ["method", "condition", "metric", "unit", "published", "mean", "low", "high", "runs", "failed"]
-    return pd.DataFrame(rows, columns=[*names, "published_gain", "gain", "gain_low", "gain_high"])
+def all_fits(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[Fit]:
+    """Return the fits of all networks and protocols in one list; fits: see `read_fits`."""
+    return [fit for protocols in fits.values() for runs in protocols.values() for fit in runs]
 
 
-def augmentation_gain(values: Mapping[tuple[str, str], list[float]], method: str, dataset: str) -> Estimate:
-    """What a method adds to training without any, in points, paired by seed."""
-    return estimate(100 * (np.array(values[method, dataset]) - np.array(values["none", dataset])))
+def draw_grasp(path: Path, table, objects: Sequence[str]) -> None:
+    """Draw the images of one frame in the middle of the first session of GRASPED, or of the first object."""
+    names, sessions = schemas.names(table["condition"]), schemas.names(table["recording"])
+    grasped = GRASPED if GRASPED in objects else objects[0]
+    rows = np.flatnonzero(names == grasped)
+    rows = rows[sessions[rows] == sessions[rows[0]]]
+    grasp = rows[len(rows) // 2]
+    pictures = {
+        dataset: schemas.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in MODALITIES
+    }
+    title = style.literal(f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}")
+    glove_figures.tactile_images(path, pictures, experiments.module("glove").STRAIN, title)
 
 
-def table_two(values: Mapping[tuple[str, str], list[float]], settings: Mapping) -> str:
-    """table2.md: macro precision with each method, and what it adds; values: see `read_augmentation`."""
-    paper, block = published(), settings["augmentation"]
-    parts = []
-    for cell in (
-        lambda method, dataset: (
-            number(paper[method, dataset]),
-            interval(estimate(values[method, dataset]).percent()),
-        ),
-        lambda method, dataset: (
-            number(paper[method, dataset] - paper["none", dataset]),
-            interval(augmentation_gain(values, method, dataset)),
-        ),
-    ):
-        rows = [[printed, *(text for d in MODALITIES for text in cell(m, d))] for m, printed in METHODS.items()]
-        header = [f"{dataset}: {whose}" for dataset in MODALITIES for whose in ("published", "ours")]
-        parts.append(markdown.table(["Augmentation", *header], rows[1:] if parts else rows))
-    return "\n".join(
-        [
-            "# Table 2: data augmentation\n",
-            f"{model_name(block['model'])}, split by {block['split'].replace('_', ' ')}, {len(block['seeds'])} seeds "
-            "(the paper: 10 runs a method, of which it prints one number). Ours: mean [95 % t interval]; higher is "
-            "better. A: flipped, B: noise, C: moved, turned or scaled. `all` is the model of Table 1.\n",
-            "## Macro precision (%)\n",
-            parts[0],
-            "## Gain over no augmentation (points), paired by seed\n",
-            parts[1],
-        ]
-    )
+def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> None:
+    """Draw the conductance (mS) of pressure cells and wired joints in the last session of each object."""
+    frames_path = paths.require(paths.frames("glove"), "python -m pipeline.stages.ingest glove")
+    frames = schemas.read(frames_path, columns=["condition", "recording", "pressure", "strain"])
+    names, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
+    glove, ohm = experiments.module("glove"), settings["sensor"]["reference_ohm"]
+    pressure, strain = (1e3 * glove.conductance(schemas.matrix(frames[c]), ohm) for c in ("pressure", "strain"))
+    joints = glove.joint_means(strain.reshape(-1, 15, 9)).reshape(len(names), -1)
+    values = np.column_stack([pressure, joints[:, joints.any(axis=0)]])
+    sequences = {}
+    for name in objects:
+        rows = np.flatnonzero(names == name)
+        last = rows[sessions[rows] == max(sessions[rows])]
+        sequences[name] = values[last[-SEQUENCE_FRAMES:]].T
+    title = f"Figure 13: the last {SEQUENCE_FRAMES} frames of each object's last session; below the line, joint means"
+    glove_figures.tactile_sequences(path, sequences, glove.PRESSURE_CELLS, title)
+
+
+def draw_confusions(
+    folder: Path,
+    name: str,
+    settings: Mapping,
+    confusions: Mapping[str, np.ndarray],
+    models: Mapping[str, str],
+    objects: Sequence[str],
+) -> None:
+    """Draw <name>_<dataset>.png, the confusions of all seeds together; models: dataset -> the model that answered."""
+    split = next(iter(splits(settings))).replace("_", " ")
+    for dataset, counts in confusions.items():
+        runs = f"{len(counts)} {'run' if len(counts) == 1 else 'runs'}"
+        title = f"{dataset.capitalize()}: answers of {model_name(models[dataset])}, split by {split}, {runs} together"
+        glove_figures.confusion_matrix(folder / f"{name}_{dataset}.png", counts.sum(axis=0), objects, title)
+
+
+def draw_learning(folder: Path, settings: Mapping, fits: Mapping[str, Mapping[str, list[Fit]]]) -> None:
+    """Draw learning_curves.png of the main split; none without a network."""
+    protocols = main_protocols(settings)
+    chosen = {
+        model: {dataset: by_protocol[protocol] for dataset, protocol in protocols.items()}
+        for model, by_protocol in fits.items()
+    }
+    split = next(iter(splits(settings))).replace("_", " ")
+    if chosen:
+        title = f"Validation loss, split by {split}, one line a seed (lower is better)"
+        glove_figures.learning_curves(folder / "learning_curves.png", chosen, title)

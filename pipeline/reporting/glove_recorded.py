@@ -1,17 +1,36 @@
-"""What reports/glove_recorded says: naming what a robot hand holds, from its touch and its joint angles."""
+"""Write reports/glove_recorded: naming what a robot hand holds, from its touch and its joint angles."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.base import paths
+from pipeline.base import files, paths
+from pipeline.datasets import images
 from pipeline.datasets.images import MODALITIES
-from pipeline.reporting import sentences
-from pipeline.reporting.glove import METRICS, NETWORKS, gain, score, splits
-from pipeline.reporting.glove_findings import confused_sentences, points, ranked, training_sentence, verdict
+from pipeline.reporting import experiment, glove_tables, sentences
+from pipeline.reporting.glove import (
+    WRONG,
+    all_fits,
+    confused_sentences,
+    draw_confusions,
+    draw_learning,
+    training_sentence,
+)
+from pipeline.reporting.glove_tables import METRICS
 from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number, table
+from pipeline.scoring.glove_results import (
+    NETWORKS,
+    gain,
+    main_protocols,
+    ranked,
+    read_confusions,
+    read_fits,
+    score,
+    splits,
+)
 from pipeline.scoring.results import Fit, Scores, estimate, read_csv
 
 SPLITS = {
@@ -27,25 +46,36 @@ EXPECTED = {  # accuracy in % of others' models on final frames, five-fold over 
 DATASETS = {"pressure": "pressure", "strain": "joint angles", "combined": "combined"}
 
 
-def networks(settings: Mapping) -> list[str]:
-    """The networks of params.yaml that the paper has, the ablation too."""
-    return [model for model in settings["models"] if model in (*NETWORKS, "sp_resnet_nogcam")]
+def write(target: Path, settings: Mapping) -> None:
+    """Write the report of `glove_recorded`; see `experiment`."""
+    accuracy = target / "accuracy"
+    scores, latency, dataset, _, _ = experiment.read("glove_recorded", settings)
+    objects, fits = images.classes(dataset), read_fits("glove_recorded", settings)
+    best = best_networks(scores, settings)
+    confusions = read_confusions("glove_recorded", settings, dataset, best)
+    files.write_table(accuracy / "table.csv", glove_tables.score_table(scores, settings).drop(columns="published"))
+    files.write_text(accuracy / "table.md", score_text(scores, settings, objects))
+    readme = findings(scores, settings, confusions, objects, read_probe(), all_fits(fits))
+    files.write_text(accuracy / "README.md", readme)
+    draw_confusions(accuracy, "confusion", settings, confusions, best, objects)
+    draw_learning(accuracy, settings, fits)
+    panels = {DATASETS[modality]: (protocol, modality) for modality, protocol in main_protocols(settings).items()}
+    experiment.write_speed(target, settings, scores, latency, panels, WRONG)
 
 
 def best_networks(scores: Scores, settings: Mapping) -> dict[str, str]:
-    """Dataset -> the network with the highest accuracy in the main split; only datasets that have one."""
-    split = next(iter(splits(settings)))
-    found = {}
+    """Return dataset -> the network with the highest accuracy in the main split; only datasets that have one."""
+    split, best = next(iter(splits(settings))), {}
     for dataset in MODALITIES:
         order = ranked(scores, settings, f"{split}_{dataset}", "accuracy")
-        named = [model for model in order if model in networks(settings)]
-        if named:
-            found[dataset] = named[0]
-    return found
+        networks = [model for model in order if model in (*NETWORKS, "sp_resnet_nogcam")]
+        if networks:
+            best[dataset] = networks[0]
+    return best
 
 
 def score_text(scores: Scores, settings: Mapping, objects: Sequence[str]) -> str:
-    """table.md: accuracy and macro precision of every model, a table a split."""
+    """Write table.md: accuracy and macro precision of every model, one table per split."""
     text = [
         f"# Recorded grasps: which of {len(objects)} objects is held\n",
         "Percent on the test part, mean [95 % t interval] over seeds; higher is better. Accuracy: share of grasps "
@@ -68,16 +98,14 @@ def score_text(scores: Scores, settings: Mapping, objects: Sequence[str]) -> str
 def findings(
     scores: Scores,
     settings: Mapping,
-    *,
     confusions: Mapping[str, np.ndarray],
     objects: Sequence[str],
     probe: pd.DataFrame,
     trained: Sequence[Fit],
-    differences: Sequence[tuple[str, str]],
 ) -> str:
-    """README.md: verdicts on what was asked of the recordings.
+    """Write README.md: answers to what was asked of the recordings.
 
-    confusions: see report_glove_findings.findings; probe: see `read_probe`.
+    confusions: see `glove.findings`; probe: see `read_probe`.
     """
     main = next(iter(splits(settings)))
     best = best_networks(scores, settings)
@@ -98,63 +126,62 @@ def findings(
         "\n## Figures\n",
         *(f"- [confusion_{d}.png](confusion_{d}.png): {DATASETS[d]}, {model_name(best[d])}" for d in confusions),
         *(["- [learning_curves.png](learning_curves.png): validation loss over epochs"] if trained else []),
-        *sentences.differences_section(differences),
+        *sentences.differences_section(experiment.experiment_differences("glove_recorded", settings)),
     ]
     return "\n".join(lines) + "\n"
 
 
 def pressure_sentences(scores: Scores, best: Mapping[str, str], main: str) -> list[str]:
-    """Whether pressure alone names three of four grasps."""
+    """Return whether pressure alone names three of four grasps."""
     if "pressure" not in best:
         return ["- Pressure alone: there is no network without a failed run."]
-    found = score(scores, f"{main}_pressure", best["pressure"], "accuracy")
-    said = "reached" if found.mean >= WANTED else f"missed by {number(WANTED - found.mean, 1)} points"
-    if found.low <= WANTED <= found.high:
-        said += " in the mean; the interval includes it"
+    reached = score(scores, f"{main}_pressure", best["pressure"], "accuracy")
+    words = "reached" if reached.mean >= WANTED else f"missed by {number(WANTED - reached.mean, 1)} points"
+    if reached.low <= WANTED <= reached.high:
+        words += " in the mean; the interval includes it"
     other, value = EXPECTED["pressure"]
     return [
-        f"- Pressure alone: {model_name(best['pressure'])} is the best network with {interval(found, 1)} %; "
-        f"{WANTED:.0f} % is {said} ({other}, to be expected: {value:.0f} %)."
+        f"- Pressure alone: {model_name(best['pressure'])} is the best network with {interval(reached, 1)} %; "
+        f"{WANTED:.0f} % is {words} ({other}, to be expected: {value:.0f} %)."
     ]
 
 
 def fusion_sentences(scores: Scores, best: Mapping[str, str], main: str) -> list[str]:
-    """Whether pressure adds anything to the joint angles."""
+    """Return what pressure adds to the joint angles."""
     lines = []
     for model in dict.fromkeys(best[dataset] for dataset in ("strain", "combined") if dataset in best):
         alone, both = (score(scores, f"{main}_{dataset}", model, "accuracy") for dataset in ("strain", "combined"))
         more = gain(scores, (f"{main}_combined", model), (f"{main}_strain", model), "accuracy")
-        helps = {"reproduced": "it helps", "not reproduced": "it harms"}.get(verdict(more), "undecided")
         other, value = EXPECTED["strain"]
         lines.append(
             f"- Joint angles alone, {model_name(model)}: {interval(alone, 1)} % ({other}, to be expected: {value:.0f} "
-            f"%); combined {interval(both, 1)} %. Pressure adds {points(more)}: {helps}."
+            f"%); combined {interval(both, 1)} %. Pressure adds {interval(more)} points."
         )
     return lines
 
 
 def read_probe() -> pd.DataFrame:
-    """probe.csv: accuracy of extra trees on joint angles as recorded, and on parts of them; a row a seed."""
+    """Read probe.csv: accuracy of extra trees on joint angles as recorded, and on parts of them; one row per seed."""
     made_by = "python -m pipeline.studies.joint_angles glove_recorded"
     return read_csv(paths.probe("glove_recorded"), ["input", "seed", "metric", "value"], made_by)
 
 
 def leak_sentences(scores: Scores, best: Mapping[str, str], main: str, probe: pd.DataFrame) -> list[str]:
-    """What the accuracy that others have from joint angles alone comes from."""
+    """Return what the accuracy that others have from joint angles alone comes from."""
     other, value = EXPECTED["strain"]
     lines = []
     if "combined" in best:
         both = score(scores, f"{main}_combined", best["combined"], "accuracy")
-        said = "reached" if both.mean >= value else f"missed by {number(value - both.mean, 1)} points"
+        words = "reached" if both.mean >= value else f"missed by {number(value - both.mean, 1)} points"
         lines.append(
             f"- Combined against the {value:.0f} % to be expected of joint angles as recorded: "
-            f"{model_name(best['combined'])} {interval(both, 1)} %, {said}."
+            f"{model_name(best['combined'])} {interval(both, 1)} %, {words}."
         )
-    found = {name: estimate(100 * own["value"]) for name, own in probe.groupby("input", sort=False)}
-    if found:
-        each = "; ".join(f"{name} {interval(one, 1)} %" for name, one in found.items())
+    inputs = {name: estimate(100 * rows["value"]) for name, rows in probe.groupby("input", sort=False)}
+    if inputs:
+        parts = "; ".join(f"{name} {interval(accuracy, 1)} %" for name, accuracy in inputs.items())
         lines.append(
-            f"- Joint angles as recorded give the object away by more than its size. Accuracy of {other} on: {each}. "
+            f"- Joint angles as recorded give the object away by more than its size. Accuracy of {other} on: {parts}. "
             "Three joints never move in a grasp, but rest at angles that differ by thousandths of a degree from one "
             "object's minutes to another's. Images have steps of 0.2 degrees and more and do not show that."
         )
@@ -162,13 +189,13 @@ def leak_sentences(scores: Scores, best: Mapping[str, str], main: str, probe: pd
 
 
 def model_sentences(scores: Scores, settings: Mapping, main: str) -> list[str]:
-    """The best of all models, and what a constant answer has."""
+    """Return the order of all models, and what a constant answer has."""
     lines = []
     for dataset in MODALITIES:
         order = ranked(scores, settings, f"{main}_{dataset}", "accuracy")
-        shown = [f"{model_name(model)} {interval(found, 1)}" for model, found in order.items() if model != "constant"]
+        parts = [f"{model_name(model)} {interval(value, 1)}" for model, value in order.items() if model != "constant"]
         failed = [model_name(model) for model in settings["models"] if model not in order]
-        text = f"- Order of the models, {DATASETS[dataset]} (%): {', '.join(shown)}"
+        text = f"- Order of the models, {DATASETS[dataset]} (%): {', '.join(parts)}"
         lines.append(text + (f"; runs failed for {', '.join(failed)}." if failed else "."))
     if "constant" in settings["models"]:
         floor = score(scores, f"{main}_pressure", "constant", "accuracy")
@@ -177,7 +204,7 @@ def model_sentences(scores: Scores, settings: Mapping, main: str) -> list[str]:
 
 
 def time_sentences(scores: Scores, settings: Mapping, best: Mapping[str, str]) -> list[str]:
-    """How the best networks do in the other splits."""
+    """Return how the best networks do in the other splits."""
     main, *others = splits(settings)
     lines = []
     for split in others:

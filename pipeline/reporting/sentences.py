@@ -1,16 +1,20 @@
-"""Sentences that the findings of several experiments share."""
+"""Write sentences that the findings of several experiments share, and collect where the code differs from a paper."""
 
+import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number
 from pipeline.scoring.results import Fit, Scores
 
+MARK = re.compile(r"(?:^|#)\s*Differs from paper:\s*(.*)")
 
-def yardstick(scores: Scores, settings: Mapping, run: tuple[str, str], what: str, unit: str) -> str:
-    """The one number that the scene's difficulty was set by, beside the published one.
 
-    run: its protocol and condition; what: condition, metric and split in words; unit: `%` shows a fraction in percent.
+def yardstick(scores: Scores, settings: Mapping, run: tuple[str, str], words: str, unit: str) -> str:
+    """Return the line on the one number that the scene's difficulty was set by, beside the published one.
+
+    run: its protocol and condition; words: condition, metric and split; unit: `%` shows a fraction in percent.
     """
     chosen = settings["yardstick"]
     if settings["source"] != "simulated":
@@ -21,14 +25,14 @@ def yardstick(scores: Scores, settings: Mapping, run: tuple[str, str], what: str
     if unit == "%":
         ours, published = ours.percent(), 100 * published
     return (
-        f"- Yardstick of the scene, the one number that it was set by: {model_name(chosen['model'])}, {what}: ours "
+        f"- Yardstick of the scene, the one number that it was set by: {model_name(chosen['model'])}, {words}: ours "
         f"{interval(ours)}, published {number(published)} {unit} ({100 * (ours.mean / published - 1):+.0f} %). All "
         "other numbers are predictions."
     )
 
 
 def stops(trained: Sequence[Fit]) -> str:
-    """How many of the runs trained in epochs stopped for which reason."""
+    """Return the sentence on how many of the runs trained in epochs stopped for which reason."""
     reasons = [fit.stop_reason for fit in trained]
     return (
         f"Of {len(reasons)} runs trained in epochs, {reasons.count('patience')} stopped by patience, "
@@ -36,7 +40,38 @@ def stops(trained: Sequence[Fit]) -> str:
     )
 
 
+def figure_lines(captions: Mapping[str, str]) -> list[str]:
+    """Return a line per figure with a link to it; captions: name of the file without .png -> caption."""
+    return [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items()]
+
+
+def read_differences(folder: Path) -> list[tuple[str, str]]:
+    """Read (file, text) of every comment in folder/**/*.py that starts with the mark, by file and line.
+
+    A comment goes on over following lines that are comments; in a docstring, up to an empty line or the end.
+    """
+    differences = []
+    for path in sorted(folder.rglob("*.py")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for k, line in enumerate(lines):
+            match = MARK.search(line)
+            if not match:
+                continue
+            text = [match[1]]
+            comment = "#" in line[: match.start(1)]
+            for following in lines[k + 1 :]:
+                following = following.strip()
+                if '"""' in text[-1] or not following or following.startswith('"""') or MARK.search(following):
+                    break
+                if comment and not following.startswith("#"):
+                    break
+                text.append(following.lstrip("# "))
+            joined = re.split(r'"""| Raises ', " ".join(text))[0].strip()
+            differences.append((path.relative_to(folder.parent).as_posix(), joined))
+    return differences
+
+
 def differences_section(differences: Sequence[tuple[str, str]]) -> list[str]:
-    """Where our code departs from the papers; differences: (file, text)."""
-    found = [f"- `{file}`: {text}" for file, text in differences] or ["- Nowhere."]
-    return ["\n## Where the code differs from the papers\n", *found]
+    """Return the lines on where our code departs from the papers; differences: (file, text)."""
+    lines = [f"- `{file}`: {text}" for file, text in differences] or ["- Nowhere."]
+    return ["\n## Where the code differs from the papers\n", *lines]

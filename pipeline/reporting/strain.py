@@ -1,21 +1,29 @@
-"""What reports/strain and reports/strain_recorded say: Table I beside the published numbers, studies, findings."""
+"""Write reports/strain: Table I beside the published numbers, figures, studies and findings."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
-from pipeline.base import paths
-from pipeline.reporting import sentences
+from pipeline.base import files
+from pipeline.datasets import schemas
+from pipeline.reporting import experiment, sentences
+from pipeline.reporting.claims import claim_sentences
+from pipeline.reporting.figures import strain as strain_figures
 from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number, size, table
-from pipeline.scoring.results import PUBLISHED, Estimate, Scores, estimate, read_csv
+from pipeline.reporting.verdicts import strain as strain_verdicts
+from pipeline.reporting.verdicts.rules import Evidence
+from pipeline.reporting.verdicts.strain_measures import LATENT, TASKS
+from pipeline.scoring.published import latent
+from pipeline.scoring.results import Scores, estimate, read_fit, read_predictions, read_training_times
+from pipeline.scoring.strain_results import TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
 
-PRINTED = {"lstm_direct": "Direct training", "lstm_transfer": "Transfer learning"}
-TASKS = {"task_0": "xyz, what model-0 is trained on", "task_1": "z, 10 mm", "task_2": "xy, 140 x 80 mm"}
+WORDS = {"task_0": "xyz, what model-0 is trained on", "task_1": "z, 10 mm", "task_2": "xy, 140 x 80 mm"}
 SET_ON = "set on the validation part by a network not trained on it (that of the tables is)"
-TIME_BINS = 10  # of the test part
-FREE_R2 = 0.1  # below it, what the latent space tells of drift is called nothing
 TRANSFER = ("lstm_transfer", "lstm_transfer_ridge")
 TRANSFER_COSTS = (
     "Parameters and training times of the two transfer models are of the read-out alone; model-0, which they share, "
@@ -23,30 +31,53 @@ TRANSFER_COSTS = (
 )
 
 
-def published() -> dict[tuple[str, str, str], float]:
-    """Table I: (model, task, metric) -> value; metric: parameters, training time (s), test error (mm)."""
-    rows = pd.read_csv(PUBLISHED)
-    rows = rows[rows["paper"] == "latent"]
-    keys = {printed: key for key, printed in PRINTED.items()}
-    return {
-        (keys[row.model], row.condition.replace(" ", "_"), row.metric): float(row.value) for row in rows.itertuples()
+def write(target: Path, settings: Mapping) -> None:
+    """Write the report of `strain`; see `experiment`."""
+    accuracy = target / "accuracy"
+    scores, latency, dataset, _, _ = experiment.read("strain", settings)
+    models, tasks = list(settings["models"]), list(settings["protocols"])
+    parameters = {
+        (model, task): read_fit("strain", model, task, block["seeds"][0]).parameters
+        for model in models
+        for task, block in settings["protocols"].items()
     }
+    studies = {name: read_study(name) for name in ("samples", "drift", "capacity")}
+    given = {("scores", "strain"): scores, **{("study", name): study for name, study in studies.items()}}
+    evidence = Evidence({"strain": settings}, given)
+    by_time = {
+        task: {model: errors_by_time(settings, dataset, task, model) for model in models}
+        for task in tasks
+        if task != "task_0"
+    }
+    files.write_table(accuracy / "table1.csv", score_table(scores, settings))
+    files.write_text(accuracy / "table1.md", table_one(scores, settings, parameters))
+    for name, study in studies.items():
+        files.write_table(accuracy / f"{name}.csv", study)
+    files.write_text(accuracy / "README.md", findings(scores, settings, studies, by_time, evidence))
+
+    for task, figure in (("task_1", 5), ("task_2", 6)):
+        if task in tasks:
+            draw_performance(accuracy, settings, dataset, task, figure)
+    strain_figures.latent_space(accuracy / "figure7.png", read_latents())
+    share = (np.arange(TIME_BINS) + 0.5) / TIME_BINS
+    minutes = share * np.ptp(dataset["t_s"].to_numpy()[tested_rows(settings, dataset, "task_1")]) / 60
+    strain_figures.error_over_time(accuracy / "time.png", by_time, minutes)
+    draw_studies(accuracy, settings, scores, studies)
+
+    train_s = {(model, task): read_training_times("strain", model, task) for model in models for task in tasks}
+    files.write_text(target / "speed" / "table1_times.md", table_times(train_s, settings))
+    panels = {task.replace("_", " "): (task, task) for task in tasks}
+    experiment.write_speed(target, settings, scores, latency, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
 
 
 def score_table(scores: Scores, settings: Mapping) -> pd.DataFrame:
-    """A row for every protocol, condition, model and metric that was scored, in full precision."""
-    rows = [
-        (protocol, condition, model, metric, *scores.estimate(protocol, condition, model, metric))
-        for protocol, condition, metric in scores.measured()
-        for model in settings["models"]
-    ]
-    names = ["protocol", "condition", "model", "metric", "mean", "low", "high", "runs", "failed"]
-    return pd.DataFrame(rows, columns=names)
+    """Return one row per protocol, condition, model and metric that was scored, in full precision."""
+    runs = [(p, c, model, metric) for (p, c, metric), model in product(scores.measured(), settings["models"])]
+    return experiment.score_table(scores, runs)
 
 
 def table_one(scores: Scores, settings: Mapping, parameters: Mapping[tuple[str, str], int]) -> str:
-    """table1.md: trainable parameters and test error beside the published ones; parameters: (model, task) -> count."""
-    paper = published()
+    """Write table1.md: trained parameters and test error beside the published; parameters: (model, task) -> count."""
     text = [
         "# Table I: direct training and transfer\n",
         "Test error on the last 20 % of 30,000 samples: mean absolute (one output) or Euclidean (several), lower is "
@@ -54,13 +85,13 @@ def table_one(scores: Scores, settings: Mapping, parameters: Mapping[tuple[str, 
         "paper's one number. Parameters: trained ones.\n",
     ]
     for task, block in settings["protocols"].items():
-        text.append(f"## {task.replace('_', ' ')} ({TASKS[task]}), n = {len(block['seeds'])}\n")
+        text.append(f"## {task.replace('_', ' ')} ({WORDS[task]}), n = {len(block['seeds'])}\n")
         rows = [
             [
                 model_name(model),
-                size(paper.get((model, task, "parameters"), np.nan)).replace("not counted", "-"),
+                size(latent(model, task, "parameters")).replace("not counted", "-"),
                 size(parameters[model, task]),
-                number(paper.get((model, task, "test error"), np.nan)),
+                number(latent(model, task, "test error")),
                 interval(scores.estimate(task, task, model, "error"), 3),
                 interval(scores.estimate(task, task, model, "r2"), 3),
             ]
@@ -73,8 +104,7 @@ def table_one(scores: Scores, settings: Mapping, parameters: Mapping[tuple[str, 
 
 
 def table_times(train_s: Mapping[tuple[str, str], Sequence[float]], settings: Mapping) -> str:
-    """table1_times.md: training time beside the published one; train_s: (model, task) -> seconds a seed."""
-    paper = published()
+    """Write table1_times.md: training time beside the published one; train_s: (model, task) -> seconds per seed."""
     text = [
         "# Table I: training time\n",
         "Median over seeds, one CPU thread. The published times may come from different devices (the authors' "
@@ -84,7 +114,7 @@ def table_times(train_s: Mapping[tuple[str, str], Sequence[float]], settings: Ma
         rows = [
             [
                 model_name(model),
-                number(paper.get((model, task, "training time"), np.nan), 0),
+                number(latent(model, task, "training time"), 0),
                 f"{np.median(train_s[model, task]):.3g}",
             ]
             for model in settings["models"]
@@ -94,48 +124,41 @@ def table_times(train_s: Mapping[tuple[str, str], Sequence[float]], settings: Ma
     return "\n".join(text)
 
 
-def read_study(name: str) -> pd.DataFrame:
-    """One table of the stage `study`."""
-    return read_csv(
-        paths.experiment_folder("strain") / "study" / f"{name}.csv",
-        ["protocol", "seed", "value"],
-        "python -m pipeline.studies.latent strain",
-    )
-
-
-def read_latents() -> pd.DataFrame:
-    """t_s and the states of model-0 on task 2."""
-    return read_csv(
-        paths.experiment_folder("strain") / "study" / "latents.csv", ["t_s"], "python -m pipeline.studies.latent strain"
-    )
-
-
-def mean_error(truth: np.ndarray, guess: np.ndarray) -> float:
-    """Mean distance in mm over the outputs that were predicted; truth, guess: (n, 3), NaN where not predicted."""
-    asked = np.isfinite(guess).any(axis=0)
-    return float(np.linalg.norm((guess - truth)[:, asked], axis=1).mean())
-
-
 def findings(
-    scores: Scores, settings: Mapping, studies: Mapping[str, pd.DataFrame], late: Mapping, differences: Sequence
+    scores: Scores,
+    settings: Mapping,
+    studies: Mapping[str, pd.DataFrame],
+    by_time: Mapping[str, Mapping[str, np.ndarray]],
+    evidence: Evidence,
 ) -> str:
-    """README.md: verdicts in sentences that are computed from the numbers; late: see `time_sentences`."""
-    task = settings["yardstick"]["condition"]
+    """Write README.md: verdicts on the claims, and sentences that are computed from the numbers.
+
+    by_time: task -> model -> (seeds, TIME_BINS) errors in mm.
+    """
+    task, claims = settings["yardstick"]["condition"], strain_verdicts.claims()
+
+    def verdicts(*starts: str) -> list[str]:
+        keys = [f"{start}-{task}" for task in TASKS for start in starts]
+        return claim_sentences(claims, keys, evidence)
+
     lines = [
         "# Drift-free latent space (strain): results\n",
-        "Test error in mm, mean over seeds [95 % t interval]. [Table I](table1.md), [training times]"
-        "(../speed/table1_times.md), [speed](../speed/table2.md).\n",
+        "Test error in mm, mean over seeds [95 % t interval]. Verdicts are those of `reports/claims.md`, which says by "
+        "which rules. [Table I](table1.md), [training times](../speed/table1_times.md), [speed](../speed/table2.md).\n",
         "## The paper's table\n",
         sentences.yardstick(scores, settings, (task, task), f"{task.replace('_', ' ')}, {SET_ON}", "mm"),
+        *task_sentences(scores, settings),
+        "\n## What the paper asserts and does not test\n",
+        *samples_sentences(studies["samples"]),
+        *verdicts("few-samples", "samples-needed"),
+        *drift_sentences(studies["drift"]),
+        *verdicts(
+            *(f"drift-{word}-{target}" for target in ("true-drift", "elapsed-time") for word in ("free", "less"))
+        ),
+        *time_sentences(by_time),
+        *capacity_sentences(studies["capacity"]),
+        "\n## Figures\n",
     ]
-    for task in ("task_1", "task_2"):
-        lines += task_sentences(scores, settings, task)
-    lines.append("\n## What the paper asserts and does not test\n")
-    lines += samples_sentences(studies["samples"])
-    lines += drift_sentences(studies["drift"])
-    lines += time_sentences(late)
-    lines += capacity_sentences(studies["capacity"])
-    lines.append("\n## Figures\n")
     captions = {
         "figure5": "task 1, direct training",
         "figure6": "task 2, direct training",
@@ -147,51 +170,48 @@ def findings(
         "time": "error against time since training ended",
         "capacity": "error against the size of the LSTM",
     }
-    lines += [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items()]
-    lines += sentences.differences_section(differences)
+    lines += sentences.figure_lines(captions)
+    lines += sentences.differences_section(experiment.experiment_differences("strain", settings))
     return "\n".join(lines) + "\n"
 
 
-def task_sentences(scores: Scores, settings: Mapping, task: str) -> list[str]:
-    """Transfer against direct training, beside the paper."""
-    models = ("lstm_direct", *TRANSFER)
-    if absent := [model for model in models if model not in settings["models"]]:
-        return [f"- {task.replace('_', ' ').capitalize()}: cannot be compared without {', '.join(absent)}."]
-    paper = published()
-    direct, transfer, solved = (scores.estimate(task, task, model, "error") for model in models)
-    name = task.replace("_", " ").capitalize()
-    ratio = transfer.mean / direct.mean
-    printed = paper["lstm_transfer", task, "test error"] / paper["lstm_direct", task, "test error"]
-    better = "no worse than" if solved.mean <= transfer.mean else "worse than"
-    return [
-        f"- {name}: direct {interval(direct)} mm, transfer {interval(transfer)} mm: {ratio:.2f} times "
-        f"(paper: {printed:.2f} times). The closed-form read-out has {interval(solved)} mm, {better} the one "
-        "trained by Adam."
-    ]
-
-
-def _mean(group: pd.DataFrame) -> Estimate:
-    return estimate(group["value"])
+def task_sentences(scores: Scores, settings: Mapping) -> list[str]:
+    """Return transfer against direct training, beside the paper."""
+    models, lines = ("lstm_direct", *TRANSFER), []
+    for task in TASKS:
+        name = task.replace("_", " ").capitalize()
+        if absent := [model for model in models if model not in settings["models"]]:
+            lines.append(f"- {name}: cannot be compared without {', '.join(absent)}.")
+            continue
+        direct, transfer, solved = (scores.estimate(task, task, model, "error") for model in models)
+        printed = latent("lstm_transfer", task, "test error") / latent("lstm_direct", task, "test error")
+        better = "no worse than" if solved.mean <= transfer.mean else "worse than"
+        lines.append(
+            f"- {name}: direct {interval(direct)} mm, transfer {interval(transfer)} mm: "
+            f"{transfer.mean / direct.mean:.2f} times (paper: {printed:.2f} times). The closed-form read-out has "
+            f"{interval(solved)} mm, {better} the one trained by Adam."
+        )
+    return lines
 
 
 def samples_sentences(samples: pd.DataFrame) -> list[str]:
-    """At which sizes of the training set transfer, trained as published, is ahead of direct training."""
+    """Return the sizes of the training set at which transfer, trained by Adam, has the lower mean error."""
     lines = []
-    for task, own in samples.groupby("protocol", sort=True):
-        found = own.groupby(["model", "samples"])["value"].apply(estimate)
-        direct, transfer = found["lstm_direct"], found["lstm_transfer"]
+    for task, rows in samples.groupby("protocol", sort=True):
+        errors = rows.groupby(["model", "samples"])["value"].apply(estimate)
+        direct, transfer = errors["lstm_direct"], errors["lstm_transfer"]
         sizes = sorted(direct.index)
         ahead = [f"{n:,}" for n in sizes if transfer[n].mean < direct[n].mean]
         behind = [f"{n:,}" for n in sizes if f"{n:,}" not in ahead]
         if not ahead:
-            verdict = "direct training is ahead at every size: that transfer needs fewer samples is not reproduced"
+            words = "direct training is ahead at every size"
         elif not behind:
-            verdict = f"transfer is ahead at every size, so the curves do not cross up to {sizes[-1]:,} samples"
+            words = f"transfer is ahead at every size, so the curves do not cross up to {sizes[-1]:,} samples"
         else:
-            verdict = f"transfer is ahead at {' / '.join(ahead)} samples, direct training at {' / '.join(behind)}"
+            words = f"transfer is ahead at {' / '.join(ahead)} samples, direct training at {' / '.join(behind)}"
         least, most = sizes[0], sizes[-1]
         lines.append(
-            f"- Fewer samples, {task.replace('_', ' ')}: {verdict} ({least} samples: direct {interval(direct[least])}, "
+            f"- Fewer samples, {task.replace('_', ' ')}: {words} ({least} samples: direct {interval(direct[least])}, "
             f"transfer {interval(transfer[least])} mm; {most:,}: {interval(direct[most])} and "
             f"{interval(transfer[most])} mm)."
         )
@@ -199,32 +219,25 @@ def samples_sentences(samples: pd.DataFrame) -> list[str]:
 
 
 def drift_sentences(drift: pd.DataFrame) -> list[str]:
-    """Whether time and drift can be read from the latent space."""
+    """Return how well time and drift can be read from the latent space and from the raw voltages."""
     lines = []
-    for (task, target), own in drift.groupby(["protocol", "target"], sort=True):
-        found = own.groupby("input", sort=False)["value"].apply(estimate)
-        raw = next(name for name in found.index if name.startswith("raw"))
-        latent = found["latent of model-0"]
-        verdict = "less than" if latent.mean < found[raw].mean else "no less than"
-        if latent.low <= found[raw].mean <= latent.high:
-            verdict = "not to be told apart"
-        free = f"the latent space {'is' if latent.mean < FREE_R2 else 'is not'} free of it"
-        if latent.low < FREE_R2 <= latent.high:
-            free = "whether the latent space is free of it is undecided"
+    for (task, target), rows in drift.groupby(["protocol", "target"], sort=True):
+        r2 = rows.groupby("input", sort=False)["value"].apply(estimate)
+        raw = next(name for name in r2.index if name.startswith("raw"))
         lines.append(
             f"- Drift-free, {task.replace('_', ' ')}: {target} can be read from model-0's latent space with R2 "
-            f"{interval(latent)}, {verdict} from the raw voltages ({interval(found[raw])}): {free}."
+            f"{interval(r2[LATENT])}, from the raw voltages with {interval(r2[raw])}."
         )
     return lines
 
 
-def time_sentences(late: Mapping[str, Mapping[str, tuple[Estimate, Estimate]]]) -> list[str]:
-    """Whether errors grow; late: task -> model -> (error in the first tenth, in the last tenth of the test part)."""
+def time_sentences(by_time: Mapping[str, Mapping[str, np.ndarray]]) -> list[str]:
+    """Return whether errors grow; by_time: see `findings`."""
     lines = []
-    for task, models in late.items():
+    for task, models in by_time.items():
         parts = [
-            f"{model_name(model)} {number(first.mean)} to {number(last.mean)} mm"
-            for model, (first, last) in models.items()
+            f"{model_name(model)} {number(estimate(runs[:, 0]).mean)} to {number(estimate(runs[:, -1]).mean)} mm"
+            for model, runs in models.items()
         ]
         lines.append(
             f"- Time since training, {task.replace('_', ' ')}: from the first to the last tenth of the test part "
@@ -234,10 +247,10 @@ def time_sentences(late: Mapping[str, Mapping[str, tuple[Estimate, Estimate]]]) 
 
 
 def capacity_sentences(capacity: pd.DataFrame) -> list[str]:
-    """The smallest LSTM within one standard error of the best."""
+    """Return the smallest LSTM within one standard error of the best."""
     lines = []
-    for task, own in capacity.groupby("protocol", sort=True):
-        groups = own.groupby("units")["value"]
+    for task, rows in capacity.groupby("protocol", sort=True):
+        groups = rows.groupby("units")["value"]
         mean, error = groups.mean(), groups.std(ddof=1) / np.sqrt(groups.size())
         best = mean.idxmin()
         small = min(units for units in mean.index if mean[units] <= mean[best] + error[best])
@@ -246,3 +259,32 @@ def capacity_sentences(capacity: pd.DataFrame) -> list[str]:
             f"({best} units, {number(mean[best], 3)} mm; {small}: {number(mean[small], 3)} mm); the paper uses 50."
         )
     return lines
+
+
+def draw_performance(folder: Path, settings: Mapping, dataset: pa.Table, task: str, figure: int) -> None:
+    """Draw figure 5 or 6, and the task's part of figure 8."""
+    rows, seed = tested_rows(settings, dataset, task), settings["protocols"][task]["seeds"][0]
+    compared = [model for model in ("lstm_direct", "lstm_transfer") if model in settings["models"]]
+    guesses = {model: read_predictions("strain", model, task, seed, dataset)[rows] for model in compared}
+    time_s = dataset["t_s"].to_numpy()[rows]
+    volts, truth = (schemas.matrix(dataset[name])[rows] for name in ("v", "y"))
+    outputs = [k for k in range(3) if all(np.isfinite(guess[:, k]).all() for guess in guesses.values())]
+    run = f"{task.replace('_', ' ')}, test part, seed {seed}"
+    if "lstm_direct" in compared:
+        title, direct = f"Figure {figure}: direct training, {run}", {"lstm_direct": guesses["lstm_direct"]}
+        strain_figures.performance(folder / f"figure{figure}.png", title, time_s, volts, truth, direct, outputs)
+    title = f"Figure 8: direct training and transfer, {run}"
+    strain_figures.performance(folder / f"figure8_{task}.png", title, time_s, volts[:, :0], truth, guesses, outputs)
+
+
+def draw_studies(folder: Path, settings: Mapping, scores: Scores, studies: Mapping[str, pd.DataFrame]) -> None:
+    """Draw samples.png, capacity.png and drift.png."""
+    floor = {}
+    if "constant" in settings["models"]:
+        floor = {task: scores.estimate(task, task, "constant", "error").mean for task in settings["study"]["tasks"]}
+    labels = {"title": "Fewer samples: error against the size of the training set", "xlabel": "Training samples"}
+    strain_figures.curves(folder / "samples.png", studies["samples"], "samples", "model", labels, floor)
+    labels = {"title": "Capacity: error of direct training against the size of the LSTM", "xlabel": "Units of the LSTM"}
+    strain_figures.curves(folder / "capacity.png", studies["capacity"], "units", None, labels, floor)
+    grouped = studies["drift"].groupby(["protocol", "target", "input"], sort=False)["value"]
+    strain_figures.decoding(folder / "drift.png", {key: estimate(values) for key, values in grouped})

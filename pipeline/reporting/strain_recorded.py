@@ -1,10 +1,18 @@
-"""What reports/strain_recorded says: real sensors with real drift, within a day and across days."""
+"""Write reports/strain_recorded: real sensors with real drift, within a day and across days."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
+import numpy as np
+
+from pipeline.base import files
+from pipeline.datasets import schemas
+from pipeline.reporting import experiment
+from pipeline.reporting.figures import strain as strain_figures
 from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, table
-from pipeline.scoring.results import Scores
+from pipeline.reporting.strain import TRANSFER_COSTS, score_table
+from pipeline.scoring.results import Scores, read_predictions
 
 SPLITS = {
     "within_day": "The first 70 % of 30 July train, its last 30 % test",
@@ -19,8 +27,34 @@ WANTED = {"within_day": 0.90, "across_days": 0.85, "new_places": 0.85}  # R2 a p
 HAND_MADE = "press_difference"  # not a model of raw voltages
 
 
+def write(target: Path, settings: Mapping) -> None:
+    """Write the report of `strain_recorded`; see `experiment`."""
+    accuracy = target / "accuracy"
+    scores, latency, dataset, _, _ = experiment.read("strain_recorded", settings)
+    tested = {protocol: condition for protocol, condition, _ in scores.measured()}
+    files.write_table(accuracy / "table.csv", score_table(scores, settings))
+    files.write_text(accuracy / "table.md", score_text(scores, settings, tested))
+    files.write_text(accuracy / "README.md", findings(scores, settings, tested))
+    truth, press = schemas.matrix(dataset["y"]), dataset["press"].to_numpy()
+    views = {}
+    for protocol in tested:
+        if protocol.endswith("_xy"):
+            seed = settings["protocols"][protocol]["seeds"][0]
+            part = schemas.names(dataset[schemas.split_column(protocol, seed)])
+            rows = np.flatnonzero((part == "test") & (press >= 0))
+            guesses = {
+                model: read_predictions("strain_recorded", model, protocol, seed, dataset)[rows]
+                for model in settings["models"]
+            }
+            views[protocol] = (truth[rows], press[rows], guesses)
+    strain_figures.presses(accuracy / "figure.png", views)
+    panels = {protocol.replace("_", " "): (protocol, tested[protocol]) for protocol in views}
+    measure = ("press_error", "Error per press (mm)")
+    experiment.write_speed(target, settings, scores, latency, panels, measure, TRANSFER_COSTS)
+
+
 def columns(task: str) -> dict[str, str]:
-    """Header by metric for a task."""
+    """Return header by metric for a task."""
     if task == "z":
         return {"error": "Error (mm)", "r2_z": "R2 (1)"}
     axes = {f"press_r2_{axis}": f"R2 {axis}, per press (1)" for axis in "xy"}
@@ -28,12 +62,12 @@ def columns(task: str) -> dict[str, str]:
 
 
 def protocols(settings: Mapping) -> list[tuple[str, str, str]]:
-    """(protocol, split, task) for every protocol of params.yaml."""
+    """Return (protocol, split, task) for every protocol of params.yaml."""
     return [(name, *name.rsplit("_", 1)) for name in settings["protocols"]]
 
 
 def score_text(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> str:
-    """table.md: a table a split and task; tested: protocol -> the condition (day) that was tested on."""
+    """Write table.md: one table per split and task; tested: protocol -> the condition (day) that was tested on."""
     text = [
         "# Recorded strain sensors: place and depth of a press from voltages\n",
         "Mean [95 % t interval] over seeds on the test part. Per press: a press is predicted as the mean over the "
@@ -59,7 +93,7 @@ def score_text(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> 
 
 
 def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> str:
-    """README.md: verdicts on what was asked of the recordings."""
+    """Write README.md: answers to what was asked of the recordings."""
     lines = [
         "# Recorded strain sensors: results\n",
         "[Table](table.md), [speed](../speed/table2.md), [figure](figure.png).\n",
@@ -69,24 +103,24 @@ def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> st
         protocol = f"{split}_xy"
         if protocol not in tested:
             continue
-        found = {
+        press_r2 = {
             model: [scores.estimate(protocol, tested[protocol], model, f"press_r2_{axis}") for axis in "xy"]
             for model in settings["models"]
         }
-        if HAND_MADE in found:
-            x, y = found[HAND_MADE]
+        if HAND_MADE in press_r2:
+            x, y = press_r2[HAND_MADE]
             expected = f" (expected {YARDSTICK['x']} and {YARDSTICK['y']})" if split != "new_places" else ""
             lines.append(
                 f"- {SHORT[split]}: the yardstick, extra trees on hand-made differences, has R2 {interval(x, 3)} in x "
                 f"and {interval(y, 3)} in y per press{expected}."
             )
-        raw = {m: pair for m, pair in found.items() if m != HAND_MADE and not any(e.failed for e in pair)}
-        best = max(raw, key=lambda m: min(e.mean for e in raw[m]))
+        raw = {m: pair for m, pair in press_r2.items() if m != HAND_MADE and not any(r2.failed for r2 in pair)}
+        best = max(raw, key=lambda m: min(r2.mean for r2 in raw[m]))
         x, y = raw[best]
-        verdict = "reached" if min(x.mean, y.mean) >= wanted else f"missed by {wanted - min(x.mean, y.mean):.3f}"
+        words = "reached" if min(x.mean, y.mean) >= wanted else f"missed by {wanted - min(x.mean, y.mean):.3f}"
         lines.append(
             f"- {SHORT[split]}: of the models on raw voltages {model_name(best)} is best, R2 {interval(x, 3)} in x "
-            f"and {interval(y, 3)} in y per press; {wanted:.2f} in both is {verdict}."
+            f"and {interval(y, 3)} in y per press; {wanted:.2f} in both is {words}."
         )
         if "lstm_direct" in raw and best != "lstm_direct":
             x, y = raw["lstm_direct"]

@@ -1,27 +1,25 @@
-"""What reports/touch says: Table I and Table II beside the published numbers, training, and findings."""
+"""Write reports/touch: Table I and Table II beside the published numbers, training, figures and findings."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting import sentences
+from pipeline.base import files, paths
+from pipeline.datasets import schemas
+from pipeline.reporting import experiment, sentences
+from pipeline.reporting.claims import claim_sentences
+from pipeline.reporting.figures import touch as touch_figures
 from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, literal, number, size, table
-from pipeline.scoring.results import Estimate, Fit, Scores, published
+from pipeline.reporting.verdicts import touch as touch_verdicts
+from pipeline.reporting.verdicts import touch_measures
+from pipeline.reporting.verdicts.rules import Evidence
+from pipeline.scoring.published import PRINTED, rmse, time_ms
+from pipeline.scoring.results import Estimate, Fit, Scores, read_fit, read_predictions
 
-# Models as the paper prints them; a model that is not listed has no published number.
-PRINTED = {
-    "linear": "Linear Regression",
-    "poly": "Polynomial Regression",
-    "tree": "Decision Tree Regression",
-    "rbf": "RBF-Net",
-    "cnn": "CNN",
-    "vgg": "VGG-16",
-    "convlstm": "ConvLSTM",
-    "rnn": "RNN",
-    "lomp": "LoMP",
-}
 METRICS = {  # metric: header, digits
     "peak_error": ("Peak error (mean, kPa, lower is better)", 2),
     "location_error": ("Location error (mean, mm, lower is better)", 2),
@@ -32,39 +30,61 @@ UNITS = {"rmse": "kPa", "peak_error": "kPa", "location_error": "mm", "touches_fo
 TABLE_CONDITIONS = ("single", "double")
 
 
-def published_value(model: str, condition: str) -> float:
-    """The paper's number for a model of ours, NaN if it has none."""
-    return published().get((PRINTED.get(model, ""), condition), np.nan)
+def write(target: Path, settings: Mapping) -> None:
+    """Write the report of `touch`; see `experiment`."""
+    accuracy = target / "accuracy"
+    scores, latency, table, protocol, seed = experiment.read("touch", settings)
+    evidence = Evidence({"touch": settings}, {("scores", "touch"): scores, ("table", "touch"): table})
+    windows = touch_figures.windows_of(table, settings, protocol, seed)
+    present = set(windows.condition)
+    known = ("single", "double", "three", "slide", "tape")
+    conditions = [name for name in known if name in present] + sorted(present - set(known))
+    fits = {
+        (model, name): [read_fit("touch", model, name, run_seed) for run_seed in block["seeds"]]
+        for model in settings["models"]
+        for name, block in settings["protocols"].items()
+    }
+    maps = {
+        model: read_predictions("touch", model, protocol, seed, table).reshape(windows.truth.shape)
+        for model in settings["models"]
+    }
+    frames_path = paths.require(paths.frames("touch"), "python -m pipeline.stages.ingest touch")
+    frames = schemas.read(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
+
+    files.write_table(accuracy / "table1.csv", score_table(scores, settings, conditions))
+    files.write_text(accuracy / "table1.md", table_one(scores, settings, conditions))
+    files.write_text(accuracy / "training.md", training(fits, settings))
+    trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
+    files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, evidence))
+
+    learned = {model: fits[model, protocol] for model in settings["models"]}
+    touch_figures.learning_curves(accuracy / "learning_curves.png", learned, protocol)
+    touch_figures.characteristic_curve(accuracy / "figure2b.png", settings)
+    touch_figures.peak_pressure(accuracy / "figure4.png", windows, maps, settings)
+    touch_figures.press_location(accuracy / "figure5.png", frames, settings)
+    if "double" in conditions:
+        touch_figures.double_touch(accuracy / "figure6.png", windows, maps, settings)
+    touch_figures.error_distribution(accuracy / "figure7.png", windows, maps, settings)
+    if present & set(touch_figures.SEVERAL_TOUCHES):
+        touch_figures.pressure_maps(accuracy / "figure8.png", windows, maps, settings)
+
+    panels = {f"{name} touch": (protocol, name) for name in TABLE_CONDITIONS if name in conditions}
+    end = published_times(latency, settings)
+    experiment.write_speed(target, settings, scores, latency, panels, ("rmse", "RMSE (kPa)"), end=end)
 
 
 def score_table(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> pd.DataFrame:
-    """table1.csv: a row for every protocol, condition, model and metric, in full precision."""
-    rows = []
-    for protocol in settings["protocols"]:
-        for condition in conditions:
-            for model in settings["models"]:
-                for metric, unit in UNITS.items():
-                    found = scores.estimate(protocol, condition, model, metric)
-                    paper = published_value(model, f"{condition} touch") if metric == "rmse" else np.nan
-                    rows.append((protocol, condition, model, metric, unit, paper, *found))
-    names = [
-        "protocol",
-        "condition",
-        "model",
-        "metric",
-        "unit",
-        "published",
-        "mean",
-        "low",
-        "high",
-        "runs",
-        "failed",
-    ]
-    return pd.DataFrame(rows, columns=names)
+    """Return table1.csv: one row per protocol, condition, model and metric, in full precision."""
+    return experiment.score_table(
+        scores,
+        product(settings["protocols"], conditions, settings["models"], UNITS),
+        UNITS,
+        lambda model, condition, metric: rmse(model, condition) if metric == "rmse" else np.nan,
+    )
 
 
 def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> str:
-    """table1.md: RMSE beside the published one, then the further metrics, for every protocol."""
+    """Write table1.md: RMSE beside the published one, then the further metrics, for every protocol."""
     both = [name for name in TABLE_CONDITIONS if name in conditions]
     others = [name for name in conditions if name not in both]
     text = ["# Table I: accuracy\n"]
@@ -83,7 +103,7 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
         for model in settings["models"]:
             row = [model_name(model)]
             for condition in both:
-                row.append(number(published_value(model, f"{condition} touch")))
+                row.append(number(rmse(model, condition)))
                 row.append(interval(scores.estimate(protocol, condition, model, "rmse")))
             rows.append(row)
         text.append("RMSE over all cells and windows (kPa, lower is better):\n")
@@ -129,7 +149,7 @@ def _protocol_note(protocol: str, n: int) -> str:
 
 
 def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> str:
-    """training.md: how every fit ended; fits: (model, protocol) -> a fit a seed."""
+    """Write training.md: how every fit ended; fits: (model, protocol) -> one fit per seed."""
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
     rows = []
     for (model, protocol), runs in fits.items():
@@ -139,8 +159,8 @@ def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> st
             best = ", ".join(str(fit.best_epoch) for fit in runs)
             reasons = ", ".join(fit.stop_reason for fit in runs)
         sizes = sorted({fit.parameters for fit in runs})
-        shown = size(sizes[0]) if len(sizes) == 1 else f"{size(sizes[0])} to {size(sizes[-1])}"
-        rows.append([model_name(model), protocol, shown, epochs, best, reasons])
+        parameters = size(sizes[0]) if len(sizes) == 1 else f"{size(sizes[0])} to {size(sizes[-1])}"
+        rows.append([model_name(model), protocol, parameters, epochs, best, reasons])
     limits = ", ".join(
         f"{model_name(model)} {block['training']['max_epochs']}"
         for model, block in settings["models"].items()
@@ -158,51 +178,47 @@ def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> st
 
 
 def findings(
-    scores: Scores,
-    settings: Mapping,
-    conditions: Sequence[str],
-    trained: Sequence[Fit],
-    differences: Sequence[tuple[str, str]],
-    unseen: Mapping[str, float],
+    scores: Scores, settings: Mapping, conditions: Sequence[str], trained: Sequence[Fit], evidence: Evidence
 ) -> str:
-    """README.md: what the numbers say, in sentences that are computed from them; unseen: see unseen_products."""
+    """Write README.md: what the numbers say, in sentences that are computed from them."""
     protocol = next(iter(settings["protocols"]))
-    seeds = len(settings["protocols"][protocol]["seeds"])
-    by_condition = {
-        condition: {m: scores.estimate(protocol, condition, m, "rmse") for m in settings["models"]}
-        for condition in conditions
+    seeds = settings["protocols"][protocol]["seeds"]
+    errors = {
+        condition: {model: scores.estimate(protocol, condition, model, "rmse") for model in settings["models"]}
+        for condition in TABLE_CONDITIONS
+        if condition in conditions
     }
     lines = [
         "# LoMP (touch): results\n",
-        f"RMSE in kPa on test data, `{protocol}` split, mean over {seeds} seeds [95 % t interval]. "
+        f"RMSE in kPa on test data, `{protocol}` split, mean over {len(seeds)} seeds [95 % t interval]. "
         "[Table I](table1.md), [training](training.md), [speed](../speed/table2.md).\n",
         "## Findings\n",
     ]
     for condition in TABLE_CONDITIONS:
-        if condition in by_condition:
-            lines += best_sentences(condition, by_condition[condition])
+        if condition in errors:
+            lines += best_sentences(condition, errors[condition])
         else:
             lines.append(f"- There are no recordings of {condition} touch.")
-    if "double" in by_condition and "lomp" in by_condition["double"]:
-        lines.append(double_sentence(by_condition["double"]))
-    streamed = {name: by_condition[name] for name in TABLE_CONDITIONS if name in by_condition}
-    if all({"lomp", "lomp_stream"} <= set(own) for own in streamed.values()):
-        lines.append(stream_sentence(streamed))
+    if "double" in errors and "lomp" in settings["models"]:
+        lines.append(double_sentence(errors["double"]))
+        lines += claim_sentences(touch_verdicts.claims(), ["lomp-best-double"], evidence)
+    if {"lomp", "lomp_stream"} <= set(settings["models"]):
+        lines.append(stream_sentence(errors))
     if "constant" in settings["models"]:
-        lines += [floor_sentence(name, found) for name, found in by_condition.items() if name in TABLE_CONDITIONS]
-    if "double" in unseen:
+        lines += [floor_sentence(condition, by_model) for condition, by_model in errors.items()]
+    if "double" in errors:
+        share = touch_measures.unseen(evidence)
         lines.append(
-            f"- In {100 * unseen['double']:.0f} % of double-touch windows (single-touch test windows: "
-            f"{100 * unseen['single']:.0f} %) two elements that are not neighbours respond together as they never "
+            f"- In {100 * share['double']:.0f} % of double-touch windows (single-touch test windows: "
+            f"{100 * share['single']:.0f} %) two elements that are not neighbours respond together as they never "
             "did in training: a model that multiplies elements, like the polynomial, has weights there that no "
             "training window determined."
         )
     lines += optimism_sentences(scores, settings, protocol)
     chosen = settings["yardstick"]
-    what = f"{chosen['condition']} touch, {chosen['metric']}"
-    lines.append(sentences.yardstick(scores, settings, (protocol, chosen["condition"]), what, "kPa"))
+    words = f"{chosen['condition']} touch, {chosen['metric']}"
+    lines.append(sentences.yardstick(scores, settings, (protocol, chosen["condition"]), words, "kPa"))
     lines.append(f"- {sentences.stops(trained)}")
-    lines.append("\n## Figures\n")
     captions = {
         "figure2b": "characteristic curve of the fitted film",
         "figure4": "peak pressure over single-touch test windows",
@@ -215,111 +231,86 @@ def findings(
     }
     absent = {"figure6"} if "double" not in conditions else set()
     absent |= {"figure8"} if list(conditions) == ["single"] else set()
-    lines += [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items() if name not in absent]
-    lines.append(
-        f"\nFigures 4 and 6 to 8 show the run `{protocol}`, seed {settings['protocols'][protocol]['seeds'][0]}."
-    )
-    lines += sentences.differences_section(differences)
+    lines.append("\n## Figures\n")
+    lines += sentences.figure_lines({name: text for name, text in captions.items() if name not in absent})
+    lines.append(f"\nFigures 4 and 6 to 8 show the run `{protocol}`, seed {seeds[0]}.")
+    lines += sentences.differences_section(experiment.experiment_differences("touch", settings))
     return "\n".join(lines) + "\n"
 
 
-def unseen_products(counts: np.ndarray, part: np.ndarray, condition: np.ndarray, sensor: Mapping) -> dict[str, float]:
-    """Share of the test windows of each condition with a product of two far elements outside its training range.
-
-    counts: (n, elements) of the last frame; part, condition: (n,). The products are of values standardised on
-    the training part; far elements are not neighbours, not even over a corner.
-    """
-    train = part == "train"
-    spread = np.maximum(counts[train].std(axis=0), 1)
-    scaled = (counts - counts[train].mean(axis=0)) / spread
-    row, col = np.divmod(np.arange(sensor["rows"] * sensor["cols"]), sensor["cols"])
-    away = np.maximum(np.abs(row[:, None] - row), np.abs(col[:, None] - col))
-    first, second = np.nonzero(np.triu(away > 1))
-    products = scaled[:, first] * scaled[:, second]
-    low, high = products[train].min(axis=0, initial=np.inf), products[train].max(axis=0, initial=-np.inf)
-    outside = ((products < low) | (products > high)).any(axis=1)
-    return {name: float(outside[(condition == name) & (part == "test")].mean()) for name in np.unique(condition)}
-
-
-def _usable(found: Mapping[str, Estimate]) -> list[str]:
-    """Models without a failed run, the lowest mean first."""
-    return sorted((m for m, e in found.items() if e.runs and not e.failed), key=lambda m: found[m].mean)
+def _usable(errors: Mapping[str, Estimate]) -> list[str]:
+    """Return the models without a failed run, the lowest mean first."""
+    return sorted((m for m, error in errors.items() if error.runs and not error.failed), key=lambda m: errors[m].mean)
 
 
 def _overlap(better: Estimate, worse: Estimate) -> bool:
-    """Whether the intervals of two models overlap; without intervals (one run) nothing is known: False."""
+    """Return whether the intervals of two models overlap; without intervals (one run) nothing is known: False."""
     return better.runs > 1 and worse.runs > 1 and better.high >= worse.low
 
 
-def best_sentences(condition: str, found: Mapping[str, Estimate]) -> list[str]:
-    """Which model is best; LoMP beside it."""
-    order = _usable(found)
+def best_sentences(condition: str, errors: Mapping[str, Estimate]) -> list[str]:
+    """Return which model is best; LoMP beside it."""
+    order = _usable(errors)
     if not order:
         return [f"- {condition.capitalize()} touch: every model has a failed run."]
     best = order[0]
-    close = [model_name(m) for m in order[1:] if _overlap(found[best], found[m])]
+    close = [model_name(m) for m in order[1:] if _overlap(errors[best], errors[m])]
     lines = [
-        f"- {condition.capitalize()} touch: {model_name(best)} is best with {interval(found[best])} kPa"
+        f"- {condition.capitalize()} touch: {model_name(best)} is best with {interval(errors[best])} kPa"
         + (f"; the interval overlaps that of {', '.join(close)}." if close else ".")
     ]
-    if failed := [model_name(m) for m, e in found.items() if e.failed]:
+    if failed := [model_name(m) for m, error in errors.items() if error.failed]:
         lines.append(f"- {condition.capitalize()} touch: runs failed for {', '.join(failed)}.")
     if condition == "single" and "lomp" in order:
-        ratio = found["lomp"].mean / found[best].mean
-        paper = {m: published_value(m, "single touch") for m in PRINTED}
-        lowest = min(paper, key=lambda m: paper[m])
+        ratio = errors["lomp"].mean / errors[best].mean
+        paper = {model: rmse(model, "single") for model in PRINTED["lomp"]}
+        lowest = min(paper, key=paper.get)
         lines.append(
-            f"- Single touch: LoMP has {interval(found['lomp'])} kPa, {ratio:.2f} times the best model's "
+            f"- Single touch: LoMP has {interval(errors['lomp'])} kPa, {ratio:.2f} times the best model's "
             f"RMSE; in the paper {paper['lomp'] / paper[lowest]:.2f} times (best: {model_name(lowest)})."
         )
     return lines
 
 
-def double_sentence(found: Mapping[str, Estimate]) -> str:
-    """Whether double touch comes out in LoMP's favour among the paper's models, plainly."""
-    order = [model for model in _usable(found) if model in PRINTED]
-    lomp = found["lomp"]
+def double_sentence(errors: Mapping[str, Estimate]) -> str:
+    """Return LoMP's error on double touch beside that of the next of the paper's models."""
+    lomp = errors["lomp"]
     if lomp.failed:
-        return f"- Double touch does NOT come out in LoMP's favour: LoMP {interval(lomp)}."
-    better = [m for m in order if m != "lomp" and found[m].mean <= lomp.mean]
-    ours = f"{interval(lomp)} kPa"
-    if better:
-        named = ", ".join(f"{model_name(m)} ({interval(found[m])})" for m in better)
-        return f"- Double touch does NOT come out in LoMP's favour here: LoMP has {ours}; as good or better: {named}."
-    others = [m for m in order if m != "lomp"]
+        return f"- Double touch: LoMP {interval(lomp)}."
+    ours = f"- Double touch: LoMP has {interval(lomp)} kPa"
+    others = [model for model in _usable(errors) if model in PRINTED["lomp"] and model != "lomp"]
     if not others:
-        return f"- Double touch: LoMP has {ours}; no other model is without a failed run."
-    second = others[0]
-    paper = {m: published_value(m, "double touch") for m in PRINTED}
-    runner_up = min((m for m in paper if m != "lomp"), key=lambda m: paper[m])
-    apart = " The two intervals overlap, so this is not certain." if _overlap(lomp, found[second]) else ""
+        return f"{ours}; no other model of the paper is without a failed run."
+    best = others[0]
+    paper = {model: rmse(model, "double") for model in PRINTED["lomp"]}
+    runner_up = min((model for model in paper if model != "lomp"), key=paper.get)
     return (
-        f"- Double touch comes out in LoMP's favour: LoMP has {ours}, the next model, {model_name(second)}, "
-        f"{found[second].mean / lomp.mean:.2f} times as much; in the paper "
-        f"{paper[runner_up] / paper['lomp']:.2f} times ({model_name(runner_up)}).{apart}"
+        f"{ours}, the best other model of the paper, {model_name(best)}, {interval(errors[best])} kPa, "
+        f"{errors[best].mean / lomp.mean:.2f} times as much; in the paper {paper[runner_up] / paper['lomp']:.2f} times "
+        f"({model_name(runner_up)})."
     )
 
 
-def stream_sentence(found: Mapping[str, Mapping[str, Estimate]]) -> str:
-    """What LoMP loses where it sees a frame at a time; found: condition -> model -> error."""
+def stream_sentence(errors: Mapping[str, Mapping[str, Estimate]]) -> str:
+    """Return what LoMP loses where it sees one frame at a time; errors: condition -> model -> error."""
     parts = []
-    for condition, own in found.items():
-        stream, windows = own["lomp_stream"], own["lomp"]
+    for condition, by_model in errors.items():
+        stream, windows = by_model["lomp_stream"], by_model["lomp"]
         times = f" ({stream.mean / windows.mean:.2f} times LoMP's)" if not (stream.failed or windows.failed) else ""
         parts.append(f"{condition} touch {interval(stream)} kPa{times}")
     return f"- A frame at a time, its state carried through a press, LoMP of half the width has: {'; '.join(parts)}."
 
 
-def floor_sentence(condition: str, found: Mapping[str, Estimate]) -> str:
-    """Which models are no better than the mean map of the training data."""
-    floor = found["constant"].mean
-    worse = [model_name(m) for m, e in found.items() if m != "constant" and not e.mean < floor]
+def floor_sentence(condition: str, errors: Mapping[str, Estimate]) -> str:
+    """Return which models are no better than the mean map of the training data."""
+    floor = errors["constant"].mean
+    worse = [model_name(m) for m, error in errors.items() if m != "constant" and not error.mean < floor]
     text = f"- {condition.capitalize()} touch: a constant map has {number(floor)} kPa; "
     return text + (f"no better than that: {', '.join(worse)}." if worse else "every model is better.")
 
 
 def optimism_sentences(scores: Scores, settings: Mapping, protocol: str) -> list[str]:
-    """How much lower the single-touch RMSE looks when windows of one press are on both sides."""
+    """Return how much lower the single-touch RMSE looks when windows of one press are on both sides."""
     lines = []
     for other in settings["protocols"]:
         if other == protocol:
@@ -340,16 +331,16 @@ def optimism_sentences(scores: Scores, settings: Mapping, protocol: str) -> list
 
 
 def published_times(latency: Mapping[tuple[str, int], Mapping], settings: Mapping) -> str:
-    """Table II: the published times beside ours, both also as multiples of the linear model's."""
-    batch, condition = settings["latency"]["batches"][0], "single touch (GTX 1070)"
-    paper = {m: published_value(m, condition) for m in settings["models"]}
+    """Write Table II: the published times beside ours, both also as multiples of the linear model's."""
+    batch = settings["latency"]["batches"][0]
+    paper = {m: time_ms(m) for m in settings["models"]}
     ours = {m: latency[m, batch]["p50_ms"] for m in paper}
     rows = [
         [
             model_name(model),
             number(value),
             f"{ours[model]:.3f}",
-            number(value / published_value("linear", condition)),
+            number(value / time_ms("linear")),
             number(ours[model] / ours.get("linear", np.nan)),
         ]
         for model, value in paper.items()

@@ -1,13 +1,19 @@
-"""What reports/velostat_recorded says: how well force is read from the recorded taxel."""
+"""Write reports/velostat_recorded: how well force is read from the recorded taxel."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from pipeline.base import files
+from pipeline.datasets import schemas
+from pipeline.reporting import experiment
+from pipeline.reporting.figures import velostat as velostat_figures
 from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, table
-from pipeline.scoring.results import Scores
+from pipeline.scoring.results import Scores, read_predictions
 
 POOLED = "repetition"  # the protocol that fits all recordings together; the others are named like one recording
 METRICS = {
@@ -16,8 +22,43 @@ METRICS = {
 }
 
 
+def write(target: Path, settings: Mapping) -> None:
+    """Write the report of `velostat_recorded`; see `experiment`."""
+    accuracy = target / "accuracy"
+    scores, latency, dataset, protocol, seed = experiment.read("velostat_recorded", settings)
+    test = schemas.names(dataset[schemas.split_column(protocol, seed)]) == "test"
+    recordings = sorted(set(schemas.names(dataset["recording"])[test]))
+    groups = ["all", *sorted({name.split("/")[0] for name in recordings}, key=_by_force)]
+    best = best_model(scores, settings)
+    predicted = {
+        model: read_predictions("velostat_recorded", model, protocol, seed, dataset) for model in settings["models"]
+    }
+
+    files.write_table(accuracy / "table.csv", score_table(scores, settings, groups))
+    files.write_text(accuracy / "table.md", score_text(scores, settings, groups))
+    files.write_text(accuracy / "README.md", findings(scores, settings, groups, best))
+    # The recordings that the best model (or, if all failed, the first) reads best, in the middle and worst.
+    judge = best or next(iter(settings["models"]))
+    order = sorted(
+        recordings,
+        key=lambda name: scores.estimate(protocol, name.split("/")[0], judge, "r2").mean,
+        reverse=True,
+    )
+    chosen = [order[k] for k in sorted({0, len(order) // 2, len(order) - 1})]
+    drawn = {model: force for model, force in predicted.items() if model in ("linear", best)}
+    velostat_figures.force_over_time(accuracy / "figure.png", dataset, test, drawn, chosen)
+
+    panels = {"all recordings": (protocol, "all")}
+    experiment.write_speed(target, settings, scores, latency, panels, ("rmse", "RMSE (N)"))
+
+
+def _by_force(name: str) -> tuple:
+    """Sort pike1_force_5 before pike1_force_10."""
+    return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in name.split("_"))
+
+
 def places(settings: Mapping, groups: Sequence[str]) -> list[tuple[str, str]]:
-    """Every (protocol, condition) that has scores; groups: the conditions of the pooled protocol."""
+    """Return every (protocol, condition) that has scores; groups: the conditions of the pooled protocol."""
     return [
         (protocol, group)
         for protocol in settings["protocols"]
@@ -26,19 +67,13 @@ def places(settings: Mapping, groups: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def score_table(scores: Scores, settings: Mapping, groups: Sequence[str]) -> pd.DataFrame:
-    """table.csv: a row for every protocol, recording group, model and metric, in full precision."""
-    rows = [
-        (protocol, group, model, metric, unit, *scores.estimate(protocol, group, model, metric))
-        for protocol, group in places(settings, groups)
-        for model in settings["models"]
-        for metric, (_, unit) in METRICS.items()
-    ]
-    names = ["protocol", "condition", "model", "metric", "unit", "mean", "low", "high", "runs", "failed"]
-    return pd.DataFrame(rows, columns=names)
+    """Return table.csv: one row per protocol, recording group, model and metric, in full precision."""
+    runs = [(*place, *run) for place in places(settings, groups) for run in product(settings["models"], METRICS)]
+    return experiment.score_table(scores, runs, {metric: unit for metric, (_, unit) in METRICS.items()})
 
 
 def score_text(scores: Scores, settings: Mapping, groups: Sequence[str]) -> str:
-    """table.md: a table a metric for either way of fitting, recordings down, models across."""
+    """Write table.md: one table per metric for either way of fitting, recordings down, models across."""
     text = [
         "# Recorded Velostat taxel: force from the reading\n",
         "Fitted on the first repetition (exp1), tested on the second (exp2). Mean [95 % t interval] over seeds; "
@@ -60,14 +95,14 @@ def score_text(scores: Scores, settings: Mapping, groups: Sequence[str]) -> str:
 
 
 def best_model(scores: Scores, settings: Mapping) -> str | None:
-    """The model with the lowest mean RMSE over all test recordings, of those without a failed run."""
-    found = {m: scores.estimate(POOLED, "all", m, "rmse") for m in settings["models"]}
-    usable = [m for m, e in found.items() if e.runs and not e.failed]
-    return min(usable, key=lambda m: found[m].mean) if usable else None
+    """Return the model with the lowest mean RMSE over all test recordings, None if all have a failed run."""
+    errors = {m: scores.estimate(POOLED, "all", m, "rmse") for m in settings["models"]}
+    usable = [m for m, error in errors.items() if error.runs and not error.failed]
+    return min(usable, key=lambda m: errors[m].mean) if usable else None
 
 
 def findings(scores: Scores, settings: Mapping, groups: Sequence[str], best: str | None) -> str:
-    """README.md: what the numbers say."""
+    """Write README.md: what the numbers say."""
     lines = ["# Recorded Velostat taxel: results\n"]
     lines.append("[Table](table.md), [speed](../speed/table2.md), [figure](figure.png).\n")
     if best is None:
@@ -85,7 +120,7 @@ def findings(scores: Scores, settings: Mapping, groups: Sequence[str], best: str
         alone = {m: scores.estimate(group, group, m, "r2").mean for m in settings["models"]}
         together = {m: scores.estimate(POOLED, group, m, "r2").mean for m in settings["models"]}
         if np.isfinite([*alone.values(), *together.values()]).all():
-            first, second = (max(found, key=found.get) for found in (alone, together))
+            first, second = (max(r2_by_model, key=r2_by_model.get) for r2_by_model in (alone, together))
             lines.append(
                 f"- {group}: best R2 {alone[first]:.3f} ({model_name(first)}) fitted alone, "
                 f"{together[second]:.3f} ({model_name(second)}) with all recordings in one fit."

@@ -1,4 +1,4 @@
-"""What the reports read: scores, fits, times and predictions. A missing file or row is an error, no gap."""
+"""Read scores, fits, times and predictions for the reports. A missing file or row is an error, no gap."""
 
 import json
 from collections.abc import Sequence
@@ -15,7 +15,6 @@ from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 
-PUBLISHED = Path(__file__).with_name("published.csv")
 CONFIDENCE = 0.95
 MISSING = ("", "nan")  # how the stages write a value that there is not
 
@@ -30,12 +29,12 @@ class Estimate(NamedTuple):
     failed: int
 
     def percent(self) -> "Estimate":
-        """A fraction in percent."""
+        """Return the fraction in percent."""
         return self._replace(mean=100 * self.mean, low=100 * self.low, high=100 * self.high)
 
 
 def estimate(values: Sequence[float]) -> Estimate:
-    """Mean and 95 % t interval of one value a run; a run is failed where its value is not finite."""
+    """Return mean and 95 % t interval of one value per run; a run has failed where its value is not finite."""
     values = np.asarray(values, dtype=float)
     good = values[np.isfinite(values)]
     n, failed = len(good), len(values) - len(good)
@@ -49,12 +48,12 @@ def estimate(values: Sequence[float]) -> Estimate:
 
 
 def shown(path: Path) -> str:
-    """`path` as a message names it: relative to the repository."""
+    """Return `path` as a message names it: relative to the repository."""
     return path.relative_to(paths.ROOT).as_posix() if path.is_relative_to(paths.ROOT) else str(path)
 
 
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
-    """A CSV table that has at least `columns`. Raises InputError otherwise."""
+    """Read a CSV table that has at least `columns`. Raises InputError otherwise."""
     try:
         # A condition is named by its folder, and a folder may be called NA or 001: it is never missing, nor a number.
         missing = {name: MISSING for name in pd.read_csv(paths.require(path, made_by), nrows=0) if name != "condition"}
@@ -65,13 +64,6 @@ def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
         if column not in table.columns:
             raise InputError(f"{shown(path)}: column '{column}' is missing; run `{made_by}` again")
     return table
-
-
-def published() -> dict[tuple[str, str], float]:
-    """Tables I and II of the LoMP paper: (model's printed name, condition) -> RMSE in kPa, or time in ms."""
-    table = pd.read_csv(PUBLISHED)
-    table = table[table["paper"] == "lomp"]
-    return {(row.model, row.condition): row.value for row in table.itertuples()}
 
 
 class Scores:
@@ -94,11 +86,11 @@ class Scores:
         }
 
     def runs(self, protocol: str, condition: str, model: str, metric: str) -> list[float]:
-        """One value a seed of params.yaml, NaN for a failed run. Raises InputError that names a missing row.
+        """Return one value per seed of params.yaml, NaN for a failed run. Raises InputError that names a missing row.
 
         A run without an RMSE failed, whatever its other metrics say (no peak can be found in a map of NaN).
         """
-        found = []
+        values = []
         for seed in self.protocols[protocol]["seeds"]:
             key = (protocol, condition, model, seed, metric)
             if key not in self._values:
@@ -107,20 +99,20 @@ class Scores:
                     f"model {model}, seed {seed}, metric {metric}; run `{self.made_by}` again"
                 )
             failed = np.isnan(self._values.get((*key[:4], "rmse"), 0.0))
-            found.append(np.nan if failed else self._values[key])
-        return found
+            values.append(np.nan if failed else self._values[key])
+        return values
 
     def measured(self) -> list[tuple[str, str, str]]:
-        """Every (protocol, condition, metric) that has a row, in the order of the file."""
+        """Return every (protocol, condition, metric) that has a row, in the order of the file."""
         return list(dict.fromkeys((protocol, condition, metric) for protocol, condition, _, _, metric in self._values))
 
     def estimate(self, protocol: str, condition: str, model: str, metric: str) -> Estimate:
-        """Mean and interval over the seeds of one protocol."""
+        """Return mean and interval over the seeds of one protocol."""
         return estimate(self.runs(protocol, condition, model, metric))
 
 
 def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
-    """latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
+    """Read latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
     path, made_by = paths.latency(experiment), f"python -m pipeline.stages.latency {experiment}"
     wanted = ["model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes"]
     rows = {(row["model"], row["batch"]): row for row in read_csv(path, wanted, made_by).to_dict("records")}
@@ -132,7 +124,7 @@ def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]
 
 
 def read_training_times(experiment: str, model: str, protocol: str) -> list[float]:
-    """Measured training seconds of one model, one a seed."""
+    """Read the measured training seconds of one model, one value per seed."""
     made_by = params.training_command(experiment, model)
     times = read_csv(paths.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
     return times[times["protocol"] == protocol]["train_s"].tolist()
@@ -149,7 +141,7 @@ class Fit(NamedTuple):
 
 
 def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
-    """The fit of one run. Raises InputError for a missing or broken file."""
+    """Read how one run was trained. Raises InputError for a missing or broken file."""
     folder = paths.run_folder(experiment, model, protocol, seed)
     made_by = params.training_command(experiment, model)
     path = paths.require(folder / "fit.json", made_by)
@@ -163,12 +155,12 @@ def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
 
 
 def read_windows(experiment: str) -> pa.Table:
-    """The dataset's table."""
+    """Read the dataset's table."""
     return schemas.read(paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}"))
 
 
 def read_predictions(experiment: str, model: str, protocol: str, seed: int, windows: pa.Table) -> np.ndarray:
-    """Predictions of one run on all windows of the dataset, (windows, outputs); NaN outside its test part.
+    """Read the predictions of one run on all windows of the dataset, (windows, outputs); NaN outside its test part.
 
     Raises InputError where a test window has no prediction.
     """

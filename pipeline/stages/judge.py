@@ -1,7 +1,7 @@
-"""Stage: a verdict on every claim of the three papers.
+"""Judge every claim of the three papers.
 
-Writes reports/claims.csv, one row a claim in full precision, and reports/claims.md, which says the same to people and,
-for each claim that is not reproduced, what was tried to find the reason.
+Writes reports/claims.csv, one row per claim in full precision, and reports/claims.md, which says the same to people
+and, for each claim that is not reproduced, what was tried to find the reason.
 Usage: python -m pipeline.stages.judge
 """
 
@@ -40,34 +40,43 @@ RULES = (
 
 
 def all_claims() -> list[Claim]:
-    """The claims of all papers."""
+    """List the claims of all papers."""
     return [*touch_verdicts.claims(), *strain_verdicts.claims(), *glove_verdicts.claims()]
 
 
-def on_own_logs(one: Claim, values: Mapping) -> Claim:
-    """The claim as it stands where params.yaml names a folder of the user's own logs in place of the simulator."""
-    if one.data == "recorded" or values[EXPERIMENTS[one.paper]]["source"] == "simulated":
-        return one
-    return replace(one, data="recorded", why=None)  # what was tried was tried on the simulated scene
+def on_own_logs(claim: Claim, values: Mapping) -> Claim:
+    """Return the claim as it stands where params.yaml names the user's own logs in place of the simulator."""
+    if claim.data == "recorded" or values[EXPERIMENTS[claim.paper]]["source"] == "simulated":
+        return claim
+    return replace(claim, data="recorded", why=None)  # what was tried was tried on the simulated scene
 
 
-def rows(found: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
-    """claims.csv."""
+def rows(verdicts: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
+    """Return claims.csv."""
     return pd.DataFrame(
-        [
-            (
-                *(one.text, one.paper, one.section, one.data, one.published),
-                *(judged.ours, judged.low, judged.high, judged.verdict, judged.reason),
-                *(one.key, int(one.printed), one.unit, judged.over, int(one.measured)),
-            )
-            for one, judged in found
-        ],
-        columns=COLUMNS,
+        {
+            "claim": claim.text,
+            "paper": claim.paper,
+            "section": claim.section,
+            "data": claim.data,
+            "published": claim.published,
+            "ours": judged.ours,
+            "low": judged.low,
+            "high": judged.high,
+            "verdict": judged.verdict,
+            "reason": judged.reason,
+            "key": claim.key,
+            "printed": int(claim.printed),
+            "unit": claim.unit,
+            "over": judged.over,
+            "measured": int(claim.measured),
+        }
+        for claim, judged in verdicts
     )
 
 
-def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
-    """claims.md."""
+def text(verdicts: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
+    """Write claims.md."""
     lines = [
         "# A verdict on every claim\n",
         "Every sentence of the papers that can be true or false of numbers, in our words, and every number of their "
@@ -79,32 +88,32 @@ def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
         "claim whose runs failed, or whose recordings are not there, is not testable. Rows marked * rest on measured "
         "times and differ between runs and machines.\n",
         "## Counts\n",
-        table(["Paper", "Data", "Kind", *COUNTED, "claims"], count_rows(rows(found), ["paper", "data", "kind"])),
+        table(["Paper", "Data", "Kind", *COUNTED, "claims"], count_rows(rows(verdicts), ["paper", "data", "kind"])),
     ]
     for paper, title in PAPERS.items():
-        own = [(one, judged) for one, judged in found if one.paper == paper]
+        of_paper = [(claim, judged) for claim, judged in verdicts if claim.paper == paper]
         lines.append(f"## {title}\n")
         header = ["Claim", "Section", "Data", "Published", "Ours", "Unit", "Verdict", "Reason"]
         cells = [
             [
-                one.text + (" *" if one.measured else ""),
-                one.section,
-                one.data,
-                value_text(one.published, one.unit),
-                ours_text(*judged[:3], one.unit),
-                one.unit,
+                claim.text + (" *" if claim.measured else ""),
+                claim.section,
+                claim.data,
+                value_text(claim.published, claim.unit),
+                ours_text(*judged[:3], claim.unit),
+                claim.unit,
                 judged.verdict,
                 "; ".join(filter(None, [judged.reason, "" if judged.over.endswith(" seeds") else judged.over])),
             ]
-            for one, judged in own
+            for claim, judged in of_paper
         ]
         lines.append(table(header, cells))
         missed: dict[str, list[str]] = {}
-        for one, judged in own:
+        for claim, judged in of_paper:
             if judged.verdict == NOT_REPRODUCED:
-                mark = " [recorded]" if one.data == "recorded" else ""
-                head = f"**{one.text.rstrip('.')}**{mark} ({judged.reason})"
-                missed.setdefault(one.explained(evidence), []).append(head)
+                mark = " [recorded]" if claim.data == "recorded" else ""
+                head = f"**{claim.text.rstrip('.')}**{mark} ({judged.reason})"
+                missed.setdefault(claim.explained(evidence), []).append(head)
         if missed:
             lines.append(f"### {title}: what was tried where a claim is not reproduced\n")
         for why, heads in missed.items():
@@ -113,14 +122,15 @@ def text(found: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
 
 
 def main() -> None:
-    """Judge all claims by what the stages wrote."""
+    """Judge all claims by the files that the stages wrote."""
     values = params.load()
     evidence = Evidence(values)
-    found = [(one, one.judged(evidence)) for one in (on_own_logs(one, values) for one in all_claims())]
-    files.write_table(paths.REPORTS / "claims.csv", rows(found))
-    files.write_text(paths.REPORTS / "claims.md", text(found, evidence))
-    verdicts = [judged.verdict for _, judged in found]
-    print(f"{len(found)} claims: {', '.join(f'{verdicts.count(v)} {v}' for v in VERDICTS)}")
+    claims = [on_own_logs(claim, values) for claim in all_claims()]
+    verdicts = [(claim, claim.judged(evidence)) for claim in claims]
+    files.write_table(paths.REPORTS / "claims.csv", rows(verdicts))
+    files.write_text(paths.REPORTS / "claims.md", text(verdicts, evidence))
+    words = [judged.verdict for _, judged in verdicts]
+    print(f"{len(words)} claims: {', '.join(f'{words.count(word)} {word}' for word in VERDICTS)}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Stage: what people read: tables, figures and findings of one experiment in reports/<experiment>.
+"""Write what people read of one experiment: tables, figures and findings in reports/<experiment>.
 
 Everything with a measured time in it is in reports/<experiment>/speed; reports/<experiment>/accuracy is the
 same in every run.
@@ -10,15 +10,11 @@ import sys
 from pipeline.base import files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
-from pipeline.reporting import glove_pages, strain_pages, touch_pages
+from pipeline.reporting import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
 
-WRITERS = {
-    "touch": touch_pages.write_touch,
-    "velostat_recorded": touch_pages.write_velostat_recorded,
-    "strain": strain_pages.write_strain,
-    "strain_recorded": strain_pages.write_strain_recorded,
-    "glove": glove_pages.write_glove,
-    "glove_recorded": glove_pages.write_glove_recorded,
+REPORTS = {  # each module is named as its experiment
+    report.__name__.rpartition(".")[2]: report
+    for report in (glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded)
 }
 
 
@@ -35,7 +31,7 @@ def main() -> None:
                 text = f"# {experiment}: not run\n\n{reason[0].upper()}{reason[1:]}.\n"
                 files.write_text(draft / part / "README.md", text)
         if reason is None:
-            WRITERS[experiment](values[experiment], draft)
+            REPORTS[experiment].write(draft, values[experiment])
     print(f"reports/{experiment}: {sum(path.is_file() for path in target.rglob('*'))} files")
 
 

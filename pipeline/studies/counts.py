@@ -6,7 +6,6 @@ Usage: python -m pipeline.studies.counts
 from decimal import Decimal
 from pathlib import Path
 
-import pandas as pd
 import torch
 from torch import nn
 
@@ -14,18 +13,11 @@ from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.learning import cost
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
-from pipeline.scoring.results import PUBLISHED
+from pipeline.scoring import published
 from pipeline.studies.operations import operations
 
 COLUMNS = ("experiment", "model", "input_shape", "classes", "macs", "params")
 COLUMNS += ("published_macs", "published_params", "verdict", "note")
-PRINTED = {  # models as the paper prints them
-    "resnet18": "ResNet-18",
-    "mobilenet": "MobileNet",
-    "resnet3x3": "ResNet_3x3",
-    "sp_resnet_nogcam": "SP-ResNet (no GCAM)",
-    "sp_resnet": "SP-ResNet",
-}
 PHOTO, IMAGE = (3, 224, 224), (1, 32, 32)  # channels, rows, cols
 OBJECTS = 16
 REDUCTIONS = (16, 8, 4, 2, 1)  # of SP-ResNet's attention; the paper gives none
@@ -41,7 +33,7 @@ def count(reduction: int, target: Path) -> None:
     Counts are whole numbers in the convention of `operations`. The verdict is `reproduced` where both counts,
     rounded as the paper prints them, equal its numbers, and empty where the paper has none for the shape.
     """
-    paper = published()
+    paper = published.counts()
     trained = f"reduction {reduction}, as trained"
     with torch.device("meta"):  # shapes without numbers: nothing is computed
         as_published = [
@@ -63,17 +55,9 @@ def count(reduction: int, target: Path) -> None:
             ("sp_resnet_nogcam", sp_resnet_nogcam.network(1, OBJECTS), IMAGE, OBJECTS, ""),
             ("sp_resnet", sp_resnet.network(1, OBJECTS, reduction), IMAGE, OBJECTS, trained),
         ]
-        rows = [_row(*each, paper[each[0]]) for each in as_published] + [_row(*each, None) for each in like_with_like]
+        rows = [_row(*each, [paper[each[0], key] for key in ("macs", "params")]) for each in as_published]
+    rows += [_row(*each, None) for each in like_with_like]
     files.write_csv(target, COLUMNS, rows)
-
-
-def published() -> dict[str, list[tuple[Decimal, int]]]:
-    """Table 1: model key -> multiply-accumulates and parameters, each as printed and with its unit."""
-    table = pd.read_csv(PUBLISHED, dtype=str)  # text: 116.90 is printed with two decimals
-    table = table[table["paper"] == "sp_resnet"].set_index(["model", "metric"])
-    metrics = ("multiply-accumulates", "parameters")
-    rows = {key: [table.loc[(printed, metric)] for metric in metrics] for key, printed in PRINTED.items()}
-    return {key: [(Decimal(row["value"]), int(float(row["unit"]))) for row in pair] for key, pair in rows.items()}
 
 
 def _row(

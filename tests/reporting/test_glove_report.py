@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 import sys
 
 import numpy as np
@@ -15,19 +16,17 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import load
 from pipeline.datasets import images, schemas
-from pipeline.reporting import (
-    glove as glove_report,
-)
-from pipeline.reporting import (
-    glove_findings,
-    glove_pages,
-)
-from pipeline.reporting import (
-    glove_recorded as glove_recorded_report,
-)
+from pipeline.reporting import glove as glove_report
+from pipeline.reporting import glove_recorded as glove_recorded_report
+from pipeline.reporting.claims import claim_sentence
 from pipeline.reporting.figures import glove as glove_figures
-from pipeline.scoring import classification, results
+from pipeline.reporting.verdicts import glove as glove_verdicts
+from pipeline.reporting.verdicts.glove_measures import published_fusion
+from pipeline.reporting.verdicts.rules import Evidence
+from pipeline.scoring import classification, glove_results, published, results
 from pipeline.stages import render
+
+JUDGED = re.compile(": (not )?(reproduced|testable)")
 
 OBJECTS = ["empty_bottle", "full_bottle_1", "full_bottle_2", "mobile_phone", "paper_roll", "toy"]
 SESSIONS, IMAGES = 5, 3  # of each object, of each session
@@ -222,7 +221,8 @@ def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatc
     target = run_render("glove", settings, monkeypatch)
     assert (target / "accuracy" / "figure15_stag.png").exists()
     readme = (target / "accuracy" / "README.md").read_text()
-    assert "above ResNet_3x3 at every number of frames, STAG: in the mean at 8 of 8" in readme
+    line = "SP-ResNet is above ResNet_3x3 at every number of input frames, STAG data set: 10.00 [10.00, 10.00] points"
+    assert f"- {line}: reproduced (weakest: " in readme
 
 
 @pytest.mark.slow
@@ -275,7 +275,7 @@ def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
 @pytest.mark.slow
 def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settings, undrawn, monkeypatch):
     titles = []
-    monkeypatch.setattr(glove_pages, "GRASPED", "telephone")
+    monkeypatch.setattr(glove_report, "GRASPED", "telephone")
     monkeypatch.setattr(glove_figures, "tactile_images", lambda *given: titles.append(given[-1]))
     write_glove(settings)
     run_render("glove", settings, monkeypatch)
@@ -293,7 +293,7 @@ def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
     write_glove(settings)
     target = run_render("glove", settings, monkeypatch)
     readme = (target / "accuracy" / "README.md").read_text()
-    assert "cannot be compared without" in readme and "nan" not in readme
+    assert "is not among the models of params.yaml" in readme and "nan" not in readme
     listed = {line.split("[")[1].split("]")[0] for line in readme.splitlines() if line.startswith("- [")}
     assert listed == {path.name for path in (target / "accuracy").glob("*.png")}
     if "sp_resnet" in models:
@@ -310,67 +310,39 @@ def written_scores(settings, values):
     ]
     paths.scores("glove").parent.mkdir(parents=True)
     pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove"), index=False)
-    return results.Scores("glove", settings), glove_report.main_protocols(settings)
+    return results.Scores("glove", settings), glove_results.main_protocols(settings)
 
 
-@pytest.mark.parametrize(
-    ("pressure", "combined", "words"),
-    [
-        # gains of 5 and 5.1 points, although both levels move by about one
-        ([0.90, 0.891], [0.95, 0.942], "add 5.05 [4.41, 5.69] points to pressure, the better single one"),
-        ([0.90, 0.891], [0.95, 0.942], "(paper: 4.33, outside the interval): reproduced"),
-        ([0.90, 0.891], [0.85, 0.842], "(paper: 4.33, outside the interval): not reproduced"),
-        ([0.90, 0.90], [0.90, 0.95], "(paper: 4.33, inside the interval): undecided"),
-    ],
-)
-def test_fusion_is_judged_by_its_paired_interval(root, settings, pressure, combined, words):
-    values = {("session_pressure", "sp_resnet"): pressure, ("session_combined", "sp_resnet"): combined}
-    values["session_strain", "sp_resnet"] = [0.7, 0.8]
-    scores, protocols = written_scores(settings, values)
-    assert words in glove_findings.fusion_sentences(scores, settings, protocols)[0]
-
-
-def test_attention_and_the_other_models_are_compared_by_seed(root, settings):
+def test_fusion_and_the_place_of_sp_resnet_are_compared_by_seed(root, settings):
     values = {
-        ("session_combined", "sp_resnet"): [0.80, 0.90],
-        ("session_combined", "sp_resnet_nogcam"): [0.79, 0.89],
-        ("session_strain", "sp_resnet"): [0.80, 0.90],
-        ("session_strain", "sp_resnet_nogcam"): [0.82, 0.92],
+        ("session_pressure", "sp_resnet"): [0.90, 0.891],
+        ("session_strain", "sp_resnet"): [0.7, 0.8],
+        ("session_combined", "sp_resnet"): [0.95, 0.942],
+        ("session_combined", "resnet18"): [0.97, 0.96],
     }
     scores, protocols = written_scores(settings, values)
-    (line,) = glove_findings.attention_sentences(scores, settings, protocols)
-    assert "combined 1.00 [1.00, 1.00] points (paper: 0.47): reproduced" in line
-    assert "strain -2.00 [-2.00, -2.00] points (paper: 0.22): not reproduced" in line
-    assert "pressure 0.00 [0.00, 0.00] points (paper: 0.32): undecided" in line
-    (line,) = glove_findings.attention_sentences(scores, settings | {"models": {"sp_resnet": {}}}, protocols)
-    assert "cannot be compared without sp_resnet_nogcam" in line
+    (line,) = glove_report.fusion_sentences(scores, settings, protocols)
+    assert (
+        "SP-ResNet 5.05 [4.41, 5.69] (paper: 4.33)" in line and "Naive Bayes 0.00 [0.00, 0.00] (paper: -3.69)" in line
+    )
+    (line,) = glove_report.place_sentences(scores, settings, protocols["combined"])
+    assert "number 2 of 4 networks" in line and "ResNet-18 1.90 [0.63, 3.17], MobileNet -44.60" in line
+    assert glove_report.place_sentences(scores, settings | {"models": {"sp_resnet": {}}}, protocols["combined"]) == []
 
 
-@pytest.mark.parametrize(
-    ("levels", "said"),
-    [
-        ({"resnet18": 0.9, "mobilenet": 0.6, "resnet3x3": 0.5}, "number 2 of 4 networks"),
-        ({"resnet18": 0.9, "mobilenet": 0.6, "resnet3x3": 0.5}, "points: reproduced"),
-        ({"resnet18": 0.9, "mobilenet": 0.95, "resnet3x3": 0.5}, "points: not reproduced"),
-        ({"resnet18": 0.6, "mobilenet": 0.6, "resnet3x3": 0.5}, "points: not reproduced"),
-        ({"resnet18": 0.9, "mobilenet": 0.8, "resnet3x3": 0.5}, "points: undecided"),
-    ],
-)
-def test_second_best_and_lowest_cost(root, settings, levels, said):
-    values = {("session_combined", model): [level, level + 0.01] for model, level in levels.items()}
-    values["session_combined", "sp_resnet"] = [0.8, 0.81 if "undecided" not in said else 0.82]
-    scores, protocols = written_scores(settings, values)
-    cheapest = {
-        30: "MobileNet has the fewest multiply-accumulates (20; SP-ResNet 30): not reproduced",
-        5: "SP-ResNet has the fewest multiply-accumulates (5; next is MobileNet, 20): reproduced",
-    }
-    for cost, verdict in cheapest.items():
-        own = glove_report.like_with_like(counts_table(cost))
-        lines = glove_findings.second_best_sentences(scores, settings, protocols["combined"], own)
-        assert said in lines[0] and verdict in lines[1]
+def test_verdicts_of_the_report_are_those_of_the_claims(root, settings, undrawn, monkeypatch):
+    write_glove(settings)
+    target = run_render("glove", settings, monkeypatch)
+    values = load() | {"glove": settings}
+    evidence = Evidence(values)
+    lines = {claim_sentence(claim, evidence) for claim in glove_verdicts.claims() if claim.data == "simulated"}
+    readme = (target / "accuracy" / "README.md").read_text()
+    judged = {line for line in readme.splitlines() if line.startswith("- ") and JUDGED.search(line)}
+    assert judged <= lines and len(judged) == 41
+    assert {JUDGED.search(line)[0] for line in judged} == {": reproduced", ": not reproduced"}
 
 
-def test_best_order_baselines_and_optimism_follow_the_scores(root, settings):
+def test_best_order_and_optimism_follow_the_scores(root, settings):
     levels = {"naive_bayes": 0.9, "tree": 0.3, "resnet18": 0.8, "mobilenet": 0.7, "resnet3x3": 0.6, "sp_resnet": 0.65}
     values = {("session_strain", model): [level, level + 0.01] for model, level in levels.items()}
     values |= {("random_frames_strain", model): [level + 0.05] for model, level in levels.items()}
@@ -379,31 +351,17 @@ def test_best_order_baselines_and_optimism_follow_the_scores(root, settings):
     strain = [
         line
         for found in (
-            glove_findings.best_sentences(scores, settings, protocols),
-            glove_findings.order_sentences(scores, settings, protocols),
-            glove_findings.baseline_sentences(scores, settings, protocols),
-            glove_findings.optimism_sentences(scores, settings),
+            glove_report.best_sentences(scores, settings, protocols),
+            glove_report.order_sentences(scores, settings, protocols),
+            glove_report.optimism_sentences(scores, settings),
         )
         for line in found
         if "strain" in line.lower()
     ]
-    best, order, baselines, optimism = strain[:4]
+    best, order, optimism = strain[:3]
     assert "Naive Bayes is best with 90.50" in best and "not told apart" not in best
     assert "Order, strain: Naive Bayes, ResNet-18, MobileNet, SP-ResNet, ResNet_3x3" in order
-    assert "every network beats both is not reproduced" in baselines and "-30.00 [-30.00, -30.00]" in baselines
     assert "0.00 (SP-ResNet (no GCAM)) to 59.50 points (Decision tree)" in optimism
-
-
-def test_augmentation_verdicts_follow_the_paired_gains():
-    values = {(method, d): [0.8, 0.9] for method in glove_report.METHODS for d in images.MODALITIES}
-    values |= {("A", "strain"): [0.81, 0.91], ("C", "pressure"): [0.79, 0.89], ("B", "pressure"): [0.81, 0.91]}
-    values |= {("B", "strain"): [0.79, 0.89], ("all", "combined"): [0.9, 0.9]}
-    flip, noise, affine, every = glove_findings.augmentation_sentences(values)
-    assert "strain 1.00 [1.00, 1.00] points (paper: 0.03): reproduced" in flip
-    assert "pressure -1.00 [-1.00, -1.00] points (paper: 1.81): not reproduced" in affine
-    assert "pressure 1.00 [1.00, 1.00] points (paper: 0.00): not reproduced" in noise  # it does add something
-    assert "strain -1.00 [-1.00, -1.00] points (paper: 0.00): reproduced" in noise
-    assert "combined 5.00 [-58.53, 68.53] points (paper: 1.29): undecided" in every
 
 
 def confusions(confused, images_each=50):
@@ -423,27 +381,15 @@ def test_pairs_are_found_by_name_in_both_directions():
     strain = {("full_bottle_1", "full_bottle_2"): 10, ("mobile_phone", "toy"): 3, ("toy", "empty_bottle"): 2}
     strain |= {("mobile_phone", "paper_roll"): 2, ("full_bottle_2", "empty_bottle"): 1}
     counts = confusions({"pressure": {("toy", "paper_roll"): 20, ("paper_roll", "toy"): 5}, "strain": strain})
-    paper, *bottles = glove_findings.pair_sentences(counts, OBJECTS)
+    (paper,) = glove_report.pair_sentences(counts, OBJECTS, "pressure", ("paper_roll", "toy"))
     assert "`paper_roll` is named `toy` in 10.00 [10.00, 10.00] % of its images" in paper
-    assert "`toy` `paper_roll` in 40.00" in paper and "rank 1 of 15 pairs" in paper
-    assert "above an average pair: reproduced. Combined: 0.00 % of both." in paper
-    empty_1, empty_2, full = bottles
-    assert "`empty_bottle` and `full_bottle_1`" in empty_1 and "not reproduced" in empty_1
-    assert "rank 5 of 15 pairs" in empty_2 and "not reproduced" in empty_2
-    assert "rank 1 of 15" in full and ": reproduced." in full
-    lines = glove_findings.confused_sentences(counts, OBJECTS)
+    assert "`toy` `paper_roll` in 40.00 [40.00, 40.00] %. Combined: 0.00 % of both." in paper
+    lines = glove_report.confused_sentences(counts, OBJECTS)
     assert lines[0].endswith("name): `paper_roll` and `toy` 25.00 %.")
     assert "`full_bottle_1` and `full_bottle_2` 10.00 %, `mobile_phone` and `toy` 3.00 %, " in lines[1]
     assert lines[2].endswith("no pair.")
     renamed = ["a", *OBJECTS[1:]]
-    assert "there is no object empty_bottle" in glove_findings.pair_sentences(counts, renamed)[1]
-
-
-def test_a_pair_that_is_rare_among_many_is_not_called_confused():
-    counts = confusions({"pressure": {("empty_bottle", "toy"): 9}})
-    assert ": not reproduced. Combined" in glove_findings.pair_sentences(counts, OBJECTS)[0]
-    one_run = {dataset: runs[:1] for dataset, runs in counts.items()}
-    assert ": undecided. Combined" in glove_findings.pair_sentences(one_run, OBJECTS)[0]
+    assert glove_report.pair_sentences(counts, renamed, "strain", ("empty_bottle", "toy")) == []
 
 
 def by_frames(levels):
@@ -457,26 +403,18 @@ def by_frames(levels):
     return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "unit", "value", "n"])
 
 
-@pytest.mark.parametrize(
-    ("other", "words"),
-    [
-        ([0.6, 0.7, 0.75], "in the mean at 3 of 3, by (1: 10.00 [10.00, 10.00], 2: 10.00"),
-        ([0.6, 0.7, 0.75], "points): reproduced"),
-        ([0.6, 0.7, 0.9], "points): not reproduced"),
-        ([0.6, 0.7, 0.8], "points): undecided"),
-    ],
-)
-def test_always_above_means_at_every_number_of_frames(other, words):
-    table = by_frames({"sp_resnet": [0.7, 0.8, 0.8], "resnet3x3": other})
-    more, above = glove_findings.frames_sentences({"combined": table})
-    assert "SP-ResNet from 70.50" in more and "a gain of 10.00 [10.00, 10.00] points: reproduced" in more
-    assert words in above
+def test_the_lead_is_said_at_every_number_of_frames():
+    table = by_frames({"sp_resnet": [0.7, 0.8, 0.8], "resnet3x3": [0.6, 0.7, 0.75]})
+    (line,) = glove_report.frames_sentences("combined", table)
+    assert "with 1 to 3 input frames, combined: SP-ResNet 70.50 [64.15, 76.85] to 80.50" in line
+    assert "(points): 1: 10.00 [10.00, 10.00], 2: 10.00 [10.00, 10.00], 3: 5.00 [5.00, 5.00]." in line
+    assert glove_report.frames_sentences("STAG", table.iloc[:0]) == []
 
 
 def test_scores_by_frames_are_those_of_the_mean_answer(root, settings):
     write_glove(settings)
     table = results.read_windows("glove")
-    found = glove_report.scores_by_frames(table, "session_combined", settings, ["sp_resnet"])
+    found = glove_results.scores_by_frames(table, "session_combined", settings, ["sp_resnet"])
     assert sorted(set(found["frames"])) == [1, 2, 3]  # sessions have three images
     predicted = results.read_predictions("glove", "sp_resnet", "session_combined", 1, table)
     test = np.isfinite(predicted).all(axis=1)
@@ -521,9 +459,13 @@ def test_recorded_report(root, recorded, monkeypatch):
 @pytest.mark.parametrize(
     ("pressure", "combined", "words"),
     [
-        ((0.80, 0.802), (0.95, 0.96), ["75 % is reached (", "Pressure adds 5.00 [5.00, 5.00] points: it helps"]),
-        ((0.70, 0.702), (0.85, 0.86), ["missed by 4.9 points (", "points: it harms"]),
-        ((0.70, 0.90), (0.90, 0.96), ["reached in the mean; the interval includes it", "points: undecided"]),
+        ((0.80, 0.802), (0.95, 0.96), ["75 % is reached (", "Pressure adds 5.00 [5.00, 5.00] points."]),
+        ((0.70, 0.702), (0.85, 0.86), ["missed by 4.9 points (", "Pressure adds -5.00 [-5.00, -5.00] points."]),
+        (
+            (0.70, 0.90),
+            (0.90, 0.96),
+            ["reached in the mean; the interval includes it", "Pressure adds 2.50 [-29.27, 34.27] points."],
+        ),
     ],
 )
 def test_recorded_verdicts(root, recorded, pressure, combined, words):
@@ -550,7 +492,8 @@ def test_recorded_verdicts(root, recorded, pressure, combined, words):
 
 
 def test_published_tables_are_read():
-    paper = glove_report.published()
-    assert paper["sp_resnet", "combined"] == 95.5 and paper["none", "strain"] == 88.25
-    assert len(paper) == 3 * (len(glove_report.PRINTED) + len(glove_report.METHODS))
-    assert glove_findings.published_fusion("sp_resnet") == pytest.approx(4.33)
+    assert published.precision("sp_resnet", "combined") == 95.5 and published.precision("none", "strain") == 88.25
+    models = (*published.PRINTED["sp_resnet"], *published.METHODS)
+    assert np.isfinite([published.precision(model, dataset) for model in models for dataset in images.MODALITIES]).all()
+    assert np.isnan(published.precision("constant", "strain"))
+    assert published_fusion("sp_resnet") == pytest.approx(4.33)

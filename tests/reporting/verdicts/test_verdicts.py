@@ -9,22 +9,9 @@ from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.datasets.images import MODALITIES
-from pipeline.reporting import glove as glove_report
-from pipeline.reporting.strain import published
-from pipeline.reporting.verdicts import (
-    glove as glove_verdicts,
-)
-from pipeline.reporting.verdicts import (
-    rules,
-)
-from pipeline.reporting.verdicts import (
-    strain as strain_verdicts,
-)
-from pipeline.reporting.verdicts import (
-    touch as touch_verdicts,
-)
+from pipeline.reporting.verdicts import glove_measures, rules, strain_measures, touch_measures
 from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
-from pipeline.scoring import results
+from pipeline.scoring import glove_results, published, results
 from pipeline.stages import judge
 
 VALUES = params.load()
@@ -56,7 +43,7 @@ def touch(**changed):
     """Errors (kPa) in which all that the paper says of LoMP is true, but for `changed`: model_condition=level."""
 
     def level(protocol, condition, model, metric):
-        learned = model in touch_verdicts.LEARNED
+        learned = model in touch_measures.LEARNED
         if metric == "touches_found":
             found = {"lomp": 0.9, "cnn": 0.5, "convlstm": 0.6, "rnn": 0.2}.get(model, 0.1)
             return changed.get(f"{model}_found", found)
@@ -159,12 +146,13 @@ def test_few_samples_are_judged_by_the_study():
 
 
 def test_training_times_and_parameters():
-    printed = published()
     for ours, verdict in ((11450, REPRODUCED), (11451, NOT_REPRODUCED)):
         fits = [results.Fit("max_epochs", 1, 1, ours, pd.DataFrame())]
         key = "parameters-lstm_direct-task_1"
         assert judged(key, strain() | {("fits", "strain", "lstm_direct", "task_1"): fits}).verdict == verdict
-    ratio = printed["lstm_direct", "task_1", "training time"] / printed["lstm_transfer", "task_1", "training time"]
+    ratio = published.latent("lstm_direct", "task_1", "training time") / published.latent(
+        "lstm_transfer", "task_1", "training time"
+    )
     for factor, verdicts in ((ratio, [REPRODUCED] * 2), (0.5, [NOT_REPRODUCED] * 2)):
         given = strain()
         for model, times in (("lstm_direct", factor), ("lstm_transfer", 1.0)):
@@ -216,14 +204,14 @@ def test_glove_verdicts_turn_with_the_scores(key, changed, word):
 
 def test_fusion_is_the_gain_of_the_report():
     given = glove()
-    ours = glove_verdicts.fusion(Evidence(VALUES, given), "sp_resnet")
+    ours = glove_measures.fusion(Evidence(VALUES, given), "sp_resnet")
     pair = (("session_combined", "sp_resnet"), ("session_pressure", "sp_resnet"))
-    theirs = glove_report.gain(given["scores", "glove"], *pair)
+    theirs = glove_results.gain(given["scores", "glove"], *pair)
     assert results.estimate(ours) == pytest.approx(theirs)
 
 
 def test_augmentation_helps_or_not():
-    values = {(m, d): [0.80, 0.81, 0.82] for m in glove_report.METHODS for d in ("pressure", "strain", "combined")}
+    values = {(m, d): [0.80, 0.81, 0.82] for m in published.METHODS for d in ("pressure", "strain", "combined")}
     for gain, helps, useless in ((0.05, REPRODUCED, NOT_REPRODUCED), (-0.05, NOT_REPRODUCED, REPRODUCED)):
         values["A", "strain"] = values["B", "strain"] = [value + gain for value in values["none", "strain"]]
         values["A", "strain"][0] += 0.001  # some spread
@@ -391,7 +379,7 @@ def test_the_list_of_claims():
 
 def test_a_paragraph_is_printed_only_where_a_claim_is_not_reproduced():
     def claim(key, judge, why):
-        return Claim("lomp", key, f"Sentence {key}.", "I", "kPa", judge, 1.0, why=why)
+        return Claim("lomp", key, "I", "kPa", f"Sentence {key}.", judge, 1.0, why=why)
 
     good, bad = pd.Series([1.0, 1.1, 0.9]), pd.Series([-1.0, -1.1, -0.9])
     listed = [
@@ -446,7 +434,7 @@ def times(less):
 
 def read_off(task, target, r2):
     """`target` is read from the latent space with this R2."""
-    rows = [(task, strain_verdicts.LATENT, target, seed, r2 + 1e-6 * seed) for seed in (0, 1, 2)]
+    rows = [(task, strain_measures.LATENT, target, seed, r2 + 1e-6 * seed) for seed in (0, 1, 2)]
     return strain() | {("study", "drift"): pd.DataFrame(rows, columns=["protocol", "input", "target", "seed", "value"])}
 
 
@@ -481,7 +469,7 @@ MARGINS = [
     ("lstm-drift-recorded", "(10 %)", 0.1, lambda share: above("strain_recorded", "lstm_direct", share, "across_")),
     *(
         (f"drift-free-{target.replace(' ', '-')}-{task}", "(R2 below 0.1)", 0.1, partial(read_off, task, target))
-        for task in strain_verdicts.TASKS
+        for task in strain_measures.TASKS
         for target in ("true drift", "elapsed time")
     ),
     *((f"augmentation-B-{dataset}", "(a gain below 0.5 points)", 0.5, noise_gain) for dataset in MODALITIES),
@@ -504,10 +492,10 @@ def test_few_samples_are_at_most_the_tenth_that_the_sentence_names(size, counts)
     frame = pd.DataFrame({"samples": [size, 10_000]})
     evidence = Evidence(VALUES, strain() | {("study", "samples"): frame})
     if counts:
-        assert strain_verdicts.few(evidence) == [size]
+        assert strain_measures.few(evidence) == [size]
     else:
         with pytest.raises(rules.NotTestable, match="no training set of a tenth"):
-            strain_verdicts.few(evidence)
+            strain_measures.few(evidence)
 
 
 @pytest.mark.parametrize(("rank", "verdict"), [(3, REPRODUCED), (4, NOT_REPRODUCED)])
@@ -541,12 +529,12 @@ def test_pressure_is_high_above_200_kpa_on_single_touches_of_the_test_part(monke
     cells = settings["label"]["map_rows"] * settings["label"]["map_cols"]
     maps = np.zeros((len(kpa), cells), np.float32)
     maps[:, 7] = kpa - off * [1, 1, -1, 1, 1, 1]
-    monkeypatch.setattr(touch_verdicts, "read_predictions", lambda *run: maps)
+    monkeypatch.setattr(touch_measures, "read_predictions", lambda *run: maps)
     evidence = Evidence(VALUES, touch() | {("table", "touch"): table})
-    found = touch_verdicts.high_pressure_error(evidence, "rnn")
+    found = touch_measures.high_pressure_error(evidence, "rnn")
     assert list(found.index) == seeds and found.to_numpy() == pytest.approx(30.0, abs=1e-3)
     text = (ROOT / "reports" / "claims.md").read_text()
-    assert f"Error of the peak above {touch_verdicts.HIGH_KPA:.0f} kPa" in text and touch_verdicts.HIGH_KPA == 200
+    assert f"Error of the peak above {touch_measures.HIGH_KPA:.0f} kPa" in text and touch_measures.HIGH_KPA == 200
 
 
 def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch):
@@ -590,4 +578,4 @@ def test_strands_are_redundant_where_they_move_together():
         voltage = np.concatenate([first, second]).astype(np.float32)
         table = pa.table({"condition": names, "v": schemas.lists(voltage, pa.float32())})
         assert judged("redundant-strands", strain() | {("table", "strain"): table}).verdict == verdict
-    assert strain_verdicts.BLOCKS > 2
+    assert strain_measures.BLOCKS > 2

@@ -1,0 +1,185 @@
+"""Read and derive the results on tactile images: counts, augmentation, confusions, scores by number of frames.
+
+Scores are fractions in files; a difference of two of them is in points.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
+from pipeline.datasets.images import MODALITIES, classes, modality, split_name
+from pipeline.scoring import classification
+from pipeline.scoring.published import METHODS
+from pipeline.scoring.results import Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions, shown
+
+NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
+BASELINES = ("naive_bayes", "tree")
+COMPARED = ("sp_resnet", "resnet3x3")  # by number of input frames, figure 15
+MOST_CONFUSED = 3  # pairs that are listed; one that the paper names must be among them
+
+
+def read_counts() -> pd.DataFrame:
+    """Read counts.csv: multiply-accumulates and parameters."""
+    names = ["model", "input_shape", "classes", "macs", "params", "published_macs", "published_params", "verdict"]
+    return read_csv(paths.REPORTS / "counts.csv", [*names, "note"], "python -m pipeline.studies.counts")
+
+
+def like_with_like(counts: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of counts.csv at the shape that is trained here, by model."""
+    return counts[counts["published_macs"].isna()].set_index("model")
+
+
+def read_augmentation(settings: Mapping, metric: str) -> dict[tuple[str, str], list[float]]:
+    """Read (method, dataset) -> one fraction per seed of `augmentation.seeds`; settings: the block `glove`.
+
+    `all` is the model as Table 1 has it. Raises InputError that names a missing row.
+    """
+    block, made_by = settings["augmentation"], "python -m pipeline.studies.augmentation glove"
+    protocols = {dataset: f"{block['split']}_{dataset}" for dataset in MODALITIES}
+    path = paths.augmentation("glove")
+    table = read_csv(path, ["method", "protocol", "seed", "metric", "value"], made_by)
+    written = {(row.method, row.protocol, int(row.seed), row.metric): row.value for row in table.itertuples()}
+    same_seeds = {protocol: {"seeds": block["seeds"]} for protocol in protocols.values()}
+    complete = Scores("glove", {"protocols": same_seeds})
+    values = {}
+    for dataset, protocol in protocols.items():
+        for method in METHODS:
+            if method == "all":
+                values[method, dataset] = complete.runs(protocol, dataset, block["model"], metric)
+                continue
+            for seed in block["seeds"]:
+                if (method, protocol, seed, metric) not in written:
+                    raise InputError(
+                        f"{shown(path)}: no row for method {method}, protocol {protocol}, seed {seed}, metric "
+                        f"{metric}; run `{made_by}` again"
+                    )
+            values[method, dataset] = [written[method, protocol, seed, metric] for seed in block["seeds"]]
+    return values
+
+
+def read_stag() -> pd.DataFrame:
+    """Read scores on the STAG data set by number of input frames; no row where the user has named no file."""
+    names = ["model", "seed", "frames", "metric", "value"]
+    return read_csv(paths.stag("glove"), names, "python -m pipeline.studies.stag glove")
+
+
+def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fit]]]:
+    """Read network -> protocol -> one fit per seed."""
+    return {
+        model: {
+            protocol: [read_fit(experiment, model, protocol, seed) for seed in block["seeds"]]
+            for protocol, block in settings["protocols"].items()
+        }
+        for model, model_block in settings["models"].items()
+        if "training" in model_block
+    }
+
+
+def read_confusions(
+    experiment: str, settings: Mapping, table: pa.Table, models: Mapping[str, str]
+) -> dict[str, np.ndarray]:
+    """Count dataset -> (runs, classes, classes) test images of the main split; failed runs are left out.
+
+    table: the dataset's; models: dataset -> the model that is asked.
+    """
+    protocols, confusions = main_protocols(settings), {}
+    truth = np.eye(len(classes(table)))[table["label"].to_numpy()]
+    for dataset, model in models.items():
+        runs = []
+        for seed in settings["protocols"][protocols[dataset]]["seeds"]:
+            predicted = read_predictions(experiment, model, protocols[dataset], seed, table)
+            rows = np.isfinite(predicted).all(axis=1)
+            if rows.any():
+                runs.append(classification.confusion(truth[rows], predicted[rows]))
+        confusions[dataset] = np.array(runs).reshape(-1, truth.shape[1], truth.shape[1])
+    return confusions
+
+
+def pair_shares(counts: np.ndarray) -> np.ndarray:
+    """Return (classes, classes) in %: of the images of two objects, how many were given the other's name.
+
+    counts: (classes, classes) images of one run or of several together.
+    """
+    images = counts.sum(axis=1)
+    both = images[:, None] + images
+    return 100 * np.divide(counts + counts.T, both, out=np.zeros(counts.shape), where=both > 0)
+
+
+def ranked_pairs(counts: np.ndarray) -> list[tuple[int, int]]:
+    """Return all pairs of classes, the most confused first."""
+    shares = pair_shares(counts)
+    first, second = np.triu_indices(len(shares), 1)
+    return [(int(first[k]), int(second[k])) for k in np.argsort(-shares[first, second], kind="stable")]
+
+
+def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: Sequence[str]) -> pd.DataFrame:
+    """Score the mean answer to 1 .. MOST_FRAMES images of a test session; columns as in stag.csv.
+
+    table: the dataset's. Fewer, where an object has no test session that long; shorter sessions than the most frames
+    are left out at every number of frames, so that all numbers are of the same sessions.
+    """
+    label = table["label"].to_numpy()
+    names = np.char.add(np.char.add(schemas.names(table["condition"]), "/"), schemas.names(table["recording"]))
+    _, session, images = np.unique(names, return_inverse=True, return_counts=True)
+    tests = {
+        seed: np.flatnonzero(schemas.names(table[schemas.split_column(protocol, seed)]) == "test")
+        for seed in settings["protocols"][protocol]["seeds"]
+    }
+    longest = [images[session[test[label[test] == k]]].max() for test in tests.values() for k in set(label[test])]
+    most = min(classification.MOST_FRAMES, *longest)
+    rows = []
+    for model in models:
+        for seed, test in tests.items():
+            predicted = read_predictions("glove", model, protocol, seed, table)
+            failed = not np.isfinite(predicted[test]).all()
+            used = test[images[session[test]] >= most]
+            for frames in range(1, most + 1):
+                first, mean = classification.by_frames(predicted[used], session[used], frames)
+                truth = np.eye(predicted.shape[1])[label[used[first]]]
+                for metric, unit, value, n in classification.scores(truth, mean):
+                    rows.append((model, seed, frames, metric, unit, np.nan if failed else value, n))
+    return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "unit", "value", "n"])
+
+
+def splits(settings: Mapping) -> dict[str, list[str]]:
+    """Return split -> its protocols, the first being the main one."""
+    by_split = {}
+    for protocol in settings["protocols"]:
+        by_split.setdefault(split_name(protocol), []).append(protocol)
+    return by_split
+
+
+def main_protocols(settings: Mapping) -> dict[str, str]:
+    """Return dataset -> its protocol in the main split."""
+    return {modality(protocol): protocol for protocol in next(iter(splits(settings).values()))}
+
+
+def score(scores: Scores, protocol: str, model: str, metric: str = "macro_precision") -> Estimate:
+    """Return mean and interval over the seeds of one protocol, in percent."""
+    return scores.estimate(protocol, modality(protocol), model, metric).percent()
+
+
+def gain(scores: Scores, one: tuple[str, str], other: tuple[str, str], metric: str = "macro_precision") -> Estimate:
+    """Return how far `one` is above `other` in points, paired by seed; each is (protocol, model)."""
+    values = [
+        dict(zip(scores.protocols[p]["seeds"], scores.runs(p, modality(p), model, metric), strict=True))
+        for p, model in (one, other)
+    ]
+    return estimate([100 * (values[0][seed] - values[1][seed]) for seed in values[0] if seed in values[1]])
+
+
+def ranked(scores: Scores, settings: Mapping, protocol: str, metric: str = "macro_precision") -> dict[str, Estimate]:
+    """Return the models without a failed run, the best first, in percent."""
+    estimates = {model: score(scores, protocol, model, metric) for model in settings["models"]}
+    good = [model for model, value in estimates.items() if value.runs and not value.failed]
+    return {model: estimates[model] for model in sorted(good, key=lambda model: -estimates[model].mean)}
+
+
+def augmentation_gain(values: Mapping[tuple[str, str], list[float]], method: str, dataset: str) -> Estimate:
+    """Return what a method adds to training without any, in points, paired by seed; values: see read_augmentation."""
+    return estimate(100 * (np.array(values[method, dataset]) - np.array(values["none", dataset])))

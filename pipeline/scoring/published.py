@@ -1,0 +1,97 @@
+"""Read the numbers that the three papers print: published.csv, under the names that models and data have here."""
+
+from decimal import Decimal
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+PUBLISHED = Path(__file__).with_name("published.csv")
+PRINTED = {  # paper -> models as it prints them; a model that is not listed has no published number
+    "lomp": {
+        "linear": "Linear Regression",
+        "poly": "Polynomial Regression",
+        "tree": "Decision Tree Regression",
+        "rbf": "RBF-Net",
+        "cnn": "CNN",
+        "vgg": "VGG-16",
+        "convlstm": "ConvLSTM",
+        "rnn": "RNN",
+        "lomp": "LoMP",
+    },
+    "latent": {"lstm_direct": "Direct training", "lstm_transfer": "Transfer learning"},
+    "sp_resnet": {
+        "naive_bayes": "Naive Bayes",
+        "tree": "Decision Tree",
+        "resnet18": "ResNet-18",
+        "mobilenet": "MobileNet",
+        "resnet3x3": "ResNet_3x3",
+        "sp_resnet_nogcam": "SP-ResNet (no GCAM)",
+        "sp_resnet": "SP-ResNet",
+    },
+}
+METHODS = {  # of augmentation, as augmentation.csv and SP-ResNet's Table 2 call them
+    "none": "no augmentation",
+    "A": "only A (flip)",
+    "B": "only B (noise)",
+    "C": "only C (affine)",
+    "all": "all",
+}
+CONDITIONS = {"single touch": "single", "double touch": "double", "single touch (GTX 1070)": "single"}
+CONDITIONS |= {"task 1": "task_1", "task 2": "task_2"}
+COUNTS = {"multiply-accumulates": "macs", "parameters": "params"}
+
+
+@cache
+def _rows(paper: str) -> dict[tuple[str, str, str], tuple[str, str]]:
+    """(model or augmentation method, condition, metric) -> value and unit, as text: 116.90 has two decimals."""
+    table = pd.read_csv(PUBLISHED, dtype=str)
+    names = {printed: key for key, printed in PRINTED[paper].items()}
+    names |= {printed: key for key, printed in METHODS.items() if paper == "sp_resnet"}
+    return {
+        (names[row.model], CONDITIONS.get(row.condition, row.condition), row.metric): (row.value, row.unit)
+        for row in table[table["paper"] == paper].itertuples()
+    }
+
+
+def number(paper: str, model: str, condition: str, metric: str) -> float:
+    """Return the number that a paper prints for a model, NaN where there is none."""
+    value, _ = _rows(paper).get((model, condition, metric), (np.nan, ""))
+    return float(value)
+
+
+def rmse(model: str, condition: str = "single") -> float:
+    """Return the error in kPa of LoMP's Table I; condition: single or double."""
+    return number("lomp", model, condition, "RMSE")
+
+
+def time_ms(model: str) -> float:
+    """Return the time of a prediction in ms of LoMP's Table II, measured on a GTX 1070."""
+    return number("lomp", model, "single", "inference time")
+
+
+def latent(model: str, task: str, metric: str) -> float:
+    """Return a number of the latent-space paper's Table I: parameters, training time (s) or test error (mm)."""
+    return number("latent", model, task, metric)
+
+
+def precision(model: str, dataset: str) -> float:
+    """Return the precision in % of SP-ResNet's Tables 1 and 2; model: also a method of augmentation."""
+    return number("sp_resnet", model, dataset, "precision")
+
+
+def precision_gain(method: str, dataset: str) -> float:
+    """Return the points that an augmentation method adds to training without any in SP-ResNet's Table 2."""
+    return precision(method, dataset) - precision("none", dataset)
+
+
+def counts() -> dict[tuple[str, str], tuple[Decimal, int]]:
+    """Return (model, `macs` or `params`) -> the count as SP-ResNet's Table 1 prints it, and its unit."""
+    rows = _rows("sp_resnet")
+    return {
+        (model, key): (Decimal(rows[model, "any", metric][0]), int(float(rows[model, "any", metric][1])))
+        for model in PRINTED["sp_resnet"]
+        for metric, key in COUNTS.items()
+        if (model, "any", metric) in rows
+    }

@@ -1,0 +1,45 @@
+"""Read the studies of the latent space, and how errors on strain sensors change with time since training."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from pipeline.base import paths
+from pipeline.datasets import schemas
+from pipeline.scoring.results import read_csv, read_predictions
+
+STUDY = "python -m pipeline.studies.latent strain"
+TIME_BINS = 10  # of the test part
+
+
+def read_study(name: str) -> pd.DataFrame:
+    """Read a table of the study of the latent space: samples, drift or capacity."""
+    path = paths.experiment_folder("strain") / "study" / f"{name}.csv"
+    return read_csv(path, ["protocol", "seed", "value"], STUDY)
+
+
+def read_latents() -> pd.DataFrame:
+    """Read t_s and the states of model-0 on task 2."""
+    return read_csv(paths.experiment_folder("strain") / "study" / "latents.csv", ["t_s"], STUDY)
+
+
+def mean_error(truth: np.ndarray, guess: np.ndarray) -> float:
+    """Return the mean distance in mm over the predicted outputs; truth, guess: (n, 3), NaN where not predicted."""
+    asked = np.isfinite(guess).any(axis=0)
+    return float(np.linalg.norm((guess - truth)[:, asked], axis=1).mean())
+
+
+def tested_rows(settings: Mapping, table: pa.Table, task: str) -> np.ndarray:
+    """Return the rows of the dataset that the first seed of a task tests on; all seeds have the same."""
+    column = schemas.split_column(task, settings["protocols"][task]["seeds"][0])
+    return np.flatnonzero(schemas.names(table[column]) == "test")
+
+
+def errors_by_time(settings: Mapping, table: pa.Table, task: str, model: str) -> np.ndarray:
+    """Return the mean error in mm, (seeds, TIME_BINS), in equal parts of the test part, in the order of time."""
+    truth = schemas.matrix(table["y"])
+    parts = np.array_split(tested_rows(settings, table, task), TIME_BINS)
+    runs = [read_predictions("strain", model, task, seed, table) for seed in settings["protocols"][task]["seeds"]]
+    return np.array([[mean_error(truth[part], run[part]) for part in parts] for run in runs])
