@@ -217,6 +217,7 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
     assert not any(row[0] == "Constant (mean)" and len(row) == 5 for row in rows)  # the paper has no time of it
 
 
+@pytest.mark.slow
 def test_a_double_touch_result_against_lomp_is_said_plainly(root, settings, undrawn, monkeypatch):
     write_touch(settings)
 
