@@ -85,6 +85,7 @@ def run(monkeypatch):
     return results
 
 
+@pytest.mark.slow
 def test_tasks_run_with_one_thread_and_give_what_they_return(run):
     found, bar = run(square, {key: (key,) for key in range(5)})
     assert found == {key: (key * key, "1") for key in range(5)} and bar.n == 5

@@ -109,6 +109,7 @@ def test_operations_of_each_layer_by_hand():
         torch.testing.assert_close(value, before[name], rtol=0, atol=0)
 
 
+@pytest.mark.slow
 def test_counts_csv(tmp_path):
     count(8, tmp_path / "reports" / "counts.csv")
     with open(tmp_path / "reports" / "counts.csv", newline="") as file:

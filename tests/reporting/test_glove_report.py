@@ -246,6 +246,7 @@ def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
     assert "Pressure: runs failed for SP-ResNet." in readme and "SP-ResNet is best" not in readme
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "named"),
     [

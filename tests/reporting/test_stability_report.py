@@ -134,6 +134,7 @@ def test_the_report_is_the_same_in_every_run(root):
     assert content() == content()
 
 
+@pytest.mark.slow
 def test_a_failed_run_is_named(root, monkeypatch):
     legends = []
     monkeypatch.setattr(stability_figures, "save", lambda figure, path: legends.append(figure.legends[0].get_texts()))

@@ -229,6 +229,7 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
         ({"lomp": np.nan}, "not testable (failed runs: LoMP (press, double), 1 of 2)"),
     ],
 )
+@pytest.mark.slow
 def test_the_report_has_the_verdict_of_the_claims_on_double_touch(
     root, settings, undrawn, monkeypatch, levels, verdict
 ):

@@ -188,6 +188,7 @@ def test_an_experiment_that_was_not_run_says_so(reports):
         sections.build(params.load())
 
 
+@pytest.mark.slow
 def test_benchmarks_are_on_the_page_where_they_were_measured(reports):
     heading = sections.CHAPTERS["benchmarks"]
     assert heading in sections.build(params.load())
