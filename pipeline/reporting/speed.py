@@ -1,4 +1,4 @@
-"""What reports/<experiment>/speed says: error, times and weight of every model, and which models nobody beats."""
+"""Write reports/<experiment>/speed: error, times and weight of every model, and which models no other one beats."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,11 +10,12 @@ from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number, size, table
 from pipeline.scoring.results import Estimate, Scores, read_training_times
 
+ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
 FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
 
 
 def pareto(time: Sequence[float], error: Sequence[float]) -> np.ndarray:
-    """(n,) bool: the Pareto front, points that no other one equals in both values and beats in one.
+    """Return the Pareto front as (n,) bool: points that no other one equals in both values and beats in one.
 
     Lower is better. Equal points are on the front together; a point with a value that is not finite never is.
     """
@@ -25,11 +26,11 @@ def pareto(time: Sequence[float], error: Sequence[float]) -> np.ndarray:
 
 
 def error_of(scores: Scores, protocol: str, condition: str, model: str, metric: str) -> Estimate:
-    """Mean and interval of a metric of which less is better; an accuracy becomes the share of wrong answers in %."""
-    found = scores.estimate(protocol, condition, model, metric)
+    """Return mean and interval of a metric of which less is better; an accuracy becomes the share of errors in %."""
+    value = scores.estimate(protocol, condition, model, metric)
     if metric != "accuracy":
-        return found
-    return found._replace(mean=100 * (1 - found.mean), low=100 * (1 - found.high), high=100 * (1 - found.low))
+        return value
+    return value._replace(mean=100 * (1 - value.mean), low=100 * (1 - value.high), high=100 * (1 - value.low))
 
 
 def speed_table(
@@ -39,7 +40,7 @@ def speed_table(
     panels: Mapping[str, tuple[str, str]],
     measure: tuple[str, str],
 ) -> pd.DataFrame:
-    """table2.csv: a row for every panel and model, in full precision; charts and table2.md are drawn from it.
+    """Return table2.csv, one row per panel and model, in full precision; charts and table2.md are drawn from it.
 
     panels: title -> (protocol, condition); measure: (metric, its name and unit as an axis shows it). `p50_ms`,
     `p95_ms`: of one call at `batch`; `predictions_per_s`: at `large_batch`; `train_s`: median over the panel's seeds.
@@ -51,43 +52,42 @@ def speed_table(
             one, many = latency[model, batches[0]], latency[model, batches[-1]]
             times = read_training_times(scores.experiment, model, protocol)
             row = {"panel": panel, "protocol": protocol, "condition": condition, "model": model, "measure": name}
-            mean, *others = error_of(scores, protocol, condition, model, metric)
-            row |= dict(zip(("error", "low", "high", "runs", "failed"), (mean, *others), strict=True))
+            row |= dict(zip(ESTIMATE, error_of(scores, protocol, condition, model, metric), strict=True))
             row |= {"threads": one["threads"], "batch": batches[0], "p50_ms": one["p50_ms"], "p95_ms": one["p95_ms"]}
             row |= {"large_batch": batches[-1], "predictions_per_s": 1e3 * batches[-1] / many["p50_ms"]}
             row |= {"train_s": float(np.median(times)) if times else np.nan}
             rows.append(row | {key: one[key] for key in ("params", "macs", "size_bytes")})
             for key in FRONTS:
                 if not 0 < rows[-1][key] < np.inf:
-                    raise InputError(
-                        f"{scores.experiment}: {model} has no {key} above zero for {protocol}; run its "
-                        f"{'training' if key == 'train_s' else 'latency'} stage again"
-                    )
-    found = pd.DataFrame(rows)
+                    stage = "training" if key == "train_s" else "latency"
+                    where = f"{scores.experiment}: {model} has no {key} above zero for {protocol}"
+                    raise InputError(f"{where}; run its {stage} stage again")
+    table = pd.DataFrame(rows)
     for key, column in FRONTS.items():
-        found[column] = 0
-        for _, own in found.groupby("panel"):
+        table[column] = 0
+        for _, panel in table.groupby("panel"):
             # A model with a failed run is not judged by its other runs.
-            error = own["error"].where(own["failed"] == 0)
-            found.loc[own.index, column] = pareto(own[key], error).astype(int)
-    return found
+            error = panel["error"].where(panel["failed"] == 0)
+            table.loc[panel.index, column] = pareto(panel[key], error).astype(int)
+    return table
 
 
-def speed_text(found: pd.DataFrame, calls: int, note: str = "") -> str:
-    """table2.md from table2.csv; calls: how many predictions were timed; note: what else to know."""
-    threads, batch, large = (found[key].iloc[0] for key in ("threads", "batch", "large_batch"))
-    panels, protocols = list(dict.fromkeys(found["panel"])), list(dict.fromkeys(found["protocol"]))
-    measure = found["measure"].iloc[0]
-    digits = 3 if found["error"].min() < 1 else 2
+def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
+    """Return table2.md from table2.csv; calls: how many predictions were timed; note: more to know."""
+    threads, batch, large, measure = (speeds[key].iloc[0] for key in ("threads", "batch", "large_batch", "measure"))
+    panels, protocols = list(dict.fromkeys(speeds["panel"])), list(dict.fromkeys(speeds["protocol"]))
+    digits = 3 if speeds["error"].min() < 1 else 2
     rows = []
-    for model, own in found.groupby("model", sort=False):
-        one = own.iloc[0]
-        row = [model_name(model), *(interval(_estimate(line), digits) for line in own.itertuples())]
-        row += [f"{one['p50_ms']:.3f} / {one['p95_ms']:.3f}", f"{one['predictions_per_s']:,.0f}"]
-        row.append(" / ".join(_seconds(time) for time in own.drop_duplicates("protocol")["train_s"]))
-        row += [size(one[key]) for key in ("params", "macs", "size_bytes")]
-        rows.append([*row, *(_fronts(own, column) for column in FRONTS.values())])
-    training = "Training (s)" + (f": {' / '.join(map(_words, protocols))}" if len(protocols) > 1 else "")
+    for model, by_panel in speeds.groupby("model", sort=False):
+        first = by_panel.iloc[0]
+        errors = (Estimate(*values) for values in by_panel[ESTIMATE].itertuples(index=False))
+        row = [model_name(model), *(interval(error, digits) for error in errors)]
+        row += [f"{first['p50_ms']:.3f} / {first['p95_ms']:.3f}", f"{first['predictions_per_s']:,.0f}"]
+        row.append(" / ".join(_seconds(time) for time in by_panel.drop_duplicates("protocol")["train_s"]))
+        row += [size(first[key]) for key in ("params", "macs", "size_bytes")]
+        rows.append([*row, *(_fronts(by_panel, column) for column in FRONTS.values())])
+    names = " / ".join(protocols).replace("_", " ")
+    training = f"Training (s): {names}" if len(protocols) > 1 else "Training (s)"
     header = ["Model", *(f"{panel}: {measure}" for panel in panels)]
     header += [f"batch {batch}: median / 95 % (ms)", f"predictions a second, batch {large}", training]
     header += ["Trained parameters", "MACs", "File (bytes)", "front of time", "front of training time"]
@@ -105,29 +105,21 @@ def speed_text(found: pd.DataFrame, calls: int, note: str = "") -> str:
         table(header, rows),
         f"Pareto fronts, the fastest first, with time and {measure}:\n",
     ]
-    for key, what, unit in (("p50_ms", "time of a prediction", "ms"), ("train_s", "training time", "s")):
+    for key, name, unit in (("p50_ms", "Time of a prediction", "ms"), ("train_s", "Training time", "s")):
         for panel in panels:
-            own = found[(found["panel"] == panel) & (found[FRONTS[key]] == 1)].sort_values(key, kind="stable")
+            front = speeds[(speeds["panel"] == panel) & (speeds[FRONTS[key]] == 1)].sort_values(key, kind="stable")
             parts = [
-                f"{model_name(line.model)} ({getattr(line, key):.3g} {unit}, {number(line.error, digits)})"
-                for line in own.itertuples()
+                f"{model_name(model)} ({time:.3g} {unit}, {number(error, digits)})"
+                for model, time, error in zip(front["model"], front[key], front["error"], strict=True)
             ]
-            lines.append(f"- {what.capitalize()}, {panel}: {', '.join(parts) or 'none, all models have a failed run'}.")
+            lines.append(f"- {name}, {panel}: {', '.join(parts) or 'none, all models have a failed run'}.")
     return "\n".join(lines) + "\n"
 
 
-def _estimate(line: tuple) -> Estimate:
-    return Estimate(line.error, line.low, line.high, line.runs, line.failed)
-
-
-def _fronts(own: pd.DataFrame, column: str) -> str:
-    """On which panels' fronts a model is."""
-    on = own[own[column] == 1]["panel"].tolist()
-    return ("yes" if len(own) == 1 else "all" if len(on) == len(own) else ", ".join(on)) if on else "no"
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
+def _fronts(by_panel: pd.DataFrame, column: str) -> str:
+    """Name the panels on whose fronts a model is."""
+    on = by_panel[by_panel[column] == 1]["panel"].tolist()
+    return ("yes" if len(by_panel) == 1 else "all" if len(on) == len(by_panel) else ", ".join(on)) if on else "no"
 
 
 def _seconds(value: float) -> str:

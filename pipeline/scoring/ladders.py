@@ -1,4 +1,4 @@
-"""Size ladders: which there are, and the table of their runs that one stage writes and another judges."""
+"""Name the size ladders, and the table of their runs that one stage writes and another judges."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -25,10 +25,10 @@ FAMILIES = {
 
 
 def path(experiment: str) -> Path:
-    """All runs of an experiment's ladders (output of rightsize)."""
+    """Return the file of all runs of an experiment's ladders (output of pipeline/studies/sizes.py)."""
     return paths.experiment_folder(experiment) / "rightsize.csv"
 
 
 def protocol(experiment: str, condition: str) -> str:
-    """The protocol of the experiment's main table under which a condition is trained and tested."""
+    """Return the protocol of the experiment's main table under which a condition is trained and tested."""
     return {"touch": "press", "glove": f"session_{condition}"}.get(experiment, condition)

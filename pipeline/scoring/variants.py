@@ -1,4 +1,4 @@
-"""The variants of a simulated scene: which effect is left out, and with which seed."""
+"""List the variants of a simulated scene: the effect that is left out, and the seed."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ DEFAULT = "default"  # the scene as params.yaml has it: all effects that are off
 
 
 def variants(values: Mapping, experiment: str) -> list[tuple[str, int]]:
-    """(effect, seed) of every run of params.yaml, `none` first; `default` last, if an effect is off by default.
+    """Return (effect, seed) of every run of params.yaml, `none` first; `default` last, if an effect is off by default.
 
     Raises InputError for seeds that cannot be compared.
     """

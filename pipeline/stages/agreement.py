@@ -31,19 +31,18 @@ LISTED = 20  # of the numbers beyond tolerance
 
 
 def fingerprint(scores: pd.DataFrame, settings: Mapping[tuple[str, str], str]) -> pd.DataFrame:
-    """COLUMNS for every score; settings: (experiment, model) -> digest.
+    """Return COLUMNS for every score; settings: (experiment, model) -> digest.
 
     The tolerance is the standard deviation over the seeds, at least LEAST of the value, in the score's own unit.
     """
-    found = scores[[*KEY, "value"]].copy()
     spread = scores.groupby(GROUP)["value"].transform("std").fillna(0.0)
-    found["tolerance"] = np.maximum(spread, LEAST * found["value"].abs())
-    found["settings"] = [settings[pair] for pair in zip(found["experiment"], found["model"], strict=True)]
-    return found
+    tolerance = np.maximum(spread, LEAST * scores["value"].abs())
+    digest = [settings[pair] for pair in zip(scores["experiment"], scores["model"], strict=True)]
+    return scores[[*KEY, "value"]].assign(tolerance=tolerance, settings=digest)
 
 
 def compare(committed: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
-    """KEY, `value`, `here`, `tolerance` and one of VERDICTS for every number of either table.
+    """Return KEY, `value`, `here`, `tolerance` and one of VERDICTS for every number of either table.
 
     Two failed runs (NaN) agree; a failed one and a number do not.
     """
@@ -62,57 +61,54 @@ def compare(committed: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def digests(values: Mapping) -> dict[tuple[str, str], str]:
-    """(experiment, model) -> digest of its blocks of params.yaml, less other models' and what only times depend on."""
-    found = {}
+    """Return (experiment, model) -> digest of its blocks of params.yaml, without other models and `latency`."""
+    by_model = {}
     for experiment in values["experiments"]:
-        shared = {key: own for key, own in values[experiment].items() if key not in ("latency", "models")}
+        shared = {key: block for key, block in values[experiment].items() if key not in ("latency", "models")}
         for model, block in values[experiment]["models"].items():
             text = json.dumps([shared, model, block], sort_keys=True)
-            found[experiment, model] = hashlib.sha256(text.encode()).hexdigest()[:16]
-    return found
+            by_model[experiment, model] = hashlib.sha256(text.encode()).hexdigest()[:16]
+    return by_model
 
 
 def report(committed: pd.DataFrame, scores: pd.DataFrame, settings: Mapping[tuple[str, str], str]) -> tuple[str, str]:
-    """agreement.md and its first sentence."""
-    rows, beyond, compared, elsewhere = [], [], [], []
+    """Return agreement.md and its first sentence."""
+    rows, compared, elsewhere = [], [], []
     for experiment in dict.fromkeys(experiment for experiment, _ in settings):
-        own = committed[committed["experiment"] == experiment]
+        there = committed[committed["experiment"] == experiment]
         here = scores[scores["experiment"] == experiment]
-        if here.empty or own.empty:
+        if here.empty or there.empty:
             elsewhere.append(f"{experiment}: no scores {'here' if here.empty else 'in the fingerprint'}.")
             continue
-        new = sorted(set(here["model"]) - set(own["model"]))
-        changed = [
-            model for model, of in own.groupby("model")["settings"] if set(of) != {settings.get((experiment, model))}
-        ]
+        new = sorted(set(here["model"]) - set(there["model"]))
+        digests_there = there.groupby("model")["settings"].agg(set)
+        changed = [model for model, used in digests_there.items() if used != {settings.get((experiment, model))}]
         elsewhere += [f"{experiment}, {model}: no scores in the fingerprint." for model in new]
         elsewhere += [
             f"{experiment}, {model}: its settings in params.yaml are not those of the fingerprint." for model in changed
         ]
         left_out = {*new, *changed}
-        if left_out >= set(own["model"]):
+        if left_out >= set(there["model"]):
             continue
-        found = compare(*(scored[~scored["model"].isin(left_out)] for scored in (own, here)))
-        counts = found["verdict"].value_counts()
+        compared.append(compare(*(part[~part["model"].isin(left_out)] for part in (there, here))))
+        counts = compared[-1]["verdict"].value_counts()
         rows.append([experiment, *(str(counts.get(name, 0)) for name in VERDICTS)])
-        beyond.append(found[~found["verdict"].isin(VERDICTS[:3])])
-        compared.append(found["verdict"])
-    verdicts = pd.concat(compared) if compared else pd.Series(dtype=str)
-    agree = int(verdicts.isin(VERDICTS[:3]).sum())
-    sentence = f"{agree} of {len(verdicts)} numbers agree, {(verdicts == VERDICTS[0]).sum()} of them to the bit."
+    numbers = pd.concat(compared) if compared else pd.DataFrame(columns=["verdict"])
+    wrong = numbers[~numbers["verdict"].isin(VERDICTS[:3])]
+    exact = int((numbers["verdict"] == VERDICTS[0]).sum())
+    sentence = f"{len(numbers) - len(wrong)} of {len(numbers)} numbers agree, {exact} of them to the bit."
     lines = [
         "# Agreement with the committed results\n",
         f"{sentence} Tolerance: the standard deviation over the seeds, at least {100 * LEAST:.0f} % of the value.\n",
         table(["experiment", *VERDICTS], rows),
     ]
     lines += [f"Not compared: {text}\n" for text in elsewhere]
-    wrong = pd.concat(beyond) if beyond else pd.DataFrame()
     if len(wrong):
-        shown = wrong.head(LISTED)
-        lines.append(f"## Numbers that do not agree ({len(shown)} of {len(wrong)} shown)\n")
+        listed = wrong.head(LISTED)
+        lines.append(f"## Numbers that do not agree ({len(listed)} of {len(wrong)} shown)\n")
         cells = [
             [" ".join(str(row[name]) for name in KEY), *(f"{row[name]:.6g}" for name in ("value", "here", "tolerance"))]
-            for _, row in shown.iterrows()
+            for _, row in listed.iterrows()
         ]
         lines.append(table(["number", "committed", "here", "tolerance"], cells))
     return "\n".join(lines), sentence

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.reporting.figures import stability as stability_figures
+from pipeline.reporting.figures import style
 from pipeline.reporting.verdicts import stability as stability_verdicts
 from pipeline.reporting.verdicts.stability import FAILED, HOLDS, level
 from pipeline.scoring.results import Estimate
@@ -137,7 +137,7 @@ def test_the_report_is_the_same_in_every_run(root):
 @pytest.mark.slow
 def test_a_failed_run_is_named(root, monkeypatch):
     legends = []
-    monkeypatch.setattr(stability_figures, "save", lambda figure, path: legends.append(figure.legends[0].get_texts()))
+    monkeypatch.setattr(style, "save", lambda figure, path: legends.append(figure.legends[0].get_texts()))
     table = pd.read_csv(paths.stress("touch"))
     table.loc[(table.model == "linear") & (table.seed == 1), "value"] = np.nan
     table.to_csv(paths.stress("touch"), index=False)

@@ -1,4 +1,4 @@
-"""The picture of a folder of logs: signals of the first recordings over time, rejected lines, and where was pressed."""
+"""Draw a folder of logs: signals of the first recordings over time, rejected lines, and places that were pressed."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -47,32 +47,29 @@ SILENT = 20  # median intervals; no line is drawn over a longer silence
 def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -> None:
     """Draw recordings (pipeline/commands/check.py: `Checked`) side by side, one column each, to `path` (PNG)."""
     panels = PANELS[experiment]
-    mapped = experiment == "touch" and any(one.frames is not None for one in recordings)
-    count = len(panels) + mapped
-    figure, axes = plt.subplots(
-        count, len(recordings), figsize=(1.5 + 4.5 * len(recordings), 2.3 * count + mapped), squeeze=False
-    )
-    for column, one in enumerate(recordings):
-        aligned = bool(one.report)
-        note = "" if aligned else "\n(not aligned: each log from its own start)"
-        axes[0, column].set_title(style.literal(one.name) + note, pad=20, fontweight="bold")
+    mapped = experiment == "touch" and any(recording.frames is not None for recording in recordings)
+    rows, columns = len(panels) + mapped, len(recordings)
+    figure, axes = style.panels(rows * columns, columns, 1.5 + 4.5 * columns, 2.3, int(mapped))
+    for column, recording in enumerate(recordings):
+        note = "" if recording.report else "\n(not aligned: each log from its own start)"
+        axes[0, column].set_title(style.literal(recording.name) + note, pad=20, fontweight="bold")
         for ax, (label, files, pattern) in zip(axes[:, column], panels, strict=False):
-            signals(ax, one, files, pattern)
+            signals(ax, recording, files, pattern)
             ax.set_ylabel(label)
             ax.set_xlabel("Time (s)")
-        if mapped and one.frames is not None:
-            places(axes[-1, column], one.frames, settings)
+        if mapped and recording.frames is not None:
+            places(axes[-1, column], recording.frames, settings)
         elif mapped:
             axes[-1, column].set_axis_off()
     style.save(figure, path)
 
 
-def signals(ax: plt.Axes, one, files: str, pattern: str) -> None:
-    """The matching columns of the matching logs of a recording, and ticks at the bottom where lines were rejected."""
+def signals(ax: plt.Axes, recording, files: str, pattern: str) -> None:
+    """Draw the matching columns of the matching logs of a recording, and ticks at the bottom for rejected lines."""
     looks, ticks = cycle(LINES), []
-    found = {name: log for name, log in one.logs.items() if re.fullmatch(files + r"\.log", name)}
-    for name, log in found.items():
-        time = reference_time(log, one.report.get(name))
+    logs = {name: log for name, log in recording.logs.items() if re.fullmatch(files + r"\.log", name)}
+    for name, log in logs.items():
+        time = reference_time(log, recording.report.get(name))
         silent = np.flatnonzero(np.abs(np.diff(time)) > SILENT * np.median(np.diff(time))) + 1
         columns = [column for column in log.rows.column_names if re.fullmatch(pattern, column)]
         values = {column: log.rows[column].to_numpy() for column in columns}
@@ -80,40 +77,24 @@ def signals(ax: plt.Axes, one, files: str, pattern: str) -> None:
             values = {"all": combined(np.column_stack(list(values.values())))}
         for (column, value), (colour, dashes) in zip(values.items(), looks, strict=False):
             broken = np.insert(time, silent, np.nan), np.insert(value.astype(float), silent, np.nan)
-            label = [name.removesuffix(".log")] * (len(found) > 1 or len(values) == 1)
+            label = [name.removesuffix(".log")] * (len(logs) > 1 or len(values) == 1)
             label += [column.removesuffix("_mm")] * (len(values) > 1)
             ax.plot(*broken, color=colour, linestyle=dashes, linewidth=0.9, label=" ".join(label))
         ticks += np.interp(log.rejects["line"].to_numpy(), log.rows["line"].to_numpy(), time).tolist()
     if ticks:
-        ax.plot(
-            ticks,
-            np.full(len(ticks), 0.03),
-            "|",
-            color=style.VERMILION,
-            markersize=9,
-            markeredgewidth=1.5,
-            transform=ax.get_xaxis_transform(),
-            label="rejected",
-        )
+        look = {"color": style.VERMILION, "markersize": 9, "markeredgewidth": 1.5, "label": "rejected"}
+        ax.plot(ticks, np.full(len(ticks), 0.03), "|", transform=ax.get_xaxis_transform(), **look)
     if ax.lines:
         handles, names = ax.get_legend_handles_labels()
         first = [*range(min(len(LINES) - 2, len(handles)))]  # further lines look like one of these
         first += [len(handles) - 1] * (len(handles) - 1 not in first)
-        ax.legend(
-            [handles[k] for k in first],
-            [names[k] for k in first],
-            loc="lower left",
-            bbox_to_anchor=(0, 1.0),
-            ncols=len(LINES),
-            fontsize=7,
-            handlelength=1.8,
-            columnspacing=1.0,
-            borderaxespad=0.1,
-        )
+        above = {"loc": "lower left", "bbox_to_anchor": (0, 1.0), "ncols": len(LINES), "fontsize": 7}
+        narrow = {"handlelength": 1.8, "columnspacing": 1.0, "borderaxespad": 0.1}
+        ax.legend([handles[k] for k in first], [names[k] for k in first], **above, **narrow)
 
 
 def reference_time(log, report: Mapping | None) -> np.ndarray:
-    """Time in s, (n,), on the recording's reference clock where it is known, else since the log's first line."""
+    """Return time in s, (n,), on the recording's reference clock where it is known, else since the log's first line."""
     time, segment = log.rows["time_s"].to_numpy().copy(), log.rows["segment"].to_numpy()
     clocks = report.get("clocks", [report.get("clock")]) if report else []
     if not any(clocks):
@@ -124,7 +105,7 @@ def reference_time(log, report: Mapping | None) -> np.ndarray:
 
 
 def places(ax: plt.Axes, frames, settings: Mapping) -> None:
-    """The array's elements from above, and where the tips were while they pressed."""
+    """Draw the array's elements from above, and the places of the tips while they pressed."""
     sensor = settings["sensor"]
     rest = (sensor["pitch_mm"] - sensor["element_mm"]) / 2
     for k in range(sensor["rows"] * sensor["cols"]):
@@ -135,10 +116,10 @@ def places(ax: plt.Axes, frames, settings: Mapping) -> None:
     force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
     pressed = force > settings["window"]["contact_threshold_n"]
     for touch, marker in zip(range(force.shape[1]), "ox+^s", strict=False):
-        own = pressed[:, touch]
-        if own.any():
+        rows = pressed[:, touch]
+        if rows.any():
             colour = LINES[touch][0]
-            ax.plot(x[own, touch], y[own, touch], marker, color=colour, markersize=3, label=f"touch {touch + 1}")
+            ax.plot(x[rows, touch], y[rows, touch], marker, color=colour, markersize=3, label=f"touch {touch + 1}")
     ax.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
     ax.grid(False)
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4, fontsize=7)

@@ -1,4 +1,4 @@
-"""Figures of the glove experiments, those of the SP-ResNet paper first. Every function writes one PNG."""
+"""Draw the figures of the glove experiments, those of the SP-ResNet paper first. Every function writes one PNG."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
 def tactile_images(
     path: Path, pictures: Mapping[str, np.ndarray], strain_area: tuple[slice, slice], title: str
 ) -> None:
-    """Figure 10 b to d: one grasp as joint bending strain (red), palm pressure (blue) and both.
+    """Draw figure 10 b to d: one grasp as joint bending strain (red), palm pressure (blue) and both.
 
     pictures: dataset -> (SIDE, SIDE), 0 to 255; strain_area: rows and columns of the joints.
     """
@@ -37,9 +37,9 @@ def tactile_images(
     figure, axes = plt.subplots(1, 3, figsize=(11, 3.7), sharey=True)
     drawn = {}
     for ax, (name, (dataset, parts)) in zip(axes, panels.items(), strict=True):
-        for meaning, shown in parts.items():
+        for meaning, area in parts.items():
             drawn[meaning] = ax.imshow(
-                np.ma.masked_array(pictures[dataset], ~shown), cmap={"Strain": "Reds", "Pressure": "Blues"}[meaning],
+                np.ma.masked_array(pictures[dataset], ~area), cmap={"Strain": "Reds", "Pressure": "Blues"}[meaning],
                 vmin=0, vmax=HIGHEST, extent=(0.5, SIDE + 0.5, SIDE + 0.5, 0.5),
             )  # fmt: skip
         ticks = [1, 8, 16, 24, 32]
@@ -53,14 +53,12 @@ def tactile_images(
 
 
 def tactile_sequences(path: Path, sequences: Mapping[str, np.ndarray], cells: int, title: str) -> None:
-    """Figure 13: a panel an object, what every sensor reads in the last frames of a session.
+    """Draw figure 13: one panel per object, the readings of every sensor in the last frames of a session.
 
     sequences: object -> conductance in mS (sensors, frames), 0 where nothing is wired; cells: how many of the sensors,
     the first ones, are pressure cells; the others are joints.
     """
-    columns = 4
-    rows = -(-len(sequences) // columns)
-    figure, axes = plt.subplots(rows, columns, figsize=(12, 3.1 * rows + 0.6), sharex=True, sharey=True, squeeze=False)
+    figure, axes = style.panels(len(sequences), 4, 12, 3.1, 0.6, sharex=True, sharey=True)
     low = min(values[values > 0].min() for values in sequences.values())
     high = max(values.max() for values in sequences.values())
     colours = plt.get_cmap("viridis").with_extremes(bad="#DDDDDD")
@@ -73,8 +71,6 @@ def tactile_sequences(path: Path, sequences: Mapping[str, np.ndarray], cells: in
         ax.axhline(cells + 0.5, color=style.VERMILION, linewidth=1)
         ax.set(title=style.literal(name.replace("_", " ")), yticks=[1, cells // 3, 2 * cells // 3, cells])
         ax.grid(False)
-    for ax in axes.flat[len(sequences) :]:
-        ax.set_axis_off()
     for ax in axes[:, 0]:
         ax.set_ylabel("Sensor number")
     for ax in axes[-1]:
@@ -86,7 +82,7 @@ def tactile_sequences(path: Path, sequences: Mapping[str, np.ndarray], cells: in
 
 
 def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], title: str) -> None:
-    """Figure 14: how often an object (row) is given each name (column), in percent of its images.
+    """Draw figure 14: how often an object (row) is given each name (column), in percent of its images.
 
     counts: (classes, classes) images; cells from LEAST_PERCENT are labelled.
     """
@@ -113,25 +109,24 @@ def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], tit
 
 
 def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: str) -> None:
-    """Figure 15: macro precision against the number of input frames, a panel a table, a line a model.
+    """Draw figure 15: macro precision against the number of input frames, one panel per table, one line per model.
 
     panels: title -> model, seed, frames, metric, value (fraction).
     """
-    figure, axes = plt.subplots(1, len(panels), figsize=(4.8 * len(panels) + 0.4, 4), squeeze=False)
+    figure, axes = style.panels(len(panels), len(panels), 4.8 * len(panels) + 0.4, 4, 0)
     handles = {}
     for ax, (name, table) in zip(axes[0], panels.items(), strict=True):
-        own = table[table["metric"] == "macro_precision"]
-        models = list(dict.fromkeys(own["model"]))
-        for k, model in enumerate(models):
-            look, place = model_style(model), 0.12 * (k - (len(models) - 1) / 2)  # side by side: intervals overlap
-            found = {n: estimate(100 * part["value"]) for n, part in own[own["model"] == model].groupby("frames")}
-            mean = np.array([one.mean for one in found.values()])
-            spread = np.array([[one.mean - one.low, one.high - one.mean] for one in found.values()]).T
+        precision = table[table["metric"] == "macro_precision"]
+        count = precision["model"].nunique()
+        for k, (model, runs) in enumerate(precision.groupby("model", sort=False)):
+            look, place = model_style(model), 0.12 * (k - (count - 1) / 2)  # side by side: intervals overlap
+            estimates = {n: estimate(100 * part["value"]) for n, part in runs.groupby("frames")}
+            mean, spread = style.spread(estimates.values())
             handles[look.label] = ax.errorbar(
-                np.array(list(found)) + place, mean, np.nan_to_num(spread), color=look.color, marker=look.marker,
+                np.array(list(estimates)) + place, mean, np.nan_to_num(spread), color=look.color, marker=look.marker,
                 linestyle=look.linestyle, capsize=3, markersize=6,
             )  # fmt: skip
-        ax.set(xlabel="Number of input frames", title=name, xticks=sorted(set(own["frames"])))
+        ax.set(xlabel="Number of input frames", title=name, xticks=sorted(set(precision["frames"])))
         ax.set_ylim(top=min(ax.get_ylim()[1], 101))  # an interval may pass 100 %
     axes[0][0].set_ylabel("Macro precision (%), mean and 95 % interval")
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
@@ -140,10 +135,9 @@ def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: s
 
 
 def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]], title: str) -> None:
-    """Validation loss over the epochs, a panel a network; fits: model -> dataset -> a fit a seed."""
+    """Draw validation loss over the epochs, one panel per network; fits: model -> dataset -> one fit per seed."""
     columns = min(3, len(fits))
-    rows = -(-len(fits) // columns)
-    figure, axes = plt.subplots(rows, columns, figsize=(3.6 * columns, 2.9 * rows + 0.7), sharey=True, squeeze=False)
+    figure, axes = style.panels(len(fits), columns, 3.6 * columns, 2.9, 0.7, sharey=True)
     for ax, (model, datasets) in zip(axes.flat, fits.items(), strict=False):
         for dataset, runs in datasets.items():
             for fit in runs:
@@ -156,11 +150,9 @@ def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]],
         ax.xaxis.get_major_locator().set_params(integer=True)
     for ax in axes[:, 0]:
         ax.set_ylabel("Validation loss: cross-entropy (nats)")
-    for ax in list(axes.flat)[len(fits) :]:
-        ax.set_axis_off()
-    shown = [name for name in COLOURS if any(name in datasets for datasets in fits.values())]
-    handles = [Line2D([], [], color=COLOURS[name], linestyle=DASHES[name]) for name in shown]
+    names = [name for name in COLOURS if any(name in datasets for datasets in fits.values())]
+    handles = [Line2D([], [], color=COLOURS[name], linestyle=DASHES[name]) for name in names]
     handles.append(Line2D([], [], color=style.BLACK, marker="o", linestyle=""))
-    figure.legend(handles, [*shown, "epoch that was kept"], loc="outside lower center", ncols=len(handles))
+    figure.legend(handles, [*names, "epoch that was kept"], loc="outside lower center", ncols=len(handles))
     figure.suptitle(title)
     style.save(figure, path)

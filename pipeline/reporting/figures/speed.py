@@ -1,4 +1,4 @@
-"""Charts of speed against accuracy, drawn from the table of pipeline/reporting/speed.py."""
+"""Draw the charts of speed against accuracy from the table of pipeline/reporting/speed.py."""
 
 import textwrap
 from pathlib import Path
@@ -22,53 +22,47 @@ TOP = 0.965  # height of a failed model's mark, share of the axis
 
 
 def chart(path: Path, table: pd.DataFrame, time: str) -> None:
-    """Error against a measured time, a panel each of the table's, every model named, the Pareto front joined.
+    """Draw error against a measured time, one panel per panel of the table, all models named, the Pareto front joined.
 
-    table: see `report_speed.speed_table`; time: a key of `report_speed.FRONTS`. Both axes are logarithmic.
+    table: see `speed.speed_table`; time: a key of `speed.FRONTS`. Both axes are logarithmic.
     """
     panels = list(dict.fromkeys(table["panel"]))
     columns = len(panels) if len(panels) < 4 else 2
-    rows = -(-len(panels) // columns)
-    wide = 6.6 if columns == 1 else 4.9 * columns
+    width = 6.6 if columns == 1 else 4.9 * columns
     # Pixels as in the file: names are placed in them.
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(wide, 4.3 * rows + 0.9), squeeze=False, layout="constrained", dpi=style.DPI
-    )
-    shown = {}
+    figure, axes = style.panels(len(panels), columns, width, 4.3, 0.9, dpi=style.DPI)
+    batch = table["batch"].iloc[0]
+    name, xlabel = {
+        "p50_ms": ("Speed", f"Median time of a prediction, batch {batch} (ms), log scale"),
+        "train_s": ("Training time", "Training time, median over seeds (s), log scale"),
+    }[time]
+    points = {}
     for ax, panel in zip(axes.flat, panels, strict=False):
-        own = table[table["panel"] == panel]
-        shown[ax] = _points(ax, own, time)
-        one = own.iloc[0]
-        seeds = one["runs"] + one["failed"]
-        ax.set_title(f"{panel} ({seeds} {'seed' if seeds == 1 else 'seeds'})")
-        ax.set_ylabel(f"{one['measure']}, mean and 95 % interval, log scale")
-        ax.set_xlabel(
-            {
-                "p50_ms": f"Median time of a prediction, batch {one['batch']} (ms), log scale",
-                "train_s": "Training time, median over seeds (s), log scale",
-            }[time]
-        )
-    for ax in list(axes.flat)[len(panels) :]:
-        ax.set_axis_off()
-    what = {"p50_ms": "Speed", "train_s": "Training time"}[time]
-    figure.suptitle(f"{what} against accuracy (lower left is better)")
+        rows = table[table["panel"] == panel]
+        points[ax] = _points(ax, rows, time)
+        first = rows.iloc[0]
+        seeds = first["runs"] + first["failed"]
+        ax.set(title=f"{panel} ({seeds} {'seed' if seeds == 1 else 'seeds'})", xlabel=xlabel)
+        ax.set_ylabel(f"{first['measure']}, mean and 95 % interval, log scale")
+    figure.suptitle(f"{name} against accuracy (lower left is better)")
     handles = _key(table)
-    names, most = [one.get_label() for one in handles], 2 + 2 * columns
-    figure.legend(handles, names, loc="outside lower center", ncols=min(most, len(names)), columnspacing=1.4)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=min(2 + 2 * columns, len(handles)), columnspacing=1.4
+    )
     figure.canvas.draw()
     figure.set_layout_engine("none")  # the axes stay where they are
-    for ax, points in shown.items():
-        _name(ax, points)
+    for ax, markers in points.items():
+        _name(ax, markers)
     style.save(figure, path)
 
 
 def marker_area(params: float) -> float:
-    """Area in square points: the diameter grows with the logarithm of the number of parameters."""
+    """Return an area in square points: the diameter grows with the logarithm of the number of parameters."""
     return (6 + 1.4 * np.log10(max(params, 1))) ** 2
 
 
 def _key(table: pd.DataFrame) -> list[Line2D]:
-    """What filled, hollow and large markers mean."""
+    """Return a legend of filled, hollow and large markers."""
     dot = {"marker": "o", "linestyle": "", "color": style.BLACK, "markersize": 7}
     handles = [
         Line2D([], [], color=style.GREY, linewidth=1.2, label="Pareto front"),
@@ -85,9 +79,9 @@ def _key(table: pd.DataFrame) -> list[Line2D]:
     return handles
 
 
-def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float, float, float]]:
-    """Draw one panel; returns (name, time, error, marker area) of every model, the error NaN where it failed."""
-    good = own[own["failed"] == 0]
+def _points(ax: plt.Axes, rows: pd.DataFrame, time: str) -> list[tuple[str, float, float, float]]:
+    """Draw one panel, and return (name, time, error, marker area) of every model, the error NaN where it failed."""
+    good = rows[rows["failed"] == 0]
     positive = good["error"][good["error"] > 0]
     least = positive.min() / 3 if len(positive) else 1.0  # where an error of zero is drawn, said in its name
     heights = good["error"].clip(lower=least)
@@ -98,10 +92,10 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
     else:
         bottom, top = 0.1, 1.0
     ax.set(xscale="log", yscale="log")
-    if len(good) < len(own):
+    if len(good) < len(rows):
         top *= (top / bottom) ** 0.12
     ax.set_ylim(bottom, top)
-    times = own[time]
+    times = rows[time]
     length = max(times.max() / times.min(), 4)
     ax.set_xlim(times.min() / length**0.12, times.max() * length**0.3)  # names need room on the right
     style.plain_log(ax.xaxis)
@@ -111,8 +105,8 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
         ax.yaxis.set_major_locator(NullLocator())
         ax.yaxis.set_minor_locator(NullLocator())
 
-    found = []
-    for line in own.itertuples():
+    points = []
+    for line in rows.itertuples():
         at, look, area = getattr(line, time), model_style(line.model), marker_area(line.params)
         name = textwrap.fill(look.label, NAME_WIDTH)
         if line.failed:
@@ -120,7 +114,7 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
             ax.scatter(at, TOP, 50, style.VERMILION, marker="x", transform=edge, linewidths=2, zorder=4)
             runs = line.failed + line.runs
             name += f": failed\n({line.failed} of {runs} {'run' if runs == 1 else 'runs'})"
-            found.append((name, at, np.nan, 50.0))
+            points.append((name, at, np.nan, 50.0))
             continue
         height = max(line.error, least)
         if line.runs > 1:
@@ -133,7 +127,7 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
             ring = (np.sqrt(area) - 1.5) ** 2
             ax.scatter(at, height, ring, "white", edgecolors=style.BLACK, linewidths=2.4, zorder=order)
             ax.scatter(at, height, ring, "none", edgecolors=look.color, linewidths=1.3, zorder=order)
-        found.append((name if line.error > 0 else f"{name}: 0", at, height, area))
+        points.append((name if line.error > 0 else f"{name}: 0", at, height, area))
     front = good[good[FRONTS[time]] == 1].sort_values([time, "error"])
     if len(front):
         right = ax.get_xlim()[1]
@@ -142,23 +136,21 @@ def _points(ax: plt.Axes, own: pd.DataFrame, time: str) -> list[tuple[str, float
             [*front[time].iloc[:1], *front[time], right], [top, *steps, steps.iloc[-1]],
             drawstyle="steps-post", color=style.GREY, linewidth=1.2, zorder=1,
         )  # fmt: skip
-    return found
+    return points
 
 
 def _interval(ax: plt.Axes, at: float, low: float, high: float, colour: str) -> None:
-    """An error bar; an end outside the axis is an arrowhead at its edge."""
+    """Draw an error bar; an end outside the axis is an arrowhead at its edge."""
     bottom, top = ax.get_ylim()
     ends = np.clip((low, high), bottom, top)
     ax.plot((at, at), ends, color=colour, linewidth=1.3, zorder=2)
     for end, wanted, head in ((ends[0], low, "v"), (ends[1], high, "^")):
         cut = end != wanted
-        ax.plot(
-            at, end, head if cut else "_", color=colour, markersize=7 if cut else 6, zorder=2, clip_on=False
-        )  # fmt: skip
+        ax.plot(at, end, head if cut else "_", color=colour, markersize=7 if cut else 6, zorder=2, clip_on=False)
 
 
 def _ticks(axis: Axis) -> None:
-    """Plain numbers at a logarithmic axis of errors, enough of them however short it is."""
+    """Write plain numbers at a logarithmic axis of errors, enough of them however short it is."""
     low, high = axis.get_view_interval()
     if high > 30 * low:
         style.plain_log(axis)
@@ -204,7 +196,7 @@ def _name(ax: plt.Axes, points: list[tuple[str, float, float, float]]) -> None:
 def place_names(
     at: np.ndarray, radius: np.ndarray, sizes: np.ndarray, drawn: np.ndarray, frame: np.ndarray
 ) -> np.ndarray:
-    """Boxes of names (n, 4) as left, bottom, right, top, in pixels, so that they cover little and never each other.
+    """Place names: boxes (n, 4) as left, bottom, right, top, in pixels, that cover little and never each other.
 
     at: (n, 2) middles of the markers; radius: (n,) of them; sizes: (n, 2) of the names; drawn: (m, 5) boxes of what
     should stay visible and how bad it is to cover it; frame: (4,) where names may lie. Each name in turn takes the
@@ -245,12 +237,12 @@ def place_names(
 
 
 def _shared(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Area that boxes (n, 4) and (m, 4) share, (n, m)."""
+    """Return the area that boxes (n, 4) and (m, 4) share, (n, m)."""
     low = np.maximum(one[:, None, :2], other[None, :, :2])
     high = np.minimum(one[:, None, 2:4], other[None, :, 2:4])
     return np.maximum(high - low, 0).prod(axis=2)
 
 
 def _within(spots: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Whether spots (n, 2) lie in boxes (m, 4), (n, m)."""
+    """Tell whether spots (n, 2) lie in boxes (m, 4), (n, m)."""
     return ((spots[:, None] > boxes[None, :, :2]) & (spots[:, None] < boxes[None, :, 2:])).all(axis=2)

@@ -6,7 +6,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pipeline.reporting.figures.style import BLACK, model_style, plain_log, save
+from pipeline.reporting.figures import style
+from pipeline.reporting.figures.style import BLACK, model_style
 from pipeline.reporting.verdicts.stability import FLOOR
 from pipeline.scoring.results import Estimate
 
@@ -22,8 +23,7 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
 
     A model with failed runs is named as such, and its curve is of the others; where all failed, it has none.
     """
-    rows = -(-len(panels) // COLUMNS)
-    figure, axes = plt.subplots(rows, COLUMNS, figsize=(11, 2.4 * rows + 1.2), sharey=True, squeeze=False)
+    figure, axes = style.panels(len(panels), COLUMNS, 11, 2.4, 1.2, sharey=True)
     lines, failed = {}, {}
     for ax, (name, unit, models) in zip(axes.flat, panels, strict=False):
         severities = list(next(iter(models.values())))
@@ -42,8 +42,6 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
         ax.set_title(name)
         ax.set_xlabel(unit, fontsize=8)
         ax.set_xticks(steps, [f"{severity:g}" if severity else "clean" for severity in severities])
-    for ax in axes.flat[len(panels) :]:
-        ax.set_axis_off()
     subtitle = _limit(axes[0, 0], panels)
     for ax in axes[:, 0]:
         ax.set_ylabel(ylabel)
@@ -53,7 +51,7 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
     names = [f"{name}: failed ({failed[name]} of {runs} runs)" if failed[name] else name for name in lines]
     columns = min(len(names), 150 // (max(map(len, names)) + 8))
     figure.legend(lines.values(), names, loc="outside lower center", ncols=columns)
-    save(figure, path)
+    style.save(figure, path)
 
 
 def _limit(ax: plt.Axes, panels: list[Panel]) -> str:
@@ -66,7 +64,7 @@ def _limit(ax: plt.Axes, panels: list[Panel]) -> str:
     if min(finite, default=0.0) > 0 and top > LONG * lowest:
         ax.set_yscale("log")
         ax.set_ylim(0.85 * lowest, 1.2 * top)
-        plain_log(ax.yaxis)
+        style.plain_log(ax.yaxis)
     else:
         ax.set_ylim(0, 1.05 * top)
     return "" if max(finite, default=0.0) <= top else f"; above {HIGHEST:g} times the constant model's: not drawn"

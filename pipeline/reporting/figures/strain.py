@@ -1,4 +1,4 @@
-"""Figures of the strain experiments, those of the latent-space paper first."""
+"""Draw the figures of the strain experiments, those of the latent-space paper first."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ def performance(
     predicted: Mapping[str, np.ndarray],
     outputs: Sequence[int],
 ) -> None:
-    """Figures 5, 6 and 8: sensor readings (if given) and measured and predicted position over time.
+    """Draw figures 5, 6 and 8: sensor readings (if given) and measured and predicted position over time.
 
     time_s: (T,) from the start of the test part; volts: (T, channels) or (T, 0); truth, predicted: (T, 3) in mm.
     """
@@ -58,7 +58,7 @@ def performance(
 
 
 def latent_space(path: Path, latents: pd.DataFrame) -> None:
-    """Figure 7: the states of model-0 on task 2; latents: t_s and one column a unit."""
+    """Draw figure 7: the states of model-0 on task 2; latents: t_s and one column per unit."""
     at = latents["t_s"] - latents["t_s"].iloc[0]
     states = latents.drop(columns="t_s").to_numpy()
     figure, ax = plt.subplots(figsize=(9, 3.2))
@@ -74,30 +74,25 @@ def latent_space(path: Path, latents: pd.DataFrame) -> None:
 
 
 def curves(
-    path: Path,
-    table: pd.DataFrame,
-    x: str,
-    by: str | None,
-    labels: Mapping[str, str],
-    floor: Mapping[str, float],
+    path: Path, table: pd.DataFrame, x: str, by: str | None, labels: Mapping[str, str], floor: Mapping[str, float]
 ) -> None:
-    """Error (mm) against `x` on a logarithmic axis, a panel a task, a line for every value of `by`, 95 % intervals.
+    """Draw error (mm) against `x` on a logarithmic axis, one panel per task, one line per value of `by`.
 
     table: protocol, x, seed, value and `by`; labels: title, xlabel; floor: error of the constant model by task.
     """
     tasks = list(dict.fromkeys(table["protocol"]))
-    figure, axes = plt.subplots(1, len(tasks), figsize=(4.6 * len(tasks), 3.9), squeeze=False)
+    figure, axes = style.panels(len(tasks), len(tasks), 4.6 * len(tasks), 3.9, 0)
     handles = {}
     for ax, task in zip(axes[0], tasks, strict=True):
         own = table[table["protocol"] == task]
         for name, group in own.groupby(by, sort=False) if by else [("lstm_direct", own)]:
             look = model_style(name)
-            found = {size: estimate(part["value"]) for size, part in group.groupby(x)}
-            mean = np.array([one.mean for one in found.values()])
-            spread = np.array([[one.mean - one.low, one.high - one.mean] for one in found.values()]).T
+            estimates = {size: estimate(part["value"]) for size, part in group.groupby(x)}
+            mean, spread = style.spread(estimates.values())
+            spread = np.nan_to_num(np.minimum(spread, 0.98 * mean))
             handles[look.label] = ax.errorbar(
-                list(found), mean, np.nan_to_num(np.minimum(spread, 0.98 * mean)), color=look.color, marker=look.marker,
-                linestyle=look.linestyle, capsize=2.5, markersize=6,
+                list(estimates), mean, spread, color=look.color, marker=look.marker, linestyle=look.linestyle,
+                capsize=2.5, markersize=6,
             )  # fmt: skip
         if task in floor:
             handles["Constant (mean)"] = ax.axhline(floor[task], color=style.GREY, linestyle=":")
@@ -110,22 +105,19 @@ def curves(
     style.save(figure, path)
 
 
-def decoding(path: Path, found: Mapping[tuple[str, str, str], Estimate]) -> None:
-    """How well elapsed time and true drift can be read, by input; found: (task, target, input) -> R2."""
-    tasks = list(dict.fromkeys(task for task, _, _ in found))
-    targets = list(dict.fromkeys(target for _, target, _ in found))
-    found_inputs = {name for _, _, name in found}
-    inputs = sorted(found_inputs, key=lambda name: (not name.startswith("raw"), "model-0" not in name))
+def decoding(path: Path, scores: Mapping[tuple[str, str, str], Estimate]) -> None:
+    """Draw how well elapsed time and true drift can be read, by input; scores: (task, target, input) -> R2."""
+    tasks, targets, inputs = (list(dict.fromkeys(names)) for names in zip(*scores, strict=True))
+    inputs = sorted(inputs, key=lambda name: (not name.startswith("raw"), "model-0" not in name))
     colours = dict(zip(inputs, (style.GREY, style.BLUE, style.VERMILION), strict=False))
-    figure, axes = plt.subplots(1, len(tasks), figsize=(4.6 * len(tasks), 3.7), sharey=True, squeeze=False)
+    figure, axes = style.panels(len(tasks), len(tasks), 4.6 * len(tasks), 3.7, 0, sharey=True)
     width = 0.8 / len(inputs)
     for ax, task in zip(axes[0], tasks, strict=True):
         for k, name in enumerate(inputs):
-            values = [found[task, target, name] for target in targets]
-            mean = np.array([max(one.mean, -0.2) for one in values])
-            spread = np.array([[one.mean - one.low, one.high - one.mean] for one in values]).T
+            mean, spread = style.spread(scores[task, target, name] for target in targets)
             place = np.arange(len(targets)) + (k - (len(inputs) - 1) / 2) * width
-            ax.bar(place, mean, width, yerr=np.nan_to_num(spread), capsize=3, color=colours[name], label=name)
+            look = {"yerr": np.nan_to_num(spread), "capsize": 3, "color": colours[name], "label": name}
+            ax.bar(place, np.maximum(mean, -0.2), width, **look)
         ax.axhline(0, color=style.BLACK, linewidth=0.8)
         ax.set_xticks(np.arange(len(targets)), targets)
         ax.set(title=task.replace("_", " "), ylim=(-0.25, 1.05))
@@ -137,19 +129,17 @@ def decoding(path: Path, found: Mapping[tuple[str, str, str], Estimate]) -> None
 
 
 def error_over_time(path: Path, errors: Mapping[str, Mapping[str, np.ndarray]], minutes: np.ndarray) -> None:
-    """Error against time since training ended; errors: task -> model -> (runs, bins) in mm; minutes: (bins,)."""
-    figure, axes = plt.subplots(1, len(errors), figsize=(4.6 * len(errors), 3.9), squeeze=False)
+    """Draw error against time since training ended; errors: task -> model -> (runs, bins) in mm; minutes: (bins,)."""
+    figure, axes = style.panels(len(errors), len(errors), 4.6 * len(errors), 3.9, 0)
     handles = {}
     for ax, (task, models) in zip(axes[0], errors.items(), strict=True):
         for model, runs in models.items():
             look = model_style(model)
-            found = [estimate(column) for column in runs.T]
-            mean = np.array([one.mean for one in found])
+            mean, low, high = np.array([estimate(column)[:3] for column in runs.T]).T
             (handles[look.label],) = ax.plot(
                 minutes, mean, color=look.color, marker=look.marker, linestyle=look.linestyle
             )
             if len(runs) > 1:
-                low, high = (np.array([getattr(one, end) for one in found]) for end in ("low", "high"))
                 ax.fill_between(minutes, low, high, color=look.color, alpha=0.15, linewidth=0)
         ax.set(xlabel="Time since training ended (min)", title=task.replace("_", " "))
         ax.set_ylim(bottom=0)
@@ -160,22 +150,16 @@ def error_over_time(path: Path, errors: Mapping[str, Mapping[str, np.ndarray]], 
 
 
 def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]]) -> None:
-    """Predicted against true place of test presses, a row a protocol, two columns (x, y) a model.
+    """Draw predicted against true place of test presses, one row per protocol, two columns (x, y) per model.
 
     Of many presses MOST_PRESSES are drawn, evenly over the test part.
 
     views: protocol -> (truth (n, 3), press (n,), model -> prediction (n, 3)), samples of presses only.
     """
-    shown = ("lstm_direct", "lstm_highpass", "press_difference")
-    models = [model for model in shown if all(model in view[2] for view in views.values())]
-    figure, axes = plt.subplots(
-        len(views),
-        2 * len(models),
-        figsize=(2.0 * 2 * len(models), 2.2 * len(views) + 0.5),
-        sharex=True,
-        sharey=True,
-        squeeze=False,
-    )
+    candidates = ("lstm_direct", "lstm_highpass", "press_difference")
+    models = [model for model in candidates if all(model in view[2] for view in views.values())]
+    columns = 2 * len(models)
+    figure, axes = style.panels(len(views) * columns, columns, 2.0 * columns, 2.2, 0.5, sharex=True, sharey=True)
     for row, (protocol, (truth, press, predicted)) in zip(axes, views.items(), strict=True):
         _, first, size = np.unique(press, return_index=True, return_counts=True)
         chosen = np.unique(np.linspace(0, len(first) - 1, min(MOST_PRESSES, len(first))).astype(int))

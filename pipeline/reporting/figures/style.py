@@ -1,6 +1,7 @@
-"""The look of all figures: nine colours and grey, one fixed style per model, and files that never carry a date."""
+"""Give all figures one look: nine colours and grey, one fixed style per model, and files that never carry a date."""
 
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,9 +9,11 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from pipeline.reporting.labels import model_name
+from pipeline.scoring.results import Estimate
 
 DPI = 150
 BLACK, GREY = "#000000", "#777777"
@@ -21,7 +24,7 @@ MEASURED = {"color": BLACK, "linestyle": "--", "linewidth": 1.5}
 
 
 class Style(NamedTuple):
-    """How one model is drawn and what it is called."""
+    """How one model is drawn, and its name."""
 
     label: str
     color: str
@@ -81,16 +84,34 @@ def model_style(model: str) -> Style:
 
 
 def literal(name: str) -> str:
-    """Text for matplotlib that shows `name` as it is: `$` does not start a formula."""
+    """Return text for matplotlib that shows `name` as it is: `$` does not start a formula."""
     return name.replace("$", r"\$")
 
 
 def plain_log(axis: matplotlib.axis.Axis) -> None:
-    """Plain numbers on a logarithmic axis that has its limits: 1, 2, 5, 10; only decades if it is long."""
+    """Write plain numbers on a logarithmic axis that has its limits: 1, 2, 5, 10; only decades if it is long."""
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
+
+
+def panels(count: int, columns: int, width: float, height: float, margin: float, **options):
+    """Return a figure and its axes (rows, columns), `count` of them, row by row; the axes after these are invisible.
+
+    width, margin: of the figure and above and below its panels; height: of one row; all in inches.
+    """
+    rows = max(1, -(-count // columns))
+    figure, axes = plt.subplots(rows, columns, figsize=(width, height * rows + margin), squeeze=False, **options)
+    for ax in axes.flat[count:]:
+        ax.set_axis_off()
+    return figure, axes
+
+
+def spread(estimates: Iterable[Estimate]) -> tuple[np.ndarray, np.ndarray]:
+    """Return means (n,) and the lengths of the error bars (2, n), below and above; NaN where there is no interval."""
+    mean, low, high = np.array([estimate[:3] for estimate in estimates]).T
+    return mean, np.array([mean - low, high - mean])
 
 
 def save(figure: plt.Figure, path: Path) -> None:
@@ -107,7 +128,7 @@ def save(figure: plt.Figure, path: Path) -> None:
 
 
 def press_borders(ax: plt.Axes, time_s, press) -> None:
-    """Thin lines between presses; time_s, press: (n,) in order of time."""
+    """Draw thin lines between presses; time_s, press: (n,) in order of time."""
     for k in range(1, len(press)):
         if press[k] != press[k - 1]:
             ax.axvline((time_s[k - 1] + time_s[k]) / 2, color="#BBBBBB", linewidth=0.8, zorder=0)

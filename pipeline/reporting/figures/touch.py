@@ -1,4 +1,4 @@
-"""Figures of the LoMP paper from our data. Every function writes one PNG; predictions are one run's."""
+"""Draw the figures of the LoMP paper from our data. Every function writes one PNG; predictions are one run's."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -42,7 +42,7 @@ class Windows(NamedTuple):
 
 
 def windows_of(table: pa.Table, settings: Mapping, protocol: str, seed: int) -> Windows:
-    """The dataset's table as arrays; settings: the block `touch` of params.yaml."""
+    """Return the dataset's table as arrays; settings: the block `touch` of params.yaml."""
     label = settings["label"]
     return Windows(
         schemas.names(table["condition"]),
@@ -57,12 +57,12 @@ def windows_of(table: pa.Table, settings: Mapping, protocol: str, seed: int) -> 
 
 
 def in_contact(windows: Windows, settings: Mapping) -> np.ndarray:
-    """(n,) bool: at least one touch is pressed above touch.window.contact_threshold_n."""
+    """Tell of each window, (n,) bool, whether a touch is pressed above touch.window.contact_threshold_n."""
     return (np.nan_to_num(windows.force_n) > settings["window"]["contact_threshold_n"]).any(axis=1)
 
 
 def characteristic_curve(path: Path, settings: Mapping) -> None:
-    """Figure 2b: resistance of the fitted film over pressure, without and with its memory."""
+    """Draw figure 2b: resistance of the fitted film over pressure, without and with its memory."""
     film, scale = material.load_material(), settings["simulate"]["material"]["resistance_scale_ohm"]
     dt, kpa_a_newton = 0.001, 1e-3 / FILM_AREA_M2
     kpa = np.geomspace(1, 400, 400)
@@ -87,31 +87,24 @@ def characteristic_curve(path: Path, settings: Mapping) -> None:
 
 
 def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Figure 4: largest value of measured and estimated map, and L1 loss, over windows of test presses."""
+    """Draw figure 4: largest value of measured and estimated map, and L1 loss, over windows of test presses."""
     chosen = np.flatnonzero((windows.condition == "single") & windows.test & in_contact(windows, settings))
     chosen = chosen[:SHOWN_WINDOWS]
     truth = windows.truth[chosen]
-    shown = [model for model in maps if model != "constant"]
-    columns = min(3, len(shown))
-    rows = -(-len(shown) // columns)
-    figure, axes = plt.subplots(
-        2 * rows,
-        columns,
-        figsize=(4 * columns, 3 * rows),
-        sharex=True,
-        sharey=False,
-        squeeze=False,
-        height_ratios=[2, 1] * rows,
-    )
+    models = [model for model in maps if model != "constant"]
+    columns = min(3, len(models))
+    rows = -(-len(models) // columns)
+    look = {"figsize": (4 * columns, 3 * rows), "height_ratios": [2, 1] * rows}
+    figure, axes = plt.subplots(2 * rows, columns, sharex=True, squeeze=False, **look)
     at = np.arange(len(chosen))
-    losses = {model: np.abs(maps[model][chosen] - truth).mean(axis=(1, 2)) for model in shown}
+    losses = {model: np.abs(maps[model][chosen] - truth).mean(axis=(1, 2)) for model in models}
     finite = np.concatenate(list(losses.values()))
     top_loss = finite[np.isfinite(finite)].max(initial=1e-3)
-    values = np.concatenate([maps[model][chosen].ravel() for model in shown])
+    values = np.concatenate([maps[model][chosen].ravel() for model in models])
     # An exploding model may leave the axes; the measured course must stay readable.
     limit = 1.05 * min(values[np.isfinite(values)].max(initial=truth.max()), 2 * truth.max())
-    for k, model in enumerate(shown):
-        upper, lower = axes[2 * (k // columns), k % columns], axes[2 * (k // columns) + 1, k % columns]
+    pairs = list(zip(axes[::2].flat, axes[1::2].flat, strict=True))
+    for k, (model, (upper, lower)) in enumerate(zip(models, pairs, strict=False)):
         look = model_style(model)
         upper.plot(at, truth.max(axis=(1, 2)), **MEASURED)
         upper.plot(at, maps[model][chosen].max(axis=(1, 2)), color=look.color, linewidth=1.2)
@@ -121,27 +114,21 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
         if k % columns == 0:
             upper.set_ylabel("Peak pressure\n(kPa)")
             lower.set_ylabel("L1 loss\n(kPa)")
-        if k + columns >= len(shown):
+        if k + columns >= len(models):
             lower.set_xlabel("Window in contact (test presses, in order)")
             lower.xaxis.set_tick_params(labelbottom=True)
-    for k in range(len(shown), rows * columns):
-        axes[2 * (k // columns), k % columns].set_axis_off()
-        axes[2 * (k // columns) + 1, k % columns].set_axis_off()
-    figure.legend(
-        [Line2D([], [], **MEASURED), Line2D([], [], color=style.GREY)],
-        [
-            "measured (largest value of the label map)",
-            "estimated (coloured; largest value of the predicted map)",
-        ],
-        loc="outside lower center",
-        ncols=2,
-    )
+    for pair in pairs[len(models) :]:
+        for ax in pair:
+            ax.set_axis_off()
+    handles = [Line2D([], [], **MEASURED), Line2D([], [], color=style.GREY)]
+    names = ["measured (largest value of the label map)", "estimated (coloured; largest value of the predicted map)"]
+    figure.legend(handles, names, loc="outside lower center", ncols=2)
     figure.suptitle("Figure 4: single touch, measured and estimated peak pressure, and mean L1 loss of the map")
     style.save(figure, path)
 
 
 def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
-    """Figure 5: counts of an element over pressure for press locations along x within the element."""
+    """Draw figure 5: counts of an element over pressure for press locations along x within the element."""
     sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]
     frames = frames.filter(pa.array(schemas.names(frames["condition"]) == "single"))
     force, x, y = (schemas.matrix(frames[name])[:, 0] for name in ("force_n", "x_mm", "y_mm"))
@@ -149,17 +136,12 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
     pressed = force > settings["window"]["contact_threshold_n"]
     # Elements 12, 17 and 22 of the paper: the middle column from the middle row upwards.
     elements = [row * sensor["cols"] + sensor["cols"] // 2 for row in range(sensor["rows"] // 2, sensor["rows"])]
-    figure, axes = plt.subplots(
-        1, len(elements), figsize=(3.6 * len(elements), 4), sharex=True, sharey=True, squeeze=False
-    )
+    figure, axes = style.panels(len(elements), len(elements), 3.6 * len(elements), 4, 0, sharex=True, sharey=True)
     colours = (style.BLUE, style.GREEN, style.ORANGE, style.VERMILION, style.PURPLE, style.SKY)
     points: dict[str, list[tuple[plt.Axes, np.ndarray, np.ndarray]]] = {}
     spacing = np.nan
     for ax, element in zip(axes[0], elements, strict=True):
-        centre_x, centre_y = (
-            (element % sensor["cols"] + 0.5) * pitch,
-            (element // sensor["cols"] + 0.5) * pitch,
-        )
+        centre_y, centre_x = ((place + 0.5) * pitch for place in divmod(element, sensor["cols"]))
         inside = pressed & (np.abs(x - centre_x) < pitch / 2) & (np.abs(y - centre_y) < pitch / 2)
         rounded_y = np.round(y, 1)
         rows = np.unique(rounded_y[inside])
@@ -181,20 +163,15 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
     for k, name in enumerate(order):
         look = {"s": 9, "color": colours[k % 6], "marker": "os^Dv*"[k % 6]}
         handles.append([ax.scatter(read, kpa, **look) for ax, read, kpa in points[name]][-1])
-    figure.legend(
-        handles,
-        order,
-        loc="outside lower center",
-        ncols=min(len(order), 6) or 1,
-        title="press location along x, from the element's centre",
-    )
+    title = "press location along x, from the element's centre"
+    figure.legend(handles, order, loc="outside lower center", ncols=min(len(order), 6) or 1, title=title)
     apart = "" if np.isnan(spacing) else f"\n(locations {spacing:g} mm apart, our grid's pitch; paper: 2.875 mm)"
     figure.suptitle(f"Figure 5: sensor behaviour for press locations within one element, loading and unloading{apart}")
     style.save(figure, path)
 
 
 def _block_peak(maps: np.ndarray, x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping) -> np.ndarray:
-    """Largest value of maps (n, rows, cols) within the element under each (x_mm, y_mm), (n,)."""
+    """Return the largest value of maps (n, rows, cols) within the element under each (x_mm, y_mm), (n,)."""
     centre_x, centre_y = labels.cell_centres(sensor, {"map_rows": maps.shape[1], "map_cols": maps.shape[2]})
     element_of_cell = elements_at(*np.meshgrid(centre_x, centre_y), sensor)
     inside = element_of_cell == elements_at(x_mm, y_mm, sensor)[:, None, None]
@@ -202,14 +179,14 @@ def _block_peak(maps: np.ndarray, x_mm: np.ndarray, y_mm: np.ndarray, sensor: Ma
 
 
 def elements_at(x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping) -> np.ndarray:
-    """Number of the element under each place, row-major from the bottom row."""
+    """Return the number of the element under each place, row-major from the bottom row."""
     column = np.clip(x_mm // sensor["pitch_mm"], 0, sensor["cols"] - 1).astype(int)
     row = np.clip(y_mm // sensor["pitch_mm"], 0, sensor["rows"] - 1).astype(int)
     return row * sensor["cols"] + column
 
 
 def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Figure 6: pressure at both pressed elements and their counts over time, for a stretch of presses."""
+    """Draw figure 6: pressure at both pressed elements and their counts over time, for a stretch of presses."""
     sensor = settings["sensor"]
     double = np.flatnonzero((windows.condition == "double") & ~np.isnan(windows.x_mm[:, :2]).any(axis=1))
     double = double[windows.recording[double] == windows.recording[double[0]]]
@@ -231,14 +208,8 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
         ax.set_ylabel(f"Touch {touch + 1} ({('CNC', 'hand')[touch]})\npressure (kPa)")
         low, high = ax.get_ylim()
         ax.set_ylim(max(low, -0.5 * truth.max()), min(high, 2.5 * truth.max()))
-    for touch, (colour, marker) in enumerate(((style.BLACK, "."), (style.GREY, "+"))):
-        axes[2].plot(
-            time,
-            windows.counts[chosen, elements[touch]],
-            color=colour,
-            marker=marker,
-            linestyle=("-", "--")[touch],
-        )
+    for element, colour, marker, dashes in zip(elements, (style.BLACK, style.GREY), ".+", ("-", "--"), strict=True):
+        axes[2].plot(time, windows.counts[chosen, element], color=colour, marker=marker, linestyle=dashes)
     axes[2].set(xlabel="Time (s)", ylabel="ADC counts")
     axes[2].legend(axes[2].lines, ["element of touch 1", "element of touch 2"], loc="upper left", bbox_to_anchor=(1, 1))
     for ax in axes:
@@ -246,30 +217,19 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
     for press in presses:
         rows = np.flatnonzero(windows.press[chosen] == press)
         strongest = rows[np.nansum(windows.force_n[chosen[rows]], axis=1).argmax()]
-        axes[0].text(
-            time[rows].mean(),
-            1.02,
-            f"elements {elements[0][strongest]} and {elements[1][strongest]}",
-            transform=axes[0].get_xaxis_transform(),
-            ha="center",
-        )
+        words = f"elements {elements[0][strongest]} and {elements[1][strongest]}"
+        axes[0].text(time[rows].mean(), 1.02, words, transform=axes[0].get_xaxis_transform(), ha="center")
     handles = [Line2D([], [], **MEASURED)]
-    handles += [
-        Line2D([], [], color=model_style(m).color, linestyle=model_style(m).linestyle, marker=model_style(m).marker)
-        for m in drawn
-    ]
-    axes[0].legend(
-        handles,
-        ["measured", *(model_name(m) + _failure(maps[m][chosen]) for m in drawn)],
-        loc="upper left",
-        bbox_to_anchor=(1, 1),
-    )
+    for look in map(model_style, drawn):
+        handles.append(Line2D([], [], color=look.color, linestyle=look.linestyle, marker=look.marker))
+    names = ["measured", *(model_name(model) + _failure(maps[model][chosen]) for model in drawn)]
+    axes[0].legend(handles, names, loc="upper left", bbox_to_anchor=(1, 1))
     figure.suptitle("Figure 6: double touch, largest value of label and predicted map within each pressed element")
     style.save(figure, path)
 
 
 def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Figure 7: mean squared error a window, for one touch and for two, on a logarithmic axis."""
+    """Draw figure 7: mean squared error per window, for one touch and for two, on a logarithmic axis."""
     contact = in_contact(windows, settings) & windows.test
     conditions = [name for name in ("single", "double") if (windows.condition == name).any()]
     figure, ax = plt.subplots(figsize=(8, 0.62 * len(maps) + 1.6))
@@ -281,22 +241,11 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarr
             if not len(mse):
                 ax.text(0.5, k, "failed", transform=ax.get_yaxis_transform(), ha="center", va="center")
                 continue
-            double = condition == "double"
-            boxes = ax.boxplot(
-                mse,
-                positions=[k + (0.18 if double else -0.18)],
-                widths=0.3,
-                whis=(5, 95),
-                showfliers=False,
-                orientation="horizontal",
-                patch_artist=True,
-                medianprops={"color": style.BLACK, "linewidth": 1.6},
-            )
-            boxes["boxes"][0].set(
-                facecolor=model_style(model).color if double else "white",
-                edgecolor=model_style(model).color,
-                linewidth=1.5,
-            )
+            double, colour = condition == "double", model_style(model).color
+            look = {"orientation": "horizontal", "medianprops": {"color": style.BLACK, "linewidth": 1.6}}
+            look |= {"widths": 0.3, "whis": (5, 95), "showfliers": False, "patch_artist": True}
+            boxes = ax.boxplot(mse, positions=[k + (0.18 if double else -0.18)], **look)
+            boxes["boxes"][0].set(facecolor=colour if double else "white", edgecolor=colour, linewidth=1.5)
     ax.set_yticks(range(len(maps)), [model_name(model) for model in maps])
     ax.invert_yaxis()
     ax.set(
@@ -309,13 +258,13 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarr
         "single": (Patch(facecolor="white", edgecolor=style.GREY), "single touch (test presses)"),
         "double": (Patch(facecolor=style.GREY), "double touch"),
     }
-    shown = [looks[condition] for condition in conditions]
-    figure.legend(*zip(*shown, strict=True), loc="outside lower center", ncols=len(shown))
+    handles, names = zip(*(looks[condition] for condition in conditions), strict=True)
+    figure.legend(handles, names, loc="outside lower center", ncols=len(conditions))
     style.save(figure, path)
 
 
 def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Figure 8: measured and estimated maps of (a) two, (b) three touches, (c) two slides and (d) a tape."""
+    """Draw figure 8: measured and estimated maps of (a) two, (b) three touches, (c) two slides and (d) a tape."""
     total = np.nansum(windows.force_n, axis=1)
 
     def strongest(condition: str, strength: np.ndarray) -> int | None:
@@ -335,15 +284,8 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
     smaller = np.nan_to_num(windows.force_n[:, :2]).min(axis=1) if windows.force_n.shape[1] > 1 else total
     if (two := strongest("double", smaller)) is not None:
         row_of([("(a) double touch", two, MAP_MODELS)])
-    shapes = [
-        (title, window, lomp)
-        for title, window in (
-            ("(b) three touches", strongest("three", total)),
-            ("(d) tape", strongest("tape", total)),
-        )
-        if window is not None
-    ]
-    if shapes:
+    shapes = {"(b) three touches": strongest("three", total), "(d) tape": strongest("tape", total)}
+    if shapes := [(title, window, lomp) for title, window in shapes.items() if window is not None]:
         row_of(shapes)
     slide = np.flatnonzero((windows.condition == "slide") & in_contact(windows, settings))
     if len(slide):
@@ -352,10 +294,7 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
         slide = slide[: gaps[0] + 1] if len(gaps) else slide  # one slide of two fingers
         picked = slide[np.linspace(0, len(slide) - 1, INSTANTS + 2).round().astype(int)[1:-1]]
         since = windows.t_s[picked] - windows.t_s[slide[0]]
-        for name, source in [
-            ("measured", windows.truth),
-            *((model_name(m), maps[m]) for m in lomp if m in maps),
-        ]:
+        for name, source in [("measured", windows.truth), *((model_name(m), maps[m]) for m in lomp if m in maps)]:
             panels.append([(f"(c) slide, {s:.2f} s\n{name}", source[w], w) for s, w in zip(since, picked, strict=True)])
     sensor = settings["sensor"]
     width, height = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
@@ -385,11 +324,10 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
 
 
 def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) -> None:
-    """Loss over epochs of every model trained in epochs; a line a seed, the kept epoch marked."""
+    """Draw the loss of every model trained in epochs, one line per seed, the kept epoch marked."""
     trained = {model: runs for model, runs in fits.items() if any(len(run.history) > 1 for run in runs)}
     columns = max(1, min(3, len(trained)))
-    rows = max(1, -(-len(trained) // columns))
-    figure, axes = plt.subplots(rows, columns, figsize=(3.7 * columns, 2.7 * rows + 0.8), squeeze=False)
+    figure, axes = style.panels(len(trained), columns, 3.7 * columns, 2.7, 0.8)
     for ax, (model, runs) in zip(axes.flat, trained.items(), strict=False):
         look = model_style(model)
         for run in runs:
@@ -403,18 +341,10 @@ def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) ->
         ax.xaxis.get_major_locator().set_params(integer=True)
     for ax in axes[:, 0]:
         ax.set_ylabel("Loss: mean squared error (kPa²)")
-    for ax in list(axes.flat)[len(trained) :]:
-        ax.set_axis_off()
-    figure.legend(
-        [
-            Line2D([], [], color=style.GREY, linestyle=":"),
-            Line2D([], [], color=style.BLACK),
-            Line2D([], [], color=style.BLACK, marker="o", linestyle=""),
-        ],
-        ["training", "validation (coloured)", "epoch that was kept"],
-        loc="outside lower center",
-        ncols=3,
-    )
+    handles = [Line2D([], [], color=style.GREY, linestyle=":"), Line2D([], [], color=style.BLACK)]
+    handles.append(Line2D([], [], color=style.BLACK, marker="o", linestyle=""))
+    names = ["training", "validation (coloured)", "epoch that was kept"]
+    figure.legend(handles, names, loc="outside lower center", ncols=3)
     figure.suptitle(f"Learning curves, {protocol} split, one line a seed (lower is better)")
     style.save(figure, path)
 

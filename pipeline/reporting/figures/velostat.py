@@ -1,9 +1,8 @@
-"""Figures of the recorded Velostat taxel."""
+"""Draw the predictions of the recorded Velostat taxel."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pyarrow as pa
 from matplotlib.lines import Line2D
@@ -11,26 +10,21 @@ from matplotlib.lines import Line2D
 from pipeline.datasets import schemas
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
-from pipeline.reporting.labels import model_name
 
 SHOWN_S = 15  # of a recording, around its largest force
 GAP = 3.0  # median intervals between windows; lines are interrupted at longer ones
 
 
 def force_over_time(
-    path: Path,
-    windows: pa.Table,
-    test: np.ndarray,
-    predicted: Mapping[str, np.ndarray],
-    recordings: Sequence[str],
+    path: Path, windows: pa.Table, test: np.ndarray, predicted: Mapping[str, np.ndarray], recordings: Sequence[str]
 ) -> None:
-    """Measured and predicted force (N) over time, a panel a recording.
+    """Draw measured and predicted force (N) over time, one panel per recording.
 
     test: (n,) bool; predicted: model -> (n, 1) in N.
     """
     recording = schemas.names(windows["recording"])
     truth, time = schemas.matrix(windows["y"])[:, 0], windows["t_s"].to_numpy()
-    figure, axes = plt.subplots(len(recordings), 1, figsize=(9, 2.2 * len(recordings) + 1), squeeze=False)
+    figure, axes = style.panels(len(recordings), 1, 9, 2.2, 1)
     for ax, name in zip(axes[:, 0], recordings, strict=True):
         rows = np.flatnonzero(test & (recording == name))
         middle = time[rows[truth[rows].argmax()]]
@@ -45,15 +39,9 @@ def force_over_time(
         ax.plot(at, np.insert(truth[rows], breaks, np.nan), **(MEASURED | {"linewidth": 1.1}))
         ax.set(ylabel="Force (N)", title=name)
     axes[-1, 0].set_xlabel("Time (s)")
-    handles = [
-        Line2D([], [], **MEASURED),
-        *(Line2D([], [], color=model_style(m).color, linestyle=model_style(m).linestyle) for m in predicted),
-    ]
-    figure.legend(
-        handles,
-        ["measured", *(model_name(m) for m in predicted)],
-        loc="outside lower center",
-        ncols=len(handles),
-    )
+    looks = [model_style(model) for model in predicted]
+    handles = [Line2D([], [], color=look.color, linestyle=look.linestyle) for look in looks]
+    handles, names = [Line2D([], [], **MEASURED), *handles], ["measured", *(look.label for look in looks)]
+    figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
     figure.suptitle("Measured and predicted force on test recordings")
     style.save(figure, path)

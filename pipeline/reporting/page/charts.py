@@ -15,15 +15,14 @@ from matplotlib.markers import MarkerStyle
 from pipeline.reporting.figures.style import model_style
 from pipeline.reporting.labels import model_name
 from pipeline.reporting.markdown import interval, number, size
-from pipeline.reporting.speed import FRONTS
+from pipeline.reporting.speed import ESTIMATE, FRONTS
 from pipeline.scoring.results import Estimate
 
 WIDTH, HEIGHT = 380, 300  # of a chart's coordinates
 LEFT, RIGHT, TOP, BOTTOM = 46, 14, 12, 42  # px around the axes
 RADIUS = 6.5  # px of a marker
-ESTIMATE, COSTS = ("error", "low", "high", "runs", "failed"), ("params", "macs", "size_bytes")
-TIMES = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s")
-COLUMNS = ("panel", "model", "measure", *ESTIMATE, *TIMES, *COSTS, *FRONTS.values())  # that the charts need
+COSTS = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s", "params", "macs", "size_bytes")
+COLUMNS = ("panel", "model", "measure", *ESTIMATE, *COSTS, *FRONTS.values())  # that the charts need
 AXES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}
 
 
