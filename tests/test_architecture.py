@@ -39,7 +39,7 @@ ARROWS = {
     "experiments": {"logs"},
     "logs": {"datasets"},
     "datasets": {"base"},
-    "tracking": {"base"},
+    "tracking": {"scoring"},
     "base": set(),
 }
 # Their __init__ imports a file of the room by a name that params.yaml or dvc.yaml gives.

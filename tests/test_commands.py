@@ -9,7 +9,7 @@ import ast
 import importlib
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +17,7 @@ import pytest
 from dvc.repo import Repo
 
 from pipeline.base import params, paths
+from pipeline.commands.command_line import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
 VALUES = params.load()
@@ -201,10 +202,11 @@ def test_every_command_of_dvc_yaml_can_be_given():
     assert not any(wrong.values()), wrong
 
 
-@pytest.mark.parametrize("name", [*STAGES, PEOPLE])
-def test_every_stage_and_command_has_help(name, capsys):
+@pytest.mark.parametrize("call", [*STAGES, PEOPLE, *(f"{PEOPLE} {command}" for command in COMMANDS)])
+def test_every_stage_and_command_has_help(call, capsys):
+    name, *command = call.split()
     with pytest.raises(SystemExit) as ended:
-        parser_of(name).parse_args(["--help"])
+        parser_of(name).parse_args([*command, "--help"])
     assert ended.value.code == 0
     assert "usage: " in capsys.readouterr().out
 
@@ -213,13 +215,7 @@ def test_the_installed_command_is_that_of_the_room():
     module, _, function = PROJECT["scripts"]["tactile"].partition(":")
     assert (module, function) == (PEOPLE, "main") and list(PROJECT["scripts"]) == ["tactile"]
     modules = {path.stem.replace("_", "-") for path in (ROOT / "pipeline" / "commands").glob("[a-z]*.py")}
-    assert set(commands()) == modules - {"command-line"}
-
-
-def commands() -> Iterable[str]:
-    """Return the names of the commands of `tactile`."""
-    (action,) = (action for action in parser_of(PEOPLE)._actions if action.dest == "command")
-    return action.choices
+    assert set(COMMANDS) == modules - {"command-line"}
 
 
 @pytest.mark.parametrize(
