@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
-from pipeline.reporting.markdown import number, size
 from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED, Claim, Evidence
+from pipeline.reporting.words.markdown import number, size
 
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
 COUNTED = (*VERDICTS, "of not reproduced: undecided")  # columns of a table of counts

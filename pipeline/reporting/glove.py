@@ -15,11 +15,11 @@ from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import glove as glove_figures
 from pipeline.reporting.figures import style
 from pipeline.reporting.glove_tables import METRICS
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import code, interval, number
 from pipeline.reporting.verdicts import glove as glove_verdicts
 from pipeline.reporting.verdicts.glove_measures import NAMED_PAIRS, published_fusion
 from pipeline.reporting.verdicts.rules import Evidence
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import code, interval, number
 from pipeline.scoring import glove_results
 from pipeline.scoring.glove_results import (
     COMPARED,

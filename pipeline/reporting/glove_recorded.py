@@ -19,8 +19,8 @@ from pipeline.reporting.glove import (
     training_sentence,
 )
 from pipeline.reporting.glove_tables import METRICS
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, number, table
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, number, table
 from pipeline.scoring.glove_results import (
     NETWORKS,
     gain,

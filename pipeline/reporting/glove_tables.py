@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.datasets.images import MODALITIES, modality
-from pipeline.reporting import experiment, markdown
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, number, size
+from pipeline.reporting import experiment
+from pipeline.reporting.words import markdown
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.glove_results import augmentation_gain, like_with_like, main_protocols, score, splits
 from pipeline.scoring.published import METHODS, precision, precision_gain
 from pipeline.scoring.results import Scores, estimate

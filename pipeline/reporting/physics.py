@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import files
-from pipeline.reporting import markdown
 from pipeline.reporting.figures import physics as physics_figures
-from pipeline.reporting.labels import model_name
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import FAILED, NEEDED, NOT_NEEDED, Assessment, Judgement
+from pipeline.reporting.words import markdown
+from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.results import CONFIDENCE
 from pipeline.scoring.variants import DEFAULT, NONE
 

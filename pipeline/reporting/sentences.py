@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, number
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, number
 from pipeline.scoring.results import Fit, Scores
 
 MARK = re.compile(r"(?:^|#)\s*Differs from paper:\s*(.*)")

@@ -6,10 +6,10 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.base import files
-from pipeline.reporting import markdown
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.reporting.verdicts.sizes import NAMES, SCALES, SHORTER, Reference, error_of, label, unit_of
+from pipeline.reporting.words import markdown
 from pipeline.scoring import ladders
 from pipeline.scoring.results import Estimate
 

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, number, size, table
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring.results import Estimate, Scores, read_training_times
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate

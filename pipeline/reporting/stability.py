@@ -11,11 +11,11 @@ import pandas as pd
 from pipeline.base import files
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
-from pipeline.reporting import markdown
 from pipeline.reporting.figures import stability as stability_figures
-from pipeline.reporting.labels import model_name
 from pipeline.reporting.verdicts import stability as stability_verdicts
 from pipeline.reporting.verdicts.stability import ERRORS, FAILED, FAILURES, HOLDS, TRAININGS, WORSE
+from pipeline.reporting.words import markdown
+from pipeline.reporting.words.labels import model_name
 
 # Conditions that are drawn in the figure of another one.
 JOINED = {"single_anew": "single", "several": "double"}

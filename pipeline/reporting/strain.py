@@ -13,11 +13,11 @@ from pipeline.datasets import schemas
 from pipeline.reporting import experiment, sentences
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import strain as strain_figures
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, number, size, table
 from pipeline.reporting.verdicts import strain as strain_verdicts
 from pipeline.reporting.verdicts.rules import Evidence
 from pipeline.reporting.verdicts.strain_measures import LATENT, TASKS
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring.published import latent
 from pipeline.scoring.results import Scores, estimate, read_fit, read_predictions, read_training_times
 from pipeline.scoring.strain_results import TIME_BINS, errors_by_time, read_latents, read_study, tested_rows

@@ -9,9 +9,9 @@ from pipeline.base import files
 from pipeline.datasets import schemas
 from pipeline.reporting import experiment
 from pipeline.reporting.figures import strain as strain_figures
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, table
 from pipeline.reporting.strain import TRANSFER_COSTS, score_table
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, table
 from pipeline.scoring.results import Scores, read_predictions
 
 SPLITS = {

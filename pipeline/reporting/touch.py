@@ -12,11 +12,11 @@ from pipeline.datasets import schemas
 from pipeline.reporting import experiment, sentences
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import touch as touch_figures
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, literal, number, size, table
 from pipeline.reporting.verdicts import touch as touch_verdicts
 from pipeline.reporting.verdicts import touch_measures
 from pipeline.reporting.verdicts.rules import Evidence
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, literal, number, size, table
 from pipeline.scoring.published import PRINTED, rmse, time_ms
 from pipeline.scoring.results import Estimate, Fit, Scores, read_fit, read_predictions
 

@@ -11,8 +11,8 @@ from pipeline.base import files
 from pipeline.datasets import schemas
 from pipeline.reporting import experiment
 from pipeline.reporting.figures import velostat as velostat_figures
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, table
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, table
 from pipeline.scoring.results import Scores, read_predictions
 
 POOLED = "repetition"  # the protocol that fits all recordings together; the others are named like one recording

@@ -17,7 +17,7 @@ import pandas as pd
 
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
-from pipeline.reporting.markdown import table
+from pipeline.reporting.words.markdown import table
 from pipeline.scoring import results
 
 FINGERPRINT = Path(__file__).with_name("fingerprint.csv")

@@ -13,7 +13,6 @@ import pandas as pd
 from pipeline.base import files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.reporting.claims import COUNTED, VERDICTS, count_rows, ours_text, value_text
-from pipeline.reporting.markdown import table
 from pipeline.reporting.verdicts import glove as glove_verdicts
 from pipeline.reporting.verdicts import strain as strain_verdicts
 from pipeline.reporting.verdicts import touch as touch_verdicts
@@ -26,6 +25,7 @@ from pipeline.reporting.verdicts.rules import (
     Evidence,
     Judgement,
 )
+from pipeline.reporting.words.markdown import table
 
 COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason"]
 COLUMNS += ["key", "printed", "unit", "over", "measured"]

@@ -6,7 +6,7 @@ from pathlib import Path
 from benchmarks import growth
 
 from pipeline.base import files
-from pipeline.reporting.markdown import table
+from pipeline.reporting.words.markdown import table
 
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
 NO_BREAK = "\N{NO-BREAK SPACE}"  # a number stays with its unit

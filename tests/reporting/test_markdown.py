@@ -6,8 +6,8 @@ from html import escape, unescape
 import pytest
 from builders import own_logs
 
-from pipeline.reporting import markdown
 from pipeline.reporting.page.hypertext import Pages
+from pipeline.reporting.words import markdown
 
 NAMES = (*own_logs.NAMES, "``x`", "&amp;", "~~a~~ **b** __c__", "<script>alert(1)</script>", "a\\|b|", "$x$")
 

@@ -6,10 +6,10 @@ import pytest
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.reporting import labels
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.figures import style
+from pipeline.reporting.words import labels
 from pipeline.scoring import results
 
 TIMES = {"constant": 0.007, "linear": 0.22, "poly": 0.38, "tree": 0.083, "rbf": 0.33, "cnn": 0.24, "vgg": 1.7}

@@ -18,11 +18,11 @@ from pipeline.datasets import labels, schemas
 from pipeline.reporting import experiment as experiment_report
 from pipeline.reporting import touch as touch_report
 from pipeline.reporting.claims import claim_sentence
-from pipeline.reporting.markdown import interval, number, table
 from pipeline.reporting.sentences import read_differences
 from pipeline.reporting.verdicts import touch as touch_verdicts
 from pipeline.reporting.verdicts import touch_measures
 from pipeline.reporting.verdicts.rules import Claim, Evidence, positive, untestable
+from pipeline.reporting.words.markdown import interval, number, table
 from pipeline.scoring import results
 from pipeline.stages import render
 

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.labels import model_name
+from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.results import Fit, estimate
 
 COLOURS = {"pressure": style.BLUE, "strain": style.VERMILION, "combined": style.BLACK}  # of the datasets

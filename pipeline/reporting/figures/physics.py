@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 
 from pipeline.reporting.figures import style
-from pipeline.reporting.labels import model_name
 from pipeline.reporting.verdicts.physics import NEEDED, Assessment
+from pipeline.reporting.words.labels import model_name
 
 FULL = 3.0  # floors at which the colour is full
 # White up to one floor, then two hues; the sign is in the numbers, so that nothing is lost in grey.

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
-from pipeline.reporting.labels import model_name
+from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.results import Estimate, estimate
 
 SHOWN_S = 120.0  # of the test part in figures 5 to 8

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from pipeline.reporting.labels import model_name
+from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.results import Estimate
 
 DPI = 150

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from pipeline.datasets import labels, schemas
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
-from pipeline.reporting.labels import model_name
+from pipeline.reporting.words.labels import model_name
 from pipeline.scenes import material
 from pipeline.scoring.results import Fit
 

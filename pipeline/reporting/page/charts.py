@@ -13,9 +13,9 @@ import pandas as pd
 from matplotlib.markers import MarkerStyle
 
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval, number, size
 from pipeline.reporting.speed import ESTIMATE, FRONTS
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
 
 WIDTH, HEIGHT = 380, 300  # of a chart's coordinates

@@ -7,10 +7,10 @@ from pipeline.base import params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.logs.sources import SOURCES
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import size
 from pipeline.reporting.page.hypertext import cell, folded, table
 from pipeline.reporting.page.verdicts import SIGNS, badge
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import size
 from pipeline.scoring.results import read_csv
 
 NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "claims")

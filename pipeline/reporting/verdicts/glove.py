@@ -9,9 +9,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.datasets.images import MODALITIES
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import number as digits
-from pipeline.reporting.markdown import size
 from pipeline.reporting.verdicts.glove_measures import (
     MODELS,
     NAMED_PAIRS,
@@ -51,6 +48,9 @@ from pipeline.reporting.verdicts.rules import (
     printed_claim,
     untestable,
 )
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import number as digits
+from pipeline.reporting.words.markdown import size
 from pipeline.scoring.glove_results import (
     BASELINES,
     COMPARED,

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.datasets.images import MODALITIES, classes
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import interval as with_interval
-from pipeline.reporting.markdown import number as digits
-from pipeline.reporting.markdown import size
 from pipeline.reporting.verdicts.rules import Evidence, NotTestable, each, summary
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval as with_interval
+from pipeline.reporting.words.markdown import number as digits
+from pipeline.reporting.words.markdown import size
 from pipeline.scoring.glove_results import (
     COMPARED,
     MOST_CONFUSED,

@@ -26,8 +26,8 @@ import pandas as pd
 
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
-from pipeline.reporting import markdown
-from pipeline.reporting.labels import model_name
+from pipeline.reporting.words import markdown
+from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import results
 from pipeline.scoring.glove_results import read_augmentation, read_counts, read_stag
 from pipeline.scoring.published import METHODS

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.reporting.labels import model_name
+from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import complete, ladders
 from pipeline.scoring.results import Scores, estimate, read_csv
 

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.datasets import schemas
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import number as digits
 from pipeline.reporting.verdicts.rules import Evidence, NotTestable, complete, each, summary
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import number as digits
 from pipeline.scoring.published import latent
 from pipeline.scoring.strain_results import errors_by_time
 

@@ -5,8 +5,6 @@ from functools import partial
 
 import pandas as pd
 
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import number as digits
 from pipeline.reporting.verdicts.rules import (
     Claim,
     Evidence,
@@ -46,6 +44,8 @@ from pipeline.reporting.verdicts.touch_measures import (
     why_touches,
     why_vgg,
 )
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import number as digits
 from pipeline.scoring.published import rmse, time_ms
 
 REST = tuple(model for model in MODELS if model != "lomp")

@@ -8,10 +8,10 @@ import pandas as pd
 
 from pipeline.base import paths
 from pipeline.datasets import labels, schemas
-from pipeline.reporting.labels import model_name
-from pipeline.reporting.markdown import number as digits
-from pipeline.reporting.markdown import size
 from pipeline.reporting.verdicts.rules import Evidence, each, interval, summary
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import number as digits
+from pipeline.reporting.words.markdown import size
 from pipeline.scoring.published import PRINTED, rmse, time_ms
 from pipeline.scoring.results import read_predictions
 
