@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pandas as pd
 
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.reporting.claims import COUNTED, VERDICTS, count_rows, ours_text, value_text
 from pipeline.reporting.verdicts import glove as glove_verdicts
@@ -123,6 +123,7 @@ def text(verdicts: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
 
 def main() -> None:
     """Judge all claims by the files that the stages wrote."""
+    arguments.parse(__doc__)
     values = params.load()
     evidence = Evidence(values)
     claims = [on_own_logs(claim, values) for claim in all_claims()]

@@ -3,13 +3,14 @@
 Usage: python -m pipeline.stages.page
 """
 
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.reporting.page import sections
 
 
 def main() -> None:
     """Write reports/index.html."""
+    arguments.parse(__doc__)
     (paths.REPORTS / "benchmarks").mkdir(exist_ok=True)
     html = sections.build(params.load())
     files.write_text(paths.REPORTS / "index.html", html)

@@ -5,9 +5,7 @@ same in every run.
 Usage: python -m pipeline.stages.render EXPERIMENT
 """
 
-import sys
-
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
 from pipeline.reporting import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
@@ -21,7 +19,7 @@ REPORTS = {  # each module is named as its experiment
 def main() -> None:
     """Render the experiment named on the command line; its folder in reports/ is replaced whole."""
     values = params.load()
-    experiment = params.experiment_argument(sys.argv, "render", values)
+    experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     target = paths.REPORTS / experiment
     reason = why_not_run(experiment)
     with files.replacing_folder(target) as draft:

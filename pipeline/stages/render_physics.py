@@ -3,7 +3,7 @@
 Usage: python -m pipeline.stages.render_physics
 """
 
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.reporting import physics
 from pipeline.reporting.verdicts.physics import NOT_NEEDED
@@ -11,6 +11,7 @@ from pipeline.reporting.verdicts.physics import NOT_NEEDED
 
 def main() -> None:
     """Judge and render all experiments; reports/physics is replaced whole."""
+    arguments.parse(__doc__)
     with files.replacing_folder(paths.REPORTS / "physics") as draft:
         judged = physics.write(params.load(), draft)
     files.write_table(paths.REPORTS / "physics.csv", judged)

@@ -3,13 +3,14 @@
 Usage: python -m pipeline.stages.render_stability
 """
 
-from pipeline.base import files, params, paths
+from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.reporting import stability
 
 
 def main() -> None:
     """Render all experiments of params.yaml; the folder in reports/ is replaced whole."""
+    arguments.parse(__doc__)
     target = paths.REPORTS / "stability"
     with files.replacing_folder(target) as draft:
         stability.write(params.load(), draft)

@@ -6,7 +6,7 @@ server that MLFLOW_TRACKING_URI names. DVC runs this at every `dvc repro`, so it
 
 import os
 
-from pipeline.base import store
+from pipeline.base import arguments, store
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
 from pipeline.base.params import load
@@ -61,6 +61,7 @@ def _search_for() -> str:
 
 def main() -> None:
     """Track every experiment of params.yaml."""
+    arguments.parse(__doc__)
     track(load())
 
 
