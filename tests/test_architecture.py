@@ -324,3 +324,10 @@ def test_files_that_the_readme_names_are_there():
         for name in names.split(","):  # <experiment> and the like stand for any
             wanted = re.sub(r"<\w+>", "*", f"{before}{name}{after}")
             assert any(ROOT.glob(wanted)), f"README.md names {wanted}, which is not there"
+
+
+def test_an_import_by_name_is_not_a_constant_in_disguise():
+    """What is known when the code is written is imported where imports stand."""
+    by_name = re.compile(r"""(?:experiments\.module|tasks\.of|scenes\.plan|models\.build)\(\s*f?["']""")
+    wrong = [file for file in CODE if by_name.search((ROOT / file).read_text())]
+    assert not wrong, wrong

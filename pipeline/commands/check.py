@@ -23,6 +23,7 @@ from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
+from pipeline.experiments import strain
 from pipeline.logs import diagnosis, own_data, parse
 from pipeline.logs.report import log_report
 from pipeline.reporting.figures import check as check_figures
@@ -405,9 +406,9 @@ def unfit(experiment: str, frames: pa.Table, values: Mapping) -> list[str]:
 
 def too_old(frames: pa.Table, ages: list[float], values: Mapping) -> list[str]:
     """Return problems: ages in minutes that the test part of a task does not reach."""
-    module, problems = experiments.module("strain"), []
+    problems = []
     for task in values["stress"]["strain"]["protocols"]:
-        part = module.split(frames, values["strain"], task, 0)
+        part = strain.split(frames, values["strain"], task, 0)
         time = frames["t_s"].to_numpy()[part == "test"]
         lasts = np.ptp(time) / 60 if len(time) else 0.0
         if len(time) and (old := [age for age in ages if age > lasts]):

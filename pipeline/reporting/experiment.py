@@ -11,13 +11,12 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline import experiments
-from pipeline.base import files
+from pipeline.base import files, paths
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.sentences import read_differences
 from pipeline.scoring import results
 
-CODE = Path(__file__).resolve().parents[1]
 FITTING = {
     "windows": ["regressors"],
     "series": ["lstm", "series_regressors"],
@@ -60,8 +59,8 @@ def experiment_differences(experiment: str, settings: Mapping) -> list[tuple[str
         f"scenes/{experiment}",
         *(f"models/{model}" for model in settings["models"]),
     ]
-    of_experiment = {f"{CODE.name}/{name}.py" for name in names}
-    return [(file, text) for file, text in read_differences(CODE) if file in of_experiment]
+    files_of_experiment = (f"{name}.py" for name in names)
+    return read_differences(paths.CODE, (name for name in files_of_experiment if (paths.CODE / name).is_file()))
 
 
 def write_speed(

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import experiments
 from pipeline.base import files, paths
 from pipeline.datasets import images, schemas
 from pipeline.datasets.images import MODALITIES
+from pipeline.experiments import glove as glove_experiment
 from pipeline.reporting import experiment, glove_tables, sentences
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import glove as glove_figures
@@ -359,7 +359,7 @@ def draw_grasp(path: Path, table, objects: Sequence[str]) -> None:
         dataset: schemas.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in MODALITIES
     }
     title = style.literal(f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}")
-    glove_figures.tactile_images(path, pictures, experiments.module("glove").STRAIN, title)
+    glove_figures.tactile_images(path, pictures, glove_experiment.STRAIN, title)
 
 
 def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> None:
@@ -367,9 +367,11 @@ def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> Non
     frames_path = paths.require(paths.frames("glove"), "python -m pipeline.stages.ingest glove")
     frames = schemas.read(frames_path, columns=["condition", "recording", "pressure", "strain"])
     names, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
-    glove, ohm = experiments.module("glove"), settings["sensor"]["reference_ohm"]
-    pressure, strain = (1e3 * glove.conductance(schemas.matrix(frames[c]), ohm) for c in ("pressure", "strain"))
-    joints = glove.joint_means(strain.reshape(-1, 15, 9)).reshape(len(names), -1)
+    ohm = settings["sensor"]["reference_ohm"]
+    pressure, strain = (
+        1e3 * glove_experiment.conductance(schemas.matrix(frames[c]), ohm) for c in ("pressure", "strain")
+    )
+    joints = glove_experiment.joint_means(strain.reshape(-1, 15, 9)).reshape(len(names), -1)
     values = np.column_stack([pressure, joints[:, joints.any(axis=0)]])
     sequences = {}
     for name in objects:
@@ -377,7 +379,7 @@ def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> Non
         last = rows[sessions[rows] == max(sessions[rows])]
         sequences[name] = values[last[-SEQUENCE_FRAMES:]].T
     title = f"Figure 13: the last {SEQUENCE_FRAMES} frames of each object's last session; below the line, joint means"
-    glove_figures.tactile_sequences(path, sequences, glove.PRESSURE_CELLS, title)
+    glove_figures.tactile_sequences(path, sequences, glove_experiment.PRESSURE_CELLS, title)
 
 
 def draw_confusions(

@@ -1,7 +1,7 @@
 """Write sentences that the findings of several experiments share, and collect where the code differs from a paper."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pipeline.reporting.words.labels import model_name
@@ -45,13 +45,13 @@ def figure_lines(captions: Mapping[str, str]) -> list[str]:
     return [f"- [{name}.png]({name}.png): {text}" for name, text in captions.items()]
 
 
-def read_differences(folder: Path) -> list[tuple[str, str]]:
-    """Read (file, text) of every comment in folder/**/*.py that starts with the mark, by file and line.
+def read_differences(folder: Path, names: Iterable[str]) -> list[tuple[str, str]]:
+    """Read (file, text) of every comment that starts with the mark, by file and line; names: files in `folder`.
 
     A comment goes on over following lines that are comments; in a docstring, up to an empty line or the end.
     """
     differences = []
-    for path in sorted(folder.rglob("*.py")):
+    for path in sorted(folder / name for name in names):
         lines = path.read_text(encoding="utf-8").splitlines()
         for k, line in enumerate(lines):
             match = MARK.search(line)

@@ -6,12 +6,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
-from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.labels import FRONTS, model_name
 from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring.results import Estimate, Scores, read_training_times
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
-FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
 
 
 def pareto(time: Sequence[float], error: Sequence[float]) -> np.ndarray:

@@ -61,6 +61,7 @@ class Run(NamedTuple):
     predict: Callable[[np.ndarray], np.ndarray]  # (T, channels) V to (T, outputs) mm
     failed: bool  # training diverged
     task: series.Task
+    experiment: str
     protocol: str
     seed: int
 
@@ -115,7 +116,7 @@ def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: in
     task = experiments.module(experiment).task(protocol, values[experiment])
     spec = tasks_series.spec(experiment, values[experiment], protocol)
     run = tasks.load(values, experiment, model, protocol, seed, spec)
-    return Run(run.model.predict, run.failed, task, protocol, seed)
+    return Run(run.model.predict, run.failed, task, experiment, protocol, seed)
 
 
 def levels(pieces: list[series.Piece], settings: Mapping) -> Levels:
@@ -142,7 +143,7 @@ def stressed(
     for name, severities in plan.items():
         if name in SCENES:
             for severity in (0, *severities):
-                new = scene_record(json.dumps(settings), run.protocol, name, severity)
+                new = scene_record(json.dumps(settings), run.experiment, run.protocol, name, severity)
                 yield name, severity, run.scores(new, run.predict(new.x))
             continue
         yield name, 0, clean
@@ -181,13 +182,13 @@ def perturbed(name: str, voltages: np.ndarray, severity: float, seed: int, seen:
 
 
 @functools.lru_cache(maxsize=64)
-def scene_record(block: str, task: str, change: str, severity: float) -> series.Record:
-    """A changed scene's recording, its logs read and resampled as in ingest; `block`: `strain` as JSON.
+def scene_record(block: str, experiment: str, task: str, change: str, severity: float) -> series.Record:
+    """A changed scene's recording, its logs read and resampled as in ingest; `block`: the experiment's settings as JSON.
 
     Its clocks agree: to find out how they differ is ingest's task, and its error (up to 0.4 s at a quarter of the rate)
     would be taken for the models'. Kept, because all models of one process see the same recordings.
     """
-    settings, module = json.loads(block), experiments.module("strain")
+    settings, module = json.loads(block), experiments.module(experiment)
     changed, lines, formats = strain_stress.changed(settings, change, severity), {}, module.formats(settings)
     with tempfile.TemporaryDirectory() as folder:
         for name, (text, _) in strain_stress.logs_of(changed, task, settings["simulate"]["seed"]).items():

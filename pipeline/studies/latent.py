@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import experiments, models
+from pipeline import models
 from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.errors import run_stage
 from pipeline.datasets import series
+from pipeline.experiments import strain
 from pipeline.tasks import series as tasks_series
 
 BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
@@ -31,7 +32,7 @@ def train_with(values: Mapping, model: str, block: dict, protocol: str, seed: in
     As in the stage `train`, transfer takes its frozen part from model-0, which has seen all of task 0.
     """
     experiment = "strain"
-    task = experiments.module(experiment).task(protocol, values[experiment])
+    task = strain.task(protocol, values[experiment])
     spec = tasks_series.spec(experiment, values[experiment], protocol)
     (piece,) = series.read(paths.dataset(experiment), task, protocol, seed)
     (record,) = series.seen_in_training([piece])
@@ -75,8 +76,8 @@ def one_drift(values: Mapping, protocol: str, seed: int, report: Callable) -> li
 def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
     from pipeline.learning import lstm
 
-    module, settings = experiments.module("strain"), values["strain"]
-    task = module.task(protocol, settings)
+    settings = values["strain"]
+    task = strain.task(protocol, settings)
     spec = tasks_series.spec("strain", settings, protocol)
     (piece,) = series.read(paths.dataset("strain"), task, protocol, seed)
     frames = settings["window"]["frames"]
@@ -89,11 +90,11 @@ def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
         "latent of model-0": paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed),
         "latent of direct training": paths.run_folder("strain", zero, protocol, seed),
     }.items():
-        outputs = module.task(task.base if "model-0" in name else protocol, settings).outputs
+        outputs = strain.task(task.base if "model-0" in name else protocol, settings).outputs
         network = lstm.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
         network.load(folder)
         inputs[name] = network.latents(x)[rows]
-    known = module.true_drift(protocol, at) if settings["source"] == "simulated" else {}
+    known = strain.true_drift(protocol, at) if settings["source"] == "simulated" else {}
     targets = {"elapsed time": at[:, None], **known}
     return [
         (protocol, name, target, seed, "r2", "1", decoded(given, truth, at))
@@ -171,8 +172,8 @@ def _write_latents(values: Mapping, path: Path) -> None:
     """t_s and the states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
     from pipeline.learning import lstm
 
-    module, settings = experiments.module("strain"), values["strain"]
-    task, seed = module.task("task_2", settings), settings["study"]["seeds"][0]
+    settings = values["strain"]
+    task, seed = strain.task("task_2", settings), settings["study"]["seeds"][0]
     spec = tasks_series.spec("strain", settings, task.base)
     network = lstm.LstmRegressor(spec, 1, None, transfer=False)
     network.load(paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed))

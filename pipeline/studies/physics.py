@@ -63,13 +63,14 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
     torch.set_num_threads(1)
     chosen = values["physics"][experiment]
     settings = settings_of(values, experiment, effect, seed)
-    score = {"touch": touch_scores, "strain": strain_scores, "glove": glove_scores}[experiment]
+    by_kind = {"windows": windows_scores, "series": series_scores, "images": images_scores}
+    score = by_kind[experiments.module(experiment).KIND]
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         protocols = [*chosen["protocols"], *_bases(experiment, settings, chosen["protocols"])]
         write_dataset(experiment, settings, dict.fromkeys(protocols), seed, folder)
-        for condition, model, scores in score(settings, chosen, seed, folder, values["device"]):
+        for condition, model, scores in score(experiment, settings, chosen, seed, folder, values["device"]):
             metric = MAIN_METRIC[experiment]
             unit, value = next((unit, value) for name, unit, value, _ in scores if name == metric)
             rows.append((experiment, effect, condition, model, seed, metric, unit, value))
@@ -119,45 +120,50 @@ def fitted(
     return Trained(regressor, failed=regressor.summary.best_epoch == 0)
 
 
-def touch_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
-    """Yield (condition, model, rows of metrics.touch) of every model; settings: the scene's, chosen: physics.touch."""
+def windows_scores(experiment: str, settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
+    """Yield (condition, model, rows of scores) of every model.
+
+    settings: the experiment's block at the scene's scale; chosen: its block physics.<experiment>.
+    """
+    module = experiments.module(experiment)
     data = read_dataset(dataset_of(folder), settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     (protocol,) = chosen["protocols"]
     part = data.part(protocol, seed)
     for model in chosen["models"]:
-        run = fitted("touch", model, settings, chosen, folder, (protocol, seed), device=device)
-        for name in CONDITIONS["touch"]:
+        run = fitted(experiment, model, settings, chosen, folder, (protocol, seed), device=device)
+        for name in CONDITIONS[experiment]:
             rows = np.flatnonzero((part == "test") & (condition == name))
             predicted = tasks_windows.predict(run.model, data.x[rows], data, rows)
-            scores = metrics.touch(data.rows.take(pa.array(rows)), data.y[rows], predicted, settings)
+            windows = data.rows.take(pa.array(rows))
+            scores = tasks_windows.score(module, windows, data.y[rows], predicted, settings)
             yield name, model, metrics.unless_failed(scores, run.failed)
 
 
-def strain_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
-    """As `touch_scores`; a condition is a task. Model-0 of transfer is trained on all of task 0 first."""
-    module, zeros = experiments.module("strain"), {}
+def series_scores(experiment: str, settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
+    """Yield as `windows_scores`; a condition is a task. Model-0 of transfer is trained on all of task 0 first."""
+    module, zeros = experiments.module(experiment), {}
     common = settings, chosen, folder
     for protocol in chosen["protocols"]:
         task = module.task(protocol, settings)
         if task.base not in zeros:
             zeros[task.base] = folder / task.base
             zeros[task.base].mkdir()
-            zero = fitted("strain", settings["model_zero"], *common, (task.base, seed), device=device, base=None)
+            zero = fitted(experiment, settings["model_zero"], *common, (task.base, seed), device=device, base=None)
             zero.model.save(zeros[task.base])
         for model in chosen["models"]:
-            run = fitted("strain", model, *common, (protocol, seed), device=device, base=zeros[task.base])
+            run = fitted(experiment, model, *common, (protocol, seed), device=device, base=zeros[task.base])
             (piece,) = series.read(dataset_of(folder), task, protocol, seed)
             predicted = run.model.predict(piece.record.x)[piece.part == "test"]
             yield protocol, model, metrics.unless_failed(tasks_series.score(piece, predicted, task), run.failed)
 
 
-def glove_scores(settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
-    """As `touch_scores`; a condition is a dataset of images."""
+def images_scores(experiment: str, settings: dict, chosen: Mapping, seed: int, folder: Path, device: str):
+    """Yield as `windows_scores`; a condition is a dataset of images."""
     for protocol in chosen["protocols"]:
         test = tasks_images.part_of(images.read(dataset_of(folder), protocol, seed), "test")
         for model in chosen["models"]:
-            run = fitted("glove", model, settings, chosen, folder, (protocol, seed), device=device)
+            run = fitted(experiment, model, settings, chosen, folder, (protocol, seed), device=device)
             scores = classification.scores(test[1], run.model.predict(test[0]))
             yield images.modality(protocol), model, metrics.unless_failed(scores, run.failed)
 

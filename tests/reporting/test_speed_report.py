@@ -10,6 +10,7 @@ from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.figures import style
 from pipeline.reporting.words import labels
+from pipeline.reporting.words.labels import FRONTS
 from pipeline.scoring import results
 
 TIMES = {"constant": 0.007, "linear": 0.22, "poly": 0.38, "tree": 0.083, "rbf": 0.33, "cnn": 0.24, "vgg": 1.7}
@@ -122,7 +123,7 @@ def drawable(panels):
     rows = [(panel, model, *values) for panel, models in panels.items() for model, values in models.items()]
     table = pd.DataFrame(rows, columns=names).assign(measure="RMSE (kPa)", batch=1)
     table["train_s"] = 10 * table["p50_ms"]
-    for time, column in speed_report.FRONTS.items():
+    for time, column in FRONTS.items():
         table[column] = 0
         for _, own in table.groupby("panel"):
             on = speed_report.pareto(own[time], own["error"].where(own["failed"] == 0))

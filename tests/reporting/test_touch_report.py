@@ -15,7 +15,6 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import load
 from pipeline.datasets import labels, schemas
-from pipeline.reporting import experiment as experiment_report
 from pipeline.reporting import touch as touch_report
 from pipeline.reporting.claims import claim_sentence
 from pipeline.reporting.sentences import read_differences
@@ -446,7 +445,7 @@ def test_differences_are_collected(tmp_path):
     (tmp_path / "one.py").write_text(
         f'"""Text.\n\n{mark} the sum\nis a mean.\n\nMore."""\nx = 1  # {mark} short.\n# {mark} two\n# lines.\ny = 2\n'
     )
-    found = read_differences(tmp_path)
+    found = read_differences(tmp_path, ["one.py"])
     assert [text for _, text in found] == ["the sum is a mean.", "short.", "two lines."]
     assert found[0][0] == f"{tmp_path.name}/one.py"
 
@@ -458,7 +457,7 @@ def test_render_needs_neither_torch_nor_scikit_learn():
         "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.learning.regressors', 'pipeline.models'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
-    root = experiment_report.CODE.parent
+    root = paths.ROOT
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

@@ -32,7 +32,7 @@ def piece() -> series.Piece:
 
 def errors(predict, failed=False, seed=0, **plan) -> dict:
     """(perturbation, severity) -> (error, n) of a model, in the order in which they come."""
-    run = Run(predict, failed, series.Task((2,), {"task_1": [0, 1]}, False, "task_0"), "task_1", seed)
+    run = Run(predict, failed, series.Task((2,), {"task_1": [0, 1]}, False, "task_0"), "strain", "task_1", seed)
     found = stress_series.stressed(run, piece(), SEEN, plan, {})
     return {(name, severity): next((v, n) for m, _, v, n in scores if m == "error") for name, severity, scores in found}
 
@@ -182,7 +182,7 @@ def test_changed_scenes_keep_the_motion_and_change_what_they_say(project):
     settings = settings | {"simulate": settings["simulate"] | {"faults": settings["simulate"]["faults"] | {"gaps": 0}}}
 
     def record(change, severity):
-        return stress_series.scene_record(json.dumps(settings), "task_2", change, severity)
+        return stress_series.scene_record(json.dumps(settings), "strain", "task_2", change, severity)
 
     plain, double, fast, other = record("rate", 0), record("rate", 1), record("speed", 1), record("specimen", 1)
     assert len(double.x) == pytest.approx(2 * len(plain.x), abs=4)

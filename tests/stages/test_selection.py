@@ -157,12 +157,12 @@ def of_rightsize_glove(values, wrong, folder):
 
 def of_physics_touch(values, wrong, folder):
     windows_dataset(physics_study.dataset_of(folder), wrong)
-    list(physics_study.touch_scores(values["touch"], values["physics"]["touch"], 0, folder, "cpu"))
+    list(physics_study.windows_scores("touch", values["touch"], values["physics"]["touch"], 0, folder, "cpu"))
 
 
 def of_physics_glove(values, wrong, folder):
     images_dataset(physics_study.dataset_of(folder), wrong)
-    list(physics_study.glove_scores(values["glove"], values["physics"]["glove"], 0, folder, "cpu"))
+    list(physics_study.images_scores("glove", values["glove"], values["physics"]["glove"], 0, folder, "cpu"))
 
 
 def of_train_stag(values, wrong, folder):
@@ -227,7 +227,7 @@ def of_model_zero(values, folder):
 
 def of_physics_strain(values, folder):
     chosen = values["physics"]["strain"] | {"protocols": ["task_1"]}
-    list(physics_study.strain_scores(values["strain"], chosen, 0, folder, "cpu"))
+    list(physics_study.series_scores("strain", values["strain"], chosen, 0, folder, "cpu"))
 
 
 @pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])

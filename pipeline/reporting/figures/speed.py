@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocato
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.speed import FRONTS
+from pipeline.reporting.words.labels import FRONTS
 
 NAME_WIDTH = 19  # characters of a line of a model's name
 REACHES = (4, 9, 15, 22, 30, 40, 52, 66, 82)  # px from a marker's edge to its name
@@ -24,7 +24,7 @@ TOP = 0.965  # height of a failed model's mark, share of the axis
 def chart(path: Path, table: pd.DataFrame, time: str) -> None:
     """Draw error against a measured time, one panel per panel of the table, all models named, the Pareto front joined.
 
-    table: see `speed.speed_table`; time: a key of `speed.FRONTS`. Both axes are logarithmic.
+    table: see `speed.speed_table`; time: a key of `labels.FRONTS`. Both axes are logarithmic.
     """
     panels = list(dict.fromkeys(table["panel"]))
     columns = len(panels) if len(panels) < 4 else 2

@@ -13,8 +13,8 @@ import pandas as pd
 from matplotlib.markers import MarkerStyle
 
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.speed import ESTIMATE, FRONTS
-from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.speed import ESTIMATE
+from pipeline.reporting.words.labels import FRONTS, model_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
 
@@ -58,7 +58,7 @@ def legend(table: pd.DataFrame) -> str:
 
 
 def chart(rows: pd.DataFrame, time: str, name: str) -> str:
-    """Return one panel. rows: those of the speed table; time: a key of `speed.FRONTS`."""
+    """Return one panel. rows: those of the speed table; time: a key of `labels.FRONTS`."""
     good = rows[rows["failed"] == 0]
     errors = good["error"][good["error"] > 0]
     least = errors.min() / 3 if len(errors) else 0.1  # where an error of zero is drawn

@@ -1,5 +1,6 @@
-"""The names of models in reports."""
+"""Name models and columns as the reports do."""
 
+FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
 LABELS = {
     "constant": "Constant (mean)",
     "linear": "Linear",
