@@ -183,7 +183,7 @@ def perturbed(name: str, voltages: np.ndarray, severity: float, seed: int, seen:
 
 @functools.lru_cache(maxsize=64)
 def scene_record(block: str, experiment: str, task: str, change: str, severity: float) -> series.Record:
-    """A changed scene's recording, its logs read and resampled as in ingest; `block`: the experiment's settings as JSON.
+    """Return the recording of a changed scene, its logs read and resampled as in ingest; `block`: settings as JSON.
 
     Its clocks agree: to find out how they differ is ingest's task, and its error (up to 0.4 s at a quarter of the rate)
     would be taken for the models'. Kept, because all models of one process see the same recordings.

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline import experiments, models
+from pipeline import models
 from pipeline.datasets import series
+from pipeline.experiments import strain
 from pipeline.studies import latent
 
 SAMPLES = 100
@@ -37,7 +38,7 @@ def regressor(monkeypatch):
     record = series.Record(x, y, np.ones(SAMPLES, bool), part == "train", np.full(SAMPLES, -1))
     noting = Noting(series.Piece("task_1", np.arange(SAMPLES), part, np.arange(SAMPLES) / 5, record))
     task = SimpleNamespace(outputs=(2,), channels={"task_1": list(range(6))}, base="task_0", pressed_only=False)
-    monkeypatch.setattr(experiments, "module", lambda name: SimpleNamespace(task=lambda *arguments: task))
+    monkeypatch.setattr(strain, "task", lambda *arguments: task)
     monkeypatch.setattr(models, "build", lambda *arguments: noting)
     monkeypatch.setattr(series, "read", lambda *arguments: [noting.piece])
     return noting
