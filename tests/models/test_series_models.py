@@ -9,7 +9,6 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import series
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, ridge_weights, spec_of
-from pipeline.scoring import metrics
 from pipeline.studies.latent import decoded
 
 RECIPE = {"learning_rate": 5e-3, "max_epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
@@ -194,22 +193,6 @@ def test_highpass_keeps_the_epoch_that_validation_likes_best():
     off = (model.predict(data.x[first:]) - data.y[first:])[length:] / spread
     assert np.square(off).mean() * model.scaling.squared_mm() == pytest.approx(min(losses), rel=1e-4)
     assert losses[-1] > 1.05 * min(losses)
-
-
-def test_scores_of_known_predictions():
-    truth = np.array([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0], [9.0, 12.0]], np.float32)
-    flags = np.ones(4, dtype=bool)
-    rest = series.Record(np.zeros((4, 1)), truth, flags, flags, np.full(4, -1))
-    found = {name: value for name, _, value, _ in metrics.series(rest, truth + [3, 4], (0, 1))}
-    assert found["error"] == pytest.approx(5.0) and "press_error" not in found
-    assert found["r2_x"] == pytest.approx(1 - 4 * 9 / np.square(truth[:, 0] - 4.5).sum())
-    pressed = rest._replace(press=np.array([7, 7, 8, 8]), y=np.repeat(truth[[0, 2]], 2, axis=0))
-    guess = pressed.y + np.array([[99, 99], [3, 4], [99, 99], [3, 4]])  # only the second half of a press counts
-    found = {name: (value, n) for name, _, value, n in metrics.series(pressed, guess, (0, 1))}
-    assert found["press_error"] == (pytest.approx(5.0), 2)
-    depth = rest._replace(y=truth[:, :1])
-    single = {name: value for name, _, value, _ in metrics.series(depth, depth.y - 2, (2,))}
-    assert single["error"] == pytest.approx(2.0) and "r2_z" in single
 
 
 def test_decoder_reads_what_is_there_and_nothing_else():

@@ -1,0 +1,27 @@
+"""Labels: equation 1 of the LoMP paper."""
+
+import numpy as np
+import pytest
+
+from pipeline.base import params
+from pipeline.datasets import labels
+
+
+@pytest.fixture
+def settings():
+    return params.load()["touch"]
+
+
+def test_pressure_map_is_equation_one(settings):
+    sensor, label = settings["sensor"], settings["label"]
+    peak, x, y = np.array([[200.0, np.nan]]), np.array([[31.5, np.nan]]), np.array([[13.5, np.nan]])
+    (found,) = labels.pressure_maps(peak, x, y, sensor, label)
+    assert found.shape == (20, 20) and np.unravel_index(found.argmax(), found.shape) == (4, 10)
+    assert found.max() == pytest.approx(200.0)
+    sigma = label["tip_radius_mm"] / 2
+    assert found[4, 12] == pytest.approx(200 * np.exp(-(6.0**2) / (2 * sigma**2)), rel=1e-5)
+    two = labels.pressure_maps(
+        np.array([[200.0, 90.0]]), np.array([[31.5, 4.5]]), np.array([[13.5, 49.5]]), sensor, label
+    )
+    alone = labels.pressure_maps(np.array([[90.0]]), np.array([[4.5]]), np.array([[49.5]]), sensor, label)
+    np.testing.assert_allclose(two[0], found + alone[0], rtol=1e-6)
