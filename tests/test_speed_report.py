@@ -9,6 +9,7 @@ from pipeline.base.errors import InputError
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.figures import style
+from pipeline.reporting.labels import model_name
 from pipeline.scoring import results
 
 TIMES = {"constant": 0.007, "linear": 0.22, "poly": 0.38, "tree": 0.083, "rbf": 0.33, "cnn": 0.24, "vgg": 1.7}
@@ -155,7 +156,7 @@ def test_every_model_is_named_and_no_name_covers_another(tmp_path, monkeypatch, 
     figure = drawn(drawable({"single": crowded(spread), "double": as_printed}), tmp_path, monkeypatch, time)
     for ax in figure.axes:
         boxes = {" ".join(text.get_text().split()): text.get_window_extent() for text in ax.texts}
-        assert set(boxes) == {style.label(model) for model in TIMES}
+        assert set(boxes) == {model_name(model) for model in TIMES}
         inside, names = ax.get_window_extent(), list(boxes)
         for k, one in enumerate(names):
             for other in names[k + 1 :]:
