@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from pipeline.base import files, paths
 from pipeline.datasets import images, schemas
@@ -348,7 +349,7 @@ def all_fits(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[Fit]:
     return [fit for protocols in fits.values() for runs in protocols.values() for fit in runs]
 
 
-def draw_grasp(path: Path, table, objects: Sequence[str]) -> None:
+def draw_grasp(path: Path, table: pa.Table, objects: Sequence[str]) -> None:
     """Draw the images of one frame in the middle of the first session of GRASPED, or of the first object."""
     names, sessions = schemas.names(table["condition"]), schemas.names(table["recording"])
     grasped = GRASPED if GRASPED in objects else objects[0]

@@ -56,7 +56,7 @@ def count(reduction: int, target: Path) -> None:
             ("sp_resnet", sp_resnet.network(1, OBJECTS, reduction), IMAGE, OBJECTS, trained),
         ]
         rows = [_row(*each, [paper[each[0], key] for key in ("macs", "params")]) for each in as_published]
-    rows += [_row(*each, None) for each in like_with_like]
+        rows += [_row(*each, None) for each in like_with_like]
     files.write_csv(target, COLUMNS, rows)
 
 

@@ -1,6 +1,7 @@
 """Reports must show exactly what the files say: nothing missing, made up, or changing by itself."""
 
 import copy
+import inspect
 import json
 import subprocess
 import sys
@@ -448,6 +449,12 @@ def test_differences_are_collected(tmp_path):
     found = read_differences(tmp_path, ["one.py"])
     assert [text for _, text in found] == ["the sum is a mean.", "short.", "two lines."]
     assert found[0][0] == f"{tmp_path.name}/one.py"
+
+
+def test_every_experiment_has_a_report_of_its_name_with_one_contract():
+    assert set(render.REPORTS) == set(load()["experiments"])
+    for report in render.REPORTS.values():
+        assert list(inspect.signature(report.write).parameters) == ["target", "settings"]
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """List the claims of the SP-ResNet paper (glove), on the simulated glove and on recorded grasps."""
 
-from collections.abc import Callable
 from decimal import Decimal
 from functools import partial
 from itertools import chain
@@ -37,6 +36,7 @@ from pipeline.reporting.verdicts.rules import (
     REPRODUCED,
     Claim,
     Evidence,
+    Judge,
     Judgement,
     NotTestable,
     all_of,
@@ -65,7 +65,6 @@ from pipeline.scoring.published import counts, precision, precision_gain
 SMALLEST_GAIN = 0.5  # points: less is no improvement; about what the paper calls one (0.47 for its attention)
 ALL_NETWORKS = (*NETWORKS, "sp_resnet_nogcam")
 claim, printed = partial(Claim, "sp_resnet"), partial(printed_claim, "sp_resnet")
-Judge = Callable[[Evidence], Judgement]
 
 
 def order(dataset: str) -> Judge:

@@ -150,6 +150,9 @@ class Evidence:
         return self.once(("stag",), read_stag)
 
 
+Judge = Callable[[Evidence], Judgement]
+
+
 @dataclass(frozen=True)
 class Claim:
     """One sentence of a paper that can be true or false of our numbers."""
@@ -159,7 +162,7 @@ class Claim:
     section: str  # where the paper says it
     unit: str
     text: str  # the sentence, in our words
-    judge: Callable[[Evidence], Judgement]
+    judge: Judge
     published: float = np.nan
     data: str = "simulated"  # or recorded
     printed: bool = False  # repeats a number of a table, rather than being a sentence
@@ -211,7 +214,7 @@ def summary(values: pd.Series, digits: int = 2) -> str:
     return markdown.interval(estimate(values), digits)
 
 
-def untestable(reason: str) -> Callable[[Evidence], Judgement]:
+def untestable(reason: str) -> Judge:
     """Return the judge of a claim that no number of this project can decide."""
 
     def judge(evidence: Evidence) -> Judgement:
@@ -303,12 +306,12 @@ def slower(ratios: Mapping[str, float]) -> Judgement:
     return Judgement(smallest, np.nan, np.nan, NOT_REPRODUCED if wrong else REPRODUCED, reason, "")
 
 
-def near(values: Callable[[Evidence], pd.Series], published: float) -> Callable[[Evidence], Judgement]:
+def near(values: Callable[[Evidence], pd.Series], published: float) -> Judge:
     """Return the judge of a number."""
     return lambda evidence: number(values(evidence), published)
 
 
-def all_of(models: Iterable[str], values: Callable[[Evidence, str], pd.Series]) -> Callable[[Evidence], Judgement]:
+def all_of(models: Iterable[str], values: Callable[[Evidence, str], pd.Series]) -> Judge:
     """Return the judge of one direction per model: `values(evidence, model)` is above 0."""
     return lambda evidence: all_positive({model_name(model): values(evidence, model) for model in models})
 

@@ -1,13 +1,11 @@
 """List the claims of the latent-space paper (strain), on the simulated finger and on recorded strain sensors."""
 
-from collections.abc import Callable
 from functools import partial
 from itertools import chain
 
 from pipeline.reporting.verdicts.rules import (
     Claim,
-    Evidence,
-    Judgement,
+    Judge,
     all_positive,
     at_most,
     count,
@@ -47,27 +45,27 @@ NAMES = {"lstm_direct": "Direct training", "lstm_transfer": "Transfer"}
 claim, printed = partial(Claim, "latent"), partial(printed_claim, "latent")
 
 
-def no_worse(model: str, other: str, task: str) -> Callable[[Evidence], Judgement]:
+def no_worse(model: str, other: str, task: str) -> Judge:
     """Return the judge of: the error of `model`, by seed, is at most SAME above that of `other`."""
     return lambda e: at_most(score(e, model, task) / score(e, other, task) - 1, SAME)
 
 
-def no_worse_recorded(model: str, split: str, other: str, other_split: str) -> Callable[[Evidence], Judgement]:
+def no_worse_recorded(model: str, split: str, other: str, other_split: str) -> Judge:
     """Return the judge of: a model on a split of the recordings is no worse than another one on another split."""
     return lambda e: at_most(recorded(e, model, split) / recorded(e, other, other_split) - 1, SAME)
 
 
-def parameters(model: str, task: str) -> Callable[[Evidence], Judgement]:
+def parameters(model: str, task: str) -> Judge:
     """Return the judge of the count of trained parameters."""
     return lambda e: count(e.fits("strain", model, task)[0].parameters, latent(model, task, "parameters"))
 
 
-def faster(task: str) -> Callable[[Evidence], Judgement]:
+def faster(task: str) -> Judge:
     """Return the judge of: transfer trains in less time than direct training."""
     return lambda e: positive(time_ratio(e, task) - 1)
 
 
-def few_samples(task: str) -> Callable[[Evidence], Judgement]:
+def few_samples(task: str) -> Judge:
     """Return the judge of: transfer has the lower error with each of the small training sets."""
     return lambda e: all_positive(
         {
@@ -77,22 +75,22 @@ def few_samples(task: str) -> Callable[[Evidence], Judgement]:
     )
 
 
-def fewer_needed(task: str) -> Callable[[Evidence], Judgement]:
+def fewer_needed(task: str) -> Judge:
     """Return the judge of: the error of direct training grows more where the samples are few."""
     return lambda e: positive(loss(e, task, "lstm_direct") - loss(e, task, "lstm_transfer"))
 
 
-def states_carry(task: str) -> Callable[[Evidence], Judgement]:
+def states_carry(task: str) -> Judge:
     """Return the judge of: a read-out of model-0's states has a lower error than one of raw voltages."""
     return lambda e: positive(lower(e, "lstm_transfer", "ridge", task))
 
 
-def drift_free(task: str, target: str) -> Callable[[Evidence], Judgement]:
+def drift_free(task: str, target: str) -> Judge:
     """Return the judge of: the target cannot be read from the latent space."""
     return lambda e: at_most(decoded(e, task, target, True), FREE_R2)
 
 
-def drift_less(task: str, target: str) -> Callable[[Evidence], Judgement]:
+def drift_less(task: str, target: str) -> Judge:
     """Return the judge of: the target is read from the latent space less well than from the raw voltages."""
     return lambda e: positive(decoded(e, task, target, False) - decoded(e, task, target, True))
 

@@ -1,6 +1,6 @@
 """List the claims of the LoMP paper (touch), on the simulated array and on the recorded taxel."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import pandas as pd
@@ -8,6 +8,7 @@ import pandas as pd
 from pipeline.reporting.verdicts.rules import (
     Claim,
     Evidence,
+    Judge,
     Judgement,
     all_of,
     all_positive,
@@ -61,7 +62,7 @@ def lower(
     return claim(key, section, "kPa", text, all_better(ones, others, condition), published, why=why)
 
 
-def all_better(ones: Sequence[str], others: Sequence[str], condition: str) -> Callable[[Evidence], Judgement]:
+def all_better(ones: Sequence[str], others: Sequence[str], condition: str) -> Judge:
     """Return the judge of: every one of `ones` has a lower error than every one of `others`."""
     pairs = sorted({(one, other) for one in ones for other in others if one != other})
     return lambda e: all_positive({below(a, b): better(e, a, b, condition) for a, b in pairs})
@@ -77,7 +78,7 @@ def below(one: str, other: str) -> str:
     return f"{model_name(one)} below {model_name(other)}"
 
 
-def recognised(condition: str) -> Callable[[Evidence], Judgement]:
+def recognised(condition: str) -> Judge:
     """Return the judge of: LoMP shows as many peaks as touches in more than half of the windows."""
     return lambda e: positive(score(e, "lomp", condition, "touches_found") - MOST)
 
