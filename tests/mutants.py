@@ -44,24 +44,24 @@ SELECTION, CLAIMS = "stages/test_selection.py", "reporting/verdicts/test_verdict
 MUTANTS = [
     # What chooses the epoch of a network, and what is fitted.
     Mutant(
-        "touch-stops-on-test",
-        "pipeline/stages/train.py",
+        "windows-stop-on-test",
+        "pipeline/tasks/windows.py",
         'regressor.streams) for name in ("train", "validation"))',
         'regressor.streams) for name in ("train", "test"))',
         SELECTION,
     ),
     Mutant(
         "images-stop-on-test",
-        "pipeline/stages/train_images.py",
+        "pipeline/tasks/images.py",
         'for name in ("train", "validation"))',
         'for name in ("train", "test"))',
         SELECTION,
     ),
     Mutant(
-        "augmentation-stops-on-test",
+        "augmentation-scored-on-validation",
         "pipeline/studies/augmentation.py",
-        "classifier.fit(train, validation,",
-        "classifier.fit(train, test,",
+        'protocol, seed), "test")',
+        'protocol, seed), "validation")',
         SELECTION,
     ),
     Mutant(
@@ -86,17 +86,17 @@ MUTANTS = [
         SELECTION,
     ),
     Mutant(
-        "ablation-of-touch-stops-on-test",
+        "ablation-of-touch-scored-on-training",
         "pipeline/studies/physics.py",
-        'for name in ("train", "validation"))',
-        'for name in ("train", "test"))',
+        'np.flatnonzero((part == "test") & (condition == name))',
+        'np.flatnonzero((part == "train") & (condition == name))',
         SELECTION,
     ),
     Mutant(
-        "ablation-of-glove-stops-on-test",
+        "ablation-of-glove-scored-on-training",
         "pipeline/studies/physics.py",
-        "regressor.fit(train, validation, seed=seed, device=device)\n            found = classification",
-        "regressor.fit(train, test, seed=seed, device=device)\n            found = classification",
+        'protocol, seed), "test")',
+        'protocol, seed), "train")',
         SELECTION,
     ),
     Mutant(
@@ -200,23 +200,23 @@ MUTANTS = [
     Mutant(
         "series-see-the-test-part",
         "pipeline/datasets/series.py",
-        "records.append(Record(*(column[: own[-1] + 1] for column in piece.record)))",
+        "records.append(Record(*(column[: seen[-1] + 1] for column in piece.record)))",
         "records.append(Record(*(column[:] for column in piece.record)))",
         "models/test_series_models.py::test_training_never_gets_the_test_part",
     ),
     Mutant(
-        "series-stage-hands-over-the-test-part",
-        "pipeline/stages/train_series.py",
-        "records = series.seen_in_training(series.read(paths.dataset(experiment), task, protocol, seed))",
-        "records = [piece.record for piece in series.read(paths.dataset(experiment), task, protocol, seed)]",
+        "series-task-hands-over-the-test-part",
+        "pipeline/tasks/series.py",
+        "records = series.seen_in_training(series.read(path, task, protocol, seed))",
+        "records = [piece.record for piece in series.read(path, task, protocol, seed)]",
         SELECTION,
     ),
     # The studies of the latent space, and the probe.
     Mutant(
         "study-scored-on-training",
         "pipeline/studies/latent.py",
-        'test = piece.part == "test"',
-        'test = piece.part == "train"',
+        'regressor.predict(piece.record.x)[piece.part == "test"]',
+        'regressor.predict(piece.record.x)[piece.part == "train"]',
         "studies/test_latent.py",
     ),
     Mutant(
@@ -313,7 +313,7 @@ MUTANTS = [
     ),
     Mutant(
         "label-is-the-first-frame's",
-        "pipeline/datasets/schemas.py",
+        "pipeline/datasets/windowing.py",
         "    last = rows[:, -1]\n",
         "    last = rows[:, 0]\n",
         "datasets/test_windowing.py",
@@ -349,7 +349,7 @@ MUTANTS = [
     Mutant(
         "rejects-dropped",
         "pipeline/stages/ingest.py",
-        "            rejects.append(bad)",
+        "            rejects.append(rejected)",
         "            pass",
         "stages/test_touch_ingest.py",
     ),

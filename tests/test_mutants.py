@@ -27,7 +27,7 @@ def test_names_are_unique_and_the_list_is_long():
 
 def test_a_mutant_that_is_out_of_date_is_named():
     gone = mutants.MUTANTS[0]._replace(name="gone", text="no such text")
-    with pytest.raises(mutants.Wrong, match="gone: its text occurs 0 times in pipeline/stages/train.py, not once"):
+    with pytest.raises(mutants.Wrong, match="gone: its text occurs 0 times in pipeline/tasks/windows.py, not once"):
         mutants.check([gone])
     with pytest.raises(mutants.Wrong, match="two mutants are called gone"):
         mutants.check([gone, gone])

@@ -100,6 +100,7 @@ def root(tmp_path, monkeypatch):
     columns[5:5] = ["perturbation", "severity"]
     pd.DataFrame(rows, columns=columns).to_csv(paths.stress("touch"), index=False)
     pd.DataFrame([], columns=columns).to_csv(paths.stress("velostat_recorded"), index=False)
+    monkeypatch.setattr("sys.argv", ["render_stability"])
     return tmp_path
 
 

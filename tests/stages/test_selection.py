@@ -184,6 +184,35 @@ def test_the_best_epoch_is_that_of_the_validation_part(stage, wrong, best, value
     assert best_epochs == [best]
 
 
+def accuracy_of_augmentation(values, wrong, folder) -> float:
+    images_dataset(paths.dataset("glove"), wrong)
+    rows = augmentation.train_run(values, "glove", "none", "session_pressure", 0, nothing)
+    return next(value for *_, metric, unit, value, n in rows if metric == "accuracy")
+
+
+def accuracy_of_ablation(values, wrong, folder) -> float:
+    images_dataset(physics_study.dataset_of(folder), wrong)
+    chosen = values["physics"]["glove"]
+    ((_, _, scores),) = physics_study.images_scores("glove", values["glove"], chosen, 0, folder, "cpu")
+    return next(value for metric, unit, value, n in scores if metric == "accuracy")
+
+
+@pytest.mark.parametrize("accuracy", [accuracy_of_augmentation, accuracy_of_ablation])
+def test_a_study_of_images_is_scored_on_the_test_part(accuracy, values, tmp_path):
+    """Who learned the right names is wrong where the names are exchanged."""
+    assert accuracy(values, "test", tmp_path) == 0
+    assert accuracy(values, "nowhere", tmp_path) == 1
+
+
+def test_an_ablation_of_windows_is_scored_on_the_test_part(values, tmp_path, monkeypatch):
+    windows_dataset(physics_study.dataset_of(tmp_path), "nowhere")
+    scored = []
+    monkeypatch.setattr(metrics, "touch", lambda windows, *others: scored.append(windows) or [("rmse", "kPa", 1.0, 1)])
+    list(physics_study.windows_scores("touch", values["touch"], values["physics"]["touch"], 0, tmp_path, "cpu"))
+    parts = {name for table in scored for name in schemas.names(table[schemas.split_column("press", 0)])}
+    assert parts == {"test"}
+
+
 @pytest.mark.parametrize(("method", "on"), [("none", ()), ("A", ("flip",)), ("B", ("noise",)), ("C", ("affine",))])
 def test_an_augmentation_method_is_on_alone_and_the_others_off(method, on, values, monkeypatch):
     images_dataset(paths.dataset("glove"), "nowhere")
