@@ -201,7 +201,7 @@ def holds(rows: list[dict[str, str]]) -> bool:
 
 
 def git_state() -> tuple[str, str]:
-    """The commit of the working tree, and "true" if code or params differ from it, else "false".
+    """Return the commit of the working tree, and "true" if code or params differ from it, else "false".
 
     `dvc.lock` and `reports/` do not count: the pipeline itself has just written them.
     """

@@ -30,11 +30,11 @@ def write(values: Mapping, folder: Path) -> pd.DataFrame:
     tables, references = [], {}
     for experiment in ladders.METRIC:
         judged = sizes_verdicts.judge(sizes_verdicts.read(experiment, values))
-        own = sizes_verdicts.references(experiment, values, judged)
+        known = sizes_verdicts.references(experiment, values, judged)
         title = f"{experiment.capitalize()}: how small a model is enough? (lower is better)"
-        sizes_figures.curves(folder / f"{experiment}.png", title, judged, own)
+        sizes_figures.curves(folder / f"{experiment}.png", title, judged, known)
         tables.append(judged)
-        references |= own
+        references |= known
     everything = pd.concat(tables, ignore_index=True)
     files.write_text(folder / "README.md", report(everything, values, references))
     return everything

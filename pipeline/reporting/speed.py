@@ -48,14 +48,15 @@ def speed_table(
     rows = []
     for panel, (protocol, condition) in panels.items():
         for model in settings["models"]:
-            one, many = latency[model, batches[0]], latency[model, batches[-1]]
+            single, large = latency[model, batches[0]], latency[model, batches[-1]]
             times = read_training_times(scores.experiment, model, protocol)
             row = {"panel": panel, "protocol": protocol, "condition": condition, "model": model, "measure": name}
             row |= dict(zip(ESTIMATE, error_of(scores, protocol, condition, model, metric), strict=True))
-            row |= {"threads": one["threads"], "batch": batches[0], "p50_ms": one["p50_ms"], "p95_ms": one["p95_ms"]}
-            row |= {"large_batch": batches[-1], "predictions_per_s": 1e3 * batches[-1] / many["p50_ms"]}
+            row |= {"threads": single["threads"], "batch": batches[0]}
+            row |= {key: single[key] for key in ("p50_ms", "p95_ms")}
+            row |= {"large_batch": batches[-1], "predictions_per_s": 1e3 * batches[-1] / large["p50_ms"]}
             row |= {"train_s": float(np.median(times)) if times else np.nan}
-            rows.append(row | {key: one[key] for key in ("params", "macs", "size_bytes")})
+            rows.append(row | {key: single[key] for key in ("params", "macs", "size_bytes")})
             for key in FRONTS:
                 if not 0 < rows[-1][key] < np.inf:
                     stage = "training" if key == "train_s" else "latency"

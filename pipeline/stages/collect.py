@@ -1,4 +1,4 @@
-"""Stage: the scores, latencies and stress of all experiments in one file each, in full precision, for others to read.
+"""Stage: collect scores, latencies and stress of all experiments in one file each, in full precision, for others.
 
 Usage: python -m pipeline.stages.collect
 """

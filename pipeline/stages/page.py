@@ -1,4 +1,4 @@
-"""Stage: the reviewer's page: reports/index.html, verdicts first, then every experiment's report, size, physics, scale.
+"""Stage: write the reviewer's page, reports/index.html, from the other reports.
 
 Usage: python -m pipeline.stages.page
 """

@@ -1,4 +1,4 @@
-"""Stage: what people read of the stability tests of all experiments, in reports/stability.
+"""Stage: write the stability tests of all experiments for people, in reports/stability.
 
 Usage: python -m pipeline.stages.render_stability
 """

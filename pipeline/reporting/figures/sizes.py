@@ -27,8 +27,8 @@ def curves(path: Path, title: str, judged: pd.DataFrame, references: Mapping[tup
     handles = {}
     for row, name in zip(axes, families, strict=True):
         for ax, condition in zip(row, conditions, strict=True):
-            own = judged[(judged["family"] == name) & (judged["condition"] == condition)].sort_values("size")
-            _panel(ax, name, own, references[name, condition], handles)
+            ladder = judged[(judged["family"] == name) & (judged["condition"] == condition)].sort_values("size")
+            _panel(ax, name, ladder, references[name, condition], handles)
             ax.set_title(f"{label(name)}, {condition.replace('_', ' ')}")
         metric, unit = judged[judged["family"] == name].iloc[0][["metric", "unit"]]
         row[0].set_ylabel(f"Test error, {NAMES[metric]} ({unit_of(metric, unit)})")

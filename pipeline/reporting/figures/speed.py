@@ -180,8 +180,8 @@ def _name(ax: plt.Axes, points: list[tuple[str, float, float, float]]) -> None:
         if line.get_drawstyle() == "steps-post":
             path = np.repeat(path, 2, axis=0)
             path = np.column_stack([path[1:, 0], path[:-1, 1]])
-        for one, other in zip(path[:-1], path[1:], strict=True):
-            drawn.append((*(np.minimum(one, other) - 2), *(np.maximum(one, other) + 2), 12.0))
+        for start, end in zip(path[:-1], path[1:], strict=True):
+            drawn.append((*(np.minimum(start, end) - 2), *(np.maximum(start, end) + 2), 12.0))
     boxes = place_names(at, radius, sizes, np.array(drawn), frame + np.array([4, 4, 0, 0]))
     for label, box, place, r in zip(labels, boxes, at, radius, strict=True):
         label.set_position(box[:2])
@@ -226,10 +226,10 @@ def place_names(
                 for group in (others, np.delete(drawn[: len(at), :4], k, axis=0)):
                     cost += 4 * _within(spot, group).sum(axis=1)
             # Nearer to a foreign marker than to its own, a name would be read as the other one's.
-            own = np.hypot(*(near - at[k]).T) - radius[k]
+            to_marker = np.hypot(*(near - at[k]).T) - radius[k]
             for other in np.delete(np.arange(len(at)), k):
                 gap = np.hypot(*(np.clip(at[other], choices[:, :2], choices[:, 2:]) - at[other]).T) - radius[other]
-                cost += 4.0 * ((gap < own + 8) & (gap < 2 * LEADER))
+                cost += 4.0 * ((gap < to_marker + 8) & (gap < 2 * LEADER))
             boxes[k] = choices[cost.argmin()]
         if np.array_equal(boxes, before):
             break

@@ -56,9 +56,10 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
 
 def _limit(ax: plt.Axes, panels: list[Panel]) -> str:
     """Set the common y axis, and return the words that the title needs about it."""
-    levels = [(model, level.mean) for _, _, models in panels for model, own in models.items() for level in own.values()]
-    finite = [error for _, error in levels if np.isfinite(error)]
-    floor = [error for model, error in levels if model == FLOOR and np.isfinite(error)]
+    errors = [(model, levels) for _, _, models in panels for model, levels in models.items()]
+    means = [(model, level.mean) for model, levels in errors for level in levels.values() if np.isfinite(level.mean)]
+    finite = [mean for _, mean in means]
+    floor = [mean for model, mean in means if model == FLOOR]
     top = min(max(finite, default=1.0), HIGHEST * max(floor, default=np.inf))
     lowest = min((error for error in finite if error > 0), default=top)
     if min(finite, default=0.0) > 0 and top > LONG * lowest:

@@ -84,8 +84,8 @@ def curves(
     figure, axes = style.panels(len(tasks), len(tasks), 4.6 * len(tasks), 3.9, 0)
     handles = {}
     for ax, task in zip(axes[0], tasks, strict=True):
-        own = table[table["protocol"] == task]
-        for name, group in own.groupby(by, sort=False) if by else [("lstm_direct", own)]:
+        runs = table[table["protocol"] == task]
+        for name, group in runs.groupby(by, sort=False) if by else [("lstm_direct", runs)]:
             look = model_style(name)
             estimates = {size: estimate(part["value"]) for size, part in group.groupby(x)}
             mean, spread = style.spread(estimates.values())

@@ -57,7 +57,7 @@ def files(folder: str, suffix: str) -> list[str]:
 
 def owner(name: str, experiments: list[str]) -> str:
     """Return the experiment of a stability figure or heading: the longest experiment's name that it starts with."""
-    fitting = [one for one in experiments if name == one or name.startswith((f"{one}_", f"{one}:"))]
+    fitting = (key for key in experiments if name == key or name.startswith((f"{key}_", f"{key}:")))
     return max(fitting, key=len, default="")
 
 
