@@ -65,13 +65,8 @@ class Frames(NamedTuple):
     areas: Mapping[str, Area]
 
 
-def prepare(values: Mapping, experiment: str) -> None:
-    """Check the names in the experiment's block of stress tests: every model's rows would stumble over a wrong one."""
-    planned(values, experiment)
-
-
-def planned(values: Mapping, experiment: str) -> dict[str, list]:
-    """Return the perturbations that params.yaml asks for, with their severities."""
+def prepare(values: Mapping, experiment: str) -> dict[str, list]:
+    """Return the perturbations that params.yaml asks for, with their severities; InputError for an unknown one."""
     asked = values["stress"][experiment]["perturbations"]
     return perturbations.planned(experiment, values[experiment], asked, READINGS, SCENES)
 
@@ -86,7 +81,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 
     torch.set_num_threads(1)
     settings, block = values[experiment], values["stress"][experiment]
-    plan = planned(values, experiment)
+    plan = prepare(values, experiment)
     written = results.Scores(experiment, settings)
     found = {}
     for split in dict.fromkeys(map(images.split_name, block["protocols"])):
