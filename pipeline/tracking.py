@@ -79,7 +79,7 @@ class TrackedRun:
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """(experiment, protocol, model, seed), as the run's tags hold them."""
+        """Return (experiment, protocol, model, seed), as the run's tags hold them."""
         return self.experiment, self.protocol, self.model, str(self.seed)
 
 

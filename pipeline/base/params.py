@@ -231,5 +231,5 @@ def runs(params: Mapping, experiment: str) -> list[tuple[str, int]]:
 
 
 def training_command(experiment: str, model: str) -> str:
-    """What to run to have one model trained."""
+    """Return the command that trains one model."""
     return f"python -m pipeline.stages.train {experiment} {model}"

@@ -10,15 +10,15 @@ from pipeline.scoring.results import Scores, shown
 
 
 def check(
-    written: Scores, run: tuple[str, str, str, int], settings: Mapping, found: Sequence[Row], tolerance: float
+    written: Scores, run: tuple[str, str, str, int], settings: Mapping, scores: Sequence[Row], tolerance: float
 ) -> None:
-    """Raise InputError where a metric in `found` is off by more than `tolerance` (relative where it is above 1).
+    """Raise InputError where a metric in `scores` is off by more than `tolerance` (relative where it is above 1).
 
     run: (protocol, condition, model, seed); settings: the experiment's block of params.yaml; written: its scores.csv.
     """
     protocol, condition, model, seed = run
     place = settings["protocols"][protocol]["seeds"].index(seed)
-    for metric, _, value, _ in found:
+    for metric, _, value, _ in scores:
         expected = written.runs(protocol, condition, model, metric)[place]
         if not np.isclose(value, expected, rtol=tolerance, atol=tolerance, equal_nan=True):
             raise InputError(

@@ -72,7 +72,7 @@ def prepare(values: Mapping, experiment: str) -> dict[str, list]:
 
 
 def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
-    """Rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model's trained runs.
+    """Return rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model.
 
     A run whose training diverged has NaN for values. Raises InputError for an unknown perturbation in params.yaml,
     and where severity 0 does not have the scores of scores.csv.
@@ -83,7 +83,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
     settings, block = values[experiment], values["stress"][experiment]
     plan = prepare(values, experiment)
     written = results.Scores(experiment, settings)
-    found = {}
+    rows_of_runs = {}
     for split in dict.fromkeys(map(images.split_name, block["protocols"])):
         protocols = [name for name in block["protocols"] if images.split_name(name) == split]
         for seed in block["seeds"]:
@@ -93,19 +93,19 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
             frames = read(experiment, settings, next(iter(runs.values())).part)
             for name, severities in plan.items():
                 for protocol, run in runs.items():
-                    found.setdefault((protocol, seed), []).extend((name, 0, *row) for row in run.clean)
+                    rows_of_runs.setdefault((protocol, seed), []).extend((name, 0, *row) for row in run.clean)
                 for severity in severities:
                     pictures = stressed(experiment, settings, frames, name, severity, seed)
                     for protocol, run in runs.items():
                         scores = run.scores(pictures[run.modality])
-                        found[protocol, seed] += [(name, severity, *row) for row in scores]
+                        rows_of_runs[protocol, seed] += [(name, severity, *row) for row in scores]
             for _ in runs:
                 report()
     return [
         (protocol, images.modality(protocol), seed, *row)
         for protocol in block["protocols"]
         for seed in block["seeds"]
-        for row in found[protocol, seed]
+        for row in rows_of_runs[protocol, seed]
     ]
 
 
@@ -122,7 +122,7 @@ class Run:
         self.clean = self._scores(self.answers)
 
     def scores(self, pictures: np.ndarray) -> list:
-        """Of test images (n, SIDE, SIDE) uint8 after a perturbation; only those that changed are predicted again."""
+        """Return the scores of test images (n, SIDE, SIDE) uint8 after a perturbation; changed ones are predicted again."""
         x = pictures.reshape(self.x.shape).astype(np.float32)
         changed = np.flatnonzero((x != self.x).any(axis=(1, 2)))
         answers = self.answers.copy()
@@ -135,7 +135,7 @@ class Run:
 
 
 def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
-    """The frames table, and its areas as they were in training; part: (images,) of one split."""
+    """Read the frames table, with its areas as they were in training; part: (images,) of one split."""
     module = experiments.module(experiment)
     path = paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}")
     table = schemas.read(path)
@@ -144,15 +144,15 @@ def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
     areas = {}
     for name in AREAS:
         readings = schemas.matrix(table[name]).astype(float)
-        own = readings[train]
+        trained_on = readings[train]
         lowest, highest, lines = device(module, name)
-        rest = np.percentile(own, LOW_PERCENTILE, axis=0)
-        areas[name] = Area(readings, own.any(axis=0), float(np.ptp(own)), rest, lowest, highest, lines)
+        rest = np.percentile(trained_on, LOW_PERCENTILE, axis=0)
+        areas[name] = Area(readings, trained_on.any(axis=0), float(np.ptp(trained_on)), rest, lowest, highest, lines)
     return Frames(table, chosen[part == "test"], areas)
 
 
 def device(module, area: str) -> tuple[float, float, tuple[tuple[int, int], ...]]:
-    """The range of an area's readings and its matrices; module: pipeline/experiments/glove.py or glove_recorded.py."""
+    """Return the range of an area's readings and its matrices; module: of the experiment glove or glove_recorded."""
     if hasattr(module, "MATRICES"):
         if area == "strain":
             return -module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()
@@ -164,7 +164,7 @@ def device(module, area: str) -> tuple[float, float, tuple[tuple[int, int], ...]
 def stressed(
     experiment: str, settings: Mapping, frames: Frames, name: str, severity: float, seed: int
 ) -> dict[str, np.ndarray]:
-    """The test images of one split after a perturbation: modality -> (n, SIDE, SIDE) uint8."""
+    """Return the test images of one split after a perturbation: modality -> (n, SIDE, SIDE) uint8."""
     if name in SCENES:
         readings = changed_scene(settings, frames, name, severity)
     else:
@@ -178,19 +178,19 @@ def stressed(
 
 
 def perturbed(frames: Frames, area: str, name: str, severity: float, seed: int) -> np.ndarray:
-    """Readings of one area in the test frames, (n, cells), in the type of the table, after one of READINGS."""
+    """Return readings of one area in the test frames, (n, cells), in the type of the table, after one of READINGS."""
     known = frames.areas[area]
     rng = generator(seed, "stress", name, *([] if name in IN_TIME else [area]))  # one scan: both areas lose a frame
     result = known.readings[frames.rows]
-    own = result[:, known.wired]
+    wired = result[:, known.wired]
     if name in IN_TIME:
         act = getattr(perturbations, name)
         for first, last in recordings(frames.table):
             rows = np.flatnonzero((frames.rows >= first) & (frames.rows < last))
             if len(rows):
                 whole = known.readings[first:last][:, known.wired]
-                own[rows] = act(whole, severity, rng)[frames.rows[rows] - first]
-        result[:, known.wired] = own
+                wired[rows] = act(whole, severity, rng)[frames.rows[rows] - first]
+        result[:, known.wired] = wired
     elif name == "dead_line":
         start = 0
         for rows, cols in known.lines:
@@ -204,23 +204,23 @@ def perturbed(frames: Frames, area: str, name: str, severity: float, seed: int) 
             "gain_drift": {"rest": known.rest[known.wired]},
             "dead": {"low": 0.0},
         }
-        most = own.shape[1] if name in ("dead", "stuck") else severity
+        most = wired.shape[1] if name in ("dead", "stuck") else severity
         act = getattr(perturbations, name)
-        result[:, known.wired] = act(own, min(severity, most), rng, **needed.get(name, {}))
+        result[:, known.wired] = act(wired, min(severity, most), rng, **needed.get(name, {}))
     kind = frames.table.schema.field(area).type.value_type
     result = np.rint(result) if pa.types.is_integer(kind) else result
     return np.clip(result, known.lowest, known.highest).astype(kind.to_pandas_dtype())
 
 
 def recordings(table: pa.Table) -> Iterator[tuple[int, int]]:
-    """First row and the row after the last of every recording of a frames table."""
+    """Yield the first row and the row after the last of every recording of a frames table."""
     names = np.char.add(np.char.add(schemas.names(table["condition"]), "/"), schemas.names(table["recording"]))
     edges = np.flatnonzero(names[1:] != names[:-1]) + 1
     return zip([0, *edges], [*edges, len(names)], strict=True)
 
 
 def changed_scene(settings: Mapping, frames: Frames, change: str, severity: float) -> dict[str, np.ndarray]:
-    """Readings of both areas in the test frames, (n, cells) int16, in a changed scene.
+    """Return readings of both areas in the test frames, (n, cells) int16, in a changed scene.
 
     A frame that ingest left out stays left out, and is found by its time.
     """
@@ -235,5 +235,5 @@ def changed_scene(settings: Mapping, frames: Frames, change: str, severity: floa
 
 @functools.cache
 def session(block: str, name: str, recording: str, change: str, severity: float) -> np.ndarray:
-    """As scenes/glove_stress.py; `block`: `glove` as JSON. Kept, because all models of a process see the same."""
+    """Return glove_stress.session; `block`: `glove` as JSON. Kept, because all models of a process see the same."""
     return glove_stress.session(json.loads(block), name, recording, change, severity).astype(np.int16)

@@ -66,9 +66,9 @@ class Run(NamedTuple):
     seed: int
 
     def scores(self, record: series.Record, predicted: np.ndarray) -> list[metrics.Row]:
-        """Those of METRICS that there are; NaN for a failed run."""
-        found = [row for row in metrics.series(record, predicted, self.task.outputs) if row[0] in METRICS]
-        return metrics.unless_failed(found, self.failed)
+        """Return the rows of METRICS that the task has; NaN for a failed run."""
+        scored = [row for row in metrics.series(record, predicted, self.task.outputs) if row[0] in METRICS]
+        return metrics.unless_failed(scored, self.failed)
 
 
 def prepare(values: Mapping, experiment: str) -> dict[str, list]:
@@ -78,7 +78,7 @@ def prepare(values: Mapping, experiment: str) -> dict[str, list]:
 
 
 def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
-    """Rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model's trained runs.
+    """Return rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model.
 
     A run whose training diverged has NaN for values. Raises InputError for an unknown perturbation in params.yaml,
     and where severity 0 does not have the scores of scores.csv.
@@ -88,7 +88,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
     torch.set_num_threads(1)
     settings, block = values[experiment], values["stress"][experiment]
     plan = prepare(values, experiment)
-    written, found = results.Scores(experiment, settings), []
+    written, rows_of_runs = results.Scores(experiment, settings), []
     for protocol in block["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
             run = loaded(values, experiment, model, protocol, seed)
@@ -101,13 +101,13 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
                 for name, severity, scores in stressed(run, piece, seen, plan, settings):
                     if severity == 0 and name not in SCENES:
                         check(settings, scores, ROUNDING)
-                    found += [(protocol, piece.condition, seed, name, severity, *row) for row in scores]
+                    rows_of_runs += [(protocol, piece.condition, seed, name, severity, *row) for row in scores]
             report()
-    return found
+    return rows_of_runs
 
 
 def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> Run:
-    """A run of params.yaml as the stage train left it."""
+    """Return a run of params.yaml as the stage train left it."""
     task = experiments.module(experiment).task(protocol, values[experiment])
     spec = tasks_series.spec(experiment, values[experiment], protocol)
     run = tasks.load(values, experiment, model, protocol, seed, spec)
@@ -115,7 +115,7 @@ def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: in
 
 
 def levels(pieces: list[series.Piece], settings: Mapping) -> Levels:
-    """Of the training samples of all recordings of a run; settings: the experiment's block of params.yaml."""
+    """Return the levels in the training samples of all recordings of a run; settings: the experiment's block."""
     x = np.concatenate([piece.record.x[piece.record.training] for piece in pieces])
     free = np.concatenate([(piece.record.press < 0)[piece.record.training] for piece in pieces])
     loose = settings["simulate"]["circuit"]["supply_v"] if "simulate" in settings else LOOSE_V
@@ -125,12 +125,12 @@ def levels(pieces: list[series.Piece], settings: Mapping) -> Levels:
 def stressed(
     run: Run, piece: series.Piece, seen: Levels, plan: Mapping[str, list], settings: Mapping
 ) -> Iterator[tuple[str, float, list[metrics.Row]]]:
-    """(perturbation, severity, scores) of one recording, severity 0 first."""
+    """Yield (perturbation, severity, scores) of one recording, severity 0 first."""
     record, test = piece.record, np.flatnonzero(piece.part == "test")
     first, last = test[0], test[-1] + 1
-    own = series.Record(*(column[first:last] for column in record))
+    test_record = series.Record(*(column[first:last] for column in record))
     predicted = run.predict(record.x[:last])[first:]
-    clean = run.scores(own, predicted)
+    clean = run.scores(test_record, predicted)
     start = max(0, first - WARM_UP)
     if not np.allclose(run.predict(record.x[start:last])[first - start :], predicted, rtol=0, atol=SAME_MM):
         start = 0
@@ -147,20 +147,24 @@ def stressed(
             if name == "time":
                 young = (minutes > before) & (minutes <= severity)
                 before = severity
-                if not (young & own.counted).any():
+                if not (young & test_record.counted).any():
                     raise InputError(
                         f"params.yaml, stress: no sample of {run.protocol} is {severity:g} minutes old; its test part "
                         f"lasts {minutes[-1]:.1f} minutes"
                     )
-                yield name, severity, run.scores(series.Record(*(column[young] for column in own)), predicted[young])
+                yield (
+                    name,
+                    severity,
+                    run.scores(series.Record(*(column[young] for column in test_record)), predicted[young]),
+                )
                 continue
-            worse = perturbed(name, own.x, severity, run.seed, seen)
+            worse = perturbed(name, test_record.x, severity, run.seed, seen)
             guess = run.predict(np.concatenate([record.x[start:first], worse]))[first - start :]
-            yield name, severity, run.scores(own, guess)
+            yield name, severity, run.scores(test_record, guess)
 
 
 def perturbed(name: str, voltages: np.ndarray, severity: float, seed: int, seen: Levels) -> np.ndarray:
-    """The voltages (T, channels) of a test part after one of the perturbations that act on them."""
+    """Return the voltages (T, channels) of a test part after one of READINGS but `time`."""
     rng = generator(seed, "stress", "dead" if name == "half" else name)
     if name == "half":
         middle = len(voltages) // 2
@@ -172,8 +176,8 @@ def perturbed(name: str, voltages: np.ndarray, severity: float, seed: int, seen:
         "gain_drift": {"rest": seen.rest},
         "dead": {"low": seen.loose},
     }
-    found = getattr(perturbations, name)(voltages, severity, rng, **levels.get(name, {}))
-    return np.clip(found, min(0, voltages.min()), max(seen.loose, voltages.max()))
+    changed = getattr(perturbations, name)(voltages, severity, rng, **levels.get(name, {}))
+    return np.clip(changed, min(0, voltages.min()), max(seen.loose, voltages.max()))
 
 
 @functools.lru_cache(maxsize=64)
@@ -205,6 +209,6 @@ def scene_record(block: str, experiment: str, task: str, change: str, severity: 
 
 
 def matrix(lines: pa.Table) -> tuple[np.ndarray, np.ndarray]:
-    """Times (n,) and values (n, columns) of a log of the strain experiment."""
+    """Return times (n,) and values (n, columns) of a log of the strain experiment."""
     values = [lines[name].to_numpy() for name in lines.column_names if name[0] in "uxyz"]
     return lines["t_s"].to_numpy(), np.column_stack(values)

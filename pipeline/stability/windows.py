@@ -57,7 +57,7 @@ def prepare(values: Mapping, experiment: str) -> None:
 
 
 def scene_cases(values: Mapping, experiment: str) -> list[Case]:
-    """Every scene to simulate; none without a simulator. InputError for a perturbation that nobody knows."""
+    """Return every scene to simulate, none without a simulator; InputError for an unknown perturbation."""
     asked = values["stress"][experiment]["perturbations"]
     known = touch_stress.VARIATIONS | touch_stress.LAYOUTS if "simulate" in values[experiment] else {}
     params.check_known(asked, (*READINGS, *known), f"stress.{experiment}.perturbations")
@@ -90,9 +90,9 @@ def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[]
 
 
 def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
-    """One model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n).
+    """Return one model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n).
 
-    Severity 0 stands before every perturbation that has an unperturbed version, and is what `evaluate` found, or
+    Severity 0 stands before every perturbation that has an unperturbed version, and is the score of `evaluate`, or
     InputError is raised. A run that failed in training keeps its rows, with NaN as value. `prepare` ran before.
     """
     import torch
@@ -104,24 +104,24 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     perturbed_scenes = {
         case: read_dataset(_scene_file(experiment, case), spec.frames) for case in scene_cases(values, experiment)
     }
-    written, found = results.Scores(experiment, settings), []
+    written, rows_of_runs = results.Scores(experiment, settings), []
     for protocol in stress["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
             run = tasks.load(values, experiment, model, protocol, seed, spec)
-            own = _readings_rows(experiment, values, data, protocol, seed, run.model)
-            own += _scene_rows(experiment, settings, perturbed_scenes, run.model)
+            rows_of_run = _readings_rows(experiment, values, data, protocol, seed, run.model)
+            rows_of_run += _scene_rows(experiment, settings, perturbed_scenes, run.model)
             if run.failed:
-                own = [(*row[:5], float("nan"), row[6]) for row in own]
+                rows_of_run = [(*row[:5], float("nan"), row[6]) for row in rows_of_run]
             for condition in experiments.module(experiment).STRESSED:
-                clean = [row[3:] for row in own if row[:2] == (condition, UNCHANGED)]
+                clean = [row[3:] for row in rows_of_run if row[:2] == (condition, UNCHANGED)]
                 clean_scores.check(written, (protocol, condition, model, seed), settings, clean, ROUNDING)
-            found += [(protocol, condition, seed, *rest) for condition, *rest in with_clean(own)]
+            rows_of_runs += [(protocol, condition, seed, *rest) for condition, *rest in with_clean(rows_of_run)]
             report()
-    return found
+    return rows_of_runs
 
 
 def perturber(settings: Mapping, data: Dataset, train: np.ndarray) -> Callable:
-    """`change(x, perturbation, severity, rng)` for windows x (n, frames, elements); train: (n of `data`,) bool."""
+    """Return `change(x, perturbation, severity, rng)` of windows x (n, frames, elements); train: (n of data,) bool."""
     readings, highest_count = data.x[train], settings["ingest"].get("highest_count")
     if highest_count:
         low, high = 0.0, float(highest_count)
@@ -148,20 +148,20 @@ def perturber(settings: Mapping, data: Dataset, train: np.ndarray) -> Callable:
     return change
 
 
-def with_clean(found: list[tuple]) -> list[tuple]:
-    """Rows (condition, perturbation, severity, ...), those of `unchanged` copied before every perturbation."""
-    clean = [row for row in found if row[1] == UNCHANGED]
-    groups = dict.fromkeys(row[1] for row in found if row[1] != UNCHANGED)
+def with_clean(rows: list[tuple]) -> list[tuple]:
+    """Return rows (condition, perturbation, severity, ...), rows of `unchanged` copied before every perturbation."""
+    clean = [row for row in rows if row[1] == UNCHANGED]
+    groups = dict.fromkeys(row[1] for row in rows if row[1] != UNCHANGED)
     result = []
     for name in groups:
-        own = [row for row in found if row[1] == name]
-        conditions = {row[0] for row in own}
-        result += [(row[0], name, 0, *row[3:]) for row in clean if row[0] in conditions] + own
+        perturbed = [row for row in rows if row[1] == name]
+        conditions = {row[0] for row in perturbed}
+        result += [(row[0], name, 0, *row[3:]) for row in clean if row[0] in conditions] + perturbed
     return result
 
 
 def _readings_rows(experiment: str, values: Mapping, data: Dataset, protocol: str, seed: int, model) -> list[tuple]:
-    """(condition, perturbation, severity, metric, unit, value, n) of the test windows, unchanged and perturbed."""
+    """Return (condition, perturbation, severity, metric, unit, value, n) of the test windows, as they are and perturbed."""
     settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
     module = experiments.module(experiment)
     part = data.part(protocol, seed)
@@ -169,28 +169,28 @@ def _readings_rows(experiment: str, values: Mapping, data: Dataset, protocol: st
     x, condition = data.x[test], schemas.names(data.rows["condition"])[test]
     change = perturber(settings, data, part == "train")
     wanted = [(UNCHANGED, 0), *((name, severity) for name in asked if name in READINGS for severity in asked[name])]
-    found = []
+    rows = []
     for name, severity in wanted:
         changed = x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name))
         predicted = tasks_windows.predict(model, changed, data, test)
-        for one in experiments.module(experiment).STRESSED:
-            chosen = np.full(len(test), True) if one == "all" else condition == one
+        for tested in experiments.module(experiment).STRESSED:
+            chosen = np.full(len(test), True) if tested == "all" else condition == tested
             if chosen.any():
                 windows = data.rows.take(pa.array(test[chosen]))
                 scores = tasks_windows.score(module, windows, data.y[test[chosen]], predicted[chosen], settings)
-                found += [(one, name, severity, *row) for row in scores if row[0] in REPORTED]
-    return found
+                rows += [(tested, name, severity, *row) for row in scores if row[0] in REPORTED]
+    return rows
 
 
 def _scene_rows(experiment: str, settings: Mapping, perturbed_scenes: Mapping[Case, Dataset], model) -> list:
-    """As `_readings_rows`, of the perturbed scenes."""
-    found, module = [], experiments.module(experiment)
+    """Return rows as `_readings_rows`, of the perturbed scenes."""
+    rows, module = [], experiments.module(experiment)
     for case, data in perturbed_scenes.items():
         varied = touch_stress.varied(settings, case.perturbation, case.severity)
         predicted = tasks_windows.predict(model, data.x, data, np.arange(len(data.x)))
         scores = tasks_windows.score(module, data.rows, data.y, predicted, varied)
-        found += [(*case, *row) for row in scores if row[0] in REPORTED]
-    return found
+        rows += [(*case, *row) for row in scores if row[0] in REPORTED]
+    return rows
 
 
 def _scene_file(experiment: str, case: Case) -> Path:

@@ -30,7 +30,7 @@ STRESSES = {"windows": windows, "series": series, "images": images}  # by kind o
 
 
 def stress_model(values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
-    """Rows of stress.csv for one model."""
+    """Return rows of stress.csv for one model."""
     rows = STRESSES[experiments.module(experiment).KIND].rows(values, experiment, model, report)
     return [(experiment, protocol, condition, model, seed, *rest) for protocol, condition, seed, *rest in rows]
 

@@ -22,7 +22,7 @@ TREES = 200
 
 
 def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
-    """What the trees are given, by name; angles: (n, 7) in degrees as recorded."""
+    """Return the inputs of the trees by name; angles: (n, 7) in degrees as recorded."""
     return {
         "all seven angles as recorded": angles,
         "the three joints that never move": angles[:, STILL],
@@ -31,7 +31,7 @@ def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def probe(settings: dict) -> list[tuple]:
-    """Accuracy on the test grasps for each input and seed; settings: the block of params.yaml."""
+    """Return the accuracy on the test grasps for each input and seed; settings: the block of params.yaml."""
     path = paths.require(paths.frames(EXPERIMENT), f"python -m pipeline.stages.ingest {EXPERIMENT}")
     frames = schemas.read(path)
     frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))

@@ -104,17 +104,17 @@ def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
 
 
 def decoded(given: np.ndarray, truth: np.ndarray, time_s: np.ndarray) -> float:
-    """R2, on blocks of BLOCK_S held out in turn, of a ridge regression from `given` (n, inputs) to `truth` (n, k)."""
+    """Return R2, on held-out blocks of BLOCK_S, of a ridge regression from `given` (n, inputs) to `truth` (n, k)."""
     length = min(BLOCK_S, np.ptp(time_s) / (2 * FOLDS))  # a short recording has at least two blocks a fold
     block = ((time_s - time_s[0]) // length).astype(int) % FOLDS
     guess = np.empty_like(truth, dtype=float)
     for fold in range(FOLDS):
-        own, held = block != fold, block == fold
-        mean, spread = given[own].mean(axis=0), np.maximum(given[own].std(axis=0), 1e-9)
-        centre, scale = truth[own].mean(axis=0), np.maximum(truth[own].std(axis=0), 1e-12)
+        fitted, held = block != fold, block == fold
+        mean, spread = given[fitted].mean(axis=0), np.maximum(given[fitted].std(axis=0), 1e-9)
+        centre, scale = truth[fitted].mean(axis=0), np.maximum(truth[fitted].std(axis=0), 1e-12)
         a, b = (given - mean) / spread, (truth - centre) / scale
-        gram = a[own].T @ a[own] / own.sum() + DECODER_RIDGE * np.eye(a.shape[1])
-        guess[held] = (a[held] @ np.linalg.solve(gram, a[own].T @ b[own] / own.sum())) * scale + centre
+        gram = a[fitted].T @ a[fitted] / fitted.sum() + DECODER_RIDGE * np.eye(a.shape[1])
+        guess[held] = (a[held] @ np.linalg.solve(gram, a[fitted].T @ b[fitted] / fitted.sum())) * scale + centre
     return float(1 - np.square(guess - truth).sum() / np.square(truth - truth.mean(axis=0)).sum())
 
 
@@ -162,14 +162,14 @@ def main() -> None:
     with files.replacing_folder(paths.experiment_folder("strain") / "study") as draft:
         for name, (function, runs, columns) in plans.items():
             with tqdm(total=len(runs), desc=f"study strain {name}", unit="run") as bar:
-                found = dict(workers.run(function, {k: (values, *task) for k, task in enumerate(runs)}, bar))
-            rows = [row for key in sorted(found) for row in found[key]]
+                rows_of_runs = dict(workers.run(function, {k: (values, *task) for k, task in enumerate(runs)}, bar))
+            rows = [row for key in sorted(rows_of_runs) for row in rows_of_runs[key]]
             files.write_csv(draft / f"{name}.csv", columns, sorted(rows, key=lambda row: tuple(map(str, row[:4]))))
         _write_latents(values, draft / "latents.csv")
 
 
 def _write_latents(values: Mapping, path: Path) -> None:
-    """t_s and the states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
+    """Write t_s and states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
     from pipeline.learning import lstm
 
     settings = values["strain"]

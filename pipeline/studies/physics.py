@@ -33,7 +33,7 @@ CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about 
 
 
 def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dict:
-    """The experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
+    """Return the experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
 
     `none`: with all of them; `default`: with those that are on in params.yaml. Raises InputError where the result is
     not what pipeline/base/blocks.py allows.
@@ -48,7 +48,7 @@ def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dic
 
 
 def _merged(block: Mapping, changes: Mapping) -> dict:
-    """`block` with the values of `changes`, block by block."""
+    """Return `block` with the values of `changes`, block by block."""
     merged = dict(block)
     for key, value in changes.items():
         both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
@@ -57,7 +57,7 @@ def _merged(block: Mapping, changes: Mapping) -> dict:
 
 
 def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report: Callable) -> list[tuple]:
-    """Rows of physics.csv (variants.COLUMNS) of one effect left out and one seed."""
+    """Return rows of physics.csv (variants.COLUMNS) of one effect left out and one seed."""
     import torch
 
     torch.set_num_threads(1)
@@ -85,7 +85,7 @@ def _bases(experiment: str, settings: Mapping, protocols: list[str]) -> list[str
 
 
 def dataset_of(folder: Path) -> Path:
-    """The variant's dataset."""
+    """Return the path of the variant's dataset."""
     return folder / "dataset.parquet"
 
 

@@ -1,8 +1,8 @@
 """Stage: the papers' own models at several sizes, trained and scored on the test part: what is the smallest enough?
 
 touch: narrower LoMPs, and a CNN that sees only the last frames of each window and is trained for fewer epochs than the
-one of the tables. glove: SP-ResNet with fewer channels. strain: the LSTMs that the stage `study` has trained. LoMP and
-SP-ResNet are trained as in the tables; the size that the tables have is the model of the tables itself.
+one of the tables. glove: SP-ResNet with fewer channels. strain: the LSTMs of the stage study_strain. LoMP and SP-ResNet
+are trained as in the tables; the size that the tables have is the model of the tables itself.
 The errors choose nothing but the ladders' own verdict: no other table depends on them.
 Usage: python -m pipeline.studies.sizes touch|strain|glove
 """
@@ -62,15 +62,15 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
         run = Trained(regressor, failed=regressor.summary.best_epoch == 0)
     predicted, rows = np.full(data.y.shape, np.nan, np.float32), np.flatnonzero(part == "test")
     predicted[rows] = run.predict(x[rows])
-    condition, found = schemas.names(data.rows["condition"]), []
+    condition, rows_of_run = schemas.names(data.rows["condition"]), []
     for name in CONDITIONS:
-        own = rows[condition[rows] == name]
-        if not len(own):
+        chosen = rows[condition[rows] == name]
+        if not len(chosen):
             continue
-        scores = metrics.touch(data.rows.take(pa.array(own)), data.y[own], predicted[own], settings)
-        found.append(_row("touch", name, family, size, run.model, scores, seed))
+        scores = metrics.touch(data.rows.take(pa.array(chosen)), data.y[chosen], predicted[chosen], settings)
+        rows_of_run.append(_row("touch", name, family, size, run.model, scores, seed))
     report()
-    return found
+    return rows_of_run
 
 
 def glove_run(values: Mapping, condition: str, width: float, seed: int, report) -> list[tuple]:
@@ -120,7 +120,7 @@ def _row(experiment: str, condition: str, family: str, size, model, scores: list
 
 
 def touch(values: dict) -> list[tuple]:
-    """All runs of both touch ladders, the largest first."""
+    """Return the rows of both touch ladders, the largest size first."""
     ladder, settings, protocol = values["rightsize"]["touch"], values["touch"], ladders.protocol("touch", "single")
     for family, block in ladder.items():
         _check_seeds(f"rightsize.touch.{family}.seeds", block["seeds"], settings["protocols"][protocol]["seeds"])
@@ -137,7 +137,7 @@ def touch(values: dict) -> list[tuple]:
 
 
 def glove(values: dict) -> list[tuple]:
-    """All runs of the SP-ResNet ladder."""
+    """Return the rows of the SP-ResNet ladder."""
     block, settings = values["rightsize"]["glove"]["sp_resnet"], values["glove"]
     widths, seeds = block["sizes"], block["seeds"]
     for condition in images.MODALITIES:
@@ -148,18 +148,18 @@ def glove(values: dict) -> list[tuple]:
 
 
 def strain(values: dict) -> list[tuple]:
-    """The runs of `study`'s capacity.csv, as rows of a ladder."""
+    """Return the runs of capacity.csv of the study of the latent space, as rows of a ladder."""
     path = paths.experiment_folder("strain") / "study" / "capacity.csv"
     table = pd.read_csv(paths.require(path, "python -m pipeline.studies.latent strain"))
     model = ladders.FAMILIES["lstm"].model
     block = params.model_settings(values, "strain", model)
-    found = []
+    rows = []
     for row in table[table["metric"] == ladders.METRIC["strain"]].itertuples():
         spec = tasks_series.spec("strain", values["strain"], row.protocol)
         network = models.build(model, spec, block | {"units": int(row.units)}, f"strain.models.{model}")
         size = (int(row.units), int(row.params), row.metric, row.unit, row.seed, row.value, network.macs())
-        found.append(("strain", row.protocol, "lstm", *size))
-    return found
+        rows.append(("strain", row.protocol, "lstm", *size))
+    return rows
 
 
 def _check_seeds(name: str, seeds: list[int], known: list[int]) -> None:
@@ -169,8 +169,8 @@ def _check_seeds(name: str, seeds: list[int], known: list[int]) -> None:
 
 def _climbed(function, values: Mapping, runs: list[tuple], title: str) -> list[tuple]:
     with tqdm(total=len(runs), desc=title, unit="run") as bar:
-        found = dict(workers.run(function, {run: (values, *run) for run in runs}, bar))
-    return [row for run in runs for row in found[run]]
+        rows = dict(workers.run(function, {run: (values, *run) for run in runs}, bar))
+    return [row for run in runs for row in rows[run]]
 
 
 def main() -> None:

@@ -49,7 +49,7 @@ def train_run(values: Mapping, experiment: str, model: str, seed: int, file: str
 
 
 def parts(data: stag.Stag, validation: float, seed: int) -> np.ndarray:
-    """(n,) 'train', 'validation', 'test': the share `validation` of the training recordings validates."""
+    """Return (n,) 'train', 'validation', 'test': the share `validation` of the training recordings validates."""
     part = data.part.astype(object)
     recordings = np.unique(data.recording[part == "train"])
     if len(recordings) < 2:
