@@ -229,8 +229,8 @@ MUTANTS = [
     Mutant(
         "decoder-fits-its-held-out-blocks",
         "pipeline/studies/latent.py",
-        "own, held = block != fold, block == fold",
-        "own, held = block >= 0, block == fold",
+        "fitted, held = block != fold, block == fold",
+        "fitted, held = block >= 0, block == fold",
         "models/test_series_models.py::test_decoder_is_tested_on_blocks_that_it_has_not_seen",
     ),
     Mutant(

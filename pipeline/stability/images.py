@@ -122,7 +122,7 @@ class Run:
         self.clean = self._scores(self.answers)
 
     def scores(self, pictures: np.ndarray) -> list:
-        """Return the scores of test images (n, SIDE, SIDE) uint8 after a perturbation; changed ones are predicted again."""
+        """Return the scores of test images (n, SIDE, SIDE) uint8 after a perturbation; predicts the changed."""
         x = pictures.reshape(self.x.shape).astype(np.float32)
         changed = np.flatnonzero((x != self.x).any(axis=(1, 2)))
         answers = self.answers.copy()

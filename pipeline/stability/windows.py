@@ -161,7 +161,7 @@ def with_clean(rows: list[tuple]) -> list[tuple]:
 
 
 def _readings_rows(experiment: str, values: Mapping, data: Dataset, protocol: str, seed: int, model) -> list[tuple]:
-    """Return (condition, perturbation, severity, metric, unit, value, n) of the test windows, as they are and perturbed."""
+    """Return (condition, perturbation, severity, metric, unit, value, n) of the test windows, also perturbed."""
     settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
     module = experiments.module(experiment)
     part = data.part(protocol, seed)
