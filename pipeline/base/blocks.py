@@ -6,13 +6,18 @@ the largest value of any setting here.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
 
 class Block(BaseModel):
     """A block of settings: every key known, none missing, no value of another kind, no NaN."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+def block(*bases: type[Block], **kinds: Any) -> type[Block]:
+    """Return a block of these settings; bases: blocks whose settings and rules the block has, too."""
+    return create_model("Block", __base__=bases or Block, **{name: (kind, ...) for name, kind in kinds.items()})
 
 
 def whole(low: int, high: int = 1_000_000) -> Any:
@@ -212,487 +217,231 @@ class Ablation(Block):
     models: Models
 
 
-class TouchSensor(Block):
-    rows: whole(1, 256)
-    cols: whole(1, 256)
-    pitch_mm: Positive
-    element_mm: Positive
-
-
-class TouchSimulateSingle(Block):
-    points_per_side: whole(1)
-    depths: whole(1)
-    repetitions: whole(1)
-    presses_per_recording: whole(2)
-
-
-class TouchSimulateDouble(Block):
-    recordings: whole(1)
-    presses_per_recording: whole(2)
-
-
-class TouchSimulateDemonstrations(Block):
-    repetitions: whole(1)
-
-
-class TouchSimulatePressure(Block):
-    lowest_kpa: Positive
-    highest_kpa: Positive
-    location_spread: Fraction
-
-
-class TouchSimulatePress(Block):
-    approach_s: Positive
-    hold_s: Positive
-    release_s: Positive
-    travel_s: Positive
-    timing_spread: Fraction
-
-
-class TouchSimulateHand(Block):
-    slower: Positive
-    shift_mm: NotNegative
-    tilt_deg: real(0, 45)
-
-
-class TouchSimulateContact(Block):
-    silicone_spread_mm: NotNegative
-
-
-class TouchSimulateMaterial(Block):
-    resistance_scale_ohm: Positive
-    gain_spread: NotNegative
-    exponent_spread: NotNegative
-
-
-class TouchSimulateCircuit(Block):
-    supply_v: Positive
-    reference_ohm: Positive
-    adc_levels: whole(2, 2**31)
-    noise_counts: NotNegative
-
-
-class TouchSimulateDevices(Block):
-    array_hz: RateHz
-    load_cell_hz: RateHz
-    cnc_hz: RateHz
-    force_noise_n: NotNegative
-    clock_offset_s: NotNegative
-    clock_drift_ppm: NotNegative
-
-
-class TouchSimulateFaults(LineFaults):
-    resets: whole(0)
-
-
-class TouchSimulateEffects(Block):
-    load_sharing: bool
-    creep: bool
-    hysteresis: bool
-    release: bool
-    element_spread: bool
-    crosstalk: bool
-    noise: bool
-    hand_error: bool
-    line_faults: bool
-
-
-class TouchSimulate(Block):
-    seed: whole(0, 2**31)
-    single: TouchSimulateSingle
-    double: TouchSimulateDouble
-    demonstrations: TouchSimulateDemonstrations
-    pressure: TouchSimulatePressure
-    press: TouchSimulatePress
-    hand: TouchSimulateHand
-    contact: TouchSimulateContact
-    material: TouchSimulateMaterial
-    circuit: TouchSimulateCircuit
-    devices: TouchSimulateDevices
-    faults: TouchSimulateFaults
-    effects: TouchSimulateEffects
-
-
-class TouchIngest(Block):
-    max_reject_fraction: Fraction
-    max_clock_offset_s: Positive
-    min_correlation: Fraction
-    max_touches: whole(1)
-    highest_count: whole(1, 2**31 - 1)
-
-
-class TouchLabel(Block):
-    tip_radius_mm: Positive
-    map_rows: whole(1, 1024)
-    map_cols: whole(1, 1024)
-
-
-class TouchSplit(SplitInThree):
-    seed: Seed
-
-
-class TouchProtocols(Block):
-    press: Seeds
-    random_window: Seeds
-
-
-class Touch(Block):
-    source: Text
-    sensor: TouchSensor
-    yardstick: Yardstick
-    simulate: TouchSimulate
-    ingest: TouchIngest
-    window: Window
-    label: TouchLabel
-    split: TouchSplit
-    protocols: TouchProtocols
-    models: Models
-    latency: Latency
-
-
-class StrainSensor(Block):
-    channels: whole(1, 1024)
-
-
-class StrainSimulateMotion(Block):
-    width_mm: Positive
-    height_mm: Positive
-    depth_mm: Positive
-    sliding_depth_mm: Positive
-    slide_slowest_mm_s: Positive
-    slide_fastest_mm_s: Positive
-    press_slowest_mm_s: Positive
-    press_fastest_mm_s: Positive
-    rest_s: NotNegative
-
-
-class StrainSimulateFinger(Block):
-    stiffness_n_per_mm: Positive
-    normal_n_per_mm: Positive
-    static_friction: NotNegative
-    kinetic_friction: NotNegative
-    press_bending: Number
-    compression: Number
-    lean: Number
-
-
-class StrainSimulateStrand(Block):
-    sensitivity_per_mm: Positive
-    gain_spread: NotNegative
-    angle_spread_deg: NotNegative
-    fast_share: Fraction
-    fast_time_s: Positive
-    slow_share: Fraction
-    slow_time_s: Positive
-    loading_time_s: Positive
-    unloading_time_s: Positive
-
-
-class StrainSimulateDrift(Block):
-    walk_per_root_hour: NotNegative
-    ageing: Number
-    ageing_time_s: Positive
-
-
-class StrainSimulateCircuit(Block):
-    supply_v: Positive
-    reference_share: Positive
-    noise_v: NotNegative
-
-
-class StrainSimulateDevices(Block):
-    daq_hz: RateHz
-    robot_hz: RateHz
-    jitter_s: NotNegative
-    clock_offset_s: NotNegative
-    clock_drift_ppm: NotNegative
-
-
-class StrainSimulateFaults(LineFaults):
-    gaps: whole(0)
-    gap_s: NotNegative
-
-
-class StrainSimulateEffects(Block):
-    relaxation: bool
-    asymmetry: bool
-    drift: bool
-    noise: bool
-    stick_slip: bool
-    jitter: bool
-    line_faults: bool
-
-
-class StrainSimulate(Block):
-    seed: whole(0, 2**31)
-    samples: whole(100, 10000000)
-    motion: StrainSimulateMotion
-    finger: StrainSimulateFinger
-    strand: StrainSimulateStrand
-    drift: StrainSimulateDrift
-    circuit: StrainSimulateCircuit
-    devices: StrainSimulateDevices
-    faults: StrainSimulateFaults
-    effects: StrainSimulateEffects
-
-
-class StrainIngest(Block):
-    rate_hz: RateHz
-    max_reject_fraction: Fraction
-    max_clock_offset_s: Positive
-    min_correlation: Fraction
-    max_gap_s: Positive
-
-
-class StrainProtocols(Block):
-    task_0: Seeds
-    task_1: Seeds
-    task_2: Seeds
-
-
-class StrainStudyCapacityTraining(Block):
-    max_epochs: whole(1)
-    drop_epoch: whole(1)
-    streams: whole(1)
-    batch: whole(1)
-
-
-class StrainStudyCapacity(Block):
-    units: distinct(whole(1, 8192))
-    training: StrainStudyCapacityTraining
-
-
-class StrainStudy(Block):
-    tasks: distinct(Literal["task_1", "task_2"])
-    seeds: distinct(Seed)
-    samples: distinct(whole(2))
-    models: distinct(Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"])
-    capacity: StrainStudyCapacity
-
-
-class Strain(Block):
-    source: Text
-    sensor: StrainSensor
-    yardstick: Yardstick
-    simulate: StrainSimulate
-    ingest: StrainIngest
-    window: LookBack
-    split: Split
-    model_zero: Text
-    protocols: StrainProtocols
-    models: Models
-    study: StrainStudy
-    latency: Latency
-
-
-class StrainRecordedIngest(Block):
-    every: whole(1)
-    max_reject_fraction: Fraction
-
-
-class StrainRecorded(Block):
-    ingest: StrainRecordedIngest
-    window: LookBack
-    split: Split
-    model_zero: Text
-    protocols: dict[Text, Seeds]
-    models: Models
-    latency: Latency
-
-
-class VelostatRecordedSensor(Block):
-    rows: Literal[1]
-    cols: Literal[1]
-
-
-class VelostatRecordedLabel(Block):
-    map_rows: Literal[1]
-    map_cols: Literal[1]
-
-
-class VelostatRecordedSplit(Block):
-    validation: Fraction
-
-
-class VelostatRecordedProtocols(Block):
-    repetition: Seeds
-    pike1: Seeds
-    pike1_force_1: Seeds
-    pike1_force_5: Seeds
-    pike1_force_10: Seeds
-    pike1_force_20: Seeds
-    pike1_force_30: Seeds
-    pike1_force_40: Seeds
-    pike5_force_20: Seeds
-
-
-class VelostatRecorded(Block):
-    sensor: VelostatRecordedSensor
-    label: VelostatRecordedLabel
-    ingest: RejectLimit
-    window: Window
-    split: VelostatRecordedSplit
-    protocols: VelostatRecordedProtocols
-    models: Models
-    latency: Latency
-
-
-class GloveSensor(Block):
-    reference_ohm: Positive
-
-
-class GloveSimulateSession(Block):
-    along_mm: NotNegative
-    across_mm: NotNegative
-    tilt_deg: NotNegative
-    margin: Positive
-    margin_spread: NotNegative
-    share_spread: NotNegative
-    fit_deg: NotNegative
-    least_grip_n: NotNegative
-    wander: NotNegative
-    wander_time_s: Positive
-
-
-class GloveSimulateFilm(Block):
-    rest_ohm: Positive
-    force_scale: Positive
-    gain_spread: NotNegative
-    rest_bend_ohm: Positive
-    bend_gain: NotNegative
-
-
-class GloveSimulateCircuit(Block):
-    supply_v: Positive
-    noise_counts: NotNegative
-
-
-class GloveSimulateEffects(Block):
-    session: bool
-    wander: bool
-    element_spread: bool
-    softness: bool
-    noise: bool
-    line_faults: bool
-
-
-class GloveSimulate(Block):
-    seed: whole(0, 2**31)
-    sessions: whole(1)
-    frames_per_object: whole(1)
-    frame_hz: RateHz
-    session: GloveSimulateSession
-    film: GloveSimulateFilm
-    circuit: GloveSimulateCircuit
-    faults: LineFaults
-    effects: GloveSimulateEffects
-
-
-class RejectLimit(Block):
-    max_reject_fraction: Fraction
-
-
-class GloveWindow(Block):
-    stride: whole(1)
-
-
-class GloveAugmentation(Block):
-    model: Text
-    split: Text
-    seeds: distinct(Seed)
-
-
-class GloveStag(Block):
-    file: Text
-    seeds: distinct(Seed)
-    validation: Fraction
-
-
-class GloveProtocols(Block):
-    session_pressure: Seeds
-    session_strain: Seeds
-    session_combined: Seeds
-    random_frames_pressure: Seeds
-    random_frames_strain: Seeds
-    random_frames_combined: Seeds
-
-
-class Glove(Block):
-    source: Text
-    sensor: GloveSensor
-    yardstick: Yardstick
-    simulate: GloveSimulate
-    ingest: RejectLimit
-    window: GloveWindow
-    split: SplitInThree
-    protocols: GloveProtocols
-    models: Models
-    augmentation: GloveAugmentation
-    stag: GloveStag
-    latency: Latency
-
-
-class GloveRecordedWindow(Block):
-    frames: whole(1)
-    stride: whole(1)
-
-
-class GloveRecorded(Block):
-    ingest: RejectLimit
-    window: GloveRecordedWindow
-    split: SplitInThree
-    protocols: dict[Text, Seeds]
-    models: Models
-    latency: Latency
-
-
-class TouchAblation(Ablation):
-    protocols: distinct(Literal["press"])
-
-
-class StrainAblation(Ablation):
-    protocols: distinct(Literal["task_1", "task_2"])
-
-
-class GloveAblation(Ablation):
-    protocols: distinct(Literal["session_pressure", "session_strain", "session_combined"])
-
-
-class Physics(Block):
-    touch: TouchAblation
-    strain: StrainAblation
-    glove: GloveAblation
-
-
-class RightsizeTouchLomp(Seeds):
-    sizes: distinct(whole(1, 8192))
-
-
-class RightsizeTouchWindowTraining(Block):
-    max_epochs: whole(1)
-
-
-class RightsizeTouchWindow(Seeds):
-    sizes: distinct(whole(1))
-    training: RightsizeTouchWindowTraining
-
-
-class RightsizeTouch(Block):
-    lomp: RightsizeTouchLomp
-    window: RightsizeTouchWindow
-
-
-class RightsizeGloveSpResnet(Seeds):
-    sizes: distinct(real(1 / 64, 1.0))
-
-
-class RightsizeGlove(Block):
-    sp_resnet: RightsizeGloveSpResnet
-
-
-class Rightsize(Block):
-    touch: RightsizeTouch
-    glove: RightsizeGlove
+Touch = block(
+    source=Text,
+    sensor=block(rows=whole(1, 256), cols=whole(1, 256), pitch_mm=Positive, element_mm=Positive),
+    yardstick=Yardstick,
+    simulate=block(
+        seed=whole(0, 2**31),
+        single=block(points_per_side=whole(1), depths=whole(1), repetitions=whole(1), presses_per_recording=whole(2)),
+        double=block(recordings=whole(1), presses_per_recording=whole(2)),
+        demonstrations=block(repetitions=whole(1)),
+        pressure=block(lowest_kpa=Positive, highest_kpa=Positive, location_spread=Fraction),
+        press=block(
+            approach_s=Positive, hold_s=Positive, release_s=Positive, travel_s=Positive, timing_spread=Fraction
+        ),
+        hand=block(slower=Positive, shift_mm=NotNegative, tilt_deg=real(0, 45)),
+        contact=block(silicone_spread_mm=NotNegative),
+        material=block(resistance_scale_ohm=Positive, gain_spread=NotNegative, exponent_spread=NotNegative),
+        circuit=block(supply_v=Positive, reference_ohm=Positive, adc_levels=whole(2, 2**31), noise_counts=NotNegative),
+        devices=block(
+            array_hz=RateHz,
+            load_cell_hz=RateHz,
+            cnc_hz=RateHz,
+            force_noise_n=NotNegative,
+            clock_offset_s=NotNegative,
+            clock_drift_ppm=NotNegative,
+        ),
+        faults=block(LineFaults, resets=whole(0)),
+        effects=block(
+            load_sharing=bool,
+            creep=bool,
+            hysteresis=bool,
+            release=bool,
+            element_spread=bool,
+            crosstalk=bool,
+            noise=bool,
+            hand_error=bool,
+            line_faults=bool,
+        ),
+    ),
+    ingest=block(
+        max_reject_fraction=Fraction,
+        max_clock_offset_s=Positive,
+        min_correlation=Fraction,
+        max_touches=whole(1),
+        highest_count=whole(1, 2**31 - 1),
+    ),
+    window=Window,
+    label=block(tip_radius_mm=Positive, map_rows=whole(1, 1024), map_cols=whole(1, 1024)),
+    split=block(SplitInThree, seed=Seed),
+    protocols=block(press=Seeds, random_window=Seeds),
+    models=Models,
+    latency=Latency,
+)
+Strain = block(
+    source=Text,
+    sensor=block(channels=whole(1, 1024)),
+    yardstick=Yardstick,
+    simulate=block(
+        seed=whole(0, 2**31),
+        samples=whole(100, 10000000),
+        motion=block(
+            width_mm=Positive,
+            height_mm=Positive,
+            depth_mm=Positive,
+            sliding_depth_mm=Positive,
+            slide_slowest_mm_s=Positive,
+            slide_fastest_mm_s=Positive,
+            press_slowest_mm_s=Positive,
+            press_fastest_mm_s=Positive,
+            rest_s=NotNegative,
+        ),
+        finger=block(
+            stiffness_n_per_mm=Positive,
+            normal_n_per_mm=Positive,
+            static_friction=NotNegative,
+            kinetic_friction=NotNegative,
+            press_bending=Number,
+            compression=Number,
+            lean=Number,
+        ),
+        strand=block(
+            sensitivity_per_mm=Positive,
+            gain_spread=NotNegative,
+            angle_spread_deg=NotNegative,
+            fast_share=Fraction,
+            fast_time_s=Positive,
+            slow_share=Fraction,
+            slow_time_s=Positive,
+            loading_time_s=Positive,
+            unloading_time_s=Positive,
+        ),
+        drift=block(walk_per_root_hour=NotNegative, ageing=Number, ageing_time_s=Positive),
+        circuit=block(supply_v=Positive, reference_share=Positive, noise_v=NotNegative),
+        devices=block(
+            daq_hz=RateHz,
+            robot_hz=RateHz,
+            jitter_s=NotNegative,
+            clock_offset_s=NotNegative,
+            clock_drift_ppm=NotNegative,
+        ),
+        faults=block(LineFaults, gaps=whole(0), gap_s=NotNegative),
+        effects=block(
+            relaxation=bool, asymmetry=bool, drift=bool, noise=bool, stick_slip=bool, jitter=bool, line_faults=bool
+        ),
+    ),
+    ingest=block(
+        rate_hz=RateHz,
+        max_reject_fraction=Fraction,
+        max_clock_offset_s=Positive,
+        min_correlation=Fraction,
+        max_gap_s=Positive,
+    ),
+    window=LookBack,
+    split=Split,
+    model_zero=Text,
+    protocols=block(task_0=Seeds, task_1=Seeds, task_2=Seeds),
+    models=Models,
+    study=block(
+        tasks=distinct(Literal["task_1", "task_2"]),
+        seeds=distinct(Seed),
+        samples=distinct(whole(2)),
+        models=distinct(Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]),
+        capacity=block(
+            units=distinct(whole(1, 8192)),
+            training=block(max_epochs=whole(1), drop_epoch=whole(1), streams=whole(1), batch=whole(1)),
+        ),
+    ),
+    latency=Latency,
+)
+StrainRecorded = block(
+    ingest=block(every=whole(1), max_reject_fraction=Fraction),
+    window=LookBack,
+    split=Split,
+    model_zero=Text,
+    protocols=dict[Text, Seeds],
+    models=Models,
+    latency=Latency,
+)
+VelostatRecorded = block(
+    sensor=block(rows=Literal[1], cols=Literal[1]),
+    label=block(map_rows=Literal[1], map_cols=Literal[1]),
+    ingest=RejectLimit,
+    window=Window,
+    split=block(validation=Fraction),
+    protocols=block(
+        repetition=Seeds,
+        pike1=Seeds,
+        pike1_force_1=Seeds,
+        pike1_force_5=Seeds,
+        pike1_force_10=Seeds,
+        pike1_force_20=Seeds,
+        pike1_force_30=Seeds,
+        pike1_force_40=Seeds,
+        pike5_force_20=Seeds,
+    ),
+    models=Models,
+    latency=Latency,
+)
+Glove = block(
+    source=Text,
+    sensor=block(reference_ohm=Positive),
+    yardstick=Yardstick,
+    simulate=block(
+        seed=whole(0, 2**31),
+        sessions=whole(1),
+        frames_per_object=whole(1),
+        frame_hz=RateHz,
+        session=block(
+            along_mm=NotNegative,
+            across_mm=NotNegative,
+            tilt_deg=NotNegative,
+            margin=Positive,
+            margin_spread=NotNegative,
+            share_spread=NotNegative,
+            fit_deg=NotNegative,
+            least_grip_n=NotNegative,
+            wander=NotNegative,
+            wander_time_s=Positive,
+        ),
+        film=block(
+            rest_ohm=Positive,
+            force_scale=Positive,
+            gain_spread=NotNegative,
+            rest_bend_ohm=Positive,
+            bend_gain=NotNegative,
+        ),
+        circuit=block(supply_v=Positive, noise_counts=NotNegative),
+        faults=LineFaults,
+        effects=block(session=bool, wander=bool, element_spread=bool, softness=bool, noise=bool, line_faults=bool),
+    ),
+    ingest=RejectLimit,
+    window=block(stride=whole(1)),
+    split=SplitInThree,
+    protocols=block(
+        session_pressure=Seeds,
+        session_strain=Seeds,
+        session_combined=Seeds,
+        random_frames_pressure=Seeds,
+        random_frames_strain=Seeds,
+        random_frames_combined=Seeds,
+    ),
+    models=Models,
+    augmentation=block(model=Text, split=Text, seeds=distinct(Seed)),
+    stag=block(file=Text, seeds=distinct(Seed), validation=Fraction),
+    latency=Latency,
+)
+GloveRecorded = block(
+    ingest=RejectLimit,
+    window=block(frames=whole(1), stride=whole(1)),
+    split=SplitInThree,
+    protocols=dict[Text, Seeds],
+    models=Models,
+    latency=Latency,
+)
+Physics = block(
+    touch=block(Ablation, protocols=distinct(Literal["press"])),
+    strain=block(Ablation, protocols=distinct(Literal["task_1", "task_2"])),
+    glove=block(Ablation, protocols=distinct(Literal["session_pressure", "session_strain", "session_combined"])),
+)
+Rightsize = block(
+    touch=block(
+        lomp=block(Seeds, sizes=distinct(whole(1, 8192))),
+        window=block(Seeds, sizes=distinct(whole(1)), training=block(max_epochs=whole(1))),
+    ),
+    glove=block(sp_resnet=block(Seeds, sizes=distinct(real(1 / 64, 1.0)))),
+)
 
 
 class Settings(Block):
