@@ -33,6 +33,7 @@ from ruamel.yaml.error import YAMLError
 from pipeline.base import paths, store
 from pipeline.base.errors import InputError, storage_error
 from pipeline.base.params import training_command
+from pipeline.datasets import fits
 from pipeline.scoring import results
 
 os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"  # read by mlflow when it is imported
@@ -141,12 +142,12 @@ def check_settings(experiments: Iterable[str], params: dict) -> None:
     for experiment in experiments:
         models = [paths.model_folder(experiment, model) for model in params[experiment]["models"]]
         for output in (paths.scores(experiment), *models):
-            for dotted, value in made_with.get(results.shown(output), {}).items():
+            for dotted, value in made_with.get(paths.shown(output), {}).items():
                 wanted = params
                 for key in dotted.split("."):
                     wanted = wanted.get(key) if isinstance(wanted, Mapping) else None
                 if key := _difference(value, wanted, dotted):
-                    file = results.shown(output)
+                    file = paths.shown(output)
                     raise InputError(
                         f"params.yaml, {key}: {file} was made with another value, says dvc.lock; run `dvc repro`"
                     )
@@ -227,7 +228,7 @@ def _scores(scores: pd.DataFrame, experiment: str, protocol: str, model: str, se
     if not metrics or len(metrics) < len(rows):
         problem = "two rows for the same condition and metric of" if metrics else "no row for"
         raise InputError(
-            f"{results.shown(paths.scores(experiment))}: {problem} protocol {protocol}, model {model}, seed {seed}; "
+            f"{paths.shown(paths.scores(experiment))}: {problem} protocol {protocol}, model {model}, seed {seed}; "
             "run `dvc repro evaluate` again"
         )
     return metrics
@@ -240,15 +241,13 @@ def _read_run(
     settings = params[experiment]
     folder, made_by = paths.run_folder(experiment, model, protocol, seed), training_command(experiment, model)
     history = results.read_csv(folder / "history.csv", ["epoch", *CURVES], made_by)
-    fit = _read_json(folder / "fit.json", made_by)
-    if absent := {"stop_reason", "best_epoch", "epochs", "parameters", "macs", "settings"} - fit.keys():
-        raise InputError(f"{results.shown(folder / 'fit.json')}: key {min(absent)!r} is missing; run `{made_by}` again")
+    fit = fits.read(folder, made_by)
     if not any(path for pattern in MODEL_FILES for path in folder.glob(pattern)):
         holds = f"holds no model file ({' or '.join(MODEL_FILES)})"
-        raise InputError(f"{results.shown(folder)}: {holds}; run `{made_by}` again")
+        raise InputError(f"{paths.shown(folder)}: {holds}; run `{made_by}` again")
     if fit["settings"] != settings["models"][model]:
         raise InputError(
-            f"{results.shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
+            f"{paths.shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
             "params.yaml; run `dvc repro`"
         )
     logged = _flatten(fit["settings"]) | {
@@ -534,19 +533,9 @@ def _hash(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _read_json(path: Path, made_by: str) -> dict:
-    try:
-        content = json.loads(paths.require(path, made_by).read_text())
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{results.shown(path)}: not JSON ({error}); run `{made_by}` again") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{results.shown(path)}: not a JSON object; run `{made_by}` again")
-    return content
-
-
 def _one_row(table: pd.DataFrame, path: Path, where: dict, advice: str) -> pd.Series:
     rows = table[(table[list(where)] == pd.Series(where)).all(axis=1)]
     if len(rows) != 1:
         wanted = ", ".join(f"{name} {value}" for name, value in where.items())
-        raise InputError(f"{results.shown(path)}: {len(rows)} rows for {wanted} instead of 1; {advice}")
+        raise InputError(f"{paths.shown(path)}: {len(rows)} rows for {wanted} instead of 1; {advice}")
     return rows.iloc[0]

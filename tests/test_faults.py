@@ -30,10 +30,10 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from pipeline import models, tracking
+from pipeline import models
 from pipeline.base import availability, blocks, params, paths
 from pipeline.base.errors import InputError
-from pipeline.datasets import schemas, series
+from pipeline.datasets import fits, schemas, series
 from pipeline.datasets.windows import read_dataset
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
 from pipeline.learning.regressors import Spec
@@ -757,7 +757,7 @@ def check_json(content: bytes, folder: Path) -> bool:
         readers = (
             lambda: results.read_fit("touch", "lomp", "press", 0),
             lambda: availability.why_not_run("touch"),
-            lambda: tracking._read_json(run / "fit.json", "dvc repro train"),
+            lambda: fits.read(run, "dvc repro train"),
         )
         for read in readers:
             try:

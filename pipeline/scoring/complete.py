@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.scoring.results import shown
 
 
 def check(table: pd.DataFrame, path: Path, key: list[str], wanted: Iterable[tuple], made_by: str) -> None:
@@ -20,4 +20,4 @@ def check(table: pd.DataFrame, path: Path, key: list[str], wanted: Iterable[tupl
     for problem, runs in (("two rows", repeated), ("no row", missing)):
         if (run := next(runs, None)) is not None:
             words = ", ".join(f"{name} {value}" for name, value in zip(key, run, strict=True))
-            raise InputError(f"{shown(path)}: {problem} for {words}; run `{made_by}` again")
+            raise InputError(f"{paths.shown(path)}: {problem} for {words}; run `{made_by}` again")

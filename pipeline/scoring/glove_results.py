@@ -15,7 +15,7 @@ from pipeline.datasets import schemas
 from pipeline.datasets.images import MODALITIES, classes, modality, split_name
 from pipeline.scoring import classification
 from pipeline.scoring.published import METHODS
-from pipeline.scoring.results import Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions, shown
+from pipeline.scoring.results import Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions
 
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
 BASELINES = ("naive_bayes", "tree")
@@ -55,7 +55,7 @@ def read_augmentation(settings: Mapping, metric: str) -> dict[tuple[str, str], l
             for seed in block["seeds"]:
                 if (method, protocol, seed, metric) not in written:
                     raise InputError(
-                        f"{shown(path)}: no row for method {method}, protocol {protocol}, seed {seed}, metric "
+                        f"{paths.shown(path)}: no row for method {method}, protocol {protocol}, seed {seed}, metric "
                         f"{metric}; run `{made_by}` again"
                     )
             values[method, dataset] = [written[method, protocol, seed, metric] for seed in block["seeds"]]

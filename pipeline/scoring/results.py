@@ -1,6 +1,5 @@
 """Read scores, fits, times and predictions for the reports. A missing file or row is an error, no gap."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +12,7 @@ from scipy.special import stdtrit
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
+from pipeline.datasets import fits, schemas
 
 CONFIDENCE = 0.95
 MISSING = ("", "nan")  # how the stages write a value that there is not
@@ -47,11 +46,6 @@ def estimate(values: Sequence[float]) -> Estimate:
     return Estimate(mean, mean - half, mean + half, n, failed)
 
 
-def shown(path: Path) -> str:
-    """Return `path` as a message names it: relative to the repository."""
-    return path.relative_to(paths.ROOT).as_posix() if path.is_relative_to(paths.ROOT) else str(path)
-
-
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
     """Read a CSV table that has at least `columns`. Raises InputError otherwise."""
     try:
@@ -59,10 +53,10 @@ def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
         missing = {name: MISSING for name in pd.read_csv(paths.require(path, made_by), nrows=0) if name != "condition"}
         table = pd.read_csv(path, dtype={"condition": str}, keep_default_na=False, na_values=missing)
     except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise InputError(f"{shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
+        raise InputError(f"{paths.shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
     for column in columns:
         if column not in table.columns:
-            raise InputError(f"{shown(path)}: column '{column}' is missing; run `{made_by}` again")
+            raise InputError(f"{paths.shown(path)}: column '{column}' is missing; run `{made_by}` again")
     return table
 
 
@@ -79,7 +73,7 @@ class Scores:
         repeated = table[table.duplicated(key)]
         if len(repeated):
             row = ", ".join(str(value) for value in repeated.iloc[0][key])
-            raise InputError(f"{shown(self.path)}: two rows for {row}; run `{self.made_by}` again")
+            raise InputError(f"{paths.shown(self.path)}: two rows for {row}; run `{self.made_by}` again")
         self._values = {
             (row.protocol, row.condition, row.model, int(row.seed), row.metric): float(row.value)
             for row in table.itertuples()
@@ -95,7 +89,7 @@ class Scores:
             key = (protocol, condition, model, seed, metric)
             if key not in self._values:
                 raise InputError(
-                    f"{shown(self.path)}: no row for protocol {protocol}, condition {condition}, "
+                    f"{paths.shown(self.path)}: no row for protocol {protocol}, condition {condition}, "
                     f"model {model}, seed {seed}, metric {metric}; run `{self.made_by}` again"
                 )
             failed = np.isnan(self._values.get((*key[:4], "rmse"), 0.0))
@@ -119,7 +113,7 @@ def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]
     for model in settings["models"]:
         for batch in settings["latency"]["batches"]:
             if (model, batch) not in rows:
-                raise InputError(f"{shown(path)}: no row for model {model}, batch {batch}; run `{made_by}` again")
+                raise InputError(f"{paths.shown(path)}: no row for model {model}, batch {batch}; run `{made_by}` again")
     return rows
 
 
@@ -144,12 +138,8 @@ def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
     """Read how one run was trained. Raises InputError for a missing or broken file."""
     folder = paths.run_folder(experiment, model, protocol, seed)
     made_by = params.training_command(experiment, model)
-    path = paths.require(folder / "fit.json", made_by)
-    try:
-        fit = json.loads(path.read_text(encoding="utf-8"))
-        values = [fit[name] for name in ("stop_reason", "best_epoch", "epochs", "parameters")]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(f"{shown(path)}: no fit summary ({error}); run `{made_by}` again") from error
+    fit = fits.read(folder, made_by)
+    values = [fit[name] for name in ("stop_reason", "best_epoch", "epochs", "parameters")]
     history = read_csv(folder / "history.csv", ["epoch", "train_loss", "validation_loss"], made_by)
     return Fit(*values, history)
 
@@ -174,7 +164,7 @@ def read_predictions(experiment: str, model: str, protocol: str, seed: int, wind
     rows = table["window"].to_numpy()
     if not np.array_equal(np.sort(rows), test):
         raise InputError(
-            f"{shown(path)}: {len(rows)} predictions of {protocol} seed {seed} do not match the "
+            f"{paths.shown(path)}: {len(rows)} predictions of {protocol} seed {seed} do not match the "
             f"{len(test)} test windows; run `{made_by}` again"
         )
     result = np.full((windows.num_rows, table.schema.field("prediction").type.list_size), np.nan, np.float32)

@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.scoring.metrics import Row
-from pipeline.scoring.results import Scores, shown
+from pipeline.scoring.results import Scores
 
 
 def check(
@@ -22,6 +23,6 @@ def check(
         expected = written.runs(protocol, condition, model, metric)[place]
         if not np.isclose(value, expected, rtol=tolerance, atol=tolerance, equal_nan=True):
             raise InputError(
-                f"{shown(written.path)}: {model}, {protocol}, seed {seed} has {metric} {expected:.6g}, but the model "
-                f"gives {value:.6g} without any perturbation; run `{written.made_by}` again"
+                f"{paths.shown(written.path)}: {model}, {protocol}, seed {seed} has {metric} {expected:.6g}, but the "
+                f"model gives {value:.6g} without any perturbation; run `{written.made_by}` again"
             )

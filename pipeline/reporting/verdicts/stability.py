@@ -60,7 +60,7 @@ def read(experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
     levels = table[[*PLACE, "severity"]].drop_duplicates()
     for protocol in stress["protocols"]:
         if protocol not in set(levels["protocol"]):
-            raise InputError(f"{results.shown(path)}: no row for protocol {protocol}; run `{made_by}` again")
+            raise InputError(f"{paths.shown(path)}: no row for protocol {protocol}; run `{made_by}` again")
     wanted = (
         (*level, model, seed)
         for protocol in stress["protocols"]
