@@ -68,6 +68,12 @@ def test_a_model_without_a_file_is_refused():
         params.check(altered("touch", "models", value={"lompp": {}}))
 
 
+@pytest.mark.parametrize("place", [("glove_recorded", "protocols"), ("stress", "touch", "perturbations")])
+def test_a_key_that_is_no_text_is_refused(place):
+    with pytest.raises(InputError, match=rf"^params.yaml, {'.'.join(place)}: expected text as a key, got 1$"):
+        params.check(altered(*place, value={1: 2}))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("stage", ["train touch", "train strain", "train glove"])
 @pytest.mark.parametrize("where", ["{canary}", "../../../canary"])
