@@ -104,6 +104,7 @@ def test_every_byte_arrives_as_it_was_printed(device, start, tmp_path):
     assert log.read_bytes() == sent
 
 
+@pytest.mark.slow
 def test_ctrl_c_loses_nothing_and_waits_for_the_line_that_is_arriving(device, start, tmp_path):
     process, log = start(), tmp_path / "new" / "log"
     sent = numbered(0, 300)
@@ -117,6 +118,7 @@ def test_ctrl_c_loses_nothing_and_waits_for_the_line_that_is_arriving(device, st
     assert log.read_bytes() == sent + b"300,1023\n"
 
 
+@pytest.mark.slow
 def test_a_partial_last_line_is_kept_as_it_came(device, start, tmp_path):
     process = start()
     device.print(b"1,2,3\n4,5")
@@ -125,6 +127,7 @@ def test_a_partial_last_line_is_kept_as_it_came(device, start, tmp_path):
     assert (tmp_path / "new" / "log").read_bytes() == b"1,2,3\n4,5"
 
 
+@pytest.mark.slow
 def test_device_vanishes_and_comes_back(device, start, tmp_path):
     process, log = start(), tmp_path / "new" / "log"
     first, second = numbered(0, 100), numbered(100, 200)
@@ -141,6 +144,7 @@ def test_device_vanishes_and_comes_back(device, start, tmp_path):
     assert log.read_bytes() == first + b"77,torn\n" + second
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_the_device_is_away(device, start, tmp_path):
     process = start()
     device.print(b"1,2\n")
