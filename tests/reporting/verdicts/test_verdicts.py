@@ -9,14 +9,14 @@ from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.datasets.images import MODALITIES
+from pipeline.reporting import claims as claims_report
 from pipeline.reporting.verdicts import glove_measures, rules, strain_measures, touch_measures
 from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
 from pipeline.scoring import glove_results, published, results
-from pipeline.stages import judge
 
 VALUES = params.load()
 EXPERIMENTS = VALUES["experiments"]
-CLAIMS = {one.key: one for one in judge.all_claims()}
+CLAIMS = {one.key: one for one in claims_report.all_claims()}
 JITTER = (0.01, -0.02, 0.01, 0.015, -0.015)
 
 
@@ -285,8 +285,8 @@ def test_latency_claims_are_ratios_and_marked():
 
 def test_own_logs_are_recorded_data():
     one = CLAIMS["lomp-best-double"]
-    assert judge.on_own_logs(one, VALUES) is one
-    own = judge.on_own_logs(one, VALUES | {"touch": VALUES["touch"] | {"source": "data/own/mine"}})
+    assert claims_report.on_own_logs(one, VALUES) is one
+    own = claims_report.on_own_logs(one, VALUES | {"touch": VALUES["touch"] | {"source": "data/own/mine"}})
     assert (own.data, own.why, own.judge) == ("recorded", None, one.judge)
 
 
@@ -358,7 +358,7 @@ def test_no_claim_on_scores_survives_failed_runs():
 
 
 def test_the_list_of_claims():
-    found = judge.all_claims()
+    found = claims_report.all_claims()
     assert len(found) >= 36 and len(CLAIMS) == len(found)
     assert {one.paper for one in found} == set(rules.PAPERS)
     for paper in rules.PAPERS:
@@ -372,7 +372,7 @@ def test_the_list_of_claims():
     assert list(kept["key"]) == [one.key for one in found]
     assert list(kept["claim"]) == [one.text for one in found]
     assert kept["published"].to_numpy() == pytest.approx([one.published for one in found], rel=1e-9, nan_ok=True)
-    assert set(kept["verdict"]) <= set(judge.VERDICTS)
+    assert set(kept["verdict"]) <= set(claims_report.VERDICTS)
     assert not kept.loc[kept["verdict"] == REPRODUCED, "ours"].isna().any()
     assert (kept.loc[kept["verdict"] != REPRODUCED, "reason"].fillna("") != "").all()
 
@@ -391,11 +391,11 @@ def test_a_paragraph_is_printed_only_where_a_claim_is_not_reproduced():
     ]
     evidence = Evidence(VALUES)
     found = [(one, one.judged(evidence)) for one in listed]
-    text = judge.text(found, evidence)
+    text = claims_report.text(found, evidence)
     assert "Never printed" not in text and text.count("Computed: -1.0.") == 1
     assert "**Sentence bad** (contradicted)\n- **Sentence worse** (contradicted)\n\nComputed" in text
     assert "No reason was looked for" in text and "nobody knows" in text
-    rows = judge.rows(found)
+    rows = claims_report.rows(found)
     assert list(rows.columns)[:10] == [
         "claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason",
     ]  # fmt: skip
