@@ -45,7 +45,7 @@ COUNTS = {"multiply-accumulates": "macs", "parameters": "params"}
 
 @cache
 def _rows(paper: str) -> dict[tuple[str, str, str], tuple[str, str]]:
-    """(model or augmentation method, condition, metric) -> value and unit, as text: 116.90 has two decimals."""
+    """Return (model or augmentation method, condition, metric) -> value and unit as text: 116.90 has two decimals."""
     table = pd.read_csv(PUBLISHED, dtype=str)
     names = {printed: key for key, printed in PRINTED[paper].items()}
     names |= {printed: key for key, printed in METHODS.items() if paper == "sp_resnet"}
