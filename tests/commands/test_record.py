@@ -155,6 +155,7 @@ def test_ctrl_c_while_the_device_is_away(device, start, tmp_path):
     assert (tmp_path / "new" / "log").read_bytes() == b"1,2\n"
 
 
+@pytest.mark.slow
 def test_existing_file_and_missing_port_are_one_sentence(device, tmp_path):
     old = tmp_path / "old.log"
     old.write_bytes(b"kept")

@@ -331,6 +331,7 @@ def test_fusion_and_the_place_of_sp_resnet_are_compared_by_seed(root, settings):
     assert glove_report.place_sentences(scores, settings | {"models": {"sp_resnet": {}}}, protocols["combined"]) == []
 
 
+@pytest.mark.slow
 def test_verdicts_of_the_report_are_those_of_the_claims(root, settings, undrawn, monkeypatch):
     write_glove(settings)
     target = run_render("glove", settings, monkeypatch)
