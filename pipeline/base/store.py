@@ -16,7 +16,7 @@ from pathlib import Path
 
 from pipeline.base import files, paths
 
-CODE = ("base/store.py", "scoring/results.py", "stages/track.py", "tracking.py")  # decide how files become runs
+CODE = ("base/store.py", "datasets/fits.py", "scoring/results.py", "stages/track.py", "tracking.py")  # decide how files become runs
 COLUMNS = ("experiment", "protocol", "model", "seed", "content", "run_id")  # of a receipt's rows
 
 
