@@ -16,7 +16,8 @@ from pathlib import Path
 
 from pipeline.base import files, paths
 
-CODE = ("base/store.py", "datasets/fits.py", "scoring/results.py", "stages/track.py", "tracking.py")  # decide how files become runs
+# Files that decide how files become runs.
+CODE = ("base/store.py", "datasets/fits.py", "scoring/results.py", "stages/track.py", "tracking.py")
 COLUMNS = ("experiment", "protocol", "model", "seed", "content", "run_id")  # of a receipt's rows
 
 
