@@ -14,22 +14,11 @@ SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config, items):
-    """Mark as slow what needs a slow fixture.
-
-    Where pytest runs in several processes (-n), one of them makes the miniature, at once, and has all its tests.
-    """
+def pytest_collection_modifyitems(items):
+    """Mark as slow what needs a slow fixture."""
     for item in items:
         if SLOW_FIXTURES.intersection(item.fixturenames):
             item.add_marker(pytest.mark.slow)
-        if "miniature" in item.fixturenames:
-            item.add_marker(pytest.mark.xdist_group("miniature"))
-    if _is_one_of_several(config):
-        items.sort(key=lambda item: "miniature" not in item.fixturenames)
-
-
-def _is_one_of_several(config) -> bool:
-    return hasattr(config, "workerinput")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -37,14 +26,13 @@ def miniature_under_way(request, tmp_path_factory):
     """Start the miniature before the first test, where a test of this session needs it: it takes three minutes."""
     with ThreadPoolExecutor() as pool:
         wanted = any("miniature" in item.fixturenames for item in request.session.items)
-        wanted &= not _is_one_of_several(request.config)
         yield pool.submit(run_miniature, tmp_path_factory.mktemp("miniature")) if wanted else None
 
 
 @pytest.fixture(scope="session")
-def miniature(miniature_under_way, tmp_path_factory) -> Project:
+def miniature(miniature_under_way) -> Project:
     """Return the project in which the whole pipeline ran once, at miniature scale, with `dvc repro`."""
-    return miniature_under_way.result() if miniature_under_way else run_miniature(tmp_path_factory.mktemp("miniature"))
+    return miniature_under_way.result()
 
 
 @pytest.fixture(scope="session")
