@@ -1,4 +1,4 @@
-"""Stage: compare this machine's scores with the committed ones: reports/agreement.md.
+"""Compare this machine's scores with the committed ones: reports/agreement.md.
 
 The committed fingerprint has every score of the run that the reports were made by, and the digest of the settings that
 each model was made with. Networks are trained to other last digits by other processors, and from there apart; how far

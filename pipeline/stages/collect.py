@@ -1,4 +1,4 @@
-"""Stage: collect scores, latencies and stress of all experiments in one file each, in full precision, for others.
+"""Collect scores, latencies and stress of all experiments in one file each, in full precision.
 
 Usage: python -m pipeline.stages.collect
 """

@@ -1,4 +1,4 @@
-"""Stage: windows, series or images to a dataset, with labels and, for every run, the part each row belongs to.
+"""Write the dataset: windows, series or images with labels and, for every run, the part each row belongs to.
 
 Usage: python -m pipeline.stages.dataset EXPERIMENT
 """

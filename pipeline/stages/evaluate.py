@@ -1,4 +1,4 @@
-"""Stage: predictions and scores of every trained model on the test part (which nothing before this reads).
+"""Predict and score the test part, which nothing before this reads, with every trained model.
 
 Usage: python -m pipeline.stages.evaluate EXPERIMENT
 """

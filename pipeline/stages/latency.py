@@ -1,4 +1,4 @@
-"""Stage: how long a prediction takes, and what the model weighs. Runs alone, on one thread.
+"""Measure how long a prediction takes, and what the model weighs. Runs alone, on one thread.
 
 A prediction is the answer to one window or image, or, on series and streams, to the next sample or frame with the state
 carried along.

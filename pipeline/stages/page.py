@@ -1,4 +1,4 @@
-"""Stage: write the reviewer's page, reports/index.html, from the other reports.
+"""Write the reviewer's page, reports/index.html, from the other reports.
 
 Usage: python -m pipeline.stages.page
 """

@@ -1,4 +1,4 @@
-"""Stage: judge which effects of the simulated scenes the results need: reports/physics.csv and reports/physics.
+"""Judge which effects of the simulated scenes the results need: reports/physics.csv and reports/physics.
 
 Usage: python -m pipeline.stages.render_physics
 """

@@ -1,4 +1,4 @@
-"""Stage: judge the size ladders of all experiments: reports/rightsize.csv, and reports/rightsize for people.
+"""Judge the size ladders of all experiments: reports/rightsize.csv, and reports/rightsize for people.
 
 Usage: python -m pipeline.stages.render_sizes
 """

@@ -1,4 +1,4 @@
-"""Stage: write the stability tests of all experiments for people, in reports/stability.
+"""Write the stability tests of all experiments for people, in reports/stability.
 
 Usage: python -m pipeline.stages.render_stability
 """

@@ -1,4 +1,4 @@
-"""Stage: the trained models, as they are, on perturbed test data: where does each of them fail?
+"""Score the trained models, as they are, on perturbed test data: where does each model fail?
 
 Usage: python -m pipeline.stages.stress EXPERIMENT
 """

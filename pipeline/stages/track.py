@@ -1,4 +1,4 @@
-"""Stage: log every result of the pipeline as a run in MLflow. `python -m pipeline.stages.track`
+"""Log every result of the pipeline as a run in MLflow. `python -m pipeline.stages.track`
 
 A second call adds nothing; pipeline/tracking.py says what one run holds. The store is `mlruns/mlflow.db`, or the
 server that MLFLOW_TRACKING_URI names. DVC runs this at every `dvc repro`, so it looks at a receipt first.

@@ -1,4 +1,4 @@
-"""Stage: what each augmentation method is worth (SP-ResNet paper, Table 2): one model, trained without and with them.
+"""Measure what each augmentation method is worth (SP-ResNet paper, Table 2): one model without and with each.
 
 Trains `augmentation.model` on each of the three datasets with no method and with A, B or C alone; all of them
 together is the model itself, which the stage train has trained. Writes the scores on the test part.

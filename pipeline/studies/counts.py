@@ -1,4 +1,4 @@
-"""Stage: multiply-accumulates and parameters of the glove's networks, at the published shapes and like with like.
+"""Count multiply-accumulates and parameters of the glove's networks, at the published shapes and at ours.
 
 Usage: python -m pipeline.studies.counts
 """

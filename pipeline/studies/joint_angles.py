@@ -1,4 +1,4 @@
-"""Stage: what gives the object away in the recorded joint angles: extra trees on them, and on parts of them.
+"""Find what gives the object away in the recorded joint angles: extra trees on all angles, and on some.
 
 Joints that never move rest at angles that differ by thousandths of a degree from one object's minutes to another's.
 Usage: python -m pipeline.studies.joint_angles glove_recorded

@@ -1,4 +1,4 @@
-"""Stage: what the latent-space paper asserts and does not test: few samples, freedom from drift, capacity.
+"""Test what the latent-space paper asserts and does not test: few samples, freedom from drift, capacity.
 
 Writes data/strain/study/: samples.csv (error against the number of training samples), capacity.csv (against the
 size of the LSTM), drift.csv (how well elapsed time and the strands' true drift can be read from the raw voltages and

@@ -1,4 +1,4 @@
-"""Stage: what do the models say of a scene that lacks one of its effects? Small scenes, short trainings.
+"""Score models on scenes that lack one of their effects each. Small scenes, short trainings.
 
 Every variant (an effect and a seed) goes the whole way: simulated logs, ingest, windows, labels, training, scores of
 the test part. Effect `none`: all effects on; `default`: those that params.yaml has on. The seed moves the scene's own

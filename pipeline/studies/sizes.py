@@ -1,4 +1,4 @@
-"""Stage: the papers' own models at several sizes, trained and scored on the test part: what is the smallest enough?
+"""Train and score the papers' own models at several sizes: what is the smallest that is enough?
 
 touch: narrower LoMPs, and a CNN that sees only the last frames of each window and is trained for fewer epochs than the
 one of the tables. glove: SP-ResNet with fewer channels. strain: the LSTMs of the stage study_strain. LoMP and SP-ResNet

@@ -1,4 +1,4 @@
-"""Stage: figure 15 on the STAG data set, where `glove.stag.file` of params.yaml names its metadata.mat.
+"""Train and score the models of figure 15 on the STAG data set, where `glove.stag.file` names its metadata.mat.
 
 Trains the figure's models on the training part, keeping some of its recordings for validation, and scores them on the
 test part for every number of input frames. Without the file (`none`) the table has no rows.
