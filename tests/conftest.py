@@ -2,6 +2,9 @@
 
 import functools
 import os
+import pickle
+import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -11,6 +14,7 @@ from builders.project import Project, run_miniature
 from pipeline.logs import sources
 
 SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
+WAIT_S = 3600
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -22,17 +26,36 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def miniature_under_way(request, tmp_path_factory):
-    """Start the miniature before the first test, where a test of this session needs it: it takes three minutes."""
+def miniature_under_way(request, tmp_path_factory) -> Callable[[], Project]:
+    """Start the miniature before the first test, where a test of this session needs it, and return what waits for it.
+
+    Where pytest runs in several processes (-n 2), the first one makes the miniature for all of them.
+    """
+    wanted = any("miniature" in item.fixturenames for item in request.session.items)
+    worker, folder = os.environ.get("PYTEST_XDIST_WORKER"), tmp_path_factory.getbasetemp()
+    made = (folder.parent if worker else folder) / "miniature.pickle"
+
+    def make() -> Project:
+        project, draft = run_miniature(tmp_path_factory.mktemp("miniature")), made.with_suffix(".draft")
+        draft.write_bytes(pickle.dumps(project))
+        draft.rename(made)
+        return project
+
+    def wait() -> Project:
+        for _ in range(WAIT_S):
+            if made.exists():
+                return pickle.loads(made.read_bytes())
+            time.sleep(1)
+        raise TimeoutError("the process of tests that makes the miniature did not")
+
     with ThreadPoolExecutor() as pool:
-        wanted = any("miniature" in item.fixturenames for item in request.session.items)
-        yield pool.submit(run_miniature, tmp_path_factory.mktemp("miniature")) if wanted else None
+        yield wait if worker not in (None, "gw0") else pool.submit(make).result if wanted else None
 
 
 @pytest.fixture(scope="session")
 def miniature(miniature_under_way) -> Project:
     """Return the project in which the whole pipeline ran once, at miniature scale, with `dvc repro`."""
-    return miniature_under_way.result()
+    return miniature_under_way()
 
 
 @pytest.fixture(scope="session")
