@@ -496,11 +496,11 @@ MUTANTS = [
         "studies/test_sizes.py::test_smallest_within_one_standard_error_of_the_best",
     ),
     Mutant(
-        "floor-without-root",
+        "interval-of-pairs-without-root",
         "pipeline/reporting/verdicts/physics.py",
-        "np.sqrt(2 / size)",
-        "(2 / size)",
-        "reporting/verdicts/test_physics_verdicts.py::test_the_floor_is_narrower_for_means_of_more_seeds",
+        "/ np.sqrt(len(ratio))",
+        "/ len(ratio)",
+        "reporting/verdicts/test_physics_verdicts.py::test_the_interval_is_that_of_two_one_sided_tests",
     ),
     Mutant(
         "tolerance-of-agreement-is-two-percent-alone",

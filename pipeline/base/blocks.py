@@ -211,8 +211,7 @@ class SeededStress(Stress):
 
 
 class Ablation(Block):
-    floor_seeds: distinct(Seed)
-    effect_seeds: distinct(Seed)
+    seeds: distinct(Seed)
     scene: Annotated[dict[Any, Any], Field(min_length=1)]  # held against the experiment's block where it is used
     models: Models
 

@@ -1,9 +1,8 @@
 """Score models on scenes that lack one of their effects each. Small scenes, short trainings.
 
 Every variant (an effect and a seed) goes the whole way: simulated logs, ingest, windows, labels, training, scores of
-the test part. Effect `none`: all effects on; `default`: those that params.yaml has on. The seed moves the scene's own
-seed and is that of split and training, so that two seeds differ in all that is drawn by chance; variants of one seed
-share it.
+the test part. Effect `none`: all effects on. The seed moves the scene's own seed and is that of split and training, so
+that two seeds differ in all that is drawn by chance, and the variants of one seed are paired.
 Writes data/<experiment>/physics.csv; `render_physics` judges it.
 Usage: python -m pipeline.studies.physics touch|strain|glove
 """
@@ -23,7 +22,7 @@ from pipeline.datasets import images, schemas, series
 from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Trained
 from pipeline.scoring import classification, metrics
-from pipeline.scoring.variants import COLUMNS, DEFAULT, NONE, variants
+from pipeline.scoring.variants import COLUMNS, variants
 from pipeline.tasks import images as tasks_images
 from pipeline.tasks import series as tasks_series
 from pipeline.tasks import windows as tasks_windows
@@ -35,15 +34,13 @@ CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about 
 def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dict:
     """Return the experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
 
-    `none`: with all of them; `default`: with those that are on in params.yaml. Raises InputError where the result is
-    not what pipeline/base/blocks.py allows.
+    `none`: with all of them. Raises InputError where the result is not what pipeline/base/blocks.py allows.
     """
     settings = _merged(values[experiment], values["physics"][experiment]["scene"])
     block = params.settings_block().model_fields[experiment].annotation
     params.check_block(settings, block, f"{experiment} with physics.{experiment}.scene")
     scene = settings["simulate"]
-    on = dict.fromkeys(scene["effects"], True)
-    effects = {NONE: on, DEFAULT: scene["effects"]}.get(effect, on | {effect: False})
+    effects = {name: name != effect for name in scene["effects"]}
     return settings | {"simulate": scene | {"seed": scene["seed"] + seed, "effects": effects}}
 
 
