@@ -44,7 +44,7 @@ def matrices(path: Path, title: str, judgements: list[Judgement], unit: str) -> 
                 ax.text(
                     column,
                     row,
-                    "failed" if failed else f"{100 * change.relative:+.0f} ± {100 * half:.0f}",
+                    "failed" if failed else f"{round(100 * change.relative) + 0.0:+.0f} ± {100 * half:.0f}",
                     ha="center",
                     va="center",
                     fontsize=6.5,

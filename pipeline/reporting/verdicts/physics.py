@@ -2,9 +2,9 @@
 
 A seed draws specimen, motion, noise, split and start of training; every variant of a seed shares all of these, so the
 ratio of a model's errors with and without an effect is taken seed by seed. An effect is `equivalent` to its absence if
-the 90 % t interval of the mean logarithm of this ratio lies inside the logarithms of 1 - MARGIN and 1 + MARGIN for every
-model and condition (two one-sided tests at 5 %; Schuirmann 1987) and the order of the models stays as it is. It
-`changes` the errors if one such interval lies outside the margin altogether. Anything else `cannot be told`.
+the 90 % t interval of the mean logarithm of this ratio lies inside the logarithms of 1 - MARGIN and 1 + MARGIN for
+every model and condition (two one-sided tests at 5 %; Schuirmann 1987) and the order of the models stays as it is. An
+effect `changes errors` if one such interval lies outside the margin altogether. Anything else `cannot be told`.
 
 verdicts/rules.py asks another question: whether a difference is above 0 in the seeds that were drawn.
 """
