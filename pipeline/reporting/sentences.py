@@ -8,7 +8,7 @@ from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import interval, number
 from pipeline.scoring.results import Fit, Scores
 
-MARK = re.compile(r"(?:^|#)\s*Differs from paper:\s*(.*)")
+MARK = re.compile(r"Differs from paper:\s*(.*)")
 
 
 def yardstick(scores: Scores, settings: Mapping, run: tuple[str, str], words: str, unit: str) -> str:
@@ -46,7 +46,7 @@ def figure_lines(captions: Mapping[str, str]) -> list[str]:
 
 
 def read_differences(folder: Path, names: Iterable[str]) -> list[tuple[str, str]]:
-    """Read (file, text) of every comment that starts with the mark, by file and line; names: files in `folder`.
+    """Read (file, text) of every mark, anywhere in a line, by file and line; names: files in `folder`.
 
     A comment goes on over following lines that are comments; in a docstring, up to an empty line or the end.
     """

@@ -18,7 +18,6 @@ from pipeline.base.params import load
 from pipeline.datasets import labels, schemas
 from pipeline.reporting import touch as touch_report
 from pipeline.reporting.claims import claim_sentence
-from pipeline.reporting.sentences import read_differences
 from pipeline.reporting.verdicts import touch as touch_verdicts
 from pipeline.reporting.verdicts import touch_measures
 from pipeline.reporting.verdicts.rules import Claim, Evidence, positive, untestable
@@ -439,16 +438,6 @@ def test_estimate_and_numbers():
 def test_table_is_aligned_as_raw_text():
     lines = table(["Model", "RMSE (kPa)"], [["A", "1.00"], ["Longer", "failed"]]).splitlines()
     assert len({len(line) for line in lines}) == 1 and lines[1] == "| ------ | ---------: |"
-
-
-def test_differences_are_collected(tmp_path):
-    mark = "Differs from " + "paper:"
-    (tmp_path / "one.py").write_text(
-        f'"""Text.\n\n{mark} the sum\nis a mean.\n\nMore."""\nx = 1  # {mark} short.\n# {mark} two\n# lines.\ny = 2\n'
-    )
-    found = read_differences(tmp_path, ["one.py"])
-    assert [text for _, text in found] == ["the sum is a mean.", "short.", "two lines."]
-    assert found[0][0] == f"{tmp_path.name}/one.py"
 
 
 def test_every_experiment_has_a_report_of_its_name_with_one_contract():
