@@ -159,9 +159,12 @@ class SplitInThree(Block):
 
 class Yardstick(Block):
     model: Text
+    over: Text
     condition: Text
     metric: Text
+    protocol: Text
     published: Positive
+    knob: Text
 
 
 class Window(Block):

@@ -5,6 +5,7 @@ import numpy as np
 from pipeline.scoring.metrics import Row
 
 MOST_FRAMES = 8  # whose scores are averaged (figure 15)
+METRICS = ("accuracy", "macro_precision")  # fractions of what is right: the error is what is missing to 1
 
 
 def scores(truth: np.ndarray, predicted: np.ndarray) -> list[Row]:
