@@ -22,7 +22,7 @@ CODE = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").
 CODE.remove("pipeline/__init__.py")
 # Each room, from the top down, and the rooms that it imports. It may also import whatever these import, and itself.
 ARROWS = {
-    "stages": {"reporting/page", "stability", "tracking"},
+    "stages": {"reporting/page", "stability", "tracking", "twins"},
     "studies": {"reporting/page", "stability"},
     "commands": {"reporting/page", "stability"},
     "stability": {"tasks", "scenes"},
@@ -34,6 +34,7 @@ ARROWS = {
     "reporting/figures": {"reporting/verdicts", "scenes", "logs"},
     "reporting/verdicts": {"reporting/words"},
     "reporting/words": {"scoring"},  # the names of models, Markdown
+    "twins": {"experiments", "scenes", "scoring"},
     "scoring": {"datasets"},
     "scenes": {"datasets"},
     "experiments": {"logs"},

@@ -128,6 +128,11 @@ def physics(experiment: str) -> Path:
     return experiment_folder(experiment) / "physics.csv"
 
 
+def twins(experiment: str) -> Path:
+    """Return the model-free statistics of a scene and of its recordings (output of twins)."""
+    return experiment_folder(experiment) / "twins.csv"
+
+
 def require(path: Path, made_by: str) -> Path:
     """Return `path`; where it does not exist, raise InputError that names the command which makes it."""
     if not path.exists():
