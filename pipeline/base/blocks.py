@@ -262,7 +262,7 @@ Touch = block(
         max_touches=whole(1),
         highest_count=whole(1, 2**31 - 1),
     ),
-    window=Window,
+    window=block(Window, sliding=block(single=Fraction)),
     label=block(tip_radius_mm=Positive, map_rows=whole(1, 1024), map_cols=whole(1, 1024)),
     split=block(SplitInThree, seed=Seed),
     protocols=block(press=Seeds, random_window=Seeds),
