@@ -135,8 +135,7 @@ def windows_scores(experiment: str, settings: dict, chosen: Mapping, seed: int, 
         for name in CONDITIONS[experiment]:
             rows = np.flatnonzero((part == "test") & (condition == name))
             predicted = tasks_windows.predict(run.model, data.x[rows], data, rows)
-            windows = data.rows.take(pa.array(rows))
-            scores = tasks_windows.score(module, windows, data.y[rows], predicted, settings)
+            scores = tasks_windows.score(module, data.y[rows], predicted, settings)
             yield name, model, metrics.unless_failed(scores, run.failed)
 
 
