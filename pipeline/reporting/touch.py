@@ -17,6 +17,7 @@ from pipeline.reporting.verdicts import touch_measures
 from pipeline.reporting.verdicts.rules import Evidence
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import interval, literal, number, size, table
+from pipeline.scoring import metrics
 from pipeline.scoring.published import PRINTED, rmse, time_ms
 from pipeline.scoring.results import Estimate, Fit, Scores, read_fit, read_predictions
 
@@ -24,9 +25,17 @@ METRICS = {  # metric: header, digits
     "peak_error": ("Peak error (mean, kPa, lower is better)", 2),
     "location_error": ("Location error (mean, mm, lower is better)", 2),
     "touches_found": ("Touches found (share of windows, higher is better)", 3),
+    "force_error": ("Force error (mean, N, lower is better)", 2),
     "r2": ("R2 (share of variance, higher is better)", 3),
 }
-UNITS = {"rmse": "kPa", "peak_error": "kPa", "location_error": "mm", "touches_found": "1", "r2": "1"}
+UNITS = {
+    "rmse": "kPa",
+    "peak_error": "kPa",
+    "location_error": "mm",
+    "touches_found": "1",
+    "force_error": "N",
+    "r2": "1",
+}
 TABLE_CONDITIONS = ("single", "double")
 
 
@@ -92,10 +101,17 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
         "Ours: mean [95 % t interval] over seeds, each of which draws another split and another start. "
         "Published: the paper's one number. The models are fitted to single touches only.\n"
     )
+    text.append(
+        f"The further metrics look at windows with a touch of {metrics.touch_threshold_kpa(settings):.0f} kPa or more; "
+        "a window of k touches is compared with the k highest peaks of the whole predicted map. Place and pressure are "
+        "those of the peaks; touches are found where the map has as many peaks as touches, each within one element of "
+        "its touch; force is the map's integral over its area, whose true value is half the load cell's (eq. 1). A "
+        "perfect map has the perfect score by each.\n"
+    )
     for protocol, block in settings["protocols"].items():
         n = len(block["seeds"])
         text.append(f"## Split `{protocol}`, {n} {'seed' if n == 1 else 'seeds'}\n")
-        text.append(_protocol_note(protocol, n))
+        text.append(_protocol_note(protocol, n, settings))
         header = ["Model"]
         for condition in both:
             header += [f"{condition}: published RMSE (kPa)", f"{condition}: our mean RMSE (kPa), n = {n}"]
@@ -138,11 +154,17 @@ def _further(scores: Scores, settings: Mapping, protocol: str, condition: str) -
     return table(["Model", *(header for header, _ in METRICS.values())], rows)
 
 
-def _protocol_note(protocol: str, n: int) -> str:
+def _protocol_note(protocol: str, n: int, settings: Mapping) -> str:
+    window = settings["window"]
+    share = window["sliding"]["single"]
     notes = {
-        "press": "No press has windows on two sides of the split. These are the numbers to believe.",
-        "random_window": "As the paper seems to have done it: windows of one press fall on all sides, which "
-        "flatters every model that can remember.",
+        "press": "No press has windows on two sides of the split. These are the numbers to believe. Windows start every "
+        f"{window['stride']} frames.",
+        "random_window": "The paper's protocol: windows slide frame by frame and are divided at random, so nearly every "
+        "test window holds frames that were trained on, which flatters every model that can remember. "
+        + (
+            "All of them are used." if share == 1 else f"{100 * share:g} % of them are used, in stretches that overlap."
+        ),
     }
     note = notes.get(protocol, "")
     return f"{note} One seed has no interval.\n" if n == 1 else f"{note}\n"
@@ -310,7 +332,7 @@ def floor_sentence(condition: str, errors: Mapping[str, Estimate]) -> str:
 
 
 def optimism_sentences(scores: Scores, settings: Mapping, protocol: str) -> list[str]:
-    """Return how much lower the single-touch RMSE looks when windows of one press are on both sides."""
+    """Return how much lower the single-touch RMSE looks where test windows overlap with those trained on."""
     lines = []
     for other in settings["protocols"]:
         if other == protocol:
@@ -325,7 +347,7 @@ def optimism_sentences(scores: Scores, settings: Mapping, protocol: str) -> list
             lines.append(
                 f"- Single touch: the RMSE of the `{protocol}` split is {ratios[least]:.2f} "
                 f"({model_name(least)}) to {ratios[most]:.2f} ({model_name(most)}) times that of "
-                f"the `{other}` split."
+                f"the `{other}` split, whose test windows overlap with those trained on."
             )
     return lines
 

@@ -12,6 +12,7 @@ from pipeline.reporting.verdicts.rules import Evidence, each, interval, summary
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number as digits
 from pipeline.reporting.words.markdown import size
+from pipeline.scoring import metrics
 from pipeline.scoring.published import PRINTED, rmse, time_ms
 from pipeline.scoring.results import read_predictions
 
@@ -89,7 +90,7 @@ def true_tilt(e: Evidence) -> float:
 def _tilt(e: Evidence, values: np.ndarray) -> float:
     """Return the tilt of maps; values: (n, map_rows * map_cols) in kPa on all windows."""
     table, label = e.table("touch"), e.values["touch"]["label"]
-    pressed = schemas.matrix(table["y"]).max(axis=1) > KPA_BINS[0]
+    pressed = schemas.matrix(table["y"]).max(axis=1) >= metrics.touch_threshold_kpa(e.values["touch"])
     chosen = values[pressed & (schemas.names(table["condition"]) == "tape")]
     column = np.maximum(chosen.reshape(-1, label["map_rows"], label["map_cols"]), 0).sum(axis=1)
     half = label["map_cols"] // 2
@@ -211,9 +212,9 @@ def amount(e: Evidence) -> str:
 
 
 def on_papers_split(e: Evidence, model: str, condition: str) -> str:
-    """Say the error on windows split at random, as the paper seems to have split."""
+    """Say the error on the paper's protocol."""
     errors = e.runs("touch", "random_window", condition, model, "rmse")
-    return f"On windows split at random, as the paper seems to have split, it is {digits(errors.mean())} kPa"
+    return f"On windows that overlap, divided at random as in the paper, it is {digits(errors.mean())} kPa"
 
 
 def loaded(e: Evidence, model: str) -> dict[str, float]:
@@ -375,7 +376,7 @@ def why_touches(condition: str):
             )
         else:
             shares = each(models, lambda m: f"{100 * score(e, m, condition, 'touches_found').mean():.0f}")
-            text += f"Windows with as many peaks as touches (%): {shares}. "
+            text += f"Windows whose peaks are the touches (%): {shares}. "
         repetitions = e.values["touch"]["simulate"]["demonstrations"]["repetitions"]
         return text + (
             f"The paper shows one picture and no number. The demonstration is simulated {repetitions} times with one "
