@@ -338,7 +338,7 @@ def test_own_array_end_to_end(written, tmp_path):
     project.set({"touch.source": "data/own/finger"})
     checked = project.run("-m", "pipeline.commands.command_line", "check", "touch", "data/own/finger").stdout
     assert checked.endswith("ready: set touch.source: data/own/finger in params.yaml, then `dvc repro`\n")
-    project.dvc("repro", "render@touch")
+    project.dvc("repro", "render_touch")
     rmse = tables_and_figures(project, "touch", "double", "figure8.png")
     assert rmse["single", "rbf"] < 0.8 * rmse["single", "constant"] and np.isfinite(rmse["double", "lomp"])
 

@@ -285,7 +285,7 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     )
     kept = yaml.safe_load((copy / "params.yaml").read_text())["touch"]["models"]
     project.set({"touch.models": {"nearest": {"k": 3}} | {name: kept[name] for name in ("linear", "lomp")}})
-    output = project.dvc("repro", "render@touch").stdout
+    output = project.dvc("repro", "render_touch").stdout
     assert "train_touch@nearest" in output and "train_touch@lomp' didn't change" in output
     models = set(pd.read_csv(copy / "data" / "touch" / "scores.csv").model)
     assert "nearest" in models and "constant" not in models

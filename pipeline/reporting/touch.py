@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.base import files, paths
 from pipeline.datasets import schemas
-from pipeline.reporting import experiment, sentences
+from pipeline.reporting import experiment, sentences, touch_ablation
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import touch as touch_figures
 from pipeline.reporting.verdicts import touch as touch_verdicts
@@ -17,7 +17,7 @@ from pipeline.reporting.verdicts import touch_measures
 from pipeline.reporting.verdicts.rules import Evidence
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import interval, literal, number, size, table
-from pipeline.scoring import metrics
+from pipeline.scoring import ablation, metrics
 from pipeline.scoring.published import PRINTED, rmse, time_ms
 from pipeline.scoring.results import Estimate, Fit, Scores, read_fit, read_predictions
 
@@ -66,6 +66,10 @@ def write(target: Path, settings: Mapping) -> None:
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
     files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, evidence))
 
+    both = [name for name in TABLE_CONDITIONS if name in conditions]
+    ablated = touch_ablation.text(ablation.read("touch"), scores, settings, both)
+    files.write_text(accuracy / "ablation.md", ablated)
+
     learned = {model: fits[model, protocol] for model in settings["models"]}
     touch_figures.learning_curves(accuracy / "learning_curves.png", learned, protocol)
     touch_figures.characteristic_curve(accuracy / "figure2b.png", settings)
@@ -112,12 +116,12 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
         n = len(block["seeds"])
         text.append(f"## Split `{protocol}`, {n} {'seed' if n == 1 else 'seeds'}\n")
         text.append(_protocol_note(protocol, n, settings))
-        header = ["Model"]
+        header = ["Model", "Frames it sees"]
         for condition in both:
             header += [f"{condition}: published RMSE (kPa)", f"{condition}: our mean RMSE (kPa), n = {n}"]
         rows = []
         for model in settings["models"]:
-            row = [model_name(model)]
+            row = [model_name(model), str(touch_ablation.frames_seen(model, settings)) if model != "constant" else "-"]
             for condition in both:
                 row.append(number(rmse(model, condition)))
                 row.append(interval(scores.estimate(protocol, condition, model, "rmse")))
@@ -156,15 +160,12 @@ def _further(scores: Scores, settings: Mapping, protocol: str, condition: str) -
 
 def _protocol_note(protocol: str, n: int, settings: Mapping) -> str:
     window = settings["window"]
-    share = window["sliding"]["single"]
+    share = f"{100 * window['sliding']['single']:g} % of these windows are used, in stretches that overlap."
     notes = {
-        "press": "No press has windows on two sides of the split. These are the numbers to believe. Windows start every "
-        f"{window['stride']} frames.",
-        "random_window": "The paper's protocol: windows slide frame by frame and are divided at random, so nearly every "
-        "test window holds frames that were trained on, which flatters every model that can remember. "
-        + (
-            "All of them are used." if share == 1 else f"{100 * share:g} % of them are used, in stretches that overlap."
-        ),
+        "press": "No press has windows on two sides of the split. These are the numbers to believe. Windows start "
+        f"every {window['stride']} frames.",
+        "random_window": "The paper's protocol: windows slide frame by frame and are divided at random, so nearly "
+        f"every test window holds frames that were trained on, which flatters every model that can remember. {share}",
     }
     note = notes.get(protocol, "")
     return f"{note} One seed has no interval.\n" if n == 1 else f"{note}\n"
@@ -213,7 +214,8 @@ def findings(
     lines = [
         "# LoMP (touch): results\n",
         f"RMSE in kPa on test data, `{protocol}` split, mean over {len(seeds)} seeds [95 % t interval]. "
-        "[Table I](table1.md), [training](training.md), [speed](../speed/table2.md).\n",
+        "[Table I](table1.md), [what messages and frames are worth](ablation.md), [training](training.md), "
+        "[speed](../speed/table2.md).\n",
         "## Findings\n",
     ]
     for condition in TABLE_CONDITIONS:

@@ -44,6 +44,7 @@ from pipeline.reporting.verdicts.touch_measures import (
     why_taxel,
     why_touches,
     why_vgg,
+    without_messages,
 )
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number as digits
@@ -177,6 +178,9 @@ def double_claims() -> list[Claim]:
         claim("cnn-two-peaks", "IV-D, Figs. 6, 8a", "1",
             "CNN and ConvLSTM show both touches more often than the RNN, which does not tell them apart.",
             all_of(("cnn", "convlstm"), lambda e, m: both_shown(e, m) - both_shown(e, "rnn"))),
+        claim("message-passing", "III-C, VI", "kPa",
+            "Message passing between neighbours lowers LoMP's error on one touch and on two (without minus with).",
+            lambda e: all_positive({f"{c} touch": without_messages(e, c) for c in ("single", "double")})),
         claim("lomp-two-peaks", "IV-D, Fig. 8a", "1",
             "LoMP shows both touches more often than RNN, CNN, ConvLSTM and VGG-16.",
             all_of(GLOBAL, lambda e, m: both_shown(e, "lomp") - both_shown(e, m))),

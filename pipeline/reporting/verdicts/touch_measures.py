@@ -7,12 +7,13 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import paths
+from pipeline.base.errors import InputError
 from pipeline.datasets import labels, schemas
-from pipeline.reporting.verdicts.rules import Evidence, each, interval, summary
+from pipeline.reporting.verdicts.rules import Evidence, NotTestable, complete, each, interval, summary
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number as digits
 from pipeline.reporting.words.markdown import size
-from pipeline.scoring import metrics
+from pipeline.scoring import ablation, metrics
 from pipeline.scoring.published import PRINTED, rmse, time_ms
 from pipeline.scoring.results import read_predictions
 
@@ -21,6 +22,7 @@ GLOBAL = ("cnn", "vgg", "convlstm", "rnn")  # learning models that see the whole
 LEARNED = (*GLOBAL, "lomp")
 HIGH_KPA = 200.0  # "when a high pressure is applied": the upper half of the paper's 30 to 400 kPa
 KPA_BINS = np.arange(50.0, 401.0, 50.0)
+NO_MESSAGES = "lomp_alpha_0"  # row of touch.ablation
 MOST = 0.5  # recognised: in more than half of the windows, or of the variance
 MODELS = tuple(PRINTED["lomp"])
 
@@ -43,6 +45,19 @@ def better(e: Evidence, one: str, other: str, condition: str = "single", metric:
 def growth(e: Evidence, model: str) -> pd.Series:
     """Return the error on double touch over that on single touch, by seed."""
     return score(e, model, "double") / score(e, model)
+
+
+def without_messages(e: Evidence, condition: str) -> pd.Series:
+    """Return how much higher the error (kPa) of LoMP is without message passing than with it, by seed."""
+    e.require("touch", "lomp")
+    try:
+        table = e.once(("ablation", "touch"), lambda: ablation.read("touch"))
+    except InputError as error:
+        raise NotTestable(str(error)) from error
+    pairs = ablation.paired(table, e.scores("touch"), e.values["touch"], NO_MESSAGES, condition)
+    if pairs.empty:
+        raise NotTestable(f"touch.ablation of params.yaml has no row {NO_MESSAGES} on {condition} touch")
+    return complete(pairs["error"] - pairs["reference"], f"{NO_MESSAGES} ({condition})")
 
 
 def maps(e: Evidence, model: str, protocol: str, seed: int) -> np.ndarray:
