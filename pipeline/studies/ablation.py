@@ -67,7 +67,7 @@ def check(settings: Mapping, experiment: str) -> None:
         if not set(row["seeds"]) <= set(known) & set(seeds):
             raise InputError(f"params.yaml, {where}.seeds: what it is compared with has seeds {known}; take of these")
         if row["frames"] > settings["window"]["frames"]:
-            raise InputError(f"params.yaml, {where}.frames: a window has {settings['window']['frames']}; take no more")
+            raise InputError(f"params.yaml, {where}.frames: a window has {settings['window']['frames']} frames")
 
 
 def main() -> None:
