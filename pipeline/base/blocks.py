@@ -219,6 +219,13 @@ class Ablation(Block):
     models: Models
 
 
+class AblationRow(Seeds):
+    of: Text
+    beside: Text = ""  # the row that it is compared with; without it the model `of` of the tables
+    frames: whole(1, 10_000)  # last frames of a window that it sees
+    settings: dict[Text, Any]  # of the model; with `beside` those that differ from that row's
+
+
 Touch = block(
     source=Text,
     sensor=block(rows=whole(1, 256), cols=whole(1, 256), pitch_mm=Positive, element_mm=Positive),
@@ -264,11 +271,12 @@ Touch = block(
         max_touches=whole(1),
         highest_count=whole(1, 2**31 - 1),
     ),
-    window=Window,
+    window=block(Window, sliding=block(single=Fraction)),
     label=block(tip_radius_mm=Positive, map_rows=whole(1, 1024), map_cols=whole(1, 1024)),
     split=block(SplitInThree, seed=Seed),
     protocols=block(press=Seeds, random_window=Seeds),
     models=Models,
+    ablation=dict[Text, AblationRow],
     latency=Latency,
 )
 Strain = block(

@@ -103,6 +103,11 @@ def augmentation(experiment: str) -> Path:
     return experiment_folder(experiment) / "augmentation.csv"
 
 
+def ablation(experiment: str) -> Path:
+    """Return the scores of models with one thing changed (output of ablation)."""
+    return experiment_folder(experiment) / "ablation.csv"
+
+
 def probe(experiment: str) -> Path:
     """Return the scores of naming the object from recorded joint angles alone (output of joint_angles)."""
     return experiment_folder(experiment) / "probe.csv"

@@ -113,8 +113,7 @@ def _windows_scores(experiment: str, settings: dict, asked: Asked, seed: int, fo
                 if not len(rows):  # double touches are for the test part alone
                     continue
                 predicted = tasks_windows.predict(run.model, data.x[rows], data, rows)
-                windows = data.rows.take(pa.array(rows))
-                scored = tasks_windows.score(module, windows, data.y[rows], predicted, settings)
+                scored = tasks_windows.score(module, data.y[rows], predicted, settings)
                 yield name, model, metrics.unless_failed(scored, run.failed)
 
 

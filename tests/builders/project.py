@@ -81,7 +81,7 @@ class Project:
 
 # Two halves of the pipeline that share no stage but `settings`: run side by side, they take half as long.
 HALVES = (
-    ["render@touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
+    ["render_touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
     + ["stress@velostat_recorded", "stress@strain_recorded", "physics_touch", "physics_strain"],
     ["render_strain", "render_glove", "render_glove_recorded", "rightsize_strain", "rightsize_glove", "stress@strain"]
     + ["stress@glove", "stress@glove_recorded", "physics_glove"],

@@ -213,10 +213,12 @@ def test_a_study_of_images_is_scored_on_the_test_part(accuracy, values, tmp_path
 def test_an_ablation_of_windows_is_scored_on_the_test_part(values, tmp_path, monkeypatch):
     windows_dataset(changed_scene.dataset_of(tmp_path), "nowhere")
     scored = []
-    monkeypatch.setattr(metrics, "touch", lambda windows, *others: scored.append(windows) or [("rmse", "kPa", 1.0, 1)])
+    monkeypatch.setattr(metrics, "touch", lambda truth, *others: scored.append(truth) or [("rmse", "kPa", 1.0, 1)])
     ablation(values, "touch", tmp_path)
-    parts = {name for table in scored for name in schemas.names(table[schemas.split_column("press", 0)])}
-    assert parts == {"test"}
+    labels = schemas.matrix(schemas.read(changed_scene.dataset_of(tmp_path))["y"])
+    assert {len(truth) for truth in scored} == {20}, "of the two conditions, only single touches are there"
+    for truth in scored:
+        np.testing.assert_array_equal(truth, labels[PART == "test"])
 
 
 @pytest.mark.parametrize(("method", "on"), [("none", ()), ("A", ("flip",)), ("B", ("noise",)), ("C", ("affine",))])

@@ -1,0 +1,108 @@
+"""Search the learning rate of every network of touch in the same way, on validation windows.
+
+Each network is trained with each rate of RATES, kept constant, for the same number of updates, on the training part of
+the first protocol and seed; the test part is not read. Writes reports/rates/<experiment>.csv and .md: the lowest
+validation RMSE per network and rate, and the seconds. It changes no setting.
+"""
+
+import argparse
+import csv
+import math
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from pipeline import models
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError
+from pipeline.datasets.windows import Dataset, read_dataset
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import number, table
+from pipeline.tasks import windows as tasks_windows
+
+NETWORKS = ("cnn", "vgg", "convlstm", "rnn", "lomp")  # of Table I
+RATES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+COLUMNS = ("model", "learning_rate", "batch_size", "updates", "best_epoch", "epochs", "rmse_kpa", "seconds")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what the command takes to its parser."""
+    parser.add_argument("experiment", choices=["touch"])
+    parser.add_argument("--updates", type=int, default=1000, help="of each training (default 1000)")
+
+
+def search(values: Mapping, experiment: str, model: str, rate: float, updates: int, data: Dataset) -> tuple:
+    """Return the row (COLUMNS) of one network at one rate; a training that diverged has NaN as RMSE."""
+    import torch
+
+    torch.set_num_threads(1)
+    settings = values[experiment]
+    protocol, seed = params.runs(values, experiment)[0]
+    part = data.part(protocol, seed)
+    train, validation = (data.windows(part == name, streams=False) for name in ("train", "validation"))
+    block = params.model_settings(values, experiment, model)
+    epochs = max(1, round(updates / math.ceil(len(train[0]) / block["training"]["batch_size"])))
+    constant = {"learning_rate": rate, "max_epochs": epochs, "patience": epochs, "plateau": epochs, "drop": 1.0}
+    block = block | {"training": block["training"] | constant}
+    network = models.build(model, tasks_windows.spec(settings), block, f"{experiment}.models.{model}")
+    began = time.perf_counter()
+    history = network.fit(train, validation, seed=seed, device=values["device"])
+    losses = [row["validation_loss"] for row in history]
+    best = network.summary.best_epoch
+    rmse = math.sqrt(losses[best - 1]) if best and np.isfinite(losses).all() else float("nan")
+    done = len(history) * math.ceil(len(train[0]) / block["training"]["batch_size"])
+    taken = time.perf_counter() - began
+    return (model, rate, block["training"]["batch_size"], done, best, len(history), rmse, taken)
+
+
+def text(values: Mapping, experiment: str, rows: list[Mapping]) -> str:
+    """Write the table of a network per row and a rate per column; rows: those of the CSV file, as numbers or text."""
+    protocol, seed = params.runs(values, experiment)[0]
+    rates = sorted({float(row["learning_rate"]) for row in rows})
+    lines = []
+    for model in dict.fromkeys(row["model"] for row in rows):
+        found = {float(row["learning_rate"]): float(row["rmse_kpa"]) for row in rows if row["model"] == model}
+        known = {rate: rmse for rate, rmse in found.items() if math.isfinite(rmse)}
+        set_to = values[experiment]["models"][model]["training"]["learning_rate"]
+        lowest = f"{min(known, key=known.get):g}" if known else "none"
+        cells = [number(found[rate]) if rate in known else "diverged" for rate in rates]
+        lines.append([model_name(model), *cells, lowest, f"{set_to:g}"])
+    seconds = sum(float(row["seconds"]) for row in rows)
+    return "\n".join(
+        [
+            "# Learning rates\n",
+            f"Lowest validation RMSE (kPa) of {rows[0]['updates']} updates, or the nearest number of whole epochs, "
+            f"with a constant rate; split `{protocol}`, seed {seed}, {seconds:.0f} s in all. The same search for every "
+            "network; the test part was not read.\n",
+            table(["Network", *(f"{rate:g}" for rate in rates), "Lowest at", "params.yaml has"], lines),
+        ]
+    )
+
+
+def main(given: argparse.Namespace) -> None:
+    """Search the rates of the experiment named on the command line."""
+    if given.updates < 1:
+        raise InputError(f"--updates {given.updates}: give a whole number of 1 or more")
+    values = params.load()
+    wanted = [model for model in NETWORKS if model in values[given.experiment]["models"]]
+    made_by = f"dvc repro dataset@{given.experiment}"
+    data = read_dataset(
+        paths.require(paths.dataset(given.experiment), made_by), values[given.experiment]["window"]["frames"]
+    )
+    runs = [(model, rate) for model in wanted for rate in RATES]
+    rows = [
+        search(values, given.experiment, model, rate, given.updates, data)
+        for model, rate in tqdm(runs, desc=f"rates {given.experiment}", unit="training")
+    ]
+    write(values, given.experiment, rows, paths.REPORTS / "rates")
+
+
+def write(values: Mapping, experiment: str, rows: list[tuple], folder: Path) -> None:
+    """Write <experiment>.csv and .md to `folder`."""
+    files.write_csv(folder / f"{experiment}.csv", COLUMNS, rows)
+    with open(folder / f"{experiment}.csv", newline="", encoding="utf-8") as file:
+        files.write_text(folder / f"{experiment}.md", text(values, experiment, list(csv.DictReader(file))))
+    print(f"{paths.shown(folder / experiment)}.csv, .md: {len(rows)} trainings")
