@@ -362,7 +362,7 @@ MUTANTS = [
         "scenes/test_touch_scene.py",
     ),
     Mutant(
-        "crosstalk-without-the-element-itself",
+        "crosstalk-without-the-bottom-row",
         "pipeline/scenes/readout.py",
         "reference_s + conductance.sum(axis=1)",
         "reference_s + conductance[:, 1:].sum(axis=1)",

@@ -38,7 +38,7 @@ from pipeline.experiments import velostat_recorded
 from pipeline.logs import parse, sources
 from pipeline.reporting import material as report
 from pipeline.reporting.figures import material as figures
-from pipeline.scenes.material import FITTED, Material, log_resistance
+from pipeline.scenes.material import FITTED, RASTER, STEP_MM, Material, log_resistance
 
 SOURCE = "velostat_recorded"
 FITTED_ON = ("pike1_force_5", "pike1_force_10", "pike1_force_20", "pike1_force_40")
@@ -48,8 +48,6 @@ DT_S = 0.01  # one step of the grid; a release takes 10 to 20 ms
 LAGS_S = (-0.006, -0.003, 0.0, 0.003, 0.006)  # tried for the clock lag; a parabola gives the minimum
 LONG_S = 3.0  # a longer hold shows slow creep
 SETTLED_S = 1.0  # from when a press began, until the force stays the same
-RASTER = (4, 4)  # places of a recording
-STEP_MM = (3.75, 3.25)  # between two places, along the raster's rows' direction and within a row
 PRIOR = 0.02  # weight that holds places without information together; 1 - R2 of a recording is about 0.005
 
 # name: start, lowest, highest, whether the logarithm is fitted

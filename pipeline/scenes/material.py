@@ -45,6 +45,8 @@ FITTED = Path(__file__).with_name("velostat.json")
 LEAST_FORCE_N = 1e-9  # stands for no force, so that logarithms exist; far below the threshold F0
 PIVOT_N = 10.0  # F1, in the middle of the recorded 0.5 to 45 N on a logarithmic scale
 PLAY_OPERATORS = 3
+RASTER = (4, 4)  # places of a recording, rows and columns
+STEP_MM = (3.75, 3.25)  # between two rows, and between two places of a row
 
 
 @dataclass(frozen=True)

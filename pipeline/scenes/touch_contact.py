@@ -7,8 +7,9 @@
    the share of a touch at (x, y) on the element [p, q] x [u, v] is a product of two differences of the normal
    distribution function, (Phi((q - x) / s) - Phi((p - x) / s)) (Phi((v - y) / s) - Phi((u - y) / s)). Load on the gaps
    between elements is lost.
-3. Places. Log gain and exponent of the film are smooth Gaussian random fields over the array with the spread that the
-   places of one recorded taxel have (`velostat.json`) and the correlation exp(-d^2 / (2 length^2)). An element has
+3. Places. Log gain and exponent of the film are smooth Gaussian random fields over the array with the correlation
+   exp(-d^2 / (2 length^2)). Their spread is such that the places of one recorded taxel, on their raster of 4 x 4,
+   differ as much as recorded (`velostat.json`): places that correlate differ less than the field does. An element has
    the gain and exponent at the centre of the load on it (the mean of the truncated Gaussian); several touches on one
    element count by their loads. In the recordings, places 3.25 and 3.75 mm apart correlate with 0.08 (24 pairs, so
    +-0.2), which a length of 2.5 mm, half this tip's radius, puts at 0.38: smoother fields than that are not recorded.
@@ -27,7 +28,7 @@ from pipeline.scenes import material
 
 GRID_MM = 0.5  # of the fields of places
 EDGE_MM = 10.0  # that the fields reach beyond the array
-LEAST_EXPONENT = 0.4  # nearly four standard deviations below the mean; the recorded places have 0.65 to 1.22
+LEAST_EXPONENT = 0.4  # more than three standard deviations below the mean; recorded: 0.65 to 1.22
 
 
 class Touch(NamedTuple):
@@ -101,10 +102,29 @@ def places(settings: Mapping, sensor: Mapping, length_mm: float) -> np.ndarray:
     return smooth * 2 * np.sqrt(np.pi) * sigma  # over the standard deviation of the filtered noise
 
 
+def field_spread(length_mm: float) -> tuple[float, float]:
+    """Return the standard deviations of log gain and exponent over the array.
+
+    Those within the recorded raster, over the root of 1 less the mean correlation of its places with one another.
+    """
+    film = material.load_places()
+    raster = [np.arange(count) * step for count, step in zip(material.RASTER, material.STEP_MM, strict=True)]
+    points = np.stack(np.meshgrid(*raster), axis=-1).reshape(-1, 2)
+    apart = np.linalg.norm(points[:, None] - points, axis=-1)
+    within = np.sqrt(1 - np.exp(-(apart**2) / (2 * length_mm**2)).mean())
+    return film.gain_std / within, film.exponent_std / within
+
+
+def film_at(fields: np.ndarray, length_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return gain and exponent, (...) each, for values (2, ...) of the two fields."""
+    gain_std, exponent_std = field_spread(length_mm)
+    return np.exp(gain_std * fields[0]), np.maximum(1 + exponent_std * fields[1], LEAST_EXPONENT)
+
+
 def element_loads(touches: Sequence[Touch], settings: Mapping, sensor: Mapping) -> Loads:
     """Return force, gain and exponent of every element for the touches of a recording; settings: touch.simulate."""
-    effects, film = settings["effects"], material.load_places()
-    fields = places(settings, sensor, settings["material"]["correlation_mm"]) if effects["places"] else None
+    effects, length_mm = settings["effects"], settings["material"]["correlation_mm"]
+    fields = places(settings, sensor, length_mm) if effects["places"] else None
     total, weighted = 0.0, 0.0
     for touch in touches:
         spread = spread_mm(touch, settings)
@@ -120,5 +140,4 @@ def element_loads(touches: Sequence[Touch], settings: Mapping, sensor: Mapping) 
     if fields is None:
         return Loads(total.reshape(steps, -1), 1.0, 1.0)
     mean = (weighted / (total + len(touches) * material.LEAST_FORCE_N)).reshape(2, steps, -1)
-    gain, exponent = np.exp(film.gain_std * mean[0]), 1 + film.exponent_std * mean[1]
-    return Loads(total.reshape(steps, -1), gain, np.maximum(exponent, LEAST_EXPONENT))
+    return Loads(total.reshape(steps, -1), *film_at(mean, length_mm))

@@ -128,19 +128,23 @@ def test_places_have_the_recorded_spread_and_correlation(settings):
     assert layers.std() == pytest.approx(1, abs=0.03)
     correlation = (layers[:, step:] * layers[:, :-step]).mean() / layers.var()
     assert correlation == pytest.approx(np.exp(-(3.5**2) / (2 * length**2)), abs=0.04)
+    rows, columns = (np.rint(np.arange(4) * mm / touch_contact.GRID_MM).astype(int) for mm in material.STEP_MM)
+    raster = layers[:, 20 + rows[:, None], 20 + columns] * touch_contact.field_spread(length)[0]
+    assert np.sqrt(raster.var(axis=(1, 2)).mean()) == pytest.approx(material.load_places().gain_std, rel=0.08)
     first, second = layers[::2], layers[1::2]
     assert abs((first * second).mean()) < 0.03  # gain and exponent are independent
 
 
 def test_an_element_has_the_gain_of_where_it_is_loaded(settings):
     scene, sensor = settings["simulate"], settings["sensor"]
-    field = touch_contact.places(scene, sensor, scene["material"]["correlation_mm"])[0]
+    scene["material"]["correlation_mm"] = 2.5
+    field = touch_contact.places(scene, sensor, 2.5)[0]
     x, y = 29.0, 31.5
     at = [round((z + touch_contact.EDGE_MM) / touch_contact.GRID_MM) for z in (y, x)]
     scene["contact"]["silicone_spread_mm"] = 0.0  # a sharp contact: its centre on the element is its place
     sharp = touch_contact.steady(np.array([20.0]), x, y, 0.5)
     found = loads(settings, sharp).gain[0, 12]
-    assert found == pytest.approx(np.exp(material.load_places().gain_std * field[tuple(at)]), rel=1e-3)
+    assert found == pytest.approx(np.exp(touch_contact.field_spread(2.5)[0] * field[tuple(at)]), rel=1e-3)
     twice = loads(settings, sharp, sharp._replace(force_n=np.array([1e-6]), x_mm=np.array([26.0])))
     assert twice.gain[0, 12] == pytest.approx(found, rel=1e-3)  # the weight of a touch is its load
     other = touch_contact.places(scene | {"specimen": scene["specimen"] + 1}, sensor, 2.5)[0]
