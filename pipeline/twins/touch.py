@@ -61,7 +61,7 @@ NOTES: dict[str, str] = {
     "recovery": "the model's overshoot fades at one rate (3.6 s), the recorded one fast and then slowly; kept, as its "
     "height is right and what is left after 2 s is less than a tenth in log resistance",
     "noise": "the array's converter has 10 bits, which at rest is about 40 counts with a noise of 0.7, and the "
-    "recorder's about 1645 counts across taxel and reference: kept, as it is the array's circuit that the paper describes",
+    "recorder's about 1645 counts across taxel and reference: kept, as the paper describes this circuit",
     "repeatability": "the simulated tip comes back to exactly the same places, and the film is the same when it does; "
     "kept, as each place of the paper's raster is told by its coordinates",
 }
