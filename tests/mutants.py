@@ -357,15 +357,15 @@ MUTANTS = [
     Mutant(
         "crosstalk-by-row",
         "pipeline/scenes/readout.py",
-        "conductance.sum(axis=1, keepdims=True) if",
-        "conductance.sum(axis=2, keepdims=True) if",
+        "reference_s + conductance.sum(axis=1)",
+        "reference_s + conductance.sum(axis=2)",
         "scenes/test_touch_scene.py",
     ),
     Mutant(
-        "crosstalk-without-the-element-itself",
+        "crosstalk-without-the-bottom-row",
         "pipeline/scenes/readout.py",
-        "conductance.sum(axis=1, keepdims=True) if",
-        "conductance.sum(axis=1, keepdims=True) - conductance if",
+        "reference_s + conductance.sum(axis=1)",
+        "reference_s + conductance[:, 1:].sum(axis=1)",
         "scenes/test_touch_scene.py",
     ),
     Mutant(

@@ -27,6 +27,7 @@ ARROWS = {
     "commands": {"reporting/page", "stability"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
+    "twins": {"experiments", "scenes", "scoring"},
     "models": {"learning"},
     "learning": {"datasets"},
     "reporting/page": {"reporting"},
