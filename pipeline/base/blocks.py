@@ -275,6 +275,8 @@ Strain = block(
     yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
+        specimen=whole(0, 2**31),
+        specimens=whole(1, 1000),
         samples=whole(100, 10000000),
         motion=block(
             width_mm=Positive,
@@ -295,6 +297,9 @@ Strain = block(
             press_bending=Number,
             compression=Number,
             lean=Number,
+            friction_spread=NotNegative,
+            friction_length_mm=Positive,
+            friction_direction=Fraction,
         ),
         strand=block(
             sensitivity_per_mm=Positive,
@@ -307,7 +312,14 @@ Strain = block(
             loading_time_s=Positive,
             unloading_time_s=Positive,
         ),
-        drift=block(walk_per_root_hour=NotNegative, ageing=Number, ageing_time_s=Positive),
+        drift=block(
+            wander_fast=NotNegative,
+            fast_time_s=Positive,
+            wander_slow=NotNegative,
+            slow_time_s=Positive,
+            ageing=Number,
+            ageing_time_s=Positive,
+        ),
         circuit=block(supply_v=Positive, reference_share=Positive, noise_v=NotNegative),
         devices=block(
             daq_hz=RateHz,
@@ -318,7 +330,14 @@ Strain = block(
         ),
         faults=block(LineFaults, gaps=whole(0), gap_s=NotNegative),
         effects=block(
-            relaxation=bool, asymmetry=bool, drift=bool, noise=bool, stick_slip=bool, jitter=bool, line_faults=bool
+            relaxation=bool,
+            asymmetry=bool,
+            drift=bool,
+            noise=bool,
+            stick_slip=bool,
+            friction_spread=bool,
+            jitter=bool,
+            line_faults=bool,
         ),
     ),
     ingest=block(

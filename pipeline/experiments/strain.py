@@ -1,6 +1,6 @@
 """Read strain recordings (latent-space paper): the logs of DAQ and robot, as samples at a uniform rate."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +47,7 @@ def frames_schema(settings: Mapping) -> pa.Schema:
 
 
 def recordings(folder: Path) -> list[Path]:
-    """Return the folders `<task>/<recording>` in `folder`, sorted; raise InputError unless there is one per task."""
+    """Return the folders `<task>/<recording>` in `folder`, sorted; raise InputError unless every task has one."""
     folders = sorted(path for path in folder.glob("*/*") if path.is_dir())
     if not folders:
         raise InputError(f"{folder}: no recordings found; expected <task>/<recording>/daq.log in it")
@@ -55,8 +55,8 @@ def recordings(folder: Path) -> list[Path]:
         if path.parent.name not in TASKS:
             raise InputError(f"{path}: '{path.parent.name}' is no task; the tasks are {', '.join(TASKS)}")
     for task in TASKS:
-        if (count := sum(path.parent.name == task for path in folders)) != 1:
-            raise InputError(f"{folder / task}: {count} recordings; each of {', '.join(TASKS)} needs exactly one")
+        if not any(path.parent.name == task for path in folders):
+            raise InputError(f"{folder / task}: no recording; each of {', '.join(TASKS)} needs at least one")
     parse.check_names(folders)
     return folders
 
@@ -263,22 +263,33 @@ def task(protocol: str, settings: Mapping) -> series.Task:
 
 
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """Return the part of each sample, (n,): in the order of time within the task's recordings, else 'unused'.
+    """Return the part of each sample, (n,): in the order of time within the seed's recording, else 'unused'.
 
-    The same for every seed: the recording decides. The end of the training part is the validation part.
+    See `recording_of`. The end of the training part is the validation part.
     """
     condition, recording = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     part = np.full(frames.num_rows, "unused", dtype=object)
-    for name in np.unique(recording[condition == protocol]):
+    if (condition == protocol).any():
+        name = recording_of(seed, recording[condition == protocol])
         rows = np.flatnonzero((condition == protocol) & (recording == name))
         part[rows] = series.chronological(len(rows), settings["split"]["train"], settings["split"]["validation"])
     return part
 
 
-def true_drift(protocol: str, time_s: np.ndarray) -> dict[str, np.ndarray]:
+def recording_of(seed: int, names: Iterable[str]) -> str:
+    """Return the recording of a task that a seed trains and tests on: they take turns; names: the task's recordings.
+
+    Simulated recordings of one number are of one finger, so that model-0 of a seed has seen the finger of its task 0.
+    """
+    different = sorted(set(names))
+    return different[seed % len(different)]
+
+
+def true_drift(protocol: str, seed: int, time_s: np.ndarray) -> dict[str, np.ndarray]:
     """Return the strands' true drift, (n, strands), at times (n,) of the DAQ's clock; {} without simulated logs."""
-    files = sorted((paths.logs("strain") / protocol).glob("*/truth.csv"))
-    if not files:
+    folder = paths.logs("strain") / protocol
+    names = [path.parent.name for path in folder.glob("*/truth.csv")]
+    if not names:
         return {}
-    truth = np.loadtxt(files[0], delimiter=",", skiprows=1)
+    truth = np.loadtxt(folder / recording_of(seed, names) / "truth.csv", delimiter=",", skiprows=1)
     return {"true drift": np.column_stack([np.interp(time_s, truth[:, 0], column) for column in truth[:, 1:].T])}

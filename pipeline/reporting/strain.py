@@ -60,7 +60,8 @@ def write(target: Path, settings: Mapping) -> None:
             draw_performance(accuracy, settings, dataset, task, figure)
     strain_figures.latent_space(accuracy / "figure7.png", read_latents())
     share = (np.arange(TIME_BINS) + 0.5) / TIME_BINS
-    minutes = share * np.ptp(dataset["t_s"].to_numpy()[tested_rows(settings, dataset, "task_1")]) / 60
+    rows = tested_rows(dataset, "task_1", settings["protocols"]["task_1"]["seeds"][0])
+    minutes = share * np.ptp(dataset["t_s"].to_numpy()[rows]) / 60
     strain_figures.error_over_time(accuracy / "time.png", by_time, minutes)
     draw_studies(accuracy, settings, scores, studies)
 
@@ -263,7 +264,8 @@ def capacity_sentences(capacity: pd.DataFrame) -> list[str]:
 
 def draw_performance(folder: Path, settings: Mapping, dataset: pa.Table, task: str, figure: int) -> None:
     """Draw figure 5 or 6, and the task's part of figure 8."""
-    rows, seed = tested_rows(settings, dataset, task), settings["protocols"][task]["seeds"][0]
+    seed = settings["protocols"][task]["seeds"][0]
+    rows = tested_rows(dataset, task, seed)
     compared = [model for model in ("lstm_direct", "lstm_transfer") if model in settings["models"]]
     guesses = {model: read_predictions("strain", model, task, seed, dataset)[rows] for model in compared}
     time_s = dataset["t_s"].to_numpy()[rows]

@@ -94,7 +94,7 @@ def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
         network = lstm.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
         network.load(folder)
         inputs[name] = network.latents(x)[rows]
-    known = strain.true_drift(protocol, at) if settings["source"] == "simulated" else {}
+    known = strain.true_drift(protocol, seed, at) if settings["source"] == "simulated" else {}
     targets = {"elapsed time": at[:, None], **known}
     return [
         (protocol, name, target, seed, "r2", "1", decoded(given, truth, at))
