@@ -164,6 +164,21 @@ class Yardstick(Block):
     published: Positive
 
 
+class YardstickRatio(Block):
+    """The one quantity free of scale that a scene's difficulty is set by: metric of `model` over that of `over`.
+
+    `published`: the same from the paper; `knob`: the setting of the experiment that was set so, on validation parts.
+    """
+
+    model: Text
+    over: Text
+    protocol: Text
+    condition: Text
+    metric: Text
+    published: Positive
+    knob: Text
+
+
 class Window(Block):
     frames: whole(1, 10_000)
     frame_step: whole(1, 10_000)
@@ -272,7 +287,7 @@ Touch = block(
 Strain = block(
     source=Text,
     sensor=block(channels=whole(1, 1024)),
-    yardstick=Yardstick,
+    yardstick=YardstickRatio,
     simulate=block(
         seed=whole(0, 2**31),
         specimen=whole(0, 2**31),
@@ -309,14 +324,14 @@ Strain = block(
             fast_time_s=Positive,
             slow_share=Fraction,
             slow_time_s=Positive,
+            break_spread=NotNegative,
+            break_time_s=Positive,
             loading_time_s=Positive,
             unloading_time_s=Positive,
         ),
         drift=block(
-            wander_fast=NotNegative,
-            fast_time_s=Positive,
-            wander_slow=NotNegative,
-            slow_time_s=Positive,
+            wander=NotNegative,
+            wander_time_s=Positive,
             ageing=Number,
             ageing_time_s=Positive,
         ),
@@ -357,6 +372,11 @@ Strain = block(
         seeds=distinct(Seed),
         samples=distinct(whole(2)),
         models=distinct(Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]),
+        strands=distinct(whole(1, 1024)),
+        bases=block(
+            trained_on=distinct(Literal["task_0", "task_1", "task_2"]),
+            used_for=distinct(Literal["task_0", "task_1", "task_2"]),
+        ),
         capacity=block(
             units=distinct(whole(1, 8192)),
             training=block(max_epochs=whole(1), drop_epoch=whole(1), streams=whole(1), batch=whole(1)),

@@ -33,25 +33,28 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
 
 4. Relaxation. Whatever deforms a strand breaks conductive paths, which form again with two times T: resistance jumps
    up at every change of strain and falls back while nothing moves (conductive paths in carbon-filled elastomers:
-   Flandin et al., Polymer 42, 2001):
+   Flandin et al., Polymer 42, 2001). How many break varies by chance, by a factor F of mean 1 and a log-normal spread
+   (Ornstein-Uhlenbeck, correlation time `break_time_s`):
 
-       r = e + h_1 + h_2,     h_k <- exp(-dt / T_k) h_k + w_k |e(t) - e(t - dt)|.
+       r = e + h_1 + h_2,     h_k <- exp(-dt / T_k) h_k + w_k F(t) |e(t) - e(t - dt)|.
 
 5. Asymmetry. Unloading lags behind loading:
 
        m <- m + (1 - exp(-dt / T)) (r - m),     T = T_loading where r > m, else T_unloading.
 
-6. Drift d_i of the resistance at rest: two stationary random processes (Ornstein-Uhlenbeck, correlation times T), and
-   ageing with the logarithm of time, h_i = 0.5 to 1.5:
+6. Drift d_i of the resistance at rest, beside h: a stationary random process that all strands share, such as the
+   temperature (Ornstein-Uhlenbeck, correlation time `wander_time_s`), and ageing with the logarithm of time, a_i = 0.5
+   to 1.5:
 
-       d_i = wander_fast O_fast(t) + wander_slow O_slow(t) + ageing h_i ln(1 + t / T_ageing).
+       d_i = wander O(t) + ageing a_i ln(1 + t / T_ageing).
 
 7. Voltage divider with the reference resistor R_ref at the supply: V = supply R / (R + R_ref), R = R_0 (1 + m + d).
 
 4, 6, the noise, and s are fitted to strain-sensor recordings of one of the paper's authors (reports/twins; 30 and 31
-July 2019). There the reading at rest is 0.8 correlated with that of the press before and 0.2 with that 20 presses
-before, and no longer after 200 presses; 0.6 of its variance follows from the strand's own earlier presses; and what is
-left wanders with 15 s. A random walk, which grows for hours, is not in the recordings.
+July 2019). What drifts there is the voltage at rest, and it drifts because the strands are used: it is correlated by
+0.8 with that before the previous press, by 0.2 with that 20 presses earlier and not at all after 200; its strand's own
+earlier responses explain 0.6 of its variance, and between presses it only falls back. A random walk, which grows for
+hours, is not in the recordings, and noise that wanders within seconds would exceed the 2 mV between two readings.
 `finger.press_bending` is then set by strain.yardstick. All other numbers are plain engineering numbers.
 Differs from paper: the fingers, their surface and all their numbers are simulated; the paper gives none of them.
 Differs from paper: the motion is straight strokes between random places at random speeds, with rests; the paper says
@@ -216,9 +219,11 @@ def strains(recording: Recording, settings: Mapping, strands: int) -> np.ndarray
     return strand["sensitivity_per_mm"] * gain * (bending - finger["compression"] * depth[:, None])
 
 
-def relaxed(strain: np.ndarray, strand: Mapping) -> np.ndarray:
+def relaxed(strain: np.ndarray, strand: Mapping, rng: np.random.Generator) -> np.ndarray:
     """Return r of equation 4 for e (steps, strands); nothing has moved before."""
     moved = np.abs(np.diff(strain, axis=0, prepend=strain[:1]))
+    spread = strand["break_spread"]
+    moved *= np.exp(spread * wander(*strain.shape, strand["break_time_s"], rng) - spread**2 / 2)
     result = strain.copy()
     for share, time in (("fast_share", "fast_time_s"), ("slow_share", "slow_time_s")):
         result += lfilter([strand[share]], [1, -np.exp(-STEP_S / strand[time])], moved, axis=0)
@@ -248,8 +253,7 @@ def drifts(steps: int, strands: int, settings: Mapping, rng: np.random.Generator
     drift = settings["drift"]
     ageing = np.log1p(np.arange(steps) * STEP_S / drift["ageing_time_s"])
     d = drift["ageing"] * np.outer(ageing, rng.uniform(0.5, 1.5, strands))
-    d += drift["wander_fast"] * wander(steps, strands, drift["fast_time_s"], rng)
-    d += drift["wander_slow"] * wander(steps, strands, drift["slow_time_s"], rng)
+    d += drift["wander"] * wander(steps, 1, drift["wander_time_s"], rng)
     return d if settings["effects"]["drift"] else np.zeros_like(d)
 
 
@@ -287,21 +291,19 @@ def own_clock(times: np.ndarray, devices: Mapping, rng: np.random.Generator) -> 
     return (times - times[0]) * (1 + devices["clock_drift_ppm"] * 1e-6 * rng.uniform(-1, 1))
 
 
-def responses(recording: Recording, settings: Mapping, strands: int) -> np.ndarray:
-    """Return m of equation 5, (steps, strands): what a recording's motion does to the strands."""
-    response = strains(recording, settings, strands)
+def responses(strain: np.ndarray, recording: Recording, settings: Mapping) -> np.ndarray:
+    """Return m of equation 5 for e, both (steps, strands); settings: the block strain.simulate."""
     if settings["effects"]["relaxation"]:
-        response = relaxed(response, settings["strand"])
-    if settings["effects"]["asymmetry"]:
-        response = asymmetric(response, settings["strand"])
-    return response
+        rng = generator(settings["seed"], recording.condition, recording.name, "breaking")
+        strain = relaxed(strain, settings["strand"], rng)
+    return asymmetric(strain, settings["strand"]) if settings["effects"]["asymmetry"] else strain
 
 
 def logs_of(recording: Recording, settings: Mapping, strands: int) -> dict[str, tuple[list[str], list[Fault]]]:
     """Return the raw logs of one recording: file name -> (lines without line ends, injected faults).
 
     settings: the block strain.simulate; strands: how many the finger has.
-    `truth.csv` is no log: it has the true drift d of every strand at each sample of the DAQ, on the DAQ's clock.
+    `truth.csv` is no log: it has the true drift of every strand, m + d - e, at each sample of the DAQ, on its clock.
     """
     devices, effects = settings["devices"], settings["effects"]
     # One generator per purpose, so that switching one effect off leaves the others as they are.
@@ -310,14 +312,15 @@ def logs_of(recording: Recording, settings: Mapping, strands: int) -> dict[str, 
         for name in ("drift", "daq", "noise", "robot", "faults")
     }
     grid = np.arange(len(recording.place_mm)) * STEP_S
-    drift = drifts(len(grid), strands, settings, rng["drift"])
+    strain = strains(recording, settings, strands)
+    change = responses(strain, recording, settings) + drifts(len(grid), strands, settings, rng["drift"])
 
     def sampled(values: np.ndarray, at_s: np.ndarray) -> np.ndarray:
         return np.column_stack([np.interp(at_s, grid, column) for column in values.T])
 
     times = daq_times(settings, rng["daq"])
     clock = own_clock(times, devices, rng["daq"])
-    volts = sampled(voltages(responses(recording, settings, strands) + drift, settings["circuit"]), times)
+    volts = sampled(voltages(change, settings["circuit"]), times)
     if effects["noise"]:
         volts += rng["noise"].normal(0, settings["circuit"]["noise_v"], volts.shape)
     lines = {"daq.log": rows(clock, np.clip(volts, -HIGHEST_V, HIGHEST_V), 5)}
@@ -329,7 +332,7 @@ def logs_of(recording: Recording, settings: Mapping, strands: int) -> dict[str, 
     for name, whole in lines.items():
         logs[name] = inject(whole, settings["faults"], rng["faults"]) if effects["line_faults"] else (whole, [])
     header = ",".join(["t_s", *(f"drift{k}" for k in range(strands))])
-    logs["truth.csv"] = ([header, *rows(clock, sampled(drift, times), 7)], [])
+    logs["truth.csv"] = ([header, *rows(clock, sampled(change - strain, times), 7)], [])
     return logs
 
 

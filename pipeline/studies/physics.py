@@ -44,7 +44,8 @@ def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dic
     scene = settings["simulate"]
     on = dict.fromkeys(scene["effects"], True)
     effects = {NONE: on, DEFAULT: scene["effects"]}.get(effect, on | {effect: False})
-    return settings | {"simulate": scene | {"seed": scene["seed"] + seed, "effects": effects}}
+    drawn = {name: scene[name] + seed for name in ("seed", "specimen") if name in scene}
+    return settings | {"simulate": scene | drawn | {"effects": effects}}
 
 
 def _merged(block: Mapping, changes: Mapping) -> dict:

@@ -28,6 +28,8 @@ STATISTICS = {
         "Difference of means over 150 s that are 20 min apart, over that of neighbours (random walk: 2.8).",
     ),
     "time_share": ("1", "Share of the voltage's variance that a cubic polynomial of elapsed time explains."),
+    "rest_over_response": ("1", "Standard deviation of the voltage before a press, over the mean size of a response."),
+    "rest_correlation": ("1", "Mean size of the correlation of two strands' voltages before a press."),
     "rest_memory_near": ("1", "Correlation of the voltage before a press with that before the previous press."),
     "rest_memory_far": ("1", "Correlation of the voltage before a press with that before the 20th press earlier."),
     "history_share": (
@@ -111,7 +113,8 @@ def program(scene: Mapping, specimen: int) -> tuple[np.ndarray, np.ndarray, np.n
     path = np.column_stack([target[holder] * pressed[:, None], height])
     recording = strain.Recording("program", f"run{specimen:03d}", specimen, path)
     drift = strain.drifts(len(grid), STRANDS, scene, generator(scene["seed"], "twin", specimen, "drift"))
-    volts = strain.voltages(strain.responses(recording, scene, STRANDS) + drift, scene["circuit"])
+    change = strain.responses(strain.strains(recording, scene, STRANDS), recording, scene)
+    volts = strain.voltages(change + drift, scene["circuit"])
     time_s = np.arange(SAMPLE_S, STRETCH_S - SAMPLE_S, SAMPLE_S)
     read = np.column_stack([np.interp(time_s, grid, column) for column in volts.T])
     if scene["effects"]["noise"]:
@@ -138,6 +141,8 @@ def statistics(time_s: np.ndarray, volts: np.ndarray, press: np.ndarray, place: 
         "drift_over_response": drift / response,
         "drift_growth": growth,
         "time_share": 1 - residual(elapsed(time_s), volts) / volts.var(axis=0),
+        "rest_over_response": each.rest.std(axis=0) / size,
+        "rest_correlation": np.abs(np.corrcoef(each.rest.T)[np.triu_indices(volts.shape[1], 1)]).mean(),
         "rest_memory_near": remembered(each.rest, 1),
         "rest_memory_far": remembered(each.rest, FAR),
         "history_share": history_r2(each.rest, answer),
