@@ -139,10 +139,10 @@ def robot_clock(
     The offset is where the rates of the voltages explain the arm's velocity best, by least squares: over all of the
     log, then, near that, over stretches of STRETCH_S, whose offsets give the drift. Slips of the finger break the
     proportion, so rates are clipped. The changes of the rates explain too, because a strand answers late:
-    m' = r' - T m''. Without them its delay looks like an offset: 0.20 s in place of 0.01 s in simulated task 1 (0.03 to
-    0.04 s in task 0, 0.1 s in task 2 either way). The clocks start within `ingest.max_clock_offset_s` of each other, or
-    the logs do. Gaps in the DAQ's log that are longer than a stretch are left out. daq_s (n,), volts (n, channels),
-    robot_s (m,), place (m, 3). Raises InputError below `ingest.min_correlation`, and where such gaps leave too little.
+    m' = r' - T m''. Without them its delay looks like an offset. What is left is 0.06 to 0.08 s in the simulated tasks.
+    The clocks start within `ingest.max_clock_offset_s` of each other, or the logs do. Gaps in the DAQ's
+    log that are longer than a stretch are left out. daq_s (n,), volts (n, channels), robot_s (m,), place (m, 3).
+    Raises InputError below `ingest.min_correlation`, and where such gaps leave too little.
     """
     grid = np.arange(daq_s[0], daq_s[-1], GRID_S)
     grid = grid[np.diff(daq_s)[np.searchsorted(daq_s, grid, side="right") - 1] <= STRETCH_S]

@@ -105,7 +105,7 @@ def _experiment(experiment: str, assessment: Assessment, scores: pd.DataFrame, s
         claims.append(f"- Not tested, for a model or condition is missing: {', '.join(untested)}.")
     metric, scene = scores["metric"].iloc[0], settings["scene"]
     size = f"Scene, in place of `{experiment}` in params.yaml: `{json.dumps(scene).replace(chr(34), '')}`."
-    if "sensor" in scene:
+    if {"rows", "cols"} & set(scene.get("sensor", {})):
         size += " Crosstalk comes from fewer elements than in the whole array."
     return [
         f"## {TITLES[experiment]}\n",

@@ -55,7 +55,8 @@ July 2019). What drifts there is the voltage at rest, and it drifts because the 
 0.8 with that before the previous press, by 0.2 with that 20 presses earlier and not at all after 200; its strand's own
 earlier responses explain 0.6 of its variance, and between presses it only falls back. A random walk, which grows for
 hours, is not in the recordings, and noise that wanders within seconds would exceed the 2 mV between two readings.
-`finger.press_bending` is then set by strain.yardstick. All other numbers are plain engineering numbers.
+`motion.press_fastest_mm_s` is then set by strain.yardstick: the paper does not give the arm's speed, and the faster the
+arm, the more paths break. All other numbers are plain engineering numbers.
 Differs from paper: the fingers, their surface and all their numbers are simulated; the paper gives none of them.
 Differs from paper: the motion is straight strokes between random places at random speeds, with rests; the paper says
 only that motions are random, within 140 x 80 x 10 mm, and that the velocity is restricted.

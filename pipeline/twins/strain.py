@@ -41,7 +41,17 @@ STATISTICS = {
     "place_r2_difference": ("1", "R2 of the place of a press from voltages less those before the press (extra trees)."),
     "effective_rank": ("1", "Effective number of independent strands among six, of their responses to a press."),
 }
-NOTES: dict[str, str] = {}
+NOTES = {
+    "rest_memory_far": "Left as it is: a slower or larger memory would make the drift over 150 s larger than recorded.",
+    "history_share": (
+        "Left as it is: a recorded strand answers strongly to presses near it and hardly to others, one of the finger "
+        "to all, so that its own earlier responses vary less; how many paths break by chance makes up the rest."
+    ),
+    "hold_change": (
+        "Left as it is: recorded responses fall back a little while a press is held, beside the paths that form again; "
+        "the scene has only the latter."
+    ),
+}
 
 STRANDS = 6  # channels of both recorded days that work all the time
 BLOCK_S = 150.0
@@ -56,7 +66,6 @@ CYCLE_S, SAMPLE_S = 2.82, 0.212  # of the recordings, with every third sample
 RAMP_S = 0.25  # the recorded readings need this to follow a command
 LIFTED_MM, PRESSED_MM = 5.0, 5.0
 DRAG_MM = 5.0  # largest in x and in y; the finger sticks up to 12 mm
-PHASES = 5  # offsets of the stretch within the arm's cycle are the same in all stretches
 
 
 class Presses(NamedTuple):
