@@ -42,6 +42,7 @@ ARROWS = {
     "logs": {"datasets"},
     "datasets": {"base"},
     "tracking": {"scoring"},
+    "twins": {"experiments", "scenes", "scoring"},  # statistics of recorded and of simulated readings
     "base": set(),
 }
 # Their __init__ imports a file of the room by a name that params.yaml or dvc.yaml gives.

@@ -167,6 +167,21 @@ class Yardstick(Block):
     knob: Text
 
 
+class YardstickRatio(Block):
+    """The one quantity free of scale that a scene's difficulty is set by: metric of `model` over that of `over`.
+
+    `published`: the same from the paper; `knob`: the setting of the experiment that was set so, on validation parts.
+    """
+
+    model: Text
+    over: Text
+    protocol: Text
+    condition: Text
+    metric: Text
+    published: Positive
+    knob: Text
+
+
 class Window(Block):
     frames: whole(1, 10_000)
     frame_step: whole(1, 10_000)
@@ -306,9 +321,11 @@ Touch = block(
 Strain = block(
     source=Text,
     sensor=block(channels=whole(1, 1024)),
-    yardstick=Yardstick,
+    yardstick=YardstickRatio,
     simulate=block(
         seed=whole(0, 2**31),
+        specimen=whole(0, 2**31),
+        specimens=whole(1, 1000),
         samples=whole(100, 10000000),
         motion=block(
             width_mm=Positive,
@@ -329,6 +346,9 @@ Strain = block(
             press_bending=Number,
             compression=Number,
             lean=Number,
+            friction_spread=NotNegative,
+            friction_length_mm=Positive,
+            friction_direction=Fraction,
         ),
         strand=block(
             sensitivity_per_mm=Positive,
@@ -338,10 +358,17 @@ Strain = block(
             fast_time_s=Positive,
             slow_share=Fraction,
             slow_time_s=Positive,
+            break_spread=NotNegative,
+            break_time_s=Positive,
             loading_time_s=Positive,
             unloading_time_s=Positive,
         ),
-        drift=block(walk_per_root_hour=NotNegative, ageing=Number, ageing_time_s=Positive),
+        drift=block(
+            wander=NotNegative,
+            wander_time_s=Positive,
+            ageing=Number,
+            ageing_time_s=Positive,
+        ),
         circuit=block(supply_v=Positive, reference_share=Positive, noise_v=NotNegative),
         devices=block(
             daq_hz=RateHz,
@@ -352,7 +379,14 @@ Strain = block(
         ),
         faults=block(LineFaults, gaps=whole(0), gap_s=NotNegative),
         effects=block(
-            relaxation=bool, asymmetry=bool, drift=bool, noise=bool, stick_slip=bool, jitter=bool, line_faults=bool
+            relaxation=bool,
+            asymmetry=bool,
+            drift=bool,
+            noise=bool,
+            stick_slip=bool,
+            friction_spread=bool,
+            jitter=bool,
+            line_faults=bool,
         ),
     ),
     ingest=block(
@@ -372,6 +406,11 @@ Strain = block(
         seeds=distinct(Seed),
         samples=distinct(whole(2)),
         models=distinct(Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]),
+        strands=distinct(whole(1, 1024)),
+        bases=block(
+            trained_on=distinct(Literal["task_0", "task_1", "task_2"]),
+            used_for=distinct(Literal["task_0", "task_1", "task_2"]),
+        ),
         capacity=block(
             units=distinct(whole(1, 8192)),
             training=block(max_epochs=whole(1), drop_epoch=whole(1), streams=whole(1), batch=whole(1)),

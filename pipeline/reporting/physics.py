@@ -59,7 +59,7 @@ def _experiment(
 ) -> list[str]:
     metric, scene = scores["metric"].iloc[0], settings["scene"]
     size = f"Scene, in place of `{experiment}` in params.yaml: `{json.dumps(scene).replace(chr(34), '')}`."
-    if "rows" in scene.get("sensor", {}):
+    if {"rows", "cols"} & set(scene.get("sensor", {})):
         size += " Crosstalk comes from fewer elements than in the whole array."
     header = ["effect left out", "largest change [90 % interval]", "of", "models that change places", "verdict"]
     rows = [_row(experiment, judged, switches[judged.effect]) for judged in judgements]

@@ -30,7 +30,8 @@ def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dic
     settings = changed_scene.settings_of(values, experiment, changes, f"physics.{experiment}.scene")
     scene = settings["simulate"]
     effects = {name: name != effect for name in scene["effects"]}
-    return settings | {"simulate": scene | {"seed": scene["seed"] + seed, "effects": effects}}
+    drawn = {name: scene[name] + seed for name in ("seed", "specimen") if name in scene}
+    return settings | {"simulate": scene | drawn | {"effects": effects}}
 
 
 def asked_of(values: Mapping, experiment: str) -> changed_scene.Asked:

@@ -167,6 +167,16 @@ def test_splits_are_whole_cycles_in_the_order_of_time(tmp_path):
     assert set(press[part == "validation"]) == {-1, 18, 19} and set(press[part == "train"]) == {-1, *range(18)}
 
 
+def test_swapped_days_train_on_the_second_and_test_on_the_first(tmp_path):
+    frames = both_days(tmp_path)
+    condition = schemas.names(frames["condition"])
+    part = strain_recorded.split(frames, SETTINGS, "days_swapped_xy", 0)
+    assert (part[condition == "day_1"] == "test").all() and set(part[condition == "day_2"]) == {"train", "validation"}
+    for day, columns in (("day_1", [0, 1, 2, 3, 4]), ("day_2", [1, 2, 3, 4, 5])):
+        assert strain_recorded.channels("days_swapped_xy", day) == columns
+    assert strain_recorded.task("days_swapped_xy", {}).base == "days_swapped_xyz"
+
+
 def test_new_places_trains_on_no_place_of_the_second_day(tmp_path):
     frames = both_days(tmp_path)
     short = np.ones(frames.num_rows, dtype=bool)
