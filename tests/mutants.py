@@ -370,9 +370,9 @@ MUTANTS = [
     ),
     Mutant(
         "ablation-without-seed",
-        "pipeline/studies/physics.py",
-        '{"seed": scene["seed"] + seed, ',
-        '{"seed": scene["seed"], ',
+        "pipeline/stability/changed_scene.py",
+        "scene[name] + seed for name",
+        "scene[name] for name",
         "reporting/verdicts/test_physics_verdicts.py::test_settings_switch_one_effect_and_move_the_seed",
     ),
     Mutant(

@@ -35,14 +35,12 @@ ARROWS = {
     "reporting/figures": {"reporting/verdicts", "scenes", "logs"},
     "reporting/verdicts": {"reporting/words"},
     "reporting/words": {"scoring"},  # the names of models, Markdown
-    "twins": {"experiments", "scenes", "scoring"},
     "scoring": {"datasets"},
     "scenes": {"datasets"},
     "experiments": {"logs"},
     "logs": {"datasets"},
     "datasets": {"base"},
     "tracking": {"scoring"},
-    "twins": {"experiments", "scenes", "scoring"},  # statistics of recorded and of simulated readings
     "base": set(),
 }
 # Their __init__ imports a file of the room by a name that params.yaml or dvc.yaml gives.

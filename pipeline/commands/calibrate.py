@@ -44,7 +44,7 @@ def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> 
     chosen, block = values[experiment]["yardstick"], f"{experiment}.models"
     names = [chosen["model"], chosen["over"]]
     settings = changed_scene.settings_of(values, experiment, changes_of(chosen["knob"], value), chosen["knob"])
-    settings["simulate"] = settings["simulate"] | {"seed": settings["simulate"]["seed"] + seed}
+    settings = changed_scene.drawn(settings, seed)
     asked = changed_scene.Asked([chosen["protocol"]], settings["models"], block, names, "validation")
     errors = {}
     with tempfile.TemporaryDirectory() as name:

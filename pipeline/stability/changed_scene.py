@@ -46,6 +46,13 @@ def settings_of(values: Mapping, experiment: str, changes: Mapping, where: str) 
     return settings
 
 
+def drawn(settings: Mapping, seed: int) -> dict:
+    """Return the settings of the scene that a seed draws: another specimen, and other motions, noise and faults."""
+    scene = settings["simulate"]
+    moved = {name: scene[name] + seed for name in ("seed", "specimen") if name in scene}
+    return {**settings, "simulate": scene | moved}
+
+
 def _merged(block: Mapping, changes: Mapping) -> dict:
     """Return `block` with the values of `changes`, block by block."""
     merged = dict(block)

@@ -28,10 +28,9 @@ def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dic
     """
     changes = values["physics"][experiment]["scene"]
     settings = changed_scene.settings_of(values, experiment, changes, f"physics.{experiment}.scene")
-    scene = settings["simulate"]
-    effects = {name: name != effect for name in scene["effects"]}
-    drawn = {name: scene[name] + seed for name in ("seed", "specimen") if name in scene}
-    return settings | {"simulate": scene | drawn | {"effects": effects}}
+    settings = changed_scene.drawn(settings, seed)
+    effects = {name: name != effect for name in settings["simulate"]["effects"]}
+    return settings | {"simulate": settings["simulate"] | {"effects": effects}}
 
 
 def asked_of(values: Mapping, experiment: str) -> changed_scene.Asked:

@@ -142,7 +142,8 @@ def test_params_yaml_runs_every_effect_in_five_pairs():
 def test_settings_switch_one_effect_and_move_the_seed():
     values = params.load()
     whole, without = (physics_study.settings_of(values, "touch", effect, 3) for effect in (NONE, "crosstalk"))
-    assert whole["simulate"]["seed"] == values["touch"]["simulate"]["seed"] + 3
+    for name in ("seed", "specimen"):
+        assert whole["simulate"][name] == values["touch"]["simulate"][name] + 3
     assert [k for k, on in without["simulate"]["effects"].items() if not on] == ["crosstalk"]
     assert all(whole["simulate"]["effects"].values())
     scene = values["physics"]["touch"]["scene"]["simulate"]["single"]
