@@ -33,6 +33,11 @@ TRANSFER_COSTS = (
     "is trained before."
 )
 
+SCENE = (
+    "Drift, noise, memory and sensitivity of the strands were fitted to recordings (reports/twins); motion, friction "
+    "and clocks are plain numbers, chosen before any model was trained."
+)
+
 
 def write(target: Path, settings: Mapping) -> None:
     """Write the report of `strain`; see `experiment`."""
@@ -153,7 +158,7 @@ def findings(
         "`reports/claims.md`, which says by which rules. "
         "[Table I](table1.md), [training times](../speed/table1_times.md), [speed](../speed/table2.md).\n",
         "## The paper's table\n",
-        yardstick_sentence(scores, settings),
+        sentences.yardstick(scores, settings, SCENE),
         *task_sentences(scores, settings),
         "\n## What the paper asserts and does not test\n",
         *samples_sentences(studies["samples"]),
@@ -185,26 +190,6 @@ def findings(
     lines += sentences.figure_lines(captions)
     lines += sentences.differences_section(experiment.experiment_differences("strain", settings))
     return "\n".join(lines) + "\n"
-
-
-def yardstick_sentence(scores: Scores, settings: Mapping) -> str:
-    """Return the line on the one ratio that the scene's difficulty was set by, beside the published one."""
-    chosen = settings["yardstick"]
-    if settings["source"] != "simulated":
-        return "- The data are recorded, so no yardstick was used."
-    if absent := [chosen[role] for role in ("model", "over") if chosen[role] not in settings["models"]]:
-        return f"- Yardstick of the scene: {' and '.join(absent)} not among the models, so it cannot be compared."
-    run = chosen["protocol"], chosen["condition"]
-    above, below = (scores.runs(*run, chosen[role], chosen["metric"]) for role in ("model", "over"))
-    ours, published = estimate(np.array(above) / np.array(below)), chosen["published"]
-    return (
-        f"- Yardstick of the scene: {chosen['metric']} of {model_name(chosen['model'])} over that of "
-        f"{model_name(chosen['over'])}, {chosen['condition'].replace('_', ' ')}: ours {interval(ours, 3)}, published "
-        f"{number(published, 3)} ({100 * (ours.mean / published - 1):+.0f} %). `{chosen['knob']}` was set by it, on "
-        "validation parts, by networks that were not trained on them (those of the tables are). Drift, noise, memory "
-        "and sensitivity of the strands were fitted to recordings (reports/twins); motion, friction and clocks "
-        "are plain numbers chosen before any model was trained. What models score is a prediction of these."
-    )
 
 
 def task_sentences(scores: Scores, settings: Mapping) -> list[str]:

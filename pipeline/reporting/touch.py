@@ -38,6 +38,11 @@ UNITS = {
 }
 TABLE_CONDITIONS = ("single", "double")
 
+SCENE = (
+    "The film was fitted to recordings (reports/twins); tips, contact, motions and rates are plain numbers, chosen "
+    "before any model was trained."
+)
+
 
 def write(target: Path, settings: Mapping) -> None:
     """Write the report of `touch`; see `experiment`."""
@@ -239,9 +244,7 @@ def findings(
             "training window determined."
         )
     lines += optimism_sentences(scores, settings, protocol)
-    chosen = settings["yardstick"]
-    words = f"{chosen['condition']} touch, {chosen['metric']}"
-    lines.append(sentences.yardstick(scores, settings, (protocol, chosen["condition"]), words, "kPa"))
+    lines.append(sentences.yardstick(scores, settings, SCENE))
     lines.append(f"- {sentences.stops(trained)}")
     captions = {
         "figure2b": "characteristic curve of the fitted film",

@@ -33,15 +33,19 @@ PURPOSE = {
     ("strain", "jitter"): "the resampling of ingest is there for uneven sampling",
     ("glove", "line_faults"): "ingest is there for torn, doubled, missing and swapped lines",
 }
-# Effects that recordings show: where that is measured.
+# Effects that recordings show: the statistic of reports/twins that does.
 RECORDED = {
-    ("touch", "creep"): "fit to the recorded taxel",
-    ("touch", "hysteresis"): "fit to the recorded taxel",
-    ("touch", "release"): "fit to the recorded taxel",
-    ("touch", "noise"): "noise of the recorded taxel at rest",
-    ("strain", "drift"): "drift of the recorded strands",
-    ("strain", "noise"): "noise of the recorded strands",
-    ("glove", "session"): "shift between recorded grasps",
+    ("touch", "places"): "place_spread",
+    ("touch", "creep"): "gain_from_past",
+    ("touch", "slow_creep"): "creep_long",
+    ("touch", "hysteresis"): "loading_loop",
+    ("touch", "release"): "overshoot",
+    ("touch", "noise"): "noise",
+    ("strain", "relaxation"): "rest_memory_near",
+    ("strain", "drift"): "drift_over_response",
+    ("strain", "noise"): "noise",
+    ("glove", "session"): "alike_within",
+    ("glove", "wander"): "load_wander",
 }
 
 Errors = Mapping[tuple[str, str], float]  # (model, condition) -> error, infinite if failed
@@ -152,7 +156,7 @@ def consequence(experiment: str, judged: Judgement, on: bool) -> str:
     if not on:
         return "left out: equivalent" if judged.verdict == EQUIVALENT else "switch it on: not shown to be equivalent"
     if shows := RECORDED.get((experiment, judged.effect)):
-        return f"kept: recorded ({shows})"
+        return f"kept: recorded ({shows.replace('_', ' ')})"
     if purpose := PURPOSE.get((experiment, judged.effect)):
         return f"kept: {purpose}"
     return {

@@ -13,6 +13,7 @@ from pipeline.reporting import physics as physics_report
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
 from pipeline.scoring.variants import COLUMNS, variants
+from pipeline.stages import twins as twins_stage
 from pipeline.studies import physics as physics_study
 
 ERRORS = {"single": {"linear": 9.0, "tree": 7.5, "lomp": 3.5}, "double": {"linear": 12.0, "tree": 13.0, "lomp": 7.0}}
@@ -128,6 +129,11 @@ def test_every_effect_with_a_reason_exists(reasons):
     values = params.load()
     for experiment, effect in reasons:
         assert effect in values[experiment]["simulate"]["effects"]
+
+
+def test_every_recorded_effect_is_shown_by_a_statistic_of_the_twins():
+    for (experiment, effect), statistic in physics_verdicts.RECORDED.items():
+        assert statistic in twins_stage.MODULES[experiment].STATISTICS, effect
 
 
 def test_params_yaml_runs_every_effect_in_five_pairs():
