@@ -87,7 +87,7 @@ def write(target: Path, settings: Mapping) -> None:
     draw_sequences(accuracy / "figure13.png", settings, objects)
     draw_confusions(accuracy, "figure14", settings, confusions, asked, objects)
     if compared:
-        title = "Figure 15, on our own data: macro precision against the number of input frames"
+        title = "In place of figure 15: the mean answer of a one-frame network to several frames of a grasp"
         glove_figures.precision_by_frames(accuracy / "figure15.png", frames, title)
     if len(stag):
         title = "Figure 15: the STAG data set"
@@ -163,7 +163,10 @@ def findings(
         **{f"figure14_{dataset}": f"confusion matrix, {dataset}" for dataset in confusions},
     }
     if any(len(frames[dataset]) for dataset in FRAMES_OF):
-        captions["figure15"] = "macro precision against the number of input frames"
+        captions["figure15"] = (
+            "macro precision of the mean answer to several frames, each seen by a network of one frame (the paper's "
+            "networks are trained on all frames at once)"
+        )
     if len(frames["STAG"]):
         captions["figure15_stag"] = "the same on the STAG data set"
     if fits:
@@ -301,7 +304,9 @@ def frames_sentences(dataset: str, rows: pd.DataFrame) -> list[str]:
         f"{model_name(model)} {' to '.join(interval(estimate(values[model, n])) for n in (numbers[0], numbers[-1]))} %"
         for model in dict.fromkeys(rows["model"])
     ]
-    text = f"- Macro precision with {numbers[0]} to {numbers[-1]} input frames, {dataset}: {', '.join(parts)}"
+    text = (
+        f"- Macro precision of the mean answer to {numbers[0]} to {numbers[-1]} frames, {dataset}: {', '.join(parts)}"
+    )
     if set(COMPARED) <= set(rows["model"]):
         lead = {n: interval(estimate(values["sp_resnet", n] - values["resnet3x3", n])) for n in numbers}
         text += f"; SP-ResNet above ResNet_3x3 (points): {', '.join(f'{n}: {points}' for n, points in lead.items())}"
@@ -381,8 +386,8 @@ def ending_sentences(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[str]:
         ended = "all have ended" if not cut else f"{cut} were cut off while they still improved"
         lines.append(
             f"- Training of {model_name(model)}, {len(runs)} runs: best epoch {np.median(best):.0f} (median; "
-            f"{min(best)} to {max(best)}) of {min(epochs)} to {max(epochs)}; in the last fifth of the epochs the lowest "
-            f"validation loss still fell by more than {100 * LATE_GAIN:.0f} % in {late} of them; {ended}."
+            f"{min(best)} to {max(best)}) of {min(epochs)} to {max(epochs)}; in the last fifth of the epochs the "
+            f"lowest validation loss still fell by more than {100 * LATE_GAIN:.0f} % in {late} of them; {ended}."
         )
     return lines
 

@@ -9,12 +9,12 @@ object from the middle of the palm, towards the fingers (thumb: the other way ro
 
 1. Object and grip. People grasp a thing by its size, shape and use; each object here has one of five grips that
    taxonomies of human grasps have (Feix et al., IEEE Transactions on Human-Machine Systems 46, 66, 2016): `wrap` (a
-   power grasp, palm and all fingers), `handle` (the middle of the fingers hooks around it, the palm stays free), `pinch` (the thumb
-   against four fingers, only pads touch), `tripod` (the thumb against index and middle finger), `key` (the thumb
-   against the side of the bent index finger). A wrapped cross-section (the object's, or its handle's) is a rectangle,
-   width w on the palm and depth d, with corners of radius c (a circle: w = d = 2 c), scaled along the axis by rho(y):
-   1 (prism), sqrt(1 - (2 y / length)^2) (ellipsoid) or 1 + taper y / length (cone). Beyond the object's length a
-   finger closes around nothing.
+   power grasp, palm and all fingers), `handle` (the middle of the fingers hooks around it, the palm stays free),
+   `pinch` (the thumb against four fingers, only pads touch), `tripod` (the thumb against index and middle finger),
+   `key` (the thumb against the side of the bent index finger). A wrapped cross-section (the object's, or its
+   handle's) is a rectangle, width w on the palm and depth d, with corners of radius c (a circle: w = d = 2 c), scaled
+   along the axis by rho(y): 1 (prism), sqrt(1 - (2 y / length)^2) (ellipsoid) or 1 + taper y / length (cone). Beyond
+   the object's length a finger closes around nothing.
 2. Posture of `wrap` and `handle`. A finger of half thickness t that lies on the object has turned, up to the place s,
    by the corners that it has passed,
 

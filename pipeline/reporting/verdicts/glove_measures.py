@@ -135,9 +135,9 @@ def training(e: Evidence, experiment: str = "glove") -> str:
     cut = sum(map(unfinished, fits))
     return (
         f"Each of the {len(settings['protocols'][protocols['combined']]['seeds'])} seeds has other test grasps and "
-        f"another start. Training stops where the validation loss no longer falls, after {epochs} epochs at the latest "
-        f"(the paper: 50); for SP-ResNet, the last epoch was the best in {last} of {len(fits)} runs, and {cut} were cut "
-        "off while they still improved."
+        f"another start. Training stops where the validation loss no longer falls, after {epochs} epochs at the "
+        f"latest (the paper: 50); for SP-ResNet, the last epoch was the best in {last} of {len(fits)} runs, and {cut} "
+        "were cut off while they still improved."
     )
 
 
@@ -182,8 +182,8 @@ def why_number(model: str, dataset: str):
         chosen = e.values["glove"]["yardstick"]
         return text + (
             f"The scene's difficulty was set by what {model_name(chosen['model'])} lacks over what "
-            f"{model_name(chosen['over'])} lacks, {chosen['condition']}, on frames split at random; neither is trained in "
-            "epochs."
+            f"{model_name(chosen['over'])} lacks, {chosen['condition']}, on frames split at random; neither is trained "
+            "in epochs."
         )
 
     return why

@@ -1,0 +1,1 @@
+"""Describe recordings and scenes by the same numbers, which need no model."""
