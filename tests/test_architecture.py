@@ -25,6 +25,7 @@ ARROWS = {
     "stages": {"reporting/page", "stability", "tracking"},
     "studies": {"reporting/page", "stability"},
     "commands": {"reporting/page", "stability"},
+    "twins": {"experiments", "scenes", "scoring"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
     "models": {"learning"},
