@@ -25,6 +25,7 @@ ARROWS = {
     "stages": {"reporting/page", "stability", "tracking", "twins"},
     "studies": {"reporting/page", "stability"},
     "commands": {"reporting/page", "stability"},
+    "twins": {"experiments", "scenes", "scoring"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
     "twins": {"experiments", "scenes", "scoring"},

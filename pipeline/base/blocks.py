@@ -118,16 +118,12 @@ class StretchTraining(Block):
         return self
 
 
-class AugmentedTraining(Block):
-    """Training on images altered anew in every epoch, see `images.ImageClassifier`.
+class AugmentedTraining(EarlyStopping):
+    """Early stopping on images altered anew in every epoch, see `image_classifier.ImageClassifier`.
 
-    `learning_rate` is the highest of one cycle over `max_epochs` (Smith 2018); flip, affine: probability per image;
-    noise: standard deviation, images being scaled to 0 .. 1.
+    flip, affine: probability per image; noise: standard deviation, images being scaled to 0 .. 1.
     """
 
-    learning_rate: LearningRate
-    batch_size: whole(1)
-    max_epochs: whole(1)
     flip: Fraction
     noise: Fraction
     affine: Fraction
@@ -180,6 +176,18 @@ class YardstickRatio(Block):
     metric: Text
     published: Positive
     knob: Text
+
+
+class YardstickRatio(Block):
+    """A number without a scale: wrong answers (1 - metric) of one baseline over those of another."""
+
+    model: Text
+    over: Text
+    condition: Text
+    metric: Text
+    protocol: Text
+    published: Positive
+    knob: Text  # dotted name, below the experiment, of the setting that it sets
 
 
 class Window(Block):
@@ -450,9 +458,10 @@ VelostatRecorded = block(
 Glove = block(
     source=Text,
     sensor=block(reference_ohm=Positive),
-    yardstick=Yardstick,
+    yardstick=YardstickRatio,
     simulate=block(
         seed=whole(0, 2**31),
+        specimen=whole(0, 2**31),
         sessions=whole(1),
         frames_per_object=whole(1),
         frame_hz=RateHz,
@@ -463,9 +472,10 @@ Glove = block(
             margin=Positive,
             margin_spread=NotNegative,
             share_spread=NotNegative,
+            seat_spread=NotNegative,
             fit_deg=NotNegative,
             least_grip_n=NotNegative,
-            wander=NotNegative,
+            wander=Fraction,
             wander_time_s=Positive,
         ),
         film=block(

@@ -94,7 +94,11 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
 
 
 def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
-    """Return the row numbers of the frames that become images: every `window.stride`-th frame of each session."""
+    """Return the row numbers of the frames that become images: every `window.stride`-th frame of each session.
+
+    Differs from paper: it uses all 950 frames of an object. At laptop scale every 10th of a session becomes an image,
+    95 of an object, so that neighbours in a random split are 1 s apart and less alike; `tactile scale full` takes all.
+    """
     names = np.char.add(np.char.add(schemas.names(frames["condition"]), "/"), schemas.names(frames["recording"]))
     starts = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]]))
     place = np.arange(len(names)) - np.repeat(starts, np.diff([*starts, len(names)]))
@@ -140,6 +144,8 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
 
     `session`: whole sessions of every object, drawn by the seed; `random_frames`: frames, as the paper seems to
     have done. Raises InputError for another name or an object with fewer sessions than parts.
+    Differs from paper: it means 10 runs of a model, which differ in an unknown way; here a run is a seed, of the split
+    and of the start. At laptop scale there are 3 by session and 1 on random frames; `tactile scale full` has 10.
     """
     name = tactile.split_name(protocol)
     if name not in SPLITS:

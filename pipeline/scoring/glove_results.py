@@ -20,6 +20,7 @@ from pipeline.scoring.results import Estimate, Fit, Scores, estimate, read_csv, 
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
 BASELINES = ("naive_bayes", "tree")
 COMPARED = ("sp_resnet", "resnet3x3")  # by number of input frames, figure 15
+LATE_GAIN = 0.01  # of the validation loss, by the last fifth of the epochs: more says that training was cut off
 MOST_CONFUSED = 3  # pairs that are listed; one that the paper names must be among them
 
 
@@ -78,6 +79,29 @@ def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fi
         for model, model_block in settings["models"].items()
         if "training" in model_block
     }
+
+
+def late_gain(fit: Fit) -> float:
+    """Return by which share the last fifth of the epochs lowered the lowest validation loss; NaN for a failed run."""
+    loss = fit.history["validation_loss"].to_numpy()
+    before = loss[: max(1, len(loss) - -(-len(loss) // 5))]
+    if not np.isfinite(loss).all() or before.min() <= 0:
+        return float("nan")
+    return float(1 - loss.min() / before.min())
+
+
+def unfinished(fit: Fit) -> bool:
+    """Return whether a training was cut off: the epochs were used up while the last fifth still gained LATE_GAIN."""
+    return fit.stop_reason == "max_epochs" and late_gain(fit) > LATE_GAIN
+
+
+def wrong_ratio(scores: Scores, yardstick: Mapping) -> float:
+    """Return the wrong answers (1 - metric) of the yardstick's model over those of its other, mean over seeds."""
+    wrong = [
+        1 - scores.estimate(yardstick["protocol"], yardstick["condition"], yardstick[who], yardstick["metric"]).mean
+        for who in ("model", "over")
+    ]
+    return wrong[0] / wrong[1]
 
 
 def read_confusions(

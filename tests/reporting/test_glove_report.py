@@ -203,7 +203,8 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
     assert table.loc[("A", "pressure", "macro_precision"), "gain_low"] == pytest.approx(0.105 - half)
     readme = (target / "accuracy" / "README.md").read_text()
     assert "Of 45 runs trained in epochs, 0 stopped by patience, 45 reached" in readme
-    assert "set on the validation part, frames at random: ours " in readme and "published 89.22 %" in readme
+    assert "what Decision tree lacks over what Naive Bayes lacks, published 0.39" in readme
+    assert "Training of SP-ResNet, 9 runs: best epoch 1 (median; 1 to 1) of 2 to 2" in readme
     assert "no file of it is named" in readme and "pipeline/models/lomp.py" not in readme
 
 
@@ -364,6 +365,38 @@ def test_best_order_and_optimism_follow_the_scores(root, settings):
     assert "Naive Bayes is best with 90.50" in best and "not told apart" not in best
     assert "Order, strain: Naive Bayes, ResNet-18, MobileNet, SP-ResNet, ResNet_3x3" in order
     assert "0.00 (SP-ResNet (no GCAM)) to 59.50 points (Decision tree)" in optimism
+
+
+def test_the_yardstick_is_the_ratio_of_wrong_answers(root, settings):
+    """Fractions of wrong answers 0.2 and 0.4, whatever the seeds: the ratio is a half."""
+
+    class Made:
+        def estimate(self, protocol, condition, model, metric):
+            assert (protocol, condition) == ("random_frames_combined", "combined") and metric == "macro_precision"
+            return results.estimate([{"tree": 0.8, "naive_bayes": 0.6}[model]])
+
+    assert glove_results.wrong_ratio(Made(), settings["yardstick"]) == pytest.approx(0.5)
+    printed = [100 - published.precision(model, "combined") for model in ("tree", "naive_bayes")]
+    assert settings["yardstick"]["published"] == pytest.approx(printed[0] / printed[1], abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("losses", "stop_reason", "late", "cut"),
+    [
+        ([5, 4, 3, 2, 1, 1, 1, 1, 1, 1], "max_epochs", 0.0, False),
+        ([10, 9, 8, 7, 6, 5, 4, 3, 2, 1], "max_epochs", 2 / 3, True),  # 3 before the last two epochs, then 1
+        ([10, 9, 8, 7, 6, 5, 4, 3, 2, 1], "patience", 2 / 3, False),
+        ([1.0, 2, 3, 4, 0.995], "max_epochs", 0.005, False),
+        ([np.nan], "diverged", np.nan, False),
+    ],
+)
+def test_a_training_that_still_gained_when_its_epochs_were_used_up_is_unfinished(losses, stop_reason, late, cut):
+    history = pd.DataFrame({"epoch": range(1, len(losses) + 1), "validation_loss": losses})
+    fit = results.Fit(stop_reason, 1, len(losses), 1, history)
+    assert glove_results.late_gain(fit) == pytest.approx(late, nan_ok=True)
+    assert glove_results.unfinished(fit) is cut
+    (line,) = glove_report.ending_sentences({"sp_resnet": {"session_strain": [fit]}})
+    assert ("1 were cut off while they still improved" in line) is cut and ("all have ended" in line) is not cut
 
 
 def confusions(confused, images_each=50):

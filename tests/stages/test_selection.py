@@ -23,7 +23,8 @@ from pipeline.studies import stag as stag_stage
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
 PART = np.repeat(["train", "validation", "test"], [80, 20, 20])
 TRAINING = {"learning_rate": 1e-3, "batch_size": 16, "max_epochs": EPOCHS}
-CNN = {"channels": [4], "hidden": [16], "training": TRAINING | {"patience": EPOCHS, "plateau": EPOCHS, "drop": 1.0}}
+TRAINING |= {"patience": EPOCHS, "plateau": EPOCHS, "drop": 1.0}
+CNN = {"channels": [4], "hidden": [16], "training": TRAINING}
 SP_RESNET = {"reduction": 16, "training": TRAINING | {"flip": 0.0, "noise": 0.0, "affine": 0.0}}
 
 

@@ -21,6 +21,7 @@ from pipeline.scoring.glove_results import (
     ranked_pairs,
     read_confusions,
     scores_by_frames,
+    unfinished,
 )
 from pipeline.scoring.published import METHODS, PRINTED, precision, precision_gain
 from pipeline.scoring.published import counts as printed_counts
@@ -131,10 +132,12 @@ def training(e: Evidence, experiment: str = "glove") -> str:
     epochs = settings["models"]["sp_resnet"]["training"]["max_epochs"]
     fits = [fit for protocol in protocols.values() for fit in e.fits(experiment, "sp_resnet", protocol)]
     last = sum(fit.best_epoch == fit.epochs for fit in fits)
+    cut = sum(map(unfinished, fits))
     return (
         f"Each of the {len(settings['protocols'][protocols['combined']]['seeds'])} seeds has other test grasps and "
-        f"another start. Training takes {epochs} epochs here, 50 in the paper; for SP-ResNet, the last epoch was the "
-        f"best in {last} of {len(fits)} runs."
+        f"another start. Training stops where the validation loss no longer falls, after {epochs} epochs at the "
+        f"latest (the paper: 50); for SP-ResNet, the last epoch was the best in {last} of {len(fits)} runs, and {cut} "
+        "were cut off while they still improved."
     )
 
 
@@ -178,8 +181,9 @@ def why_number(model: str, dataset: str):
             return text + lookalikes(e, dataset) + training(e)
         chosen = e.values["glove"]["yardstick"]
         return text + (
-            f"The scene's difficulty was set by {model_name(chosen['model'])}, {chosen['condition']}, on frames split "
-            "at random; it is fitted in closed form, so training has no part in it."
+            f"The scene's difficulty was set by what {model_name(chosen['model'])} lacks over what "
+            f"{model_name(chosen['over'])} lacks, {chosen['condition']}, on frames split at random; neither is trained "
+            "in epochs."
         )
 
     return why
