@@ -25,7 +25,6 @@ ARROWS = {
     "stages": {"reporting/page", "stability", "tracking", "twins"},
     "studies": {"reporting/page", "stability"},
     "commands": {"reporting/page", "stability"},
-    "twins": {"experiments", "scenes", "scoring"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
     "twins": {"experiments", "scenes", "scoring"},

@@ -154,19 +154,9 @@ class SplitInThree(Block):
 
 
 class Yardstick(Block):
-    model: Text
-    over: Text
-    condition: Text
-    metric: Text
-    protocol: Text
-    published: Positive
-    knob: Text
+    """The one ratio that a scene's difficulty is set by: the error of `model` over that of `over`.
 
-
-class YardstickRatio(Block):
-    """The one quantity free of scale that a scene's difficulty is set by: metric of `model` over that of `over`.
-
-    `published`: the same from the paper; `knob`: the setting of the experiment that was set so, on validation parts.
+    A score that is better when higher counts by what is missing to 1.
     """
 
     model: Text
@@ -174,19 +164,7 @@ class YardstickRatio(Block):
     protocol: Text
     condition: Text
     metric: Text
-    published: Positive
-    knob: Text
-
-
-class YardstickRatio(Block):
-    """A number without a scale: wrong answers (1 - metric) of one baseline over those of another."""
-
-    model: Text
-    over: Text
-    condition: Text
-    metric: Text
-    protocol: Text
-    published: Positive
+    published: Positive  # the same ratio from the paper
     knob: Text  # dotted name, below the experiment, of the setting that it sets
 
 
@@ -329,7 +307,7 @@ Touch = block(
 Strain = block(
     source=Text,
     sensor=block(channels=whole(1, 1024)),
-    yardstick=YardstickRatio,
+    yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
         specimen=whole(0, 2**31),
@@ -458,7 +436,7 @@ VelostatRecorded = block(
 Glove = block(
     source=Text,
     sensor=block(reference_ohm=Positive),
-    yardstick=YardstickRatio,
+    yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
         specimen=whole(0, 2**31),
