@@ -26,7 +26,7 @@ FITTING = {
     "images": ["image_classifier"],
 }  # by kind of input
 SCENES = {
-    "touch": ["scenes/touch"],
+    "touch": ["scenes/touch", "scenes/touch_contact", "scenes/touch_motion"],
     "strain": ["scenes/strain"],
     "glove": ["scenes/glove"],
 }  # the files that write an experiment's simulated logs

@@ -13,6 +13,7 @@ from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import FAILED, MARGIN, Judgement
 from pipeline.reporting.words import markdown
 from pipeline.reporting.words.labels import model_name
+from pipeline.scoring.variants import NONE
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
 ERRORS = {"rmse": "RMSE in kPa", "error": "distance in mm", "accuracy": "share of images named wrongly"}
@@ -90,7 +91,8 @@ def _row(experiment: str, judged: Judgement, on: bool) -> list[str]:
 
 def _whole(scores: pd.DataFrame) -> str:
     """Return a table of the errors with all effects on, one row per model."""
-    whole = physics_verdicts.errors(scores).query("effect == @NONE")
+    whole = physics_verdicts.errors(scores)
+    whole = whole[whole["effect"] == NONE]
     conditions = list(dict.fromkeys(whole["condition"]))
     rows = []
     for model, runs in whole.groupby("model", sort=False):

@@ -38,7 +38,7 @@ def summarised(experiment: str, table: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     for statistic, values in table.groupby("statistic", sort=False):
-        row = {"experiment": experiment, "statistic": statistic, "unit": values["unit"].iloc[0]}
+        row = {"experiment": experiment, "statistic": statistic, "unit": str(values["unit"].iloc[0])}
         for side in SIDES:
             numbers = values[values["source"] == side]["value"].to_numpy(float)
             ends = (np.median(numbers), numbers.min(), numbers.max()) if len(numbers) else (np.nan,) * 3
@@ -46,8 +46,8 @@ def summarised(experiment: str, table: pd.DataFrame) -> pd.DataFrame:
         known = np.isfinite(row["recorded"]) and np.isfinite(row["simulated"])
         inside = row["recorded_low"] <= row["simulated"] <= row["recorded_high"]
         row |= {"inside": inside if known else None}
-        rows.append(row | {"meaning": values["meaning"].iloc[0], "note": values["note"].iloc[0]})
-    return pd.DataFrame(rows)
+        rows.append(row | {"meaning": values["meaning"].iloc[0], "note": values["note"].fillna("").iloc[0]})
+    return pd.DataFrame(rows).astype({"inside": "boolean"})
 
 
 def readme(summary: dict[str, pd.DataFrame]) -> str:

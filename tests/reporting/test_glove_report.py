@@ -441,7 +441,7 @@ def by_frames(levels):
 def test_the_lead_is_said_at_every_number_of_frames():
     table = by_frames({"sp_resnet": [0.7, 0.8, 0.8], "resnet3x3": [0.6, 0.7, 0.75]})
     (line,) = glove_report.frames_sentences("combined", table)
-    assert "with 1 to 3 input frames, combined: SP-ResNet 70.50 [64.15, 76.85] to 80.50" in line
+    assert "to 1 to 3 frames, combined: SP-ResNet 70.50 [64.15, 76.85] to 80.50" in line
     assert "(points): 1: 10.00 [10.00, 10.00], 2: 10.00 [10.00, 10.00], 3: 5.00 [5.00, 5.00]." in line
     assert glove_report.frames_sentences("STAG", table.iloc[:0]) == []
 
