@@ -281,8 +281,8 @@ def why_strands(e: Evidence) -> str:
         for task in TASKS
     ]
     return (
-        "Judged by the fall of the ratio of errors, transfer over direct training, from the fewest strands to the most, "
-        f"on both tasks: {'; '.join(parts)}. Model-0 and direct training were trained "
+        "Judged by the fall of the error of transfer over that of direct training, from the fewest strands to the "
+        f"most, on both tasks: {'; '.join(parts)}. Model-0 and direct training were trained "
         "in parallel streams, which is faster than the paper's one sequence and forgets what lies before a stream."
     )
 
