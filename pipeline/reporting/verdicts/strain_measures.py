@@ -268,6 +268,7 @@ def why_bases(e: Evidence) -> str:
         for task, base in rows[["protocol", "base"]].drop_duplicates().itertuples(index=False)
     ]
     return (
+        "Judged by transfer to task 2: from task 1 its error is larger than from task 0. "
         f"Errors of transfer (mm), read-out trained by Adam: {'; '.join(parts)}. The network of task 1 is the one that "
         "direct training on task 1 gave, with as many units and samples as model-0."
     )
@@ -280,7 +281,8 @@ def why_strands(e: Evidence) -> str:
         for task in TASKS
     ]
     return (
-        f"Error of transfer over that of direct training, {'; '.join(parts)}. Model-0 and direct training were trained "
+        "Judged by the fall of the error of transfer over that of direct training, from the fewest strands to the "
+        f"most, on both tasks: {'; '.join(parts)}. Model-0 and direct training were trained "
         "in parallel streams, which is faster than the paper's one sequence and forgets what lies before a stream."
     )
 
