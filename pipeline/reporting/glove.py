@@ -362,7 +362,7 @@ def yardstick_sentences(scores: Scores, settings: Mapping) -> list[str]:
         f"- Yardstick of the scene, the one number that it was set by: {METRICS[chosen['metric']].lower()}, "
         f"{chosen['condition']}, what {one} lacks over what {other} lacks, published {number(chosen['published'])}; "
         f"`{chosen['knob']}` was set on validation parts of {split.replace('_', ' ')} of all frames. Here, on test "
-        f"parts and with the frames that `window.stride` keeps (published): {'; '.join(parts)}. The ratios of the "
+        f"parts and with the frames that `glove.window` keeps (published): {'; '.join(parts)}. The ratios of the "
         "other datasets and the models' own numbers were not set."
     ]
 
