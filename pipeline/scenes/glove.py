@@ -280,13 +280,21 @@ def conductances(thing: Thing | None, hold: Hold, settings: Mapping) -> tuple[np
     gains = generator(settings["specimen"], "film")
     gain = np.exp(spread * film["gain_spread"] * gains.normal(size=PRESSURE))
     bend_gain = np.exp(spread * film["gain_spread"] * gains.normal(size=STRAIN))
-    log_rise = material.static_conductance(material.load_material(), film["force_scale"] * force)
-    pressure = np.where(wired, gain * np.exp(log_rise) / film["rest_ohm"], np.nan)
-
+    pressure = np.where(wired, gain * pressed_film(force, film), np.nan)
     bent_deg = np.repeat(np.repeat(np.maximum(angles + hold.fit, 0), 3, axis=1), 3, axis=2)
-    strain = bend_gain * (1 + film["bend_gain"] * bent_deg / 90) / film["rest_bend_ohm"]
+    strain = bend_gain * bent_film(bent_deg, film)
     strain[:, :3, :3] = np.nan
     return pressure, strain
+
+
+def pressed_film(force: np.ndarray, film: Mapping) -> np.ndarray:
+    """Return the siemens of a pressure cell of gain 1 under `force` (N, any shape); film: glove.simulate.film."""
+    return np.exp(material.static_conductance(material.load_material(), film["force_scale"] * force)) / film["rest_ohm"]
+
+
+def bent_film(bent_deg: np.ndarray, film: Mapping) -> np.ndarray:
+    """Return the siemens of a cell of gain 1 on a joint bent by `bent_deg` (any shape); film: glove.simulate.film."""
+    return (1 + film["bend_gain"] * bent_deg / 90) / film["rest_bend_ohm"]
 
 
 def turning(s: np.ndarray, thing: Thing, size: np.ndarray) -> np.ndarray:
