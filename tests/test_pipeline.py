@@ -210,7 +210,15 @@ def test_glove_report_is_complete(miniature):
     reports = miniature.folder / "reports"
     folder = reports / "glove"
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")}
-    figures = ["figure10", "figure13", "figure15", *(f"figure14_{m}" for m in ("pressure", "strain", "combined"))]
+    figures = [
+        "figure7",
+        "figure8",
+        "figure9",
+        "figure10",
+        "figure13",
+        "figure15",
+        *(f"figure14_{m}" for m in ("pressure", "strain", "combined")),
+    ]
     assert names == {
         *(f"accuracy/{name}.png" for name in (*figures, "learning_curves")),
         *(f"accuracy/{name}" for name in ("README.md", "figure15.csv")),

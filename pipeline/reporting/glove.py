@@ -10,6 +10,7 @@ import pyarrow as pa
 from pipeline.base import files, paths
 from pipeline.datasets import images, schemas
 from pipeline.datasets.images import MODALITIES
+from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove as glove_experiment
 from pipeline.reporting import experiment, glove_tables, sentences
 from pipeline.reporting.claims import claim_sentences
@@ -21,6 +22,8 @@ from pipeline.reporting.verdicts.glove_measures import NAMED_PAIRS, published_fu
 from pipeline.reporting.verdicts.rules import Evidence
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import code, interval, number
+from pipeline.scenes import glove as glove_scene
+from pipeline.scenes import material
 from pipeline.scoring import glove_results
 from pipeline.scoring.glove_results import (
     COMPARED,
@@ -45,6 +48,15 @@ RANDOM = "random_frames"
 FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
 GRASPED = "mobile_phone"  # in figure 10
 SEQUENCE_FRAMES = 50  # of figure 13
+SHOWN_N = 0.6  # of figure 7
+PRESS_CYCLES = (600, 1000 / 600, 1.0)  # of figure 8: how many, s, N
+HELD_DEG, HELD_S = (0.0, 30.0, 45.0, 60.0, 90.0), 160.0  # of figure 9a: one after the other
+BENDS = (300, 500 / 300)  # of figure 9b: how many, s
+LAWS = {
+    "figure7": "resistance and conductance of a pressure cell of the scene against force",
+    "figure8": "600 cycles of force on a cell of the scene; no law has fatigue: noise and memory only",
+    "figure9": "a joint of the scene at held angles and over 300 bends; its law has no fatigue: noise only",
+}
 WRONG = ("accuracy", "Images named wrongly (%)")
 
 
@@ -83,6 +95,8 @@ def write(target: Path, settings: Mapping) -> None:
     readme = findings(scores, settings, evidence, confusions, objects, frames | {"STAG": stag}, fits)
     files.write_text(accuracy / "README.md", readme)
 
+    if settings["source"] == "simulated":
+        draw_laws(accuracy, settings)
     draw_grasp(accuracy / "figure10.png", table, objects)
     draw_sequences(accuracy / "figure13.png", settings, objects)
     draw_confusions(accuracy, "figure14", settings, confusions, asked, objects)
@@ -157,7 +171,8 @@ def findings(
             lines += pair_sentences(confusions, objects, dataset, pair)
             lines += verdicts(*(f"{verb}-{dataset}-{'-'.join(pair)}" for verb in ("confused", "resolved")))
     lines += confused_sentences(confusions, objects)
-    captions = {
+    captions = LAWS if settings["source"] == "simulated" else {}
+    captions = captions | {
         "figure10": "tactile images of one grasp",
         "figure13": "tactile sequences of all objects",
         **{f"figure14_{dataset}": f"confusion matrix, {dataset}" for dataset in confusions},
@@ -362,7 +377,7 @@ def yardstick_sentences(scores: Scores, settings: Mapping) -> list[str]:
         f"- Yardstick of the scene, the one number that it was set by: {METRICS[chosen['metric']].lower()}, "
         f"{chosen['condition']}, what {one} lacks over what {other} lacks, published {number(chosen['published'])}; "
         f"`{chosen['knob']}` was set on validation parts of {split.replace('_', ' ')} of all frames. Here, on test "
-        f"parts and with the frames that `window.stride` keeps (published): {'; '.join(parts)}. The ratios of the "
+        f"parts and with the frames that `glove.window` keeps (published): {'; '.join(parts)}. The ratios of the "
         "other datasets and the models' own numbers were not set."
     ]
 
@@ -395,6 +410,51 @@ def ending_sentences(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[str]:
 def all_fits(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[Fit]:
     """Return the fits of all networks and protocols in one list; fits: see `read_fits`."""
     return [fit for protocols in fits.values() for runs in protocols.values() for fit in runs]
+
+
+def draw_laws(folder: Path, settings: Mapping) -> None:
+    """Draw figures 7, 8 and 9 of one cell of the scene: its laws, as the glove's scanner reads them.
+
+    Differs from paper: its figures 7 to 9 are measurements of the glove's own cells; here the scene's laws are drawn.
+    """
+    scene = glove_scene.scene_of(settings)
+    film, hz = scene["film"], scene["frame_hz"]
+    rng = generator(scene["seed"], "calibration")
+
+    def read(siemens: np.ndarray) -> np.ndarray:
+        counts = glove_scene.scanned([siemens.reshape(len(siemens), -1, 1)], scene, rng)
+        return glove_experiment.conductance(counts, scene["circuit"]["reference_ohm"]).mean(axis=1)
+
+    force = np.linspace(0, SHOWN_N, 200)
+    title = "Figure 7: a pressure cell of the scene"
+    glove_figures.pressed_cell(folder / "figure7.png", force, glove_scene.pressed_film(force, film), title)
+
+    cycles, period_s, peak_n = PRESS_CYCLES
+    force = peak_n * triangle(np.arange(round(cycles * period_s * hz)) / hz, period_s)
+    taxel = material.load_material()
+    memory = taxel.rest - material.log_resistance(taxel, film["force_scale"] * force, 1 / hz)
+    courses = {
+        "the scene's cell: no memory": read(glove_scene.pressed_film(force, film)),
+        "the recorded taxel's law, with its memory": read(np.exp(memory) / film["rest_ohm"]),
+    }
+    title = f"Figure 8: {cycles} cycles of 0 to {peak_n:g} N; neither law has fatigue"
+    glove_figures.pressed_cycles(folder / "figure8.png", courses, hz, period_s, title)
+
+    held_s = np.arange(round(HELD_S * hz)) / hz
+    held = np.array(HELD_DEG)[(held_s * len(HELD_DEG) / HELD_S).astype(int)]
+    bends, period_s = BENDS
+    bent_s = np.arange(round(bends * period_s * hz)) / hz
+    joint = [
+        (time_s, read(np.repeat(glove_scene.bent_film(angle, film)[:, None], glove_experiment.JOINT**2, axis=1)))
+        for time_s, angle in ((held_s, held), (bent_s, HELD_DEG[-1] * triangle(bent_s, period_s)))
+    ]
+    title = f"Figure 9: a joint of the scene, held at angles and bent {bends} times; its law has no fatigue"
+    glove_figures.bent_joint(folder / "figure9.png", *joint, HELD_DEG, title)
+
+
+def triangle(time_s: np.ndarray, period_s: float) -> np.ndarray:
+    """Return a course from 0 up to 1 and back in every period."""
+    return 1 - np.abs(2 * (time_s / period_s % 1) - 1)
 
 
 def draw_grasp(path: Path, table: pa.Table, objects: Sequence[str]) -> None:

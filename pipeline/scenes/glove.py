@@ -21,7 +21,9 @@ object from the middle of the palm, towards the fingers (thumb: the other way ro
        Theta(s) = sum_k pi/2 clip((s - e_k) / (pi/2 (c + t)), 0, 1),     e_k: start of corner k,
 
    and a joint by what its two phalanges turn between their middles, Theta(s + l_next / 2) - Theta(s - l_last / 2), up
-   to the joint's limit. A phalanx behind a joint at its limit loses contact.
+   to the joint's limit. A phalanx behind a joint at its limit loses contact. The hand is put where all four fingers
+   find the object: it shifts along the axis by no more than the object is longer than the fingers are wide together,
+   and not at all on a shorter one (a cup's handle is closed at both ends, a ball is held in the middle).
    Posture of `pinch`, `tripod` and `key`. The joints of a closed grip are constants. The pads of thumb and fingers
    stand w apart when they hold the object's smaller side; each gives way by w / 2, by turning its first two joints back
    through the same angle,
@@ -31,7 +33,9 @@ object from the middle of the palm, towards the fingers (thumb: the other way ro
    the levers of the two joints to the tip. An object that lies deeper in the hand by `along` shortens them by it.
 3. Grip force. Friction must carry the weight, F = margin m G / (2 mu) + F_least (Westling and Johansson, Experimental
    Brain Research 53, 277, 1984: a margin over the slip force, which grows with weight). Fingers take F, thumb
-   and palm oppose it; shares of fingers and phalanges are constants of the grip times a factor of the session.
+   and palm oppose it; shares of fingers and phalanges are constants of the grip times a factor of the finger and a
+   factor of the phalanx, which all fingers have in common: one muscle bends the same joint of all of them
+   (flexor digitorum profundus the last, superficialis the middle one).
 4. Pressure. The skin is a bed of springs (Winkler foundation): under a force f it yields by
    delta = YIELD_MM sqrt(f) / min(1, k), k being the stiffness of the object relative to skin (without `softness`,
    k = 1), and a cell takes its share of f in proportion to max(0, 1 - gap / delta), gap being the distance of the
@@ -44,13 +48,18 @@ object from the middle of the palm, towards the fingers (thumb: the other way ro
    is done with it.
 6. Circuit: virtual ground, so without crosstalk. Equations 1 and 2 of the paper: ADC = 1024 R_ref / (R + R_ref).
 
-A session is one grasp. Between sessions, placement on the palm, tilt, margin, shares and the fit of the glove at every
-joint differ (`session`); within one, the same quantities wander slowly (`wander`), as a hand that holds and re-adjusts
-does, with a memory of `wander_time_s`. `wander` is the share of each quantity's variance that lies within a session, so
-that it leaves alone how much two frames of different sessions differ. The fit is what a
-glove that is put on anew shows differently for the same posture, 2 to 3 degrees a joint in instrumented gloves (Wise et
-al., Journal of Rehabilitation Research and Development 27, 411, 1990; Dipietro et al., the same 40, 179, 2003). The
-recorded robot hand, whose joints have encoders and no glove, repeats an object to 0.7 degrees (median; up to 2).
+A session is one grasp. Between sessions, placement on the palm, tilt, margin, shares, the cloth's folds and the fit of
+the glove at every joint differ (`session`); within one, all but the fit wander slowly (`wander`), as a hand that holds
+and re-adjusts does, with a memory of `wander_time_s`. `wander` is the share of each quantity's variance that lies
+within a session, so that it leaves alone how much two frames of different sessions differ. The fit is what a glove that
+is put on anew shows differently for the same posture. Instrumented gloves do so by some degrees a joint (Wise et al.,
+Journal of Rehabilitation Research and Development 27, 411, 1990; Dipietro et al., the same 40, 179, 2003); 2.2 degrees
+is chosen from that, not measured. The recorded robot hand, whose joints have encoders and no glove, repeats an object
+to 0.4 to 0.7 degrees by joint (median over objects; 95 % below 2.0).
+
+`along_mm` is set by the recorded grasps (reports/twins): how far the middle of the contact moves between them; so are
+`share_spread` and `seat_spread`: how alike two grasps of one object are, how much of the variance lies between objects,
+and in how many ways patterns differ.
 
 Differs from paper: objects, hand and grips are simulated. The paper names 16 objects with no size or mass and shows how
 they are held in photographs too small to measure; the numbers here are of common things of that name, chosen before
@@ -81,6 +90,7 @@ THUMB_LIMITS_DEG = np.array([30.0, 60.0, 80.0])  # the first is the saddle joint
 ON_HANDLE_DEG = np.array([15.0, 20.0, 30.0])  # the thumb, on top of a handle
 OPEN_DEG = 25.0  # of every joint of an empty, relaxed hand
 FINGER_MM = 8.0  # half thickness
+HAND_MM = 76.0  # width of the four fingers together
 REACH_DEG = 25.0  # beyond its limit a joint lifts the phalanx off the object
 
 PULP_MM = 30.0  # radius of a finger's skin under load: 2 N on a pad flatten 12 mm of it
@@ -198,8 +208,8 @@ def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str
     """
     names = (settings["seed"], recording.condition, recording.name)
     frames = frames_per_session(settings)
-    hold = held(frames, settings, generator(*names, "hold"))
-    siemens = conductances(OBJECTS[recording.condition], hold, settings)
+    thing = OBJECTS[recording.condition]
+    siemens = conductances(thing, held(frames, settings, generator(*names, "hold"), thing), settings)
     t_us = np.round((np.arange(frames) + 1) * 1e6 / settings["frame_hz"]).astype(np.int64)
     rows = np.column_stack([t_us, scanned(siemens, settings, generator(*names, "noise"))]).tolist()
     lines = [",".join(map(str, row)) for row in rows]
@@ -222,12 +232,15 @@ def scanned(areas: Iterable[np.ndarray], settings: Mapping, rng: np.random.Gener
     return np.column_stack(columns)
 
 
-def held(frames: int, settings: Mapping, rng: np.random.Generator) -> Hold:
-    """Draw the hold of a session and its wandering; settings: the block glove.simulate."""
-    session, effects = settings["session"], settings["effects"]
-    keep, share = np.exp(-1 / (settings["frame_hz"] * session["wander_time_s"])), session["wander"]
+def held(frames: int, settings: Mapping, rng: np.random.Generator, thing: Thing | None = None) -> Hold:
+    """Draw the hold of a session and its wandering; settings: the block glove.simulate.
 
-    def course(spread: float, *shape: int) -> np.ndarray:
+    thing: whose length bounds the shift along its axis where fingers wrap it; None: nothing does.
+    """
+    session, effects = settings["session"], settings["effects"]
+    keep = np.exp(-1 / (settings["frame_hz"] * session["wander_time_s"]))
+
+    def course(spread: float, *shape: int, share: float = session["wander"]) -> np.ndarray:
         """Draw a constant of the session plus a stationary first-order process, (frames, *shape), of one variance."""
         constant, start = rng.normal(0, spread, (2, *shape))
         steps = rng.normal(0, spread * np.sqrt(1 - keep**2), (frames, *shape))
@@ -235,13 +248,17 @@ def held(frames: int, settings: Mapping, rng: np.random.Generator) -> Hold:
         slow = lfilter([1], [1, -keep], steps, axis=0)
         return effects["session"] * np.sqrt(1 - share) * constant + effects["wander"] * np.sqrt(share) * slow
 
+    along, across = course(session["along_mm"]), course(session["across_mm"])
+    if thing is not None and not GRIPS[thing.grip].closed_deg:
+        room = max(thing.length_mm / 2 - HAND_MM / 2, 0.0)
+        across = np.clip(across, -room, room)
     return Hold(
-        along=course(session["along_mm"]),
-        across=course(session["across_mm"]),
+        along=along,
+        across=across,
         tilt=np.radians(course(session["tilt_deg"])),
         margin=session["margin"] * np.exp(course(session["margin_spread"])),
-        share=np.exp(course(session["share_spread"], 5, 3)),
-        fit=course(session["fit_deg"], 5, 3),
+        share=np.exp(course(session["share_spread"], 5, 1) + course(session["share_spread"], 1, 3)),
+        fit=course(session["fit_deg"], 5, 3, share=0.0),
         seat=np.exp(course(session["seat_spread"], *PRESSURE)),
     )
 
@@ -263,13 +280,21 @@ def conductances(thing: Thing | None, hold: Hold, settings: Mapping) -> tuple[np
     gains = generator(settings["specimen"], "film")
     gain = np.exp(spread * film["gain_spread"] * gains.normal(size=PRESSURE))
     bend_gain = np.exp(spread * film["gain_spread"] * gains.normal(size=STRAIN))
-    log_rise = material.static_conductance(material.load_material(), film["force_scale"] * force)
-    pressure = np.where(wired, gain * np.exp(log_rise) / film["rest_ohm"], np.nan)
-
+    pressure = np.where(wired, gain * pressed_film(force, film), np.nan)
     bent_deg = np.repeat(np.repeat(np.maximum(angles + hold.fit, 0), 3, axis=1), 3, axis=2)
-    strain = bend_gain * (1 + film["bend_gain"] * bent_deg / 90) / film["rest_bend_ohm"]
+    strain = bend_gain * bent_film(bent_deg, film)
     strain[:, :3, :3] = np.nan
     return pressure, strain
+
+
+def pressed_film(force: np.ndarray, film: Mapping) -> np.ndarray:
+    """Return the siemens of a pressure cell of gain 1 under `force` (N, any shape); film: glove.simulate.film."""
+    return np.exp(material.static_conductance(material.load_material(), film["force_scale"] * force)) / film["rest_ohm"]
+
+
+def bent_film(bent_deg: np.ndarray, film: Mapping) -> np.ndarray:
+    """Return the siemens of a cell of gain 1 on a joint bent by `bent_deg` (any shape); film: glove.simulate.film."""
+    return (1 + film["bend_gain"] * bent_deg / 90) / film["rest_bend_ohm"]
 
 
 def turning(s: np.ndarray, thing: Thing, size: np.ndarray) -> np.ndarray:

@@ -26,7 +26,8 @@ def session(settings: Mapping, name: str, recording: str, change: str, severity:
     """
     scene = glove.scene_of(settings)
     names = (scene["seed"], name, recording)
-    hold, film = glove.held(glove.frames_per_session(scene), scene, generator(*names, "hold")), scene
+    thing, film = glove.OBJECTS[name], scene
+    hold = glove.held(glove.frames_per_session(scene), scene, generator(*names, "hold"), thing)
     if change == "specimen":
         effects = scene["effects"] | ({"element_spread": True} if severity else {})
         film = scene | {"specimen": scene["specimen"] + round(severity), "effects": effects}
@@ -38,5 +39,5 @@ def session(settings: Mapping, name: str, recording: str, change: str, severity:
         hold = hold._replace(margin=hold.margin * 2.0**severity)
     else:
         raise InputError(f"glove scene: no change '{change}'; there are {', '.join(CHANGES)}")
-    siemens = glove.conductances(glove.OBJECTS[name], hold, film)
+    siemens = glove.conductances(thing, hold, film)
     return glove.scanned(siemens, scene, generator(*names, "noise"))

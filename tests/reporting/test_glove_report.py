@@ -164,7 +164,16 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
     write_glove(settings)
     target = run_render("glove", settings, monkeypatch)
     first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
-    drawn = ["figure10", "figure13", *(f"figure14_{d}" for d in images.MODALITIES), "figure15", "learning_curves"]
+    drawn = [
+        "figure7",
+        "figure8",
+        "figure9",
+        "figure10",
+        "figure13",
+        *(f"figure14_{d}" for d in images.MODALITIES),
+        "figure15",
+        "learning_curves",
+    ]
     assert set(first) == SPEED | {
         "accuracy/README.md",
         *(f"accuracy/{name}.{kind}" for name in ("table1", "table2") for kind in ("csv", "md")),
@@ -441,7 +450,7 @@ def by_frames(levels):
 def test_the_lead_is_said_at_every_number_of_frames():
     table = by_frames({"sp_resnet": [0.7, 0.8, 0.8], "resnet3x3": [0.6, 0.7, 0.75]})
     (line,) = glove_report.frames_sentences("combined", table)
-    assert "to 1 to 3 frames, combined: SP-ResNet 70.50 [64.15, 76.85] to 80.50" in line
+    assert "of the mean answer to 1 to 3 frames, combined: SP-ResNet 70.50 [64.15, 76.85] to 80.50" in line
     assert "(points): 1: 10.00 [10.00, 10.00], 2: 10.00 [10.00, 10.00], 3: 5.00 [5.00, 5.00]." in line
     assert glove_report.frames_sentences("STAG", table.iloc[:0]) == []
 

@@ -130,12 +130,34 @@ def test_wandering_moves_variance_from_between_sessions_to_within(settings):
     for share in (0.2, 0.8):
         block = scene(settings)
         block |= {"session": block["session"] | {"wander": share}}
-        fits = np.array([glove.held(50, block, np.random.default_rng(k)).fit for k in range(60)])
-        spreads[share] = (fits.mean(axis=1).std(), fits.std(axis=1).mean(), fits[:, -1].std())
+        folds = np.log([glove.held(50, block, np.random.default_rng(k)).seat for k in range(60)])
+        spreads[share] = (folds.mean(axis=1).std(), folds.std(axis=1).mean(), folds[:, -1].std())
     few, much = spreads.values()
     assert few[0] > 1.2 * much[0] and few[1] < 0.7 * much[1]
-    degrees = settings["simulate"]["session"]["fit_deg"]
-    assert few[2] == pytest.approx(degrees, rel=0.05) and much[2] == pytest.approx(degrees, rel=0.05)
+    spread = settings["simulate"]["session"]["seat_spread"]
+    assert few[2] == pytest.approx(spread, rel=0.05) and much[2] == pytest.approx(spread, rel=0.05)
+
+
+def test_the_fit_of_a_glove_stays_for_a_session_and_differs_between_sessions(settings):
+    block = scene(settings)
+    fits = np.array([glove.held(50, block, np.random.default_rng(k)).fit for k in range(60)])
+    assert np.ptp(fits, axis=1).max() == 0
+    assert fits[:, 0].std() == pytest.approx(settings["simulate"]["session"]["fit_deg"], rel=0.05)
+
+
+def test_the_hand_shifts_no_further_than_all_fingers_find_the_object(settings):
+    def shift(name):
+        holds = [glove.held(20, scene(settings), np.random.default_rng(k), glove.OBJECTS[name]) for k in range(30)]
+        return np.abs([hold.across for hold in holds]).max()
+
+    assert shift("cup_1") == 0 and shift("tennis_ball") == 0
+    assert shift("mouse") <= 55 - glove.HAND_MM / 2 < shift("empty_bottle")
+    assert glove.HAND_MM == np.ptp(glove.ACROSS_MM[1:]) + 2 * glove.FINGER_MM
+
+
+def test_fingers_share_what_changes_their_phalanges(settings):
+    share = np.log(glove.held(5, scene(settings), np.random.default_rng(0)).share)
+    assert np.allclose(share - share[:, :1], (share - share[:, :1])[:, :, :1])  # a finger's own factor is left
 
 
 def test_softness_spreads_pressure(settings):

@@ -20,6 +20,60 @@ DASHES = {"pressure": "-", "strain": "--", "combined": ":"}
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
 
 
+def pressed_cell(path: Path, force: np.ndarray, siemens: np.ndarray, title: str) -> None:
+    """Draw figure 7: resistance and conductance (siemens) of a pressure cell against the force on it (N)."""
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6))
+    for ax, values, unit in (
+        (axes[0], 1e-3 / siemens, "Resistance (kΩ)"),
+        (axes[1], 1e3 * siemens, "Conductance (mS)"),
+    ):
+        ax.plot(force, values, color=style.BLUE)
+        ax.set(xlabel="Force (N)", ylabel=unit, ylim=(0, 1.05 * values.max()))
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def pressed_cycles(path: Path, courses: Mapping[str, np.ndarray], hz: float, period_s: float, title: str) -> None:
+    """Draw figure 8: the highest conductance in every cycle of force, and the first and the last five cycles.
+
+    courses: name -> siemens (samples,), `hz` a second; period_s: of a cycle.
+    """
+    figure, axes = plt.subplots(1, 3, figsize=(12, 3.9), width_ratios=[2, 1, 1])
+    for (name, siemens), colour, dash in zip(courses.items(), (style.BLUE, style.VERMILION), ("-", "--"), strict=True):
+        time_s = np.arange(len(siemens)) / hz
+        cycle = (time_s / period_s).astype(int)
+        highest = [1e3 * siemens[cycle == k].max() for k in range(cycle.max() + 1)]
+        axes[0].plot(np.arange(len(highest)) + 1, highest, dash, color=colour, linewidth=1.2, label=name)
+        for ax, some in ((axes[1], cycle < 5), (axes[2], cycle > cycle.max() - 5)):
+            ax.plot(time_s[some], 1e3 * siemens[some], dash, color=colour, linewidth=1.2)
+    axes[0].set(xlabel="Cycle", ylabel="Conductance (mS)", title="Highest of each cycle")
+    axes[1].set(xlabel="Time (s)", title="First cycles")
+    axes[2].set(xlabel="Time (s)", title="Last cycles")
+    for ax in axes:
+        ax.set_ylim(0, 1.1e3 * max(siemens.max() for siemens in courses.values()))
+    figure.legend(loc="outside lower center", ncols=len(courses))
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def bent_joint(path: Path, held: tuple, bends: tuple, angles: Sequence[float], title: str) -> None:
+    """Draw figure 9: mean conductance of a joint's cells at held angles, and while it is bent again and again.
+
+    held, bends: (seconds, siemens), both (samples,); angles: those held one after the other, in degrees.
+    """
+    figure, axes = plt.subplots(1, 2, figsize=(11, 3.7), sharey=True)
+    for ax, (time_s, siemens), name in zip(axes, (held, bends), ("a) Held angles", "b) Bends"), strict=True):
+        ax.plot(time_s, 1e3 * siemens, color=style.BLUE, linewidth=0.8)
+        ax.set(xlabel="Time (s)", title=name, xlim=(0, time_s[-1]), ylim=(0, 1.2e3 * bends[1].max()))
+    step = held[0][-1] / len(angles)
+    for k, angle in enumerate(angles):
+        inside = (held[0] >= k * step) & (held[0] < (k + 1) * step)
+        axes[0].text((k + 0.5) * step, 1e3 * held[1][inside].max() + 0.02, f"{angle:g}°", ha="center", va="bottom")
+    axes[0].set_ylabel("Mean conductance (mS)")
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
 def tactile_images(
     path: Path, pictures: Mapping[str, np.ndarray], strain_area: tuple[slice, slice], title: str
 ) -> None:
