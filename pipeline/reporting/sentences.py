@@ -14,10 +14,13 @@ from pipeline.scoring.results import Estimate, Fit, Scores, estimate
 MARK = re.compile(r"Differs from paper:\s*(.*)")
 
 
-def yardstick(scores: Scores, settings: Mapping, rest: str) -> str:
+def yardstick(
+    scores: Scores, settings: Mapping, rest: str, others: Mapping[str, tuple[Mapping, float]] | None = None
+) -> str:
     """Return the line on the one ratio of errors that the scene's difficulty was set by, beside the published one.
 
-    rest: what the scene's other settings come from.
+    rest: what the scene's other settings come from; others: name -> block like the yardstick's and published value of
+    ratios that were not set.
     """
     chosen = settings["yardstick"]
     if settings["source"] != "simulated":
@@ -25,12 +28,18 @@ def yardstick(scores: Scores, settings: Mapping, rest: str) -> str:
     if absent := [chosen[role] for role in ("model", "over") if chosen[role] not in settings["models"]]:
         return f"- Yardstick of the scene: {' and '.join(absent)} not among the models, so it cannot be compared."
     ours, published = error_ratio(scores, chosen), chosen["published"]
+    not_set = [
+        f"{name} {number(error_ratio(scores, block).mean)} ({number(printed)})"
+        for name, (block, printed) in (others or {}).items()
+        if block["model"] in settings["models"]
+    ]
     return (
         f"- Yardstick of the scene: error ({chosen['metric'].replace('_', ' ')}) of {model_name(chosen['model'])} over "
         f"that of {model_name(chosen['over'])}, {chosen['condition'].replace('_', ' ')}, protocol "
         f"{chosen['protocol'].replace('_', ' ')}: ours {interval(ours, 3)}, published {number(published, 3)} "
         f"({100 * (ours.mean / published - 1):+.0f} %). `{chosen['knob']}` was set by it, on validation parts "
         f"(`tactile calibrate`). {rest} What models score is a prediction of these."
+        + (f" Such ratios that were not set (published): {'; '.join(not_set)}." if not_set else "")
     )
 
 

@@ -244,7 +244,7 @@ def findings(
             "training window determined."
         )
     lines += optimism_sentences(scores, settings, protocol)
-    lines.append(sentences.yardstick(scores, settings, SCENE))
+    lines.append(sentences.yardstick(scores, settings, SCENE, other_ratios(settings)))
     lines.append(f"- {sentences.stops(trained)}")
     captions = {
         "figure2b": "characteristic curve of the fitted film",
@@ -334,6 +334,20 @@ def floor_sentence(condition: str, errors: Mapping[str, Estimate]) -> str:
     worse = [model_name(m) for m, error in errors.items() if m != "constant" and not error.mean < floor]
     text = f"- {condition.capitalize()} touch: a constant map has {number(floor)} kPa; "
     return text + (f"no better than that: {', '.join(worse)}." if worse else "every model is better.")
+
+
+def other_ratios(settings: Mapping) -> dict[str, tuple[Mapping, float]]:
+    """Return the ratios of other regressions to the yardstick's, as `sentences.yardstick` takes them."""
+    chosen = settings["yardstick"]
+    over, condition = chosen["over"], chosen["condition"]
+    return {
+        f"{model_name(model)} over {model_name(over)}": (
+            chosen | {"model": model},
+            rmse(model, condition) / rmse(over, condition),
+        )
+        for model in touch_measures.CONVENTIONAL
+        if model not in (over, chosen["model"])
+    }
 
 
 def optimism_sentences(scores: Scores, settings: Mapping, protocol: str) -> list[str]:

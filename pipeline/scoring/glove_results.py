@@ -95,15 +95,6 @@ def unfinished(fit: Fit) -> bool:
     return fit.stop_reason == "max_epochs" and late_gain(fit) > LATE_GAIN
 
 
-def wrong_ratio(scores: Scores, yardstick: Mapping) -> float:
-    """Return the wrong answers (1 - metric) of the yardstick's model over those of its other, mean over seeds."""
-    wrong = [
-        1 - scores.estimate(yardstick["protocol"], yardstick["condition"], yardstick[who], yardstick["metric"]).mean
-        for who in ("model", "over")
-    ]
-    return wrong[0] / wrong[1]
-
-
 def read_confusions(
     experiment: str, settings: Mapping, table: pa.Table, models: Mapping[str, str]
 ) -> dict[str, np.ndarray]:
