@@ -78,11 +78,12 @@ def amounts(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
     differences = []
     for dotted, papers in params.parsed(paths.FULL_SCALE).items():
         block, *keys = dotted.split(".")
-        if block == experiment:
-            ours = reduce(getitem, keys, settings)
-            if ours != papers:
-                text = f"`{dotted}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
-                differences.append(("params.yaml", text))
+        if block != experiment or (keys[0] == "models" and keys[1] not in settings["models"]):
+            continue
+        ours = reduce(getitem, keys, settings)
+        if ours != papers:
+            text = f"`{dotted}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
+            differences.append(("params.yaml", text))
     return differences
 
 
