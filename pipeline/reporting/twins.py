@@ -17,6 +17,8 @@ TITLES = {
 }
 COLUMNS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]  # of data/<experiment>/twins.csv
 SIDES = ("recorded", "simulated")
+SUMMARY = ["experiment", "statistic", "unit", *(f"{side}{end}" for side in SIDES for end in ("", "_low", "_high"))]
+SUMMARY += ["inside", "meaning", "note"]  # columns of reports/twins.csv
 
 
 def write(folder: Path) -> pd.DataFrame:
@@ -47,7 +49,7 @@ def summarised(experiment: str, table: pd.DataFrame) -> pd.DataFrame:
         inside = row["recorded_low"] <= row["simulated"] <= row["recorded_high"]
         row |= {"inside": inside if known else None}
         rows.append(row | {"meaning": values["meaning"].iloc[0], "note": values["note"].fillna("").iloc[0]})
-    return pd.DataFrame(rows).astype({"inside": "boolean"})
+    return pd.DataFrame(rows, columns=SUMMARY).astype({"inside": "boolean"})
 
 
 def readme(summary: dict[str, pd.DataFrame]) -> str:
@@ -63,7 +65,7 @@ def readme(summary: dict[str, pd.DataFrame]) -> str:
         parts.append(f"## {TITLES[experiment]}\n")
         known = table["inside"].dropna()
         if not len(known):
-            missing = "The recordings were not fetched" if table.get("recorded", pd.Series()).isna().all() else ""
+            missing = "The recordings were not fetched" if table["recorded"].isna().all() else ""
             parts.append(f"{missing or 'The data are your own logs, not simulated'}: there is nothing to compare.\n")
             continue
         parts += [

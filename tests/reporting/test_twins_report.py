@@ -50,6 +50,11 @@ def test_one_side_alone_is_no_comparison(source, reason):
     assert summary["inside"].isna().all() and reason in twins.readme({"touch": summary})
 
 
+def test_no_statistic_at_all_is_said():
+    summary = twins.summarised("touch", made({}))
+    assert list(summary.columns) == twins.SUMMARY and "The recordings were not fetched" in twins.readme({"touch": summary})
+
+
 def test_files_are_written_and_read(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     for experiment in twins.TITLES:
