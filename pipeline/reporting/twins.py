@@ -48,8 +48,13 @@ def summarised(experiment: str, table: pd.DataFrame) -> pd.DataFrame:
         known = np.isfinite(row["recorded"]) and np.isfinite(row["simulated"])
         inside = row["recorded_low"] <= row["simulated"] <= row["recorded_high"]
         row |= {"inside": inside if known else None}
-        rows.append(row | {"meaning": values["meaning"].iloc[0], "note": values["note"].fillna("").iloc[0]})
+        rows.append(row | {"meaning": values["meaning"].iloc[0], "note": _text(values["note"].iloc[0])})
     return pd.DataFrame(rows, columns=SUMMARY).astype({"inside": "boolean"})
+
+
+def _text(value) -> str:
+    """Return a cell of text, empty where the CSV has none."""
+    return value if isinstance(value, str) else ""
 
 
 def readme(summary: dict[str, pd.DataFrame]) -> str:
