@@ -81,6 +81,7 @@ NOTES = {
     "joint_between": "Not comparable: the robot's angles are its encoders', the glove's those that its films show, put "
     "on anew for every grasp. 2.2 degrees of misfit alone would give 0.985, below the recorded lowest; the rest is "
     "where an object's edge comes to lie between two joints.",
+    "rank": "At the edge of the range: other draws of the scene came out within it. Left as it is.",
     "tree_frames": "Follows from held_share: frames of one grasp are less alike in a hand that re-adjusts.",
 }
 
