@@ -52,7 +52,8 @@ def test_one_side_alone_is_no_comparison(source, reason):
 
 def test_no_statistic_at_all_is_said():
     summary = twins.summarised("touch", made({}))
-    assert list(summary.columns) == twins.SUMMARY and "The recordings were not fetched" in twins.readme({"touch": summary})
+    assert list(summary.columns) == twins.SUMMARY
+    assert "The recordings were not fetched" in twins.readme({"touch": summary})
 
 
 def test_files_are_written_and_read(tmp_path, monkeypatch):

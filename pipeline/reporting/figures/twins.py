@@ -43,6 +43,7 @@ def positions(path: Path, title: str, table: pd.DataFrame, summary: pd.DataFrame
     ax.set_xticks([0, 1], ["lowest recorded", "highest recorded"])
     ax.set_ylabel("statistic: median recorded, simulated")
     ax.set_title(
-        f"{title}\ngrey bars: recordings; dots: simulated;\ndiamond: median of the simulated, blue within the recorded range"
+        f"{title}\ngrey bars: recordings; dots: simulated;\n"
+        "diamond: median of the simulated, blue within the recorded range"
     )
     style.save(figure, path)
