@@ -267,7 +267,7 @@ def test_impossible_settings_are_one_sentence(tmp_path):
     ):
         with pytest.raises(InputError, match=sentence):
             built("lstm_highpass", block | change)
-    with pytest.raises(InputError, match="no stretch of 5000 training samples; lower training.length"):
+    with pytest.raises(InputError, match="no stretch of 5000 samples to train on; lower training.length"):
         model = built("lstm_highpass", block | {"training": RECIPE | {"length": 5000}})
         model.fit([record(tmp_path)], seed=0, device="cpu")
     with pytest.raises(InputError, match="press is 10, which needs windows of 13 samples, but they have 10"):
