@@ -76,13 +76,11 @@ def amounts(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
     The papers' amounts of data, epochs and runs are the values of scales/full.yaml.
     """
     differences = []
-    for dotted, papers in params.parsed(paths.FULL_SCALE).items():
-        block, *keys = dotted.split(".")
-        if block != experiment or (keys[0] == "models" and keys[1] not in settings["models"]):
-            continue
+    for keys, papers in params.full_scale(experiment, settings):
         ours = reduce(getitem, keys, settings)
         if ours != papers:
-            text = f"`{dotted}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
+            name = ".".join([experiment, *keys])
+            text = f"`{name}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
             differences.append(("params.yaml", text))
     return differences
 
