@@ -15,6 +15,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from pipeline import experiments
 from pipeline.base import params, workers
 from pipeline.base.errors import InputError
 from pipeline.scoring import classification
@@ -47,6 +48,16 @@ def changes_of(knob: str, value: float) -> dict:
     return changes
 
 
+def held_out(settings: Mapping) -> dict:
+    """Return settings of recordings that end with the validation part, which is their test part.
+
+    Models of series are trained on the validation part, too, so it has to be kept from them.
+    """
+    split, scene = settings["split"], settings["simulate"]
+    shorter = {"samples": round(scene["samples"] * split["train"])}
+    return {**settings, "split": split | {"train": 1 - split["validation"]}, "simulate": scene | shorter}
+
+
 def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> tuple[float, float]:
     """Return the errors of the yardstick's two models on the validation part, with the knob at `value`."""
     import torch
@@ -55,8 +66,10 @@ def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> 
     chosen, block = values[experiment]["yardstick"], f"{experiment}.models"
     names = [chosen["model"], chosen["over"]]
     settings = changed_scene.settings_of(values, experiment, changes_of(chosen["knob"], value), chosen["knob"])
-    settings = changed_scene.drawn(settings, seed)
-    asked = changed_scene.Asked([chosen["protocol"]], settings["models"], block, names, "validation")
+    settings, part = changed_scene.drawn(settings, seed), "validation"
+    if experiments.module(experiment).KIND == "series":
+        settings, part = held_out(settings), "test"
+    asked = changed_scene.Asked([chosen["protocol"]], settings["models"], block, names, part)
     errors = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -28,8 +28,8 @@ FITTING = {
 SCENES = {
     "touch": ["scenes/touch", "scenes/touch_contact", "scenes/touch_motion"],
     "strain": ["scenes/strain"],
-    "glove": ["scenes/glove"],
-}  # the files that write an experiment's simulated logs
+    "glove": ["scenes/glove", "reporting/glove"],
+}  # the files that write an experiment's simulated logs, or draw its laws
 
 
 def read(experiment: str, settings: Mapping) -> tuple[results.Scores, dict, pa.Table, str, int]:

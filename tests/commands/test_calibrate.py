@@ -2,6 +2,7 @@
 
 import argparse
 
+import numpy as np
 import pytest
 import yaml
 from builders.project import ROOT
@@ -10,6 +11,7 @@ from pipeline.base import params, workers
 from pipeline.base.errors import InputError
 from pipeline.commands import calibrate
 from pipeline.commands.scale import set_values
+from pipeline.datasets import series
 from pipeline.stability import changed_scene
 
 
@@ -57,7 +59,19 @@ def test_the_nearest_value_is_named_and_the_test_part_is_not_read(experiment, va
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1].startswith(f"nearest: {values[experiment]['yardstick']['knob']} = 0.32, ratio 0.160")
     assert len(lines) == 1 + 3 * 2 + 1
-    assert {asked.part for asked in made_scores} == {"validation"}
+    assert {asked.part for asked in made_scores} == {"test" if experiment == "strain" else "validation"}
+
+
+def test_the_validation_part_of_a_series_is_kept_from_training_and_the_test_part_is_left_out(values):
+    settings = values["strain"]
+    shorter = calibrate.held_out(settings)
+    before, after = settings["simulate"]["samples"], shorter["simulate"]["samples"]
+    parts = [
+        series.chronological(n, *(block["split"][k] for k in ("train", "validation")))
+        for n, block in ((before, settings), (after, shorter))
+    ]
+    assert after == np.flatnonzero(parts[0] == "test")[0], "the recording ends where the test part began"
+    assert np.flatnonzero(parts[1] == "test")[0] == np.flatnonzero(parts[0] == "validation")[0]
 
 
 def test_the_papers_amounts_are_those_of_the_full_scale(values):
