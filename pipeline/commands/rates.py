@@ -64,11 +64,11 @@ def text(values: Mapping, experiment: str, rows: list[Mapping]) -> str:
     rates = sorted({float(row["learning_rate"]) for row in rows})
     lines = []
     for model in dict.fromkeys(row["model"] for row in rows):
-        found = {float(row["learning_rate"]): float(row["rmse_kpa"]) for row in rows if row["model"] == model}
-        known = {rate: rmse for rate, rmse in found.items() if math.isfinite(rmse)}
+        errors = {float(row["learning_rate"]): float(row["rmse_kpa"]) for row in rows if row["model"] == model}
+        errors = {rate: rmse for rate, rmse in errors.items() if math.isfinite(rmse)}
         set_to = values[experiment]["models"][model]["training"]["learning_rate"]
-        lowest = f"{min(known, key=known.get):g}" if known else "none"
-        cells = [number(found[rate]) if rate in known else "diverged" for rate in rates]
+        lowest = f"{min(errors, key=errors.get):g}" if errors else "none"
+        cells = [number(errors[rate]) if rate in errors else "diverged" for rate in rates]
         lines.append([model_name(model), *cells, lowest, f"{set_to:g}"])
     seconds = sum(float(row["seconds"]) for row in rows)
     return "\n".join(

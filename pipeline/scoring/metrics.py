@@ -97,7 +97,7 @@ def touch(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[R
     near = away <= sensor["pitch_mm"]
     under = maps[touches.window, touches.row, touches.col]
     off = np.abs(np.where(near, kpa, under) - touches.kpa)
-    counts = [np.bincount(found.window, minlength=len(maps)) for found in (touches, seen.chosen(seen.kpa >= lowest))]
+    counts = [np.bincount(kind.window, minlength=len(maps)) for kind in (touches, seen.chosen(seen.kpa >= lowest))]
     right = (counts[0] == counts[1]) & (np.bincount(touches.window, ~near, len(maps)) == 0)
     cells = label["map_rows"] * label["map_cols"]
     cell_n = 1e-3 * sensor["rows"] * sensor["cols"] * sensor["pitch_mm"] ** 2 / cells  # force of 1 kPa on a cell
@@ -173,7 +173,7 @@ def paired(touches: Peaks, seen: Peaks, windows: int) -> tuple[np.ndarray, np.nd
     """
     away, kpa = np.zeros((2, len(touches.window)))
     seen = seen.chosen(np.lexsort((-seen.kpa, seen.window)))
-    sizes, there = (np.bincount(found.window, minlength=windows) for found in (touches, seen))
+    sizes, there = (np.bincount(kind.window, minlength=windows) for kind in (touches, seen))
     firsts = [np.cumsum(counts) - counts for counts in (sizes, there)]
     for k in np.unique(sizes[sizes > 0]):
         for most in np.unique(np.minimum(there[sizes == k], k)):

@@ -189,7 +189,7 @@ def statistics(courses: Mapping[str, list[Course]]) -> pd.DataFrame:
 
 def of_one(course: Course) -> dict[str, float]:
     """Return the statistics of one repetition; creep_long only where a press is long enough."""
-    step, z, found = course.time_s[1] - course.time_s[0], course.log_reading, presses(course)
+    step, z, pressed = course.time_s[1] - course.time_s[0], course.log_reading, presses(course)
 
     def steps(seconds: float) -> int:
         return round(seconds / step)
@@ -197,29 +197,29 @@ def of_one(course: Course) -> dict[str, float]:
     def mean(first: int, stop: int) -> float:
         return float(z[max(first, 0) : max(stop, 1)].mean())
 
-    rests = [mean(press.first - steps(0.8), press.first - steps(0.5)) for press in found]
-    held = [mean(press.left - steps(0.1), press.left + 1) for press in found]
+    rests = [mean(press.first - steps(0.8), press.first - steps(0.5)) for press in pressed]
+    held = [mean(press.left - steps(0.1), press.left + 1) for press in pressed]
     result = {
         "response": float(np.median(np.subtract(rests, held))),
-        "loading_loop": float(np.median([loop(course, press) for press in found])),
+        "loading_loop": float(np.median([loop(course, press) for press in pressed])),
         "place_spread": float(np.std(held)),
         "rest_spread": float(np.std(rests)),
     }
     creep = [
         z[press.reached + steps(0.3)] - end
-        for press, end in zip(found, held, strict=True)
+        for press, end in zip(pressed, held, strict=True)
         if press.left - press.reached > steps(0.5)
     ]
     result["creep_press"] = float(np.median(creep))
     long = [
         mean(press.first + steps(1.0), press.first + steps(1.2)) - end
-        for press, end in zip(found, held, strict=True)
+        for press, end in zip(pressed, held, strict=True)
         if press.stop - press.first > steps(LONG_S)
     ]
     if long:
         result["creep_long"] = float(np.median(long))
     over, left, noise = [], [], []
-    for (press, following), rest in zip(itertools.pairwise(found), rests[1:], strict=True):
+    for (press, following), rest in zip(itertools.pairwise(pressed), rests[1:], strict=True):
         over.append(mean(press.stop + steps(0.1), press.stop + steps(0.3)) - rest)
         if following.first - press.stop > steps(2.8) and over[-1] > LEAST_OVERSHOOT:
             left.append((mean(press.stop + steps(1.9), press.stop + steps(2.1)) - rest) / over[-1])
@@ -250,8 +250,8 @@ def of_pair(first: Course, second: Course) -> dict[str, float]:
     scores = [r_squared(first, second, lags) for lags in ((), LAGS_S)]
     held = []
     for course in (first, second):
-        found = presses(course)
-        held.append([course.log_reading[press.left - 5 : press.left + 1].mean() for press in found])
+        pressed = presses(course)
+        held.append([course.log_reading[press.left - 5 : press.left + 1].mean() for press in pressed])
     result = {"r2_present": scores[0], "r2_past": scores[1], "gain_from_past": scores[1] - scores[0]}
     if len(held[0]) == len(held[1]) == PRESSES:
         result["repeatability"] = float(np.std(np.subtract(held[1], held[0])))

@@ -34,12 +34,12 @@ def made(wrong: str) -> Dataset:
 
 
 def test_rates_get_the_same_number_of_updates_and_do_not_read_the_test_part(values):
-    found = [rates.search(values, "touch", "cnn", rate, 40, made("test")) for rate in (1e-5, 3e-3)]
-    rows = [dict(zip(rates.COLUMNS, row, strict=True)) for row in found]
+    searched = [rates.search(values, "touch", "cnn", rate, 40, made("test")) for rate in (1e-5, 3e-3)]
+    rows = [dict(zip(rates.COLUMNS, row, strict=True)) for row in searched]
     assert [row["updates"] for row in rows] == [40, 40] and [row["epochs"] for row in rows] == [10, 10]
     assert rows[1]["rmse_kpa"] < rows[0]["rmse_kpa"] < 1000
     same = rates.search(values, "touch", "cnn", 3e-3, 40, made("nowhere"))
-    assert same[:7] == found[1][:7]
+    assert same[:7] == searched[1][:7]
 
 
 def test_a_rate_that_diverges_is_said_and_the_lowest_named(values, tmp_path):

@@ -209,10 +209,10 @@ def test_fit_finds_known_parameters_and_places():
     recording = made("made", np.concatenate([press(peak, rest_s=3.0) for peak in (15.0, 20.0, 10.0)]), TRUTH, log_gain)
     free = ["rest", "exponent", "release_gain"]
     start = {**TRUTH, "rest": 6.0, "exponent": 0.9, "release_gain": 0.02}
-    found = fit_material.fit([recording], start, free, exponents=False)
-    assert all(found.values[name] == pytest.approx(TRUTH[name], abs=5e-3) for name in free)
-    assert np.allclose(found.log_gain, log_gain, atol=5e-3)
-    assert fit_material.scores(found, [recording])[0] > 0.9999 > fit_material.scores(found, [recording], False)[0]
+    fit = fit_material.fit([recording], start, free, exponents=False)
+    assert all(fit.values[name] == pytest.approx(TRUTH[name], abs=5e-3) for name in free)
+    assert np.allclose(fit.log_gain, log_gain, atol=5e-3)
+    assert fit_material.scores(fit, [recording])[0] > 0.9999 > fit_material.scores(fit, [recording], False)[0]
 
 
 def test_slow_creep_is_fitted_to_the_course_of_long_holds():
@@ -222,9 +222,9 @@ def test_slow_creep_is_fitted_to_the_course_of_long_holds():
     long = fit_material.holds([recording])
     assert len(long) == 1
     start = fit_material.Fit(TRUTH | {"slow_weight": 0.0}, np.zeros(2), np.ones(2))
-    found = fit_material.with_slow_creep(start, long)
-    assert found.values["slow_weight"] == pytest.approx(0.06, abs=1e-3)
-    assert found.values["slow_time_s"] == pytest.approx(7.0, rel=0.02)
+    fit = fit_material.with_slow_creep(start, long)
+    assert fit.values["slow_weight"] == pytest.approx(0.06, abs=1e-3)
+    assert fit.values["slow_time_s"] == pytest.approx(7.0, rel=0.02)
 
 
 def test_neighbours_on_the_raster_are_correlated():

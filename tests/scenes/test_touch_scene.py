@@ -92,8 +92,8 @@ def test_crosstalk_stays_within_a_column_and_can_be_switched_off():
 
 
 def test_counts_are_clipped_whole_numbers():
-    found = readout.counts(np.array([-0.1, 0.0, 2.5, 5.0]), supply_v=5.0, levels=1024)
-    assert found.tolist() == [0, 0, 512, 1023] and found.dtype == np.int16
+    read = readout.counts(np.array([-0.1, 0.0, 2.5, 5.0]), supply_v=5.0, levels=1024)
+    assert read.tolist() == [0, 0, 512, 1023] and read.dtype == np.int16
 
 
 def test_load_is_conserved_but_for_the_gaps(settings):
@@ -143,10 +143,10 @@ def test_an_element_has_the_gain_of_where_it_is_loaded(settings):
     at = [round((z + touch_contact.EDGE_MM) / touch_contact.GRID_MM) for z in (y, x)]
     scene["contact"]["silicone_spread_mm"] = 0.0  # a sharp contact: its centre on the element is its place
     sharp = touch_contact.steady(np.array([20.0]), x, y, 0.5)
-    found = loads(settings, sharp).gain[0, 12]
-    assert found == pytest.approx(np.exp(touch_contact.field_spread(2.5)[0] * field[tuple(at)]), rel=1e-3)
+    gain = loads(settings, sharp).gain[0, 12]
+    assert gain == pytest.approx(np.exp(touch_contact.field_spread(2.5)[0] * field[tuple(at)]), rel=1e-3)
     twice = loads(settings, sharp, sharp._replace(force_n=np.array([1e-6]), x_mm=np.array([26.0])))
-    assert twice.gain[0, 12] == pytest.approx(found, rel=1e-3)  # the weight of a touch is its load
+    assert twice.gain[0, 12] == pytest.approx(gain, rel=1e-3)  # the weight of a touch is its load
     other = touch_contact.places(scene | {"specimen": scene["specimen"] + 1}, sensor, 2.5)[0]
     assert np.corrcoef(field.ravel(), other.ravel())[0, 1] < 0.3
 

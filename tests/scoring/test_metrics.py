@@ -44,11 +44,11 @@ def test_touch_metrics_of_known_predictions(settings):
 
 def test_a_touch_is_searched_in_the_whole_map(settings):
     truth = maps_of(settings, [(100, 31.5, 31.5)])
-    for away_mm, found in ((9.0, 1.0), (12.0, 1.0), (15.0, 0.0), (27.0, 0.0)):
+    for away_mm, share in ((9.0, 1.0), (12.0, 1.0), (15.0, 0.0), (27.0, 0.0)):
         predicted = maps_of(settings, [(80, 31.5 + away_mm, 31.5)]) + 0.1 * truth
         off = scores(truth, predicted, settings)
         assert off["location_error"][0] == pytest.approx(away_mm, abs=0.02), "the highest peak of the map, however far"
-        assert off["touches_found"][0] == found, "one peak, but not within a pitch of 12 mm"
+        assert off["touches_found"][0] == share, "one peak, but not within a pitch of 12 mm"
         near = away_mm <= settings["sensor"]["pitch_mm"]
         expected = 100 - predicted.max() if near else 100 - predicted.reshape(20, 20)[10, 10]
         assert off["peak_error"][0] == pytest.approx(expected, rel=1e-5)
@@ -86,8 +86,8 @@ def test_r2_is_the_share_of_the_variance_around_the_mean():
         (np.full_like(truth, truth.mean(dtype=float)), 0.0),
         (2 * truth.mean() - truth, -3.0),
     ):
-        found = {name: value for name, _, value, _ in metrics.overall(truth, guess, "kPa")}
-        assert found["r2"] == pytest.approx(r2, abs=1e-4)
+        scored = {name: value for name, _, value, _ in metrics.overall(truth, guess, "kPa")}
+        assert scored["r2"] == pytest.approx(r2, abs=1e-4)
 
 
 def test_a_plateau_is_one_peak(settings):
@@ -96,10 +96,10 @@ def test_a_plateau_is_one_peak(settings):
     maps[2, 5, 5], maps[2, 5, 6], maps[2, 14, 3], maps[2, 0, 19] = 100, 90, 50, 10
     maps[3, 5:7, 5:7] = 70
     maps[3, 12, 12], maps[3, 12, 15] = 60, 60  # 9 mm apart
-    found = metrics.peaks(maps, settings["sensor"])
-    found = found.chosen(found.kpa >= 15)
-    assert np.bincount(found.window, minlength=4).tolist() == [0, 1, 2, 3]
-    plateau = found.chosen(found.kpa == 70)
+    tops = metrics.peaks(maps, settings["sensor"])
+    tops = tops.chosen(tops.kpa >= 15)
+    assert np.bincount(tops.window, minlength=4).tolist() == [0, 1, 2, 3]
+    plateau = tops.chosen(tops.kpa == 70)
     assert (plateau.x_mm, plateau.y_mm) == (18.0, 18.0), "the middle of its four cells"
     flat = metrics.peaks(np.full((1, 20, 20), 5.0), settings["sensor"])
     assert len(flat.window) == 1 and (flat.x_mm, flat.y_mm) == (31.5, 31.5)
@@ -111,24 +111,24 @@ def test_the_place_of_a_peak_is_known_between_cells(settings):
         maps = maps_of(settings, [(200, x, 16.5)]).reshape(-1, 20, 20)
         noise = np.random.default_rng(0).normal(0, 0.1, (50, 20, 20))
         for tried in (maps, maps + noise):
-            found = metrics.peaks(tried, settings["sensor"])
-            found = found.chosen(found.kpa > 15)
-            assert len(found.window) == len(tried)
-            np.testing.assert_allclose(found.x_mm, place, atol=0.02 if len(tried) > 1 else 1e-4)
-            np.testing.assert_allclose(found.y_mm, 16.5, atol=0.02)
+            tops = metrics.peaks(tried, settings["sensor"])
+            tops = tops.chosen(tops.kpa > 15)
+            assert len(tops.window) == len(tried)
+            np.testing.assert_allclose(tops.x_mm, place, atol=0.02 if len(tried) > 1 else 1e-4)
+            np.testing.assert_allclose(tops.y_mm, 16.5, atol=0.02)
 
 
 def test_scores_of_known_predictions():
     truth = np.array([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0], [9.0, 12.0]], np.float32)
     flags = np.ones(4, dtype=bool)
     rest = series.Record(np.zeros((4, 1)), truth, flags, flags, np.full(4, -1))
-    found = {name: value for name, _, value, _ in metrics.series(rest, truth + [3, 4], (0, 1))}
-    assert found["error"] == pytest.approx(5.0) and "press_error" not in found
-    assert found["r2_x"] == pytest.approx(1 - 4 * 9 / np.square(truth[:, 0] - 4.5).sum())
+    scored = {name: value for name, _, value, _ in metrics.series(rest, truth + [3, 4], (0, 1))}
+    assert scored["error"] == pytest.approx(5.0) and "press_error" not in scored
+    assert scored["r2_x"] == pytest.approx(1 - 4 * 9 / np.square(truth[:, 0] - 4.5).sum())
     pressed = rest._replace(press=np.array([7, 7, 8, 8]), y=np.repeat(truth[[0, 2]], 2, axis=0))
     guess = pressed.y + np.array([[99, 99], [3, 4], [99, 99], [3, 4]])  # only the second half of a press counts
-    found = {name: (value, n) for name, _, value, n in metrics.series(pressed, guess, (0, 1))}
-    assert found["press_error"] == (pytest.approx(5.0), 2)
+    scored = {name: (value, n) for name, _, value, n in metrics.series(pressed, guess, (0, 1))}
+    assert scored["press_error"] == (pytest.approx(5.0), 2)
     depth = rest._replace(y=truth[:, :1])
     single = {name: value for name, _, value, _ in metrics.series(depth, depth.y - 2, (2,))}
     assert single["error"] == pytest.approx(2.0) and "r2_z" in single

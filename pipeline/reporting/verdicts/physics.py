@@ -64,7 +64,7 @@ class Change(NamedTuple):
     @property
     def equivalent(self) -> bool:
         """Tell whether the whole interval lies inside the margin."""
-        return 1 - MARGIN < 1 + self.low and 1 + self.high < 1 + MARGIN
+        return -MARGIN < self.low and self.high < MARGIN
 
     @property
     def beyond(self) -> bool:
