@@ -1,8 +1,9 @@
 """Search the learning rate of every network of touch in the same way, on validation windows.
 
-Each network is trained with each rate of RATES, kept constant, for the same number of updates, on the training part of
-the first protocol and seed; the test part is not read. Writes reports/rates/<experiment>.csv and .md: the lowest
-validation RMSE per network and rate, and the seconds. It changes no setting.
+Each network is trained with each rate of a grid, kept constant, for the same number of updates, on the training part of
+the first protocol and seed; the test part is not read. The grid goes on beyond an end for as long as the lowest error
+is there. Writes reports/rates/<experiment>.csv and .md: the lowest validation RMSE per network and rate, and the
+seconds. It changes no setting.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from pipeline.reporting.words.markdown import number, table
 from pipeline.tasks import windows as tasks_windows
 
 NETWORKS = ("cnn", "vgg", "convlstm", "rnn", "lomp")  # of Table I
-RATES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+GRID = range(-8, -3)  # 1e-4 to 1e-2, see `rate`
 COLUMNS = ("model", "learning_rate", "batch_size", "updates", "best_epoch", "epochs", "rmse_kpa", "seconds")
 
 
@@ -34,7 +35,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--updates", type=int, default=1000, help="of each training (default 1000)")
 
 
-def search(values: Mapping, experiment: str, model: str, rate: float, updates: int, data: Dataset) -> tuple:
+def rate(place: int) -> float:
+    """Return the learning rate at a place of the endless grid ..., 1e-4 (-8), 3e-4 (-7), 1e-3 (-6), ..."""
+    return float(f"{(1, 3)[place % 2]}e{place // 2}")
+
+
+def beyond(errors: Mapping[int, float]) -> int | None:
+    """Return the next place beyond the end of a network's grid where its error is lowest; None if that is no end.
+
+    errors: place -> validation RMSE, NaN where the training diverged.
+    """
+    known = {place: rmse for place, rmse in errors.items() if math.isfinite(rmse)}
+    if not known:
+        return None
+    lowest = min(known, key=known.get)
+    return {min(errors): lowest - 1, max(errors): lowest + 1}.get(lowest)
+
+
+def search(values: Mapping, experiment: str, model: str, learning_rate: float, updates: int, data: Dataset) -> tuple:
     """Return the row (COLUMNS) of one network at one rate; a training that diverged has NaN as RMSE."""
     import torch
 
@@ -45,7 +63,13 @@ def search(values: Mapping, experiment: str, model: str, rate: float, updates: i
     train, validation = (data.windows(part == name, streams=False) for name in ("train", "validation"))
     block = params.model_settings(values, experiment, model)
     epochs = max(1, round(updates / math.ceil(len(train[0]) / block["training"]["batch_size"])))
-    constant = {"learning_rate": rate, "max_epochs": epochs, "patience": epochs, "plateau": epochs, "drop": 1.0}
+    constant = {
+        "learning_rate": learning_rate,
+        "max_epochs": epochs,
+        "patience": epochs,
+        "plateau": epochs,
+        "drop": 1.0,
+    }
     block = block | {"training": block["training"] | constant}
     network = models.build(model, tasks_windows.spec(settings), block, f"{experiment}.models.{model}")
     began = time.perf_counter()
@@ -55,7 +79,7 @@ def search(values: Mapping, experiment: str, model: str, rate: float, updates: i
     rmse = math.sqrt(losses[best - 1]) if best and np.isfinite(losses).all() else float("nan")
     done = len(history) * math.ceil(len(train[0]) / block["training"]["batch_size"])
     taken = time.perf_counter() - began
-    return (model, rate, block["training"]["batch_size"], done, best, len(history), rmse, taken)
+    return (model, learning_rate, block["training"]["batch_size"], done, best, len(history), rmse, taken)
 
 
 def text(values: Mapping, experiment: str, rows: list[Mapping]) -> str:
@@ -64,11 +88,12 @@ def text(values: Mapping, experiment: str, rows: list[Mapping]) -> str:
     rates = sorted({float(row["learning_rate"]) for row in rows})
     lines = []
     for model in dict.fromkeys(row["model"] for row in rows):
-        errors = {float(row["learning_rate"]): float(row["rmse_kpa"]) for row in rows if row["model"] == model}
-        errors = {rate: rmse for rate, rmse in errors.items() if math.isfinite(rmse)}
+        tried = {float(row["learning_rate"]): float(row["rmse_kpa"]) for row in rows if row["model"] == model}
+        errors = {rate: rmse for rate, rmse in tried.items() if math.isfinite(rmse)}
         set_to = values[experiment]["models"][model]["training"]["learning_rate"]
         lowest = f"{min(errors, key=errors.get):g}" if errors else "none"
-        cells = [number(errors[rate]) if rate in errors else "diverged" for rate in rates]
+        words = dict.fromkeys(tried, "diverged") | {rate: number(rmse) for rate, rmse in errors.items()}
+        cells = [words.get(rate, "-") for rate in rates]
         lines.append([model_name(model), *cells, lowest, f"{set_to:g}"])
     seconds = sum(float(row["seconds"]) for row in rows)
     return "\n".join(
@@ -76,7 +101,7 @@ def text(values: Mapping, experiment: str, rows: list[Mapping]) -> str:
             "# Learning rates\n",
             f"Lowest validation RMSE (kPa) of {rows[0]['updates']} updates, or the nearest number of whole epochs, "
             f"with a constant rate; split `{protocol}`, seed {seed}, {seconds:.0f} s in all. The same search for every "
-            "network; the test part was not read.\n",
+            "network, further where the lowest error is at an end of it; the test part was not read.\n",
             table(["Network", *(f"{rate:g}" for rate in rates), "Lowest at", "params.yaml has"], lines),
         ]
     )
@@ -92,11 +117,17 @@ def main(given: argparse.Namespace) -> None:
     data = read_dataset(
         paths.require(paths.dataset(given.experiment), made_by), values[given.experiment]["window"]["frames"]
     )
-    runs = [(model, rate) for model in wanted for rate in RATES]
-    rows = [
-        search(values, given.experiment, model, rate, given.updates, data)
-        for model, rate in tqdm(runs, desc=f"rates {given.experiment}", unit="training")
-    ]
+    rows = []
+    with tqdm(total=len(wanted) * len(GRID), desc=f"rates {given.experiment}", unit="training") as bar:
+        for model in wanted:
+            errors, places = {}, list(GRID)
+            while places:
+                place = places.pop(0)
+                rows.append(search(values, given.experiment, model, rate(place), given.updates, data))
+                errors[place] = rows[-1][COLUMNS.index("rmse_kpa")]
+                bar.update()
+                if not places and (further := beyond(errors)) is not None:
+                    places, bar.total = [further], bar.total + 1
     write(values, given.experiment, rows, paths.REPORTS / "rates")
 
 

@@ -56,3 +56,13 @@ def test_a_rate_that_diverges_is_said_and_the_lowest_named(values, tmp_path):
 def test_every_network_of_table_one_is_searched(values):
     networks = {name for name, block in values["touch"]["models"].items() if "training" in block}
     assert networks - {"lomp_stream"} == set(rates.NETWORKS)
+
+
+def test_the_grid_goes_on_where_the_lowest_error_is_at_its_end():
+    assert [rates.rate(place) for place in (-9, -8, -7, -4, -3)] == [3e-5, 1e-4, 3e-4, 1e-2, 3e-2]
+    nan = float("nan")
+    assert rates.beyond({-8: 1.0, -7: 2.0, -6: 3.0}) == -9
+    assert rates.beyond({-8: 3.0, -7: 2.0, -6: 1.0}) == -5
+    assert rates.beyond({-8: 3.0, -7: 2.0, -6: nan}) is None  # what diverged is beyond the best
+    assert rates.beyond({-8: 3.0, -7: 1.0, -6: 2.0}) is None
+    assert rates.beyond({-8: nan, -7: nan}) is None
