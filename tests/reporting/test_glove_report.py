@@ -141,7 +141,7 @@ def write_glove(settings):
 
 
 def trained_rows(levels, first=2, form="trained"):
-    """Rows of input_frames.csv; levels: model -> precision at `first` frames and on; seed 1 is one point above seed 0."""
+    """Rows of input_frames.csv; levels: model -> precision at `first` frames and on; seed 1: one point more."""
     rows = [
         (form, model, seed, frames, metric, "1", level + 0.01 * seed, 9)
         for model, values in levels.items()
