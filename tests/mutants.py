@@ -107,6 +107,20 @@ MUTANTS = [
         SELECTION,
     ),
     Mutant(
+        "several-frames-stop-on-test",
+        "pipeline/studies/joined_frames.py",
+        'network.fit(train, windows["validation"],',
+        'network.fit(train, windows["test"],',
+        "studies/test_input_frames.py",
+    ),
+    Mutant(
+        "sets-of-frames-mix-sessions",
+        "pipeline/scoring/frame_sets.py",
+        'rows = rows[np.argsort(group[rows], kind="stable")]',
+        "group = np.sort(group[rows])",
+        "studies/test_input_frames.py",
+    ),
+    Mutant(
         "networks-keep-the-last-epoch",
         "pipeline/learning/training.py",
         "        network.load_state_dict(best_weights)",

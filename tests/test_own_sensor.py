@@ -438,6 +438,7 @@ def test_any_name_of_a_glove_object(tmp_path):
     train = [f"stages.train glove {model}" for model in models]
     then = (
         "studies.augmentation glove",
+        "studies.input_frames glove",
         "studies.stag glove",
         "studies.counts",
         "stages.evaluate glove",

@@ -480,6 +480,12 @@ Glove = block(
     ),
     models=Models,
     augmentation=block(model=Text, split=Text, seeds=distinct(Seed)),
+    input_frames=block(
+        dataset=Literal["pressure", "combined"],  # those with claims on figure 15
+        split=Text,
+        numbers=distinct(whole(1, 8)),
+        seeds=distinct(Seed),
+    ),
     stag=block(file=Text, seeds=distinct(Seed), validation=Fraction),
     latency=Latency,
 )

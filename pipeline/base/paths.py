@@ -103,6 +103,11 @@ def augmentation(experiment: str) -> Path:
     return experiment_folder(experiment) / "augmentation.csv"
 
 
+def input_frames(experiment: str) -> Path:
+    """Return the scores of networks that are trained on several input frames (output of input_frames)."""
+    return experiment_folder(experiment) / "input_frames.csv"
+
+
 def ablation(experiment: str) -> Path:
     """Return the scores of models with one thing changed (output of ablation)."""
     return experiment_folder(experiment) / "ablation.csv"

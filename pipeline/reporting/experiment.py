@@ -29,7 +29,8 @@ SCENES = {
     "touch": ["scenes/touch", "scenes/touch_contact", "scenes/touch_motion"],
     "strain": ["scenes/strain"],
     "glove": ["scenes/glove", "reporting/glove"],
-}  # the files that write an experiment's simulated logs, or draw its laws
+    "glove_recorded": ["reporting/glove_recorded"],
+}  # the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open
 
 
 def read(experiment: str, settings: Mapping) -> tuple[results.Scores, dict, pa.Table, str, int]:

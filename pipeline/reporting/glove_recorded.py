@@ -48,7 +48,10 @@ DATASETS = {"pressure": "pressure", "strain": "joint angles", "combined": "combi
 
 
 def write(target: Path, settings: Mapping) -> None:
-    """Write the report of `glove_recorded`; see `experiment`."""
+    """Write the report of `glove_recorded`; see `experiment`.
+
+    Differs from paper: left open there and chosen here: batches of 32 images.
+    """
     accuracy = target / "accuracy"
     scores, latency, dataset, _, _ = experiment.read("glove_recorded", settings)
     objects, fits = images.classes(dataset), read_fits("glove_recorded", settings)

@@ -13,7 +13,9 @@ from builders.project import Project
 from pipeline.base import paths
 
 # A change of one model of `touch` must not run what makes its data, nor another model, nor another experiment.
-FORBIDDEN = r"simulate|ingest|window|dataset|model_zero|study|augment|probe|count|stag|(?<!render_)rightsize|physics"
+FORBIDDEN = (
+    r"simulate|ingest|window|dataset|model_zero|study|augment|frames|probe|count|stag|(?<!render_)rightsize|physics"
+)
 FORBIDDEN += r"|train_(?!touch@tree$)|@(?!touch$|tree$)|_(strain|glove|velostat)"
 
 

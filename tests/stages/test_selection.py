@@ -177,7 +177,7 @@ def of_train_stag(values, wrong, folder):
     data = stag_data(wrong, values["glove"]["stag"]["validation"])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stag, "read", lambda path: data)
-        stag_stage.train_run(values, "glove", "sp_resnet", 0, "metadata.mat", nothing)
+        stag_stage.train_run(values, "glove", "sp_resnet", 0, 1, "metadata.mat", nothing)
 
 
 STAGES = (of_train, of_train_images, of_augment, of_rightsize_touch, of_rightsize_glove)

@@ -13,6 +13,7 @@ from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import model_style
 from pipeline.reporting.words.labels import model_name
+from pipeline.scoring.glove_results import FORMS
 from pipeline.scoring.results import Fit, estimate
 
 COLOURS = {"pressure": style.BLUE, "strain": style.VERMILION, "combined": style.BLACK}  # of the datasets
@@ -163,27 +164,30 @@ def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], tit
 
 
 def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: str) -> None:
-    """Draw figure 15: macro precision against the number of input frames, one panel per table, one line per model.
+    """Draw figure 15: macro precision against the number of input frames, one panel per table.
 
-    panels: title -> model, seed, frames, metric, value (fraction).
+    One line per model and form: of networks trained on all frames, and dotted with open marks of mean answers.
+    panels: title -> form, model, seed, frames, metric, value (fraction).
     """
     figure, axes = style.panels(len(panels), len(panels), 4.8 * len(panels) + 0.4, 4, 0)
     handles = {}
     for ax, (name, table) in zip(axes[0], panels.items(), strict=True):
         precision = table[table["metric"] == "macro_precision"]
-        count = precision["model"].nunique()
-        for k, (model, runs) in enumerate(precision.groupby("model", sort=False)):
+        lines = precision.groupby(["model", "form"], sort=False)
+        count = lines.ngroups
+        for k, ((model, form), runs) in enumerate(lines):
             look, place = model_style(model), 0.12 * (k - (count - 1) / 2)  # side by side: intervals overlap
             estimates = {n: estimate(100 * part["value"]) for n, part in runs.groupby("frames")}
             mean, spread = style.spread(estimates.values())
-            handles[look.label] = ax.errorbar(
+            dotted = {"linestyle": ":", "markerfacecolor": "white"} if form == "mean" else {"linestyle": look.linestyle}
+            handles[f"{look.label}, {FORMS[form]}"] = ax.errorbar(
                 np.array(list(estimates)) + place, mean, np.nan_to_num(spread), color=look.color, marker=look.marker,
-                linestyle=look.linestyle, capsize=3, markersize=6,
+                capsize=3, markersize=6, **dotted,
             )  # fmt: skip
         ax.set(xlabel="Number of input frames", title=name, xticks=sorted(set(precision["frames"])))
         ax.set_ylim(top=min(ax.get_ylim()[1], 101))  # an interval may pass 100 %
     axes[0][0].set_ylabel("Macro precision (%), mean and 95 % interval")
-    figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=2)
     figure.suptitle(title)
     style.save(figure, path)
 

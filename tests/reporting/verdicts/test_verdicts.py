@@ -251,19 +251,28 @@ def test_named_pairs_are_judged_by_the_confusions():
 
 
 def test_number_of_frames():
-    def frames(last):
+    def frames(last, form="trained"):
         rows = [
-            (model, seed, n, "macro_precision", level + 0.01 * n * seed)
+            (form, model, seed, n, "macro_precision", level + 0.01 * n * seed)
             for model, levels in (("sp_resnet", (0.6, last)), ("resnet3x3", (0.5, 0.5)))
             for n, level in enumerate(levels, start=1)
             for seed in (0, 1, 2)
         ]
-        return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "value"])
+        return pd.DataFrame(rows, columns=["form", "model", "seed", "frames", "metric", "value"])
 
     above, more = "above-resnet3x3-stag", "more-frames-sp_resnet-stag"
     for last, verdicts in ((0.8, [REPRODUCED] * 2), (0.3, [NOT_REPRODUCED] * 2)):
         given = glove() | {("stag",): frames(last)}
         assert [judged(key, given).verdict for key in (above, more)] == verdicts
+        alone = glove() | {("stag",): frames(last, "mean")}
+        assert [judged(key, alone).verdict for key in (above, more)] == verdicts
+        assert "mean answer of a one-frame network" in judged(more, alone).reason
+        # Where networks were trained on several frames, the mean answer decides nothing.
+        both = pd.concat([frames(last), frames(1.1 - last, "mean")])
+        assert [judged(key, glove() | {("stag",): both}).verdict for key in (above, more)] == verdicts
+        assert "one network trained on all frames" in judged(more, given).reason
+    single = frames(0.8).query("seed == 0")
+    assert judged(more, glove() | {("stag",): single}).reason == "one run has no interval"
     absent = judged(above, glove() | {("stag",): frames(0.8).iloc[:0]})
     assert absent.verdict == NOT_TESTABLE and "STAG" in absent.reason
 
