@@ -137,8 +137,8 @@ MUTANTS = [
     Mutant(
         "networks-of-images-keep-the-last-epoch",
         "pipeline/learning/image_classifier.py",
-        "training.max_epochs, run_epoch, progress=progress)",
-        "training.max_epochs, run_epoch, progress=progress, keep_last=True)",
+        "run_epoch, progress=progress, stop=plateau)",
+        "run_epoch, progress=progress, stop=plateau, keep_last=True)",
         "learning/test_image_classifier.py",
     ),
     Mutant(
@@ -258,8 +258,8 @@ MUTANTS = [
     Mutant(
         "press-is-on-two-sides",
         "pipeline/experiments/touch.py",
-        'windows["press"].to_numpy() if protocol == "press" else',
-        'windows["press"].to_numpy() if protocol == "recording" else',
+        'windows["press"].to_numpy() if by_press else',
+        'windows["press"].to_numpy() if not by_press else',
         "experiments/test_splits.py",
     ),
     Mutant(
@@ -428,8 +428,8 @@ MUTANTS = [
     Mutant(
         "location-searched-in-half-the-radius",
         "pipeline/scoring/metrics.py",
-        'away <= sensor["pitch_mm"],',
-        'away <= sensor["pitch_mm"] / 2,',
+        'near = away <= sensor["pitch_mm"]',
+        'near = away <= sensor["pitch_mm"] / 2',
         "scoring/test_metrics.py",
     ),
     Mutant(
@@ -589,10 +589,10 @@ MUTANTS = [
         CLAIMS,
     ),
     Mutant(
-        "margin-of-places-6-mm",
+        "margin-of-places-3-mm",
         "pipeline/reporting/verdicts/touch.py",
-        "lambda e, m: 3 - score(",
-        "lambda e, m: 6 - score(",
+        "lambda e, m: HALF_WAY_MM - score(",
+        "lambda e, m: 2 * HALF_WAY_MM - score(",
         CLAIMS,
     ),
     Mutant(
