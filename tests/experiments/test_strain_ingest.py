@@ -27,9 +27,9 @@ def lines(settings):
     return lines_of(settings)
 
 
-def lines_of(settings):
-    """File -> lines of a simulated recording of task 1."""
-    recording = next(r for r in scene_of.recordings(settings["simulate"]) if r.condition == "task_1")
+def lines_of(settings, task="task_1"):
+    """File -> lines of a simulated recording of a task."""
+    recording = next(r for r in scene_of.recordings(settings["simulate"]) if r.condition == task)
     return {name: written for name, (written, _) in scene_of.logs_of(recording, settings["simulate"], 6).items()}
 
 
@@ -63,21 +63,33 @@ def test_uniform_rate_segments_and_every_line_accounted_for(settings, lines, tmp
     json.dumps(report)
 
 
-def test_robot_is_placed_to_a_fraction_of_a_sample(settings, lines, tmp_path):
-    """Its clock starts up to 4 s from the DAQ's; depth at a time must be the depth the voltages were made from."""
-    frames, _, report = strain.read_recording(written(tmp_path, lines), settings)
+@pytest.mark.parametrize(("task", "axis"), [("task_1", 2), ("task_2", 0), ("task_2", 1)])
+def test_robot_is_placed_to_a_fraction_of_a_sample(task, axis, settings, tmp_path):
+    """Its clock starts up to 4 s from the DAQ's; place at a time must be the place the voltages were made from."""
+    frames, _, report = strain.read_recording(written(tmp_path, lines_of(settings, task)), settings)
     assert abs(report["robot.log"]["clock"]["offset_ms"]) < 5000
     simulate = settings["simulate"]
-    recording = next(r for r in scene_of.recordings(simulate) if r.condition == "task_1")
-    rng = scene_of.generator(simulate["seed"], "task_1", "run000", "daq")
+    recording = next(r for r in scene_of.recordings(simulate) if r.condition == task)
+    rng = scene_of.generator(simulate["seed"], task, "run000", "daq")
     times = scene_of.daq_times(simulate, rng)
     clock = scene_of.own_clock(times, simulate["devices"], rng)
     true_time = np.interp(frames["t_s"].to_numpy(), clock, times)
     grid = np.arange(len(recording.place_mm)) * scene_of.STEP_S
-    depth = schemas.matrix(frames["y_mm"])[:, 2]
+    placed = schemas.matrix(frames["y_mm"])[:, axis]
     lags = np.arange(-0.5, 0.5, 0.02)
-    errors = [np.abs(np.interp(true_time - lag, grid, recording.place_mm[:, 2]) - depth).mean() for lag in lags]
-    assert abs(lags[int(np.argmin(errors))]) <= 0.1  # s: half a sample; 0.08 with 2 mV of noise
+    errors = [np.abs(np.interp(true_time - lag, grid, recording.place_mm[:, axis]) - placed).mean() for lag in lags]
+    assert abs(lags[int(np.argmin(errors))]) <= 0.06  # s; 0.1 s is the strands' own delay
+
+
+def test_a_tip_follows_the_arm_once_it_has_bent_so_far():
+    there_and_back = np.column_stack([[0.0, 3, 10, 7, 0], np.zeros(5)])
+    assert strain._play(there_and_back, 4.0)[:, 0] == pytest.approx([0, 3, 4, 1, -4])
+
+
+def test_a_late_answer_ends_behind_a_ramp_by_its_delay():
+    time = np.cumsum(np.tile([0.05, 0.15], 50))
+    late = strain._late(time, np.column_stack([2 * time, np.full(100, 7.0)]), 0.3)
+    assert late[-1] == pytest.approx([2 * (time[-1] - 0.3), 7])
 
 
 def later(lines, seconds):
