@@ -21,10 +21,7 @@ def positions(path: Path, title: str, table: pd.DataFrame, summary: pd.DataFrame
     ax.axvspan(0, 1, color="#E8F1F8", zorder=0)
     for line, row in enumerate(summary.itertuples()):
         width = row.recorded_high - row.recorded_low or abs(row.recorded_high) or 1.0
-        for side, height, colour, marker in (
-            ("recorded", -0.15, style.GREY, "|"),
-            ("simulated", 0.15, style.BLUE, "o"),
-        ):
+        for side, height, colour, marker in SIDES:
             values = table[(table["statistic"] == row.statistic) & (table["source"] == side)]["value"].to_numpy(float)
             place = (values - row.recorded_low) / width
             far = (place < -FARTHEST) | (place > 1 + FARTHEST)
