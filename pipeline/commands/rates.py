@@ -113,7 +113,7 @@ def main(given: argparse.Namespace) -> None:
         raise InputError(f"--updates {given.updates}: give a whole number of 1 or more")
     values = params.load()
     wanted = [model for model in NETWORKS if model in values[given.experiment]["models"]]
-    made_by = f"dvc repro dataset@{given.experiment}"
+    made_by = f"python -m pipeline.stages.dataset {given.experiment}"
     data = read_dataset(
         paths.require(paths.dataset(given.experiment), made_by), values[given.experiment]["window"]["frames"]
     )

@@ -38,7 +38,7 @@ def yardstick(
         f"that of {model_name(chosen['over'])}, {chosen['condition'].replace('_', ' ')}, protocol "
         f"{chosen['protocol'].replace('_', ' ')}: ours {interval(ours, 3)}, published {number(published, 3)} "
         f"({100 * (ours.mean / published - 1):+.0f} %). `{chosen['knob']}` was set by it, on validation parts "
-        f"(`tactile calibrate`). {rest} What models score is a prediction of these."
+        f"(`tactile calibrate --help`). {rest} What models score is a prediction of these."
         + (f" Such ratios that were not set (published): {'; '.join(not_set)}." if not_set else "")
     )
 

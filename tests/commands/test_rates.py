@@ -47,8 +47,9 @@ def test_a_rate_that_diverges_is_said_and_the_lowest_named(values, tmp_path):
     rows = [(model, rate, 64, 100, 5, 5, rmse, 2.0) for model in ("cnn", "lomp") for rate, rmse in levels.items()]
     rates.write(values, "touch", rows, tmp_path)
     text = (tmp_path / "touch.md").read_text()
+    set_to = values["touch"]["models"]["cnn"]["training"]["learning_rate"]
     line = next(line for line in text.splitlines() if line.startswith("| CNN"))
-    assert [cell.strip() for cell in line.split("|")[2:-1]] == ["5.00", "4.00", "diverged", "0.01", "0.001"]
+    assert [cell.strip() for cell in line.split("|")[2:-1]] == ["5.00", "4.00", "diverged", "0.01", f"{set_to:g}"]
     assert "100 updates" in text and "12 s in all" in text
     assert list(pd.read_csv(tmp_path / "touch.csv").columns) == list(rates.COLUMNS)
 
