@@ -23,7 +23,9 @@ SUMMARY += ["inside", "meaning", "note"]  # columns of reports/twins.csv
 
 def write(folder: Path) -> pd.DataFrame:
     """Write README.md and one figure per experiment into the empty `folder`, and return reports/twins.csv."""
-    tables = {name: results.read_csv(paths.twins(name), COLUMNS, f"python -m pipeline.stages.twins {name}") for name in TITLES}
+    tables = {
+        name: results.read_csv(paths.twins(name), COLUMNS, f"python -m pipeline.stages.twins {name}") for name in TITLES
+    }
     summary = {name: summarised(name, table) for name, table in tables.items()}
     for name, table in tables.items():
         if set(SIDES) <= set(table["source"]):
