@@ -24,7 +24,7 @@ CODE.remove("pipeline/__init__.py")
 ARROWS = {
     "stages": {"reporting/page", "stability", "tracking", "twins"},
     "studies": {"reporting/page", "stability"},
-    "commands": {"reporting/page", "stability"},
+    "commands": {"reporting/page", "stability", "twins"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
     "twins": {"experiments", "scenes", "scoring"},

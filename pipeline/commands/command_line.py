@@ -7,13 +7,14 @@ Each command of `tactile` is a module of this room: its `add_arguments(parser)` 
 import argparse
 
 from pipeline.base.errors import run_stage
-from pipeline.commands import calibrate, check, fetch, fit_material, rates, record, scale
+from pipeline.commands import calibrate, check, fetch, fit_material, fit_strain, rates, record, scale
 
 COMMANDS = {
     "check": check,
     "fetch": fetch,
     "record": record,
     "fit-material": fit_material,
+    "fit-strain": fit_strain,
     "calibrate": calibrate,
     "rates": rates,
     "scale": scale,

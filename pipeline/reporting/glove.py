@@ -12,7 +12,7 @@ from pipeline.datasets import images, schemas
 from pipeline.datasets.images import MODALITIES
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove as glove_experiment
-from pipeline.reporting import experiment, glove_tables, sentences
+from pipeline.reporting import experiment, glove_tables, repeated_presses, sentences
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import glove as glove_figures
 from pipeline.reporting.figures import style
@@ -54,7 +54,8 @@ HELD_DEG, HELD_S = (0.0, 30.0, 45.0, 60.0, 90.0), 160.0  # of figure 9a: one aft
 BENDS = (300, 500 / 300)  # of figure 9b: how many, s
 LAWS = {
     "figure7": "resistance and conductance of a pressure cell of the scene against force",
-    "figure8": "600 cycles of force on a cell of the scene; no law has fatigue: noise and memory only",
+    "figure8": "600 cycles of force on a cell of the scene; no law has fatigue: noise and memory only; below, where "
+    "recordings are downloaded, presses of a recorded Velostat taxel, another sensor",
     "figure9": "a joint of the scene at held angles and over 300 bends; its law has no fatigue: noise only",
 }
 WRONG = ("accuracy", "Images named wrongly (%)")
@@ -103,11 +104,15 @@ def write(target: Path, settings: Mapping) -> None:
     files.write_text(accuracy / "table2.md", glove_tables.table_two(augmentation["macro_precision"], settings))
     by_frames = [rows.assign(condition=dataset) for dataset, rows in frames.items()]
     files.write_table(accuracy / "figure15.csv", pd.concat(by_frames))
-    readme = findings(scores, settings, evidence, confusions, objects, frames | {"STAG": stag}, fits)
+    simulated, repeated = settings["source"] == "simulated", []
+    if simulated:
+        made_by = "python -m pipeline.stages.ingest velostat_recorded"
+        repeated = repeated_presses.read(paths.require(paths.frames("velostat_recorded"), made_by))
+    readme = findings(scores, settings, evidence, confusions, objects, frames | {"STAG": stag}, fits, repeated)
     files.write_text(accuracy / "README.md", readme)
 
-    if settings["source"] == "simulated":
-        draw_laws(accuracy, settings)
+    if simulated:
+        draw_laws(accuracy, settings, repeated)
     draw_grasp(accuracy / "figure10.png", table, objects)
     draw_sequences(accuracy / "figure13.png", settings, objects)
     draw_confusions(accuracy, "figure14", settings, confusions, asked, objects)
@@ -130,11 +135,12 @@ def findings(
     objects: Sequence[str],
     frames: Mapping[str, pd.DataFrame],
     fits: Mapping[str, Mapping[str, list[Fit]]],
+    repeated: Sequence[repeated_presses.Repeated],
 ) -> str:
     """Write README.md: verdicts on the claims, and sentences that are computed from the numbers.
 
     confusions: dataset -> (runs, classes, classes) images; objects: names of the classes; frames: dataset -> macro
-    precision by number of input frames, a table like stag.csv.
+    precision by number of input frames, a table like stag.csv; repeated: presses of the recorded taxel.
     """
     protocols, split = main_protocols(settings), next(iter(splits(settings))).replace("_", " ")
     claims = glove_verdicts.claims()
@@ -182,7 +188,10 @@ def findings(
             lines += pair_sentences(confusions, objects, dataset, pair)
             lines += verdicts(*(f"{verb}-{dataset}-{'-'.join(pair)}" for verb in ("confused", "resolved")))
     lines += confused_sentences(confusions, objects)
-    captions = LAWS if settings["source"] == "simulated" else {}
+    captions = {}
+    if settings["source"] == "simulated":
+        captions = LAWS
+        lines += ["\n## Cycles of force\n", repeated_presses.findings(repeated)]
     captions = captions | {
         "figure10": "tactile images of one grasp",
         "figure13": "tactile sequences of all objects",
@@ -413,10 +422,11 @@ def all_fits(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[Fit]:
     return [fit for protocols in fits.values() for runs in protocols.values() for fit in runs]
 
 
-def draw_laws(folder: Path, settings: Mapping) -> None:
+def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_presses.Repeated]) -> None:
     """Draw figures 7, 8 and 9 of one cell of the scene: its laws, as the glove's scanner reads them.
 
-    Differs from paper: its figures 7 to 9 are measurements of the glove's own cells; here the scene's laws are drawn.
+    Differs from paper: its figures 7 to 9 are measurements of the glove's own cells; here the scene's laws are drawn,
+    and in figure 8 presses of a recorded taxel of another sensor, where its recordings are downloaded.
     """
     scene = glove_scene.scene_of(settings)
     film, hz = scene["film"], scene["frame_hz"]
@@ -439,7 +449,8 @@ def draw_laws(folder: Path, settings: Mapping) -> None:
         "the recorded taxel's law, with its memory": read(np.exp(memory) / film["rest_ohm"]),
     }
     title = f"Figure 8: {cycles} cycles of 0 to {peak_n:g} N; neither law has fatigue"
-    glove_figures.pressed_cycles(folder / "figure8.png", courses, hz, period_s, title)
+    taxel = repeated_presses.panels(repeated)
+    glove_figures.pressed_cycles(folder / "figure8.png", courses, hz, period_s, taxel, title)
 
     held_s = np.arange(round(HELD_S * hz)) / hz
     held = np.array(HELD_DEG)[(held_s * len(HELD_DEG) / HELD_S).astype(int)]
