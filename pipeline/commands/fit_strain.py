@@ -1,8 +1,8 @@
 """Try values of the strain scene's fitted settings, and compare one statistic each with the recorded strain sensors.
 
 The settings of SET_BY were fitted by hand, all together, to the statistics of reports/twins. Each of them stands here
-beside the statistic that says most about what the setting means (pipeline/scenes/strain.py); `break_spread` moves many,
-and the one for it was named after a look at which. For the value of params.yaml and for others around it, with all
+beside the statistic that says most about what the setting means (pipeline/scenes/strain.py); the statistics were named
+after a run that showed which of them each setting moves. For the value of params.yaml and for others around it, with all
 other settings as they are and with the same seeds, the scene runs the recorded program; the median over its specimens
 is compared with the recorded median. A setting is told by its statistic if the values tried change the statistic by
 more than the recorded range is wide; else the recordings allow all of them. A value that is not the nearest is no
@@ -91,9 +91,9 @@ def tried(values: Mapping, recorded: pd.DataFrame, factors: Sequence[float], spe
         block, key = setting.split(".")
         value = values["strain"]["simulate"][block][key]
         others = [factor * value for factor in factors]
-        found = [present, *(simulated(values, specimens, setting, other) for other in others)]
+        scenes = [present, *(simulated(values, specimens, setting, other) for other in others)]
         recorded_range = tuple(ranges.loc[statistic, ["median", "min", "max"]])
-        result.append(Tried(setting, [value, *others], [float(each[statistic]) for each in found], recorded_range))
+        result.append(Tried(setting, [value, *others], [float(each[statistic]) for each in scenes], recorded_range))
     return result
 
 
