@@ -2,11 +2,11 @@
 
 The settings of SET_BY were fitted by hand, all together, to the statistics of reports/twins. Each of them stands here
 beside the statistic that says most about what the setting means (pipeline/scenes/strain.py); the statistics were named
-after a run that showed which of them each setting moves. For the value of params.yaml and for others around it, with all
-other settings as they are and with the same seeds, the scene runs the recorded program; the median over its specimens
-is compared with the recorded median. A setting is told by its statistic if the values tried change the statistic by
-more than the recorded range is wide; else the recordings allow all of them. A value that is not the nearest is no
-error: other statistics hold it, and notes of reports/twins say which.
+after a run that showed which of them each setting moves. For the value of params.yaml and for others around it, with
+all other settings as they are and with the same seeds, the scene runs the recorded program; the median over its
+specimens is compared with the recorded median. A setting is told by its statistic if the values tried change the
+statistic by more than the recorded range is wide; else the recordings allow all of them. A value that is not the
+nearest is no error: other statistics hold it, and notes of reports/twins say which.
 
 Nothing is changed: write the value you choose into params.yaml.
 """
