@@ -67,7 +67,7 @@ def test_files_are_written_and_read(tmp_path, monkeypatch):
     assert summary["experiment"].tolist() == [name for name in twins.TITLES for _ in range(2)]
     assert {path.name for path in target.iterdir()} == {"README.md", *(f"{name}.png" for name in twins.TITLES)}
     paths.twins("glove").unlink()
-    with pytest.raises(InputError, match="dvc repro twins_glove"):
+    with pytest.raises(InputError, match="python -m pipeline.stages.twins glove"):
         twins.write(target)
 
 
