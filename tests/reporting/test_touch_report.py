@@ -41,6 +41,7 @@ def settings():
     block["window"] = block["window"] | {"frames": FRAMES}
     block["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}}
     block["models"] = {"constant": {}, "linear": {}, "rnn": TRAINING, "lomp": TRAINING}
+    block["yardstick"] = block["yardstick"] | {"model": "rnn", "protocol": "press", "published": 0.25}
     block["ablation"] = {
         "lomp_half": {"of": "lomp", "seeds": [0, 1], "frames": FRAMES, "settings": {"hidden": 4}},
         "lomp_alpha_0": {
@@ -243,7 +244,7 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
     assert "LoMP has 105.00 [41.47, 168.53] kPa, the best other model of the paper, RNN, 205.00" in readme
     assert "1.95 times as much; in the paper 1.96 times (Polynomial)." in readme
     assert "Of 6 runs trained in epochs, 4 stopped by patience, 2 reached the allowed number" in readme
-    assert "ours 30.50" in readme and "published 8.68" in readme
+    assert "single, protocol press: ours 0.672 [" in readme and "published 0.250 (+169 %)" in readme
     speed = (target / "speed" / "table2.md").read_text()
     assert "not counted" in speed and "12,345" in speed
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in speed.splitlines() if line.startswith("|")]
@@ -360,7 +361,7 @@ def test_predictions_must_cover_the_test_windows(root, settings):
 @pytest.mark.slow
 def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, undrawn, monkeypatch):
     del settings["models"]["linear"], settings["ablation"]["linear_1_frame"]
-    settings["models"]["perceiver"] = {}
+    settings["models"]["poly_powers"] = {}  # of no paper
     write_touch(settings)
     data = pyarrow.parquet.read_table(paths.dataset("touch"))
     single = data.filter(pa.array(schemas.names(data["condition"]) == "single"))
@@ -372,7 +373,7 @@ def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, und
         schemas.write(path, rows.schema, [rows])
     target = run_render("touch", settings, monkeypatch)
     table1 = (target / "accuracy" / "table1.md").read_text()
-    assert "| perceiver" in table1 and "| Linear" not in table1
+    assert "| Polynomial, powers only" in table1 and "| Linear" not in table1
     assert "no recordings of: double touch" in table1
     assert not (target / "accuracy" / "figure6.png").exists() and not (target / "accuracy" / "figure8.png").exists()
 
