@@ -309,7 +309,7 @@ def test_command_line_of_check(written):
 
 
 MODELS = yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text())
-RBF = {"rbf": {"centres": 100, "width": 2.0, "ridge": 1.0e-3}}
+RBF = {"rbf": {"centres": 50, "width": 2.0, "ridge": 1.0e-3}}
 MODELS_OF_ARRAYS = ("constant", "rbf", "lomp")
 TWO_MINUTES_S = 120  # of processor time
 

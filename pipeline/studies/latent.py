@@ -180,6 +180,7 @@ def main() -> None:
     values = params.load()
     study = values["strain"]["study"]
     tasks, seeds = study["tasks"], study["seeds"]
+    strands = [count for count in study["strands"] if count <= values["strain"]["sensor"]["channels"]]
     plans = {
         "capacity": (
             one_capacity,
@@ -204,7 +205,7 @@ def main() -> None:
         ),
         "strands": (
             one_strands,
-            [(strands, seed) for strands in sorted(study["strands"], reverse=True) for seed in seeds],
+            [(count, seed) for count in sorted(strands, reverse=True) for seed in seeds],
             ("protocol", "strands", "model", "seed", "metric", "unit", "value"),
         ),
         "bases": (
