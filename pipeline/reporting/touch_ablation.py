@@ -15,6 +15,8 @@ def text(ablation: pd.DataFrame, scores: Scores, settings: Mapping, conditions: 
     protocol = next(iter(settings["protocols"]))
     rows = []
     for name, row in settings["ablation"].items():
+        if row["of"] not in settings["models"]:  # it was not run
+            continue
         beside = row.get("beside", "")
         same = settings["models"].get(row["of"]) or {}
         changed = {key: value for key, value in row["settings"].items() if beside or same.get(key) != value}

@@ -1,7 +1,8 @@
 """Train and score models of the tables with one thing changed: LoMP's messages, or the frames that a model sees.
 
 Split, seeds and training are those of the tables. The row that each is compared with is among the rows or in the
-tables. Writes the scores on the test part of the first protocol; `render` compares them.
+tables. Rows of models that `<experiment>.models` has not are left out. Writes the scores on the test part of the first
+protocol; `render` compares them.
 Usage: python -m pipeline.studies.ablation touch
 """
 
@@ -58,7 +59,6 @@ def check(settings: Mapping, experiment: str) -> None:
     seeds = next(iter(settings["protocols"].values()))["seeds"]
     for name, row in settings["ablation"].items():
         where = f"{experiment}.ablation.{name}"
-        params.check_known([row["of"]], settings["models"], f"{where}.of")
         beside = row.get("beside", "")
         if beside:
             params.check_known([beside], settings["ablation"], f"{where}.beside")
@@ -76,9 +76,10 @@ def main() -> None:
     experiment = arguments.parse(__doc__, experiment=["touch"]).experiment
     settings = values[experiment]
     check(settings, experiment)
-    runs = [(experiment, name, seed) for name, row in settings["ablation"].items() for seed in row["seeds"]]
-    blocks = [block_of(settings, name) for name in settings["ablation"]]
-    epochs = max(block.get("training", {}).get("max_epochs", 1) for block in blocks)
+    rows_run = {name: row for name, row in settings["ablation"].items() if row["of"] in settings["models"]}
+    runs = [(experiment, name, seed) for name, row in rows_run.items() for seed in row["seeds"]]
+    blocks = [block_of(settings, name) for name in rows_run]
+    epochs = max((block.get("training", {}).get("max_epochs", 1) for block in blocks), default=0)
     with tqdm(total=epochs * len(runs), desc=f"ablate {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs))
     files.write_csv(paths.ablation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
