@@ -194,10 +194,10 @@ def test_strain_report_is_complete(miniature):
     folder = miniature.folder / "reports" / "strain"
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")}
     figures = ["figure5", "figure6", "figure7", "figure8_task_1", "figure8_task_2"]
-    figures += ["samples", "drift", "time", "capacity"]
+    figures += ["figure5_drift", "samples", "strands", "drift", "time", "capacity"]
     assert names == {
         *(f"accuracy/{name}.png" for name in figures),
-        *(f"accuracy/{name}.csv" for name in ("table1", "samples", "drift", "capacity")),
+        *(f"accuracy/{name}.csv" for name in ("table1", "samples", "strands", "bases", "drift", "capacity")),
         *("accuracy/README.md", "accuracy/table1.md"),
         *(f"speed/{name}" for name in ("table1_times.md", "table2.csv", "table2.md", "tradeoff.png", "training.png")),
     }
@@ -347,10 +347,10 @@ def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_pa
     ("change", "words"),
     [
         ({"models: {constant: {}": "models: {lompp: {}, constant: {}"}, ["lompp", "did you mean 'lomp'"]),
-        ({"stride: 8": "strid: 8"}, ["touch.window", "strid", "did you mean 'stride'"]),
+        ({"stride: 40": "strid: 40"}, ["touch.window", "strid", "did you mean 'stride'"]),
         ({"max_touches: 5": "max_touches: five"}, ["touch.ingest.max_touches", "whole number", "'five'"]),
         ({", max_touches: 5": ""}, ["touch.ingest", "max_touches", "missing"]),
-        ({"silicone_spread_mm: 2.0": "silicone_spread_mm: 2e-3x"}, ["silicone_spread_mm", "number"]),
+        ({"silicone_spread_mm: 1.7": "silicone_spread_mm: 2e-3x"}, ["silicone_spread_mm", "number"]),
     ],
 )
 def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words):

@@ -33,8 +33,9 @@ def yardstick(
         for name, (block, printed) in (others or {}).items()
         if block["model"] in settings["models"]
     ]
+    metric = "" if chosen["metric"] == "error" else f" ({chosen['metric'].replace('_', ' ')})"
     return (
-        f"- Yardstick of the scene: error ({chosen['metric'].replace('_', ' ')}) of {model_name(chosen['model'])} over "
+        f"- Yardstick of the scene: error{metric} of {model_name(chosen['model'])} over "
         f"that of {model_name(chosen['over'])}, {chosen['condition'].replace('_', ' ')}, protocol "
         f"{chosen['protocol'].replace('_', ' ')}: ours {interval(ours, 3)}, published {number(published, 3)} "
         f"({100 * (ours.mean / published - 1):+.0f} %). `{chosen['knob']}` was set by it, on validation parts "
