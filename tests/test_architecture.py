@@ -22,11 +22,12 @@ CODE = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").
 CODE.remove("pipeline/__init__.py")
 # Each room, from the top down, and the rooms that it imports. It may also import whatever these import, and itself.
 ARROWS = {
-    "stages": {"reporting/page", "stability", "tracking"},
+    "stages": {"reporting/page", "stability", "tracking", "twins"},
     "studies": {"reporting/page", "stability"},
-    "commands": {"reporting/page", "stability"},
+    "commands": {"reporting/page", "stability", "twins"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
+    "twins": {"experiments", "scenes", "scoring"},
     "models": {"learning"},
     "learning": {"datasets"},
     "reporting/page": {"reporting"},

@@ -126,7 +126,7 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
 
 def test_what_one_setting_must_not_run():
     allowed = (
-        "train_touch@tree evaluate@touch latency@touch stress@touch render@touch collect render_stability"
+        "train_touch@tree evaluate@touch latency@touch stress@touch render_touch collect render_stability"
         " render_rightsize judge page"
     )
     forbidden = (

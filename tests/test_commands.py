@@ -231,7 +231,7 @@ def test_the_installed_command_is_that_of_the_room():
         "tactile scale fulll && dvc repro",
         "run `dvc repro train` again",
         "dvc repro render@tuch      # a comment",
-        "dvc repro render@touch && dvc repro rendr",
+        "dvc repro render_touch && dvc repro rendr",
         "tactile fetch velostat",
         "run `tactile fecth velostat_recorded`",
         "`tactile check touch`",

@@ -431,7 +431,7 @@ def strain_recording():
     settings["simulate"]["samples"] = 2000
     settings["ingest"] |= LENIENT
     recording = next(one for one in strain_scene.recordings(settings["simulate"]) if one.condition == "task_1")
-    written = strain_scene.logs_of(recording, settings["simulate"])
+    written = strain_scene.logs_of(recording, settings["simulate"], 6)
     return settings, {name: [f"{line}\n".encode() for line in lines] for name, (lines, _) in written.items()}
 
 

@@ -118,16 +118,12 @@ class StretchTraining(Block):
         return self
 
 
-class AugmentedTraining(Block):
-    """Training on images altered anew in every epoch, see `images.ImageClassifier`.
+class AugmentedTraining(EarlyStopping):
+    """Early stopping on images altered anew in every epoch, see `image_classifier.ImageClassifier`.
 
-    `learning_rate` is the highest of one cycle over `max_epochs` (Smith 2018); flip, affine: probability per image;
-    noise: standard deviation, images being scaled to 0 .. 1.
+    flip, affine: probability per image; noise: standard deviation, images being scaled to 0 .. 1.
     """
 
-    learning_rate: LearningRate
-    batch_size: whole(1)
-    max_epochs: whole(1)
     flip: Fraction
     noise: Fraction
     affine: Fraction
@@ -158,10 +154,18 @@ class SplitInThree(Block):
 
 
 class Yardstick(Block):
+    """The one ratio that a scene's difficulty is set by: the error of `model` over that of `over`.
+
+    A score that is better when higher counts by what is missing to 1.
+    """
+
     model: Text
+    over: Text
+    protocol: Text
     condition: Text
     metric: Text
-    published: Positive
+    published: Positive  # the same ratio from the paper
+    knob: Text  # dotted name, below the experiment, of the setting that it sets
 
 
 class Window(Block):
@@ -211,10 +215,16 @@ class SeededStress(Stress):
 
 
 class Ablation(Block):
-    floor_seeds: distinct(Seed)
-    effect_seeds: distinct(Seed)
+    seeds: distinct(Seed)
     scene: Annotated[dict[Any, Any], Field(min_length=1)]  # held against the experiment's block where it is used
     models: Models
+
+
+class AblationRow(Seeds):
+    of: Text
+    beside: Text = ""  # the row that it is compared with; without it the model `of` of the tables
+    frames: whole(1, 10_000)  # last frames of a window that it sees
+    settings: dict[Text, Any]  # of the model; with `beside` those that differ from that row's
 
 
 Touch = block(
@@ -223,17 +233,37 @@ Touch = block(
     yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
+        specimen=whole(0, 2**31),
         single=block(points_per_side=whole(1), depths=whole(1), repetitions=whole(1), presses_per_recording=whole(2)),
         double=block(recordings=whole(1), presses_per_recording=whole(2)),
         demonstrations=block(repetitions=whole(1)),
         pressure=block(lowest_kpa=Positive, highest_kpa=Positive, location_spread=Fraction),
         press=block(
-            approach_s=Positive, hold_s=Positive, release_s=Positive, travel_s=Positive, timing_spread=Fraction
+            approach_s=Positive,
+            hold_s=Positive,
+            release_s=Positive,
+            rest_s=Positive,
+            timing_spread=Fraction,
+            cnc_mm_s=Positive,
         ),
-        hand=block(slower=Positive, shift_mm=NotNegative, tilt_deg=real(0, 45)),
-        contact=block(silicone_spread_mm=NotNegative),
-        material=block(resistance_scale_ohm=Positive, gain_spread=NotNegative, exponent_spread=NotNegative),
-        circuit=block(supply_v=Positive, reference_ohm=Positive, adc_levels=whole(2, 2**31), noise_counts=NotNegative),
+        hand=block(
+            slower=Positive,
+            tip_radius_mm=Positive,
+            shift_mm=NotNegative,
+            tilt_deg=real(0, 45),
+            tremor_share=NotNegative,
+            tremor_mm=NotNegative,
+        ),
+        contact=block(silicone_spread_mm=NotNegative, full_kpa=Positive),
+        material=block(resistance_scale_ohm=Positive, correlation_mm=Positive),
+        circuit=block(
+            supply_v=Positive,
+            reference_ohm=Positive,
+            driver_ohm=Positive,
+            read_us=NotNegative,
+            adc_levels=whole(2, 2**31),
+            noise_counts=NotNegative,
+        ),
         devices=block(
             array_hz=RateHz,
             load_cell_hz=RateHz,
@@ -245,11 +275,15 @@ Touch = block(
         faults=block(LineFaults, resets=whole(0)),
         effects=block(
             load_sharing=bool,
+            contact_growth=bool,
+            places=bool,
             creep=bool,
+            slow_creep=bool,
             hysteresis=bool,
             release=bool,
-            element_spread=bool,
             crosstalk=bool,
+            row_sag=bool,
+            scan_time=bool,
             noise=bool,
             hand_error=bool,
             line_faults=bool,
@@ -262,11 +296,12 @@ Touch = block(
         max_touches=whole(1),
         highest_count=whole(1, 2**31 - 1),
     ),
-    window=Window,
+    window=block(Window, sliding=block(single=Fraction)),
     label=block(tip_radius_mm=Positive, map_rows=whole(1, 1024), map_cols=whole(1, 1024)),
     split=block(SplitInThree, seed=Seed),
     protocols=block(press=Seeds, random_window=Seeds),
     models=Models,
+    ablation=dict[Text, AblationRow],
     latency=Latency,
 )
 Strain = block(
@@ -275,6 +310,8 @@ Strain = block(
     yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
+        specimen=whole(0, 2**31),
+        specimens=whole(1, 1000),
         samples=whole(100, 10000000),
         motion=block(
             width_mm=Positive,
@@ -295,6 +332,9 @@ Strain = block(
             press_bending=Number,
             compression=Number,
             lean=Number,
+            friction_spread=NotNegative,
+            friction_length_mm=Positive,
+            friction_direction=Fraction,
         ),
         strand=block(
             sensitivity_per_mm=Positive,
@@ -304,10 +344,17 @@ Strain = block(
             fast_time_s=Positive,
             slow_share=Fraction,
             slow_time_s=Positive,
+            break_spread=NotNegative,
+            break_time_s=Positive,
             loading_time_s=Positive,
             unloading_time_s=Positive,
         ),
-        drift=block(walk_per_root_hour=NotNegative, ageing=Number, ageing_time_s=Positive),
+        drift=block(
+            wander=NotNegative,
+            wander_time_s=Positive,
+            ageing=Number,
+            ageing_time_s=Positive,
+        ),
         circuit=block(supply_v=Positive, reference_share=Positive, noise_v=NotNegative),
         devices=block(
             daq_hz=RateHz,
@@ -318,7 +365,14 @@ Strain = block(
         ),
         faults=block(LineFaults, gaps=whole(0), gap_s=NotNegative),
         effects=block(
-            relaxation=bool, asymmetry=bool, drift=bool, noise=bool, stick_slip=bool, jitter=bool, line_faults=bool
+            relaxation=bool,
+            asymmetry=bool,
+            drift=bool,
+            noise=bool,
+            stick_slip=bool,
+            friction_spread=bool,
+            jitter=bool,
+            line_faults=bool,
         ),
     ),
     ingest=block(
@@ -338,6 +392,11 @@ Strain = block(
         seeds=distinct(Seed),
         samples=distinct(whole(2)),
         models=distinct(Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]),
+        strands=distinct(whole(1, 1024)),
+        bases=block(
+            trained_on=distinct(Literal["task_0", "task_1", "task_2"]),
+            used_for=distinct(Literal["task_0", "task_1", "task_2"]),
+        ),
         capacity=block(
             units=distinct(whole(1, 8192)),
             training=block(max_epochs=whole(1), drop_epoch=whole(1), streams=whole(1), batch=whole(1)),
@@ -380,6 +439,7 @@ Glove = block(
     yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
+        specimen=whole(0, 2**31),
         sessions=whole(1),
         frames_per_object=whole(1),
         frame_hz=RateHz,
@@ -390,9 +450,10 @@ Glove = block(
             margin=Positive,
             margin_spread=NotNegative,
             share_spread=NotNegative,
+            seat_spread=NotNegative,
             fit_deg=NotNegative,
             least_grip_n=NotNegative,
-            wander=NotNegative,
+            wander=Fraction,
             wander_time_s=Positive,
         ),
         film=block(
@@ -407,7 +468,7 @@ Glove = block(
         effects=block(session=bool, wander=bool, element_spread=bool, softness=bool, noise=bool, line_faults=bool),
     ),
     ingest=RejectLimit,
-    window=block(stride=whole(1)),
+    window=block(stride=whole(1), train_every=whole(1)),
     split=SplitInThree,
     protocols=block(
         session_pressure=Seeds,
@@ -419,6 +480,12 @@ Glove = block(
     ),
     models=Models,
     augmentation=block(model=Text, split=Text, seeds=distinct(Seed)),
+    input_frames=block(
+        dataset=Literal["pressure", "combined"],  # those with claims on figure 15
+        split=Text,
+        numbers=distinct(whole(1, 8)),
+        seeds=distinct(Seed),
+    ),
     stag=block(file=Text, seeds=distinct(Seed), validation=Fraction),
     latency=Latency,
 )

@@ -219,6 +219,16 @@ def _kind(argument: ast.arg, path: Path):
     return getattr(blocks, name)
 
 
+def full_scale(experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
+    """Return (keys, value) of every setting of scales/full.yaml below an experiment, less those of absent models.
+
+    settings: the experiment's block of params.yaml.
+    """
+    scale = [(dotted.split("."), value) for dotted, value in parsed(paths.FULL_SCALE).items()]
+    below = [(keys, value) for (name, *keys), value in scale if name == experiment]
+    return [(keys, value) for keys, value in below if keys[0] != "models" or keys[1] in settings["models"]]
+
+
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:
     """Return one model's block; InputError names the models that params.yaml lists where there is none."""
     models = params[experiment]["models"]

@@ -12,6 +12,7 @@ EXPERIMENTS = CODE / "experiments"  # one file per experiment
 MODELS = CODE / "models"  # one file per row of a table
 SOURCES = ROOT / "data" / "sources"
 REPORTS = ROOT / "reports"
+FULL_SCALE = ROOT / "scales" / "full.yaml"  # the papers' amounts of data, epochs and runs
 
 
 def shown(path: Path) -> str:
@@ -102,6 +103,16 @@ def augmentation(experiment: str) -> Path:
     return experiment_folder(experiment) / "augmentation.csv"
 
 
+def input_frames(experiment: str) -> Path:
+    """Return the scores of networks that are trained on several input frames (output of input_frames)."""
+    return experiment_folder(experiment) / "input_frames.csv"
+
+
+def ablation(experiment: str) -> Path:
+    """Return the scores of models with one thing changed (output of ablation)."""
+    return experiment_folder(experiment) / "ablation.csv"
+
+
 def probe(experiment: str) -> Path:
     """Return the scores of naming the object from recorded joint angles alone (output of joint_angles)."""
     return experiment_folder(experiment) / "probe.csv"
@@ -125,6 +136,11 @@ def stress_scenes(experiment: str) -> Path:
 def physics(experiment: str) -> Path:
     """Return the scores of small models on the scene without one of its effects (output of physics)."""
     return experiment_folder(experiment) / "physics.csv"
+
+
+def twins(experiment: str) -> Path:
+    """Return the model-free statistics of a scene and of its recordings (output of twins)."""
+    return experiment_folder(experiment) / "twins.csv"
 
 
 def require(path: Path, made_by: str) -> Path:

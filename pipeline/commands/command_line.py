@@ -1,4 +1,4 @@
-"""What people run by hand: check, fetch and record logs, fit the simulated film, set the scale of params.yaml.
+"""What people run by hand: check, fetch, record logs; fit the film, calibrate a scene, search rates, set the scale.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
 `main(given)` runs it with the arguments given. `--help` behind a command says more.
@@ -7,9 +7,18 @@ Each command of `tactile` is a module of this room: its `add_arguments(parser)` 
 import argparse
 
 from pipeline.base.errors import run_stage
-from pipeline.commands import check, fetch, fit_material, record, scale
+from pipeline.commands import calibrate, check, fetch, fit_material, fit_strain, rates, record, scale
 
-COMMANDS = {"check": check, "fetch": fetch, "record": record, "fit-material": fit_material, "scale": scale}
+COMMANDS = {
+    "check": check,
+    "fetch": fetch,
+    "record": record,
+    "fit-material": fit_material,
+    "fit-strain": fit_strain,
+    "calibrate": calibrate,
+    "rates": rates,
+    "scale": scale,
+}
 
 
 def main() -> None:

@@ -29,16 +29,17 @@ def cell_centres(sensor: Mapping, label: Mapping) -> tuple[np.ndarray, np.ndarra
 def pressure_maps(
     peak_kpa: np.ndarray, x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping, label: Mapping
 ) -> np.ndarray:
-    """Return pressure maps: a Gaussian of sigma = r/2 with peak P per touch, summed over simultaneous touches (eq. 1).
+    """Return pressure maps: per touch a Gaussian X of sigma = r/2 as P X / max(X), added up over the touches (eq. 1).
 
     peak_kpa, x_mm, y_mm: (n, touches), NaN where there is no such touch. Returns (n, map_rows, map_cols) in kPa,
-    float32. A press on a cell centre (every press of the CNC) peaks at exactly P; a press beside it peaks at P between
-    the cells.
+    float32. max(X) is the largest cell of the touch's own map, so that this cell is exactly P wherever the touch lies.
     """
     sigma = label["tip_radius_mm"] / 2
-    centre_x, centre_y = cell_centres(sensor, label)
-    across = np.exp(-((centre_x - x_mm[..., None]) ** 2) / (2 * sigma**2))  # (n, touches, map_cols)
-    along = np.exp(-((centre_y - y_mm[..., None]) ** 2) / (2 * sigma**2)) * peak_kpa[..., None]
     absent = np.isnan(peak_kpa)
-    across[absent], along[absent] = 0, 0
+    factors = []  # a Gaussian is the product of one along x and one along y, and so is its largest cell
+    for centres, place in zip(cell_centres(sensor, label), (x_mm, y_mm), strict=True):
+        away = np.square(centres - np.where(absent, 0, place)[..., None])  # (n, touches, cells)
+        factors.append(np.exp((away.min(axis=-1, keepdims=True) - away) / (2 * sigma**2)))
+    across, along = factors
+    along = along * np.where(absent, 0, peak_kpa)[..., None]
     return np.einsum("ntr,ntc->nrc", along, across).astype(np.float32)

@@ -1,7 +1,11 @@
 """Cut frames into windows, the inputs of the models of touch.
 
-A window is `frames` frames, `frame_step` apart, of one press; it never spans a gap or a reset of the device.
+A window is `frames` frames, `frame_step` apart, of one press; it never spans a gap or a reset of the device. There are
+two kinds, and a window may be of both: `apart` windows start every `stride` frames, `sliding` windows one step after
+another, so that neighbours overlap.
 """
+
+from collections.abc import Mapping
 
 import numpy as np
 import pyarrow as pa
@@ -50,6 +54,15 @@ def previous_windows(rows: np.ndarray, run: np.ndarray, frame_step: int) -> np.n
     return np.where(ends_there, before, -1)
 
 
+def stretches(windows: np.ndarray, size: int, share: float) -> np.ndarray:
+    """Return a share of windows (n,) in the order of time: whole stretches of `size`, evenly spread over them.
+
+    Of fewer windows drawn one by one, few would overlap: two windows of a stretch of as many as a window has frames do.
+    """
+    stretch = np.arange(len(windows)) // size
+    return windows[np.floor((stretch + 1) * share) > np.floor(stretch * share)]
+
+
 def windows_table(frames: pa.Table, rows: np.ndarray, press: np.ndarray, previous: np.ndarray) -> pa.Table:
     """Return the windows table: the columns of the last frame, its press, `previous`, and x.
 
@@ -65,14 +78,17 @@ def windows_table(frames: pa.Table, rows: np.ndarray, press: np.ndarray, previou
     return table.append_column("x", schemas.lists(x, kind.value_type)).combine_chunks()
 
 
-def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
+def windows_of(frames: pa.Table, settings: Mapping) -> pa.Table:
     """Cut a frames table into windows; settings: `<experiment>.window`. Returns a table as `windows_table`.
 
+    Columns `apart` and `sliding` say of which kind a window is; `sliding` windows are made of the conditions and to the
+    shares that the setting of this name gives, if it is there.
     Labels belong to a window's last frame, so all other columns are of that frame. Raises InputError if no frame is
     part of a window.
     """
     if frames.num_rows == 0:
-        return windows_table(frames, np.zeros((0, settings["frames"]), int), *np.zeros((2, 0), int))
+        none = windows_table(frames, np.zeros((0, settings["frames"]), int), *np.zeros((2, 0), int))
+        return _with_kinds(none, *np.zeros((2, 0), bool))
     codes = [frames[name].combine_chunks().indices.to_numpy() for name in ("condition", "recording")]
     changes = np.any([np.diff(code) != 0 for code in codes], axis=0)
     recording = np.cumsum(np.concatenate([[0], changes]))
@@ -85,9 +101,20 @@ def windows_of(frames: pa.Table, settings: dict) -> pa.Table:
         press[inside] = first + presses(force[inside], t_s[inside], settings["contact_threshold_n"])
         first = press[inside].max() + 1
     run = np.cumsum(frames["gap_before"].to_numpy()) + press * (len(t_s) + 1)
-    rows = window_rows(run, settings["frames"], settings["frame_step"], settings["stride"])
-    if not len(rows):
-        raise InputError(
-            f"no window of {settings['frames']} frames fits into any press; record more slowly or lower window.frames"
-        )
-    return windows_table(frames, rows, press, previous_windows(rows, run, settings["frame_step"]))
+    size, step = settings["frames"], settings["frame_step"]
+    apart = window_rows(run, size, step, settings["stride"])[:, 0]
+    if not len(apart):
+        raise InputError(f"no window of {size} frames fits into any press; record more slowly or lower window.frames")
+    sliding, condition = [], schemas.names(frames["condition"])
+    for name, share in settings.get("sliding", {}).items():
+        all_of_it = window_rows(run, size, step, step)[:, 0]
+        sliding.append(stretches(all_of_it[condition[all_of_it] == name], size, share))
+    starts = np.unique(np.concatenate([apart, *sliding]))
+    rows = starts[:, None] + np.arange(size) * step
+    table = windows_table(frames, rows, press, previous_windows(rows, run, step))
+    return _with_kinds(table, np.isin(starts, apart), np.isin(starts, np.concatenate([[-1], *sliding])))
+
+
+def _with_kinds(table: pa.Table, apart: np.ndarray, sliding: np.ndarray) -> pa.Table:
+    """Return the windows table with the columns `apart` and `sliding`, (windows,) bool."""
+    return table.append_column("apart", pa.array(apart)).append_column("sliding", pa.array(sliding))

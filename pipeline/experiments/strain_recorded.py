@@ -43,6 +43,7 @@ SPLITS = {
     "within_day": {"day_1": [0, 1, 2, 3, 4, 5]},
     "across_days": SHARED,
     "new_places": SHARED,  # as across_days, trained without the cycles whose places day_2 repeats
+    "days_swapped": dict(reversed(SHARED.items())),  # trained on the second day, tested on the first
     "failing_channel": {"day_2": [0, 1, 2, 3, 4, 5, 6]},
 }
 TASKS = {"xy": ((0, 1), True), "z": ((2,), False), "xyz": ((0, 1, 2), False)}  # columns of y_mm; pressed only
@@ -138,8 +139,8 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
 
     `settings["split"]`: `train`, the share of a day before its test part, where the end of the day is the test;
     `validation`, the share of the training cycles, the last ones, that is the validation part. Where a protocol uses
-    both days, the second is the test. Cycles that a protocol does not use are 'unused'. Raises InputError for an
-    unknown protocol.
+    both days, the later one in SPLITS is the test. Cycles that a protocol does not use are 'unused'. Raises InputError
+    for an unknown protocol.
     """
     name, _ = _parts(protocol)
     condition = schemas.names(frames["condition"])

@@ -301,21 +301,28 @@ def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
 
 
 def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """Return the part of each window in one run, (n,) of 'train', 'validation', 'test'.
+    """Return the part of each window in one run, (n,) of 'train', 'validation', 'test', 'unused'.
 
-    Only single touches are divided, 8:1:1, anew for every seed: by press, or (`random_window`, as the paper
-    seems to have done) window by window, so that windows of one press fall on all sides. All other conditions
-    are test data: models never see more than one touch (section IV-A).
+    Only single touches are divided, 8:1:1, anew for every seed. `press` divides presses, whose windows are those
+    `touch.window.stride` apart. `random_window` divides windows that slide frame by frame and overlap, as the paper
+    did, so that test windows hold frames that were trained on. All other conditions are test data: models never see
+    more than one touch (section IV-A); of these, both protocols test the windows that are apart.
     Differs from paper: every seed draws another split, so that an interval over seeds covers the choice of
     presses; the paper has one split and no interval.
+
+    Differs from paper: `random_window` takes a share of the sliding windows (`touch.window.sliding`; 1 is the paper's),
+    in stretches of windows that all overlap, so that training takes minutes and a test window still has neighbours in
+    the training part. The conditions of test data, and `press`, take the windows `touch.window.stride` frames apart.
     """
     single = schemas.names(windows["condition"]) == "single"
-    unit = windows["press"].to_numpy() if protocol == "press" else np.arange(windows.num_rows)
-    units = np.unique(unit[single])
+    by_press, apart = protocol == "press", windows["apart"].to_numpy()
+    divided = single & (apart if by_press else windows["sliding"].to_numpy())
+    unit = windows["press"].to_numpy() if by_press else np.arange(windows.num_rows)
+    units = np.unique(unit[divided])
     shares = settings["split"]
     order = generator(shares["seed"], "split", protocol, seed).permutation(units)
     edges = np.round(np.cumsum([shares["train"], shares["validation"]]) * len(units)).astype(int)
-    part = np.full(windows.num_rows, "test", dtype=object)
+    part = np.where(divided | (apart & ~single), "test", "unused").astype(object)
     for name, chosen in zip(("train", "validation"), np.split(order, edges)[:2], strict=True):
-        part[single & np.isin(unit, chosen)] = name
+        part[divided & np.isin(unit, chosen)] = name
     return part

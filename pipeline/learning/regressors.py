@@ -74,6 +74,8 @@ class TorchRegressor:
         ends the training as 'diverged'. Raises InputError for arrays of the wrong shape.
         Differs from paper: the loss is the mean over the map instead of the sum of eq. 7; the constant factor 400
         drops out of Adam's update, and losses of different map sizes compare.
+        Differs from paper: it gives no number of epochs, no stopping rule and one learning rate, 1e-3; here training
+        stops by patience on the validation part, the rate falls on plateaus, and each network has its own rate.
         """
         check_windows(self.spec, train, "training")
         check_windows(self.spec, validation, "validation")

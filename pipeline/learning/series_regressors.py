@@ -1,5 +1,7 @@
 """Regress series: read-outs on frozen states, window models used on a series, and the scaling that all share.
 
+Models without a rule that stops training by validation are fitted to the training and the validation part, so that in
+one table all have seen the same samples, up to the test part. Settings are chosen before, by fits to training alone.
 The paper's LSTM is in `lstm.py`. pipeline/models/__init__.py says what a model of series provides.
 """
 
@@ -23,7 +25,7 @@ LARGEST_CHUNK = 20_000  # windows predicted at once
 class Scaling:
     """Mean and spread of inputs (V) and outputs (mm) over the training samples.
 
-    Unlike in the authors' script, which takes them from the whole record, test part included.
+    Differs from paper: the authors' script normalises by the whole record, test part included.
     """
 
     NAMES = ("x_mean", "x_spread", "y_mean", "y_spread")  # constants saved beside a model's weights
@@ -80,11 +82,11 @@ class StateReadout:
     def fit(
         self, records: list[Record], *, seed: int, device: str = "auto", progress: Progress = None, base=None
     ) -> list[dict]:
-        """Solve the read-out on the training samples and return one row of history (losses in mm squared)."""
+        """Solve the read-out on training and validation part; return one row of history (losses in mm squared)."""
         self.scaling = Scaling(records)
         self.system = self.make(self.spec.elements, seed)
         parts = [(self._states(record.x), self.scaling.targets(record.y).numpy(), record) for record in records]
-        chosen = [record.training & record.counted for *_, record in parts]
+        chosen = [record.counted for *_, record in parts]
         held = [~record.training & record.counted for *_, record in parts]
         pick = lambda k, masks: np.concatenate([p[k][m] for p, m in zip(parts, masks, strict=True)])  # noqa: E731
         self.weights = ridge_weights(pick(0, chosen), pick(1, chosen), self.ridge)
@@ -155,9 +157,16 @@ class Windowed:
     def fit(
         self, records: list[Record], *, seed: int, device: str = "auto", progress: Progress = None, base=None
     ) -> list[dict]:
-        """Fit the window model on all windows that end at a counted sample; return its history."""
+        """Fit the window model on all windows that end at a counted sample; return its history.
+
+        A network, which stops by validation, is fitted to windows of the training part alone.
+        """
         windows = [self._windows(record.x) for record in records]
-        masks = [(record.counted & record.training, record.counted & ~record.training) for record in records]
+        stops = isinstance(self.inner, TorchRegressor)
+        masks = [
+            (record.counted & record.training if stops else record.counted, record.counted & ~record.training)
+            for record in records
+        ]
         train, validation = (
             (
                 np.concatenate([x[mask[k]] for x, mask in zip(windows, masks, strict=True)]),

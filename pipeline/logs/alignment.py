@@ -5,7 +5,7 @@ presses: the force rises when the array's response and the CNC's depth do. So th
 where the two signals agree best:
 
 1. roughly, the highest cross-correlation of the levels within the offsets that are possible;
-2. finely, near that offset, the highest correlation of the changes of contact over `EDGE_S`, where contact is
+2. finely, near that offset, the highest correlation of the changes of contact over `EDGES_S`, where contact is
    s / (s + c), c a small share of a strong signal. Velostat creeps and shows hysteresis, which delays its
    level by 20 to 25 ms in our scene, but not the instants when contact begins and ends;
 3. the drift is the slope of the offsets of stretches of `STRETCH_S`, for segments of at least `STRETCHES` of
@@ -25,7 +25,10 @@ from pipeline.base.errors import InputError
 
 ROUGH_S = 0.05  # grid of the rough search, a quarter of what the fine one reaches
 STEP_S = 0.01  # grid on which signals are compared: the interval of the fastest device
-EDGE_S = 0.04  # a change is taken over this time: presses rise in 0.1 to 0.5 s
+# A change is taken over the first of these times over which changes correlate: presses rise in 0.1 to 0.5 s. Over the
+# second, light and slow presses stand out of the noise (simulated tips of 3 mm: 0.8 in place of 0.5); the lags of both
+# differ by 10 ms at most.
+EDGES_S = (0.04, 0.12)
 NEAR_S = 0.2  # reach of the fine search: shorter than a press, longer than drift and creep
 STRETCH_S = 30.0  # about 30 presses; their offset is good to 1 or 2 ms
 STRETCHES = 4
@@ -201,20 +204,40 @@ def _place(
 
 def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict) -> Clock:
     """Fit the offset and drift of `piece` against `against`, the offset searched within `lags`."""
-    who, beside = limits["who"], limits.get("beside")
-    rough, rival = _rough_lag(piece, against, *lags)
+    who, (rough, rival) = limits["who"], _rough_lag(piece, against, *lags)
+    for edge_s in EDGES_S:
+        clock = _fit_near(piece, against, rough, edge_s, limits)
+        if clock.correlation >= limits["min_correlation"]:
+            break
+    else:
+        raise InputError(
+            f"{who}: the signals do not follow each other (best correlation "
+            f"{max(clock.correlation, 0.0):.2f}, touch.ingest.min_correlation {limits['min_correlation']:g}); "
+            "check that the logs belong to one capture"
+        )
+    if rival is not None:
+        raise InputError(
+            f"{who}: the clocks fit at {rough:+.2f} s and at {rival:+.2f} s alike, the presses are too "
+            "regular; vary their depth or timing, or lower touch.ingest.max_clock_offset_s below their period"
+        )
+    return clock
+
+
+def _fit_near(piece: Signal, against: Signal, rough: float, edge_s: float, limits: dict) -> Clock:
+    """Fit offset and drift near the offset `rough` by the changes over `edge_s`, however little they correlate."""
+    beside = limits.get("beside")
     middle = (piece.time_s[0] + piece.time_s[-1]) / 2
     part = _between(piece, middle - LONG_S / 2, middle + LONG_S / 2)  # empty where the device was silent for long
-    lag, score = _fine_lag(part, against, rough, beside) if len(part.time_s) else (rough, -1.0)
+    lag, score = _fine_lag(part, against, rough, edge_s, beside) if len(part.time_s) else (rough, -1.0)
     if piece.duration_s > LONG_S and not score >= limits["min_correlation"]:
-        lag, _ = _fine_lag(piece, against, rough, beside)
+        lag, _ = _fine_lag(piece, against, rough, edge_s, beside)
     stretches = int(piece.duration_s // STRETCH_S)
     edges = np.linspace(piece.time_s[0], piece.time_s[-1], stretches + 1 if stretches >= STRETCHES else 0)
     placed = []  # (time, lag) of the stretches that correlate
     for left, right in itertools.pairwise(edges):
         stretch = _between(piece, left, right)
         if len(stretch.time_s) >= 2:
-            stretch_lag, score = _fine_lag(stretch, against, lag, beside)
+            stretch_lag, score = _fine_lag(stretch, against, lag, edge_s, beside)
             if score >= limits["min_correlation"]:
                 placed.append((stretch.time_s.mean(), stretch_lag))
     drift = 0.0
@@ -223,18 +246,9 @@ def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict
         drift, lag = np.polyfit(times - middle, lags, 1)
     clock = Clock(float(lag), float(drift), float(middle))
     # Short recordings follow others in level by chance, but not in their edges.
-    correlation = min(score(piece, against, clock, beside) for score in (_level_correlation, _edge_correlation))
-    if not correlation >= limits["min_correlation"]:
-        raise InputError(
-            f"{who}: the signals do not follow each other (best correlation "
-            f"{max(correlation, 0.0):.2f}, touch.ingest.min_correlation {limits['min_correlation']:g}); "
-            "check that the logs belong to one capture"
-        )
-    if rival is not None:
-        raise InputError(
-            f"{who}: the clocks fit at {rough:+.2f} s and at {rival:+.2f} s alike, the presses are too "
-            "regular; vary their depth or timing, or lower touch.ingest.max_clock_offset_s below their period"
-        )
+    correlation = min(
+        _level_correlation(piece, against, clock, beside), _edge_correlation(piece, against, clock, edge_s, beside)
+    )
     return Clock(clock.offset_s, clock.drift, clock.middle_s, correlation)
 
 
@@ -267,14 +281,16 @@ def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple
     return float(lags[best]), float(lags[rivals[0]]) if len(rivals) and products[best] > 0 else None
 
 
-def _fine_lag(piece: Signal, against: Signal, centre: float, beside: Signal | None) -> tuple[float, float]:
+def _fine_lag(
+    piece: Signal, against: Signal, centre: float, edge_s: float, beside: Signal | None
+) -> tuple[float, float]:
     """Return the lag near `centre` with the highest correlation of edges, and that correlation."""
     lag = centre
     levels = _overlap(piece, against, Clock(centre), beside)
     halves = [_half(level) for level in levels]  # computed once: they take as long as all the rest of a score
     for reach, step in ((NEAR_S, STEP_S), (2 * STEP_S, STEP_S / 4)):
         lags = lag + np.arange(-round(reach / step), round(reach / step) + 1) * step
-        scores = np.array([_edge_correlation(piece, against, Clock(value), beside, halves) for value in lags])
+        scores = np.array([_edge_correlation(piece, against, Clock(value), edge_s, beside, halves) for value in lags])
         best = int(np.clip(np.argmax(scores), 1, len(lags) - 2))
         lag = lags[best]
     below, top, above = scores[best - 1 : best + 2]
@@ -285,14 +301,19 @@ def _fine_lag(piece: Signal, against: Signal, centre: float, beside: Signal | No
 
 
 def _edge_correlation(
-    piece: Signal, against: Signal, clock: Clock, beside: Signal | None, halves: list[float] | None = None
+    piece: Signal,
+    against: Signal,
+    clock: Clock,
+    edge_s: float,
+    beside: Signal | None,
+    halves: list[float] | None = None,
 ) -> float:
-    """Correlate the changes of contact over EDGE_S in the overlap; -1 where the overlap is too short.
+    """Correlate the changes of contact over `edge_s` in the overlap; -1 where the overlap is too short.
 
     halves: the strengths of half contact of the two signals, if known already.
     """
     levels = _overlap(piece, against, clock, beside)
-    steps = round(EDGE_S / STEP_S)
+    steps = round(edge_s / STEP_S)
     if len(levels[0]) < 10 * steps:
         return -1.0
     edges = []

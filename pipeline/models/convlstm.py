@@ -8,7 +8,10 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, filters: Width, training: EarlyStopping) -> TorchRegressor:
-    """Return the untrained ConvLSTM; 32 filters 3x3 on 5x5 (38,144) and linear 800-400 are 358,544 parameters."""
+    """Return the untrained ConvLSTM; 32 filters 3x3 on 5x5 (38,144) and linear 800-400 are 358,544 parameters.
+
+    Differs from paper: sizes are "as in previous research", whose sensor is another; here chosen for 5x5 elements.
+    """
     return TorchRegressor(lambda: _ConvLstm(spec, filters), spec, training)
 
 

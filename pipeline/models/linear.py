@@ -9,7 +9,10 @@ from pipeline.learning.regressors import Spec
 
 
 def build(spec: Spec) -> SklearnRegressor:
-    """Return the unfitted model; 200 inputs, 400 outputs and their intercepts are 80,400 fitted numbers."""
+    """Return the unfitted model; 200 inputs, 400 outputs and their intercepts are 80,400 fitted numbers.
+
+    Differs from paper: the paper does not say which frames its regressions see; here all of a window.
+    """
     return SklearnRegressor(
         lambda seed: make_pipeline(StandardScaler(), LinearRegression()),
         spec,

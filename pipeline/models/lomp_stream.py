@@ -23,6 +23,8 @@ def build(
     """Return the untrained network; settings as `lomp`'s. A frame costs its share of a window and one read-out.
 
     Raises InputError as `maker`.
+
+    Differs from paper: not in the paper, whose LoMP starts every window from a zero state.
     """
     return StreamingLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training)
 

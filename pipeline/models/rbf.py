@@ -18,6 +18,9 @@ def build(spec: Spec, *, centres: Count, width: Positive, ridge: NotNegative) ->
 
     They are 100,000 of the centres and 200,400 of the read-out.
 
+    Differs from paper: number, places and widths of the Gaussians are not given there; here k-means centres of one
+    width, all frames of a window.
+
     `width`: width of all Gaussians in units of the mean distance from a centre to its nearest neighbour.
     `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
     """

@@ -8,7 +8,10 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 
 
 def build(spec: Spec, *, layers: Layers, hidden: Width, training: EarlyStopping) -> TorchRegressor:
-    """Return the untrained network; LSTM 2 x 128 on (8, 25) and linear 128-400 are 263,056 parameters."""
+    """Return the untrained network; LSTM 2 x 128 on (8, 25) and linear 128-400 are 263,056 parameters.
+
+    Differs from paper: kind and sizes are "as in previous research"; here an LSTM of two layers of 128.
+    """
     return TorchRegressor(lambda: _Lstm(spec, layers, hidden), spec, training)
 
 

@@ -12,6 +12,8 @@ def build(spec: Spec, *, min_samples_leaf: Count, max_features: Share) -> Sklear
 
     Fitted numbers: one threshold per inner node and one map per leaf, so a tree of one leaf counts as much as
     the constant model. No multiply-accumulates: a tree only compares. No scaling: it would change nothing.
+
+    Differs from paper: the size of the tree is not given there; here leaves hold at least `min_samples_leaf` windows.
     """
     return SklearnRegressor(
         lambda seed: DecisionTreeRegressor(

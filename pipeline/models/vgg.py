@@ -17,6 +17,7 @@ def build(spec: Spec, *, channels: Widths, training: EarlyStopping) -> TorchRegr
 
     Differs from paper: one linear layer instead of VGG-16's three (there are 512 features, not 25,088), and
     pools that round up, without which 5x5 elements would not survive five of them.
+
     Raises InputError unless `channels` has one width per stage.
     """
     if len(channels) != len(CONVOLUTIONS):

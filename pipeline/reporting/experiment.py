@@ -4,14 +4,17 @@ The report of an experiment is the module of its name in this folder. Its `write
 `accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block of params.yaml.
 """
 
+import json
 from collections.abc import Callable, Iterable, Mapping
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
 
 from pipeline import experiments
-from pipeline.base import files, paths
+from pipeline.base import files, params, paths
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.sentences import read_differences
@@ -22,6 +25,12 @@ FITTING = {
     "series": ["lstm", "series_regressors"],
     "images": ["image_classifier"],
 }  # by kind of input
+SCENES = {
+    "touch": ["scenes/touch", "scenes/touch_contact", "scenes/touch_motion"],
+    "strain": ["scenes/strain"],
+    "glove": ["scenes/glove", "reporting/glove"],
+    "glove_recorded": ["reporting/glove_recorded"],
+}  # the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open
 
 
 def read(experiment: str, settings: Mapping) -> tuple[results.Scores, dict, pa.Table, str, int]:
@@ -52,15 +61,29 @@ def score_table(
 
 
 def experiment_differences(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
-    """Read the differences from its paper in the files of one experiment: (file, text)."""
+    """Read the differences of one experiment from its paper: (file, text), first those in code, then amounts."""
     names = [
         *(f"learning/{name}" for name in FITTING[experiments.module(experiment).KIND]),
         f"experiments/{experiment}",
-        f"scenes/{experiment}",
+        *SCENES.get(experiment, []),
         *(f"models/{model}" for model in settings["models"]),
     ]
-    files_of_experiment = (f"{name}.py" for name in names)
-    return read_differences(paths.CODE, (name for name in files_of_experiment if (paths.CODE / name).is_file()))
+    return read_differences(paths.CODE, (f"{name}.py" for name in names)) + amounts(experiment, settings)
+
+
+def amounts(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
+    """Return the values of params.yaml that are not the papers': (file, text); settings: the experiment's block.
+
+    The papers' amounts of data, epochs and runs are the values of scales/full.yaml.
+    """
+    differences = []
+    for keys, papers in params.full_scale(experiment, settings):
+        ours = reduce(getitem, keys, settings)
+        if ours != papers:
+            name = ".".join([experiment, *keys])
+            text = f"`{name}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
+            differences.append(("params.yaml", text))
+    return differences
 
 
 def write_speed(

@@ -4,31 +4,53 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import interval, number
-from pipeline.scoring.results import Fit, Scores
+from pipeline.scoring import classification
+from pipeline.scoring.results import Estimate, Fit, Scores, estimate
 
-MARK = re.compile(r"(?:^|#)\s*Differs from paper:\s*(.*)")
+MARK = re.compile(r"Differs from paper:\s*(.*)")
 
 
-def yardstick(scores: Scores, settings: Mapping, run: tuple[str, str], words: str, unit: str) -> str:
-    """Return the line on the one number that the scene's difficulty was set by, beside the published one.
+def yardstick(
+    scores: Scores, settings: Mapping, rest: str, others: Mapping[str, tuple[Mapping, float]] | None = None
+) -> str:
+    """Return the line on the one ratio of errors that the scene's difficulty was set by, beside the published one.
 
-    run: its protocol and condition; words: condition, metric and split; unit: `%` shows a fraction in percent.
+    rest: what the scene's other settings come from; others: name -> block like the yardstick's and published value of
+    ratios that were not set.
     """
     chosen = settings["yardstick"]
     if settings["source"] != "simulated":
         return "- The data are recorded, so no yardstick was used."
-    if chosen["model"] not in settings["models"]:
-        return f"- Yardstick of the scene: {chosen['model']} is not among the models, so it cannot be compared."
-    ours, published = scores.estimate(*run, chosen["model"], chosen["metric"]), chosen["published"]
-    if unit == "%":
-        ours, published = ours.percent(), 100 * published
+    if absent := [chosen[role] for role in ("model", "over") if chosen[role] not in settings["models"]]:
+        return f"- Yardstick of the scene: {' and '.join(absent)} not among the models, so it cannot be compared."
+    ours, published = error_ratio(scores, chosen), chosen["published"]
+    not_set = [
+        f"{name} {number(error_ratio(scores, block).mean)} ({number(printed)})"
+        for name, (block, printed) in (others or {}).items()
+        if block["model"] in settings["models"]
+    ]
+    metric = "" if chosen["metric"] == "error" else f" ({chosen['metric'].replace('_', ' ')})"
     return (
-        f"- Yardstick of the scene, the one number that it was set by: {model_name(chosen['model'])}, {words}: ours "
-        f"{interval(ours)}, published {number(published)} {unit} ({100 * (ours.mean / published - 1):+.0f} %). All "
-        "other numbers are predictions."
+        f"- Yardstick of the scene: error{metric} of {model_name(chosen['model'])} over "
+        f"that of {model_name(chosen['over'])}, {chosen['condition'].replace('_', ' ')}, protocol "
+        f"{chosen['protocol'].replace('_', ' ')}: ours {interval(ours, 3)}, published {number(published, 3)} "
+        f"({100 * (ours.mean / published - 1):+.0f} %). `{chosen['knob']}` was set by it, on validation parts "
+        f"(`tactile calibrate --help`). {rest} What models score is a prediction of these."
+        + (f" Such ratios that were not set (published): {'; '.join(not_set)}." if not_set else "")
     )
+
+
+def error_ratio(scores: Scores, chosen: Mapping) -> Estimate:
+    """Return the ratio of two models' errors over seeds; chosen: a block like `<experiment>.yardstick`."""
+    errors = []
+    for role in ("model", "over"):
+        values = np.array(scores.runs(chosen["protocol"], chosen["condition"], chosen[role], chosen["metric"]))
+        errors.append(1 - values if chosen["metric"] in classification.METRICS else values)
+    return estimate(errors[0] / errors[1])
 
 
 def stops(trained: Sequence[Fit]) -> str:
@@ -46,7 +68,7 @@ def figure_lines(captions: Mapping[str, str]) -> list[str]:
 
 
 def read_differences(folder: Path, names: Iterable[str]) -> list[tuple[str, str]]:
-    """Read (file, text) of every comment that starts with the mark, by file and line; names: files in `folder`.
+    """Read (file, text) of every mark, anywhere in a line, by file and line; names: files in `folder`.
 
     A comment goes on over following lines that are comments; in a docstring, up to an empty line or the end.
     """

@@ -18,13 +18,26 @@ SPLITS = {
     "within_day": "The first 70 % of 30 July train, its last 30 % test",
     "across_days": "30 July trains, 31 July tests, on the five strands that both days have",
     "new_places": "30 July trains, without the presses whose places 31 July repeats, and 31 July tests",
+    "days_swapped": "31 July trains, 30 July tests, on the five strands that both days have",
     "failing_channel": "The first 70 % of 31 July train, its last 30 % test, with the strand that fails left in",
 }
-SHORT = {"within_day": "Within the day", "across_days": "Across days", "new_places": "Across days, new places"}
+SHORT = {
+    "within_day": "Within the day",
+    "across_days": "Across days",
+    "new_places": "Across days, new places",
+    "days_swapped": "Across days, swapped",
+}
 TASKS = {"xy": "place while pressed", "z": "pressed or not", "xyz": "all three, at all times: task 0 of transfer"}
 YARDSTICK = {"x": 0.94, "y": 0.97}  # R2 a press that extra trees reach on hand-made differences (data README)
-WANTED = {"within_day": 0.90, "across_days": 0.85, "new_places": 0.85}  # R2 a press in x and y, from raw voltages
+WANTED = {
+    "within_day": 0.90,
+    "across_days": 0.85,
+    "new_places": 0.85,
+    "days_swapped": 0.85,
+}  # R2 a press in x and y, from raw voltages
 HAND_MADE = "press_difference"  # not a model of raw voltages
+EXPLORATORY = "lstm_highpass"  # chosen among four variants by scores of the second day, the models/ file has them
+CHOSEN_ON = ("across_days", "new_places")  # splits that test on the day it was chosen on
 
 
 def write(target: Path, settings: Mapping) -> None:
@@ -71,7 +84,9 @@ def score_text(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> 
     text = [
         "# Recorded strain sensors: place and depth of a press from voltages\n",
         "Mean [95 % t interval] over seeds on the test part. Per press: a press is predicted as the mean over the "
-        "second half of its samples. Higher R2 and lower error are better.\n",
+        "second half of its samples. Higher R2 and lower error are better. Seeds are starts of a model on the same "
+        "recordings of one set of strands. All models are fitted to the same samples, all before the test part. "
+        "Exploratory: the model was chosen among four variants by their scores on this test day.\n",
     ]
     for protocol, split, task in protocols(settings):
         text.append(
@@ -80,7 +95,7 @@ def score_text(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> 
         names = columns(task)
         rows = [
             [
-                model_name(model),
+                model_name(model) + (" (exploratory)" if model == EXPLORATORY and split in CHOSEN_ON else ""),
                 *(
                     interval(scores.estimate(protocol, tested[protocol], model, metric), 2 if metric == "error" else 3)
                     for metric in names
@@ -117,10 +132,13 @@ def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> st
         raw = {m: pair for m, pair in press_r2.items() if m != HAND_MADE and not any(r2.failed for r2 in pair)}
         best = max(raw, key=lambda m: min(r2.mean for r2 in raw[m]))
         x, y = raw[best]
-        words = "reached" if min(x.mean, y.mean) >= wanted else f"missed by {wanted - min(x.mean, y.mean):.3f}"
+        least = min(x.mean, y.mean)
+        words = f"above {wanted:.2f} in both" if least >= wanted else f"{wanted - least:.3f} below {wanted:.2f}"
+        chosen = ", exploratory (chosen among four variants on this test day)" if best == EXPLORATORY else ""
         lines.append(
-            f"- {SHORT[split]}: of the models on raw voltages {model_name(best)} is best, R2 {interval(x, 3)} in x "
-            f"and {interval(y, 3)} in y per press; {wanted:.2f} in both is {words}."
+            f"- {SHORT[split]}: of the models on raw voltages {model_name(best)} is best"
+            f"{chosen if split in CHOSEN_ON else ''}: R2 {interval(x, 3)} in x and {interval(y, 3)} in y per press, "
+            f"{words}."
         )
         if "lstm_direct" in raw and best != "lstm_direct":
             x, y = raw["lstm_direct"]
@@ -130,8 +148,11 @@ def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> st
             )
     lines.append(
         "- The rule by which the yardstick finds a press in the voltages was changed once after a test score of "
-        "it had been seen (0.928 and 0.961 within the day, one seed); all settings of the other models were chosen on "
-        "the validation part alone."
+        "it had been seen (0.928 and 0.961 within the day, one seed). Settings of the other models were chosen on the "
+        f"validation part alone, but for {model_name(EXPLORATORY)}: four variants of it were scored on 31 July after "
+        "training on 30 July, and the best was kept; validation within a day could not choose. The split with the days "
+        "swapped was added after that choice and tests on presses that had no part in it, though of a day that had "
+        "trained the variants, on the same strands. A confirmation needs another finger and other days; none is public."
     )
     lines.append(
         "- The robot's random places start from the same seed on both days: the places of 31 July are the first places "

@@ -19,17 +19,18 @@ def session(settings: Mapping, name: str, recording: str, change: str, severity:
 
     settings: the block `glove` of params.yaml. Severity 0 is the log itself before its line faults. By change:
 
-    * specimen: films with the gains of number `severity` of the scene's seeds, spread even where training's are not.
+    * specimen: the glove that comes `severity` numbers after the scene's, spread even where training's is not.
     * shift: the object lies `severity` mm nearer to the fingers than the hand wants it to.
     * turn: the object's axis lies `severity` degrees further turned on the palm.
     * grip: the margin of the grip over the slip force, times 2^severity.
     """
     scene = glove.scene_of(settings)
     names = (scene["seed"], name, recording)
-    hold, film = glove.held(glove.frames_per_session(scene), scene, generator(*names, "hold")), scene
+    thing, film = glove.OBJECTS[name], scene
+    hold = glove.held(glove.frames_per_session(scene), scene, generator(*names, "hold"), thing)
     if change == "specimen":
         effects = scene["effects"] | ({"element_spread": True} if severity else {})
-        film = scene | {"seed": scene["seed"] + round(severity), "effects": effects}
+        film = scene | {"specimen": scene["specimen"] + round(severity), "effects": effects}
     elif change == "shift":
         hold = hold._replace(along=hold.along + severity)
     elif change == "turn":
@@ -38,5 +39,5 @@ def session(settings: Mapping, name: str, recording: str, change: str, severity:
         hold = hold._replace(margin=hold.margin * 2.0**severity)
     else:
         raise InputError(f"glove scene: no change '{change}'; there are {', '.join(CHANGES)}")
-    siemens = glove.conductances(glove.OBJECTS[name], hold, film)
+    siemens = glove.conductances(thing, hold, film)
     return glove.scanned(siemens, scene, generator(*names, "noise"))

@@ -1,18 +1,23 @@
 """Model Velostat: the log resistance of a taxel from the history of the force on it, and nothing else.
 
-The model is causal and starts from long rest. F is force in N, dt the step in s, r log resistance (up to a
-constant: the recorded reading that the model was fitted to has an arbitrary scale).
+The model is causal and starts from long rest. F is force in N, dt the step in s, r log resistance. The readings that
+it was fitted to are all 1000 k / m with whole numbers k and m, k + m about 1645: a taxel's share of a divider's voltage
+over the reference resistor's, times 1000, which is ohm if that resistor had 1 kohm.
 
-1. Static law: a power law above a contact threshold, steeper at high force,
+1. Static law: a power law above a contact threshold,
 
-       g = gain ((F / F0)^(a e) + (F / F1)^(m e)),     x = ln(1 + g^k) / k,     r = r0 - x.
+       x = max(0, ln gain + a ln(F1 / F0) + a e ln(F / F1)),     r = r0 - x.
 
-   x is the log conductance above rest. `gain` and `exponent` e are 1, or one number per element. Conductance
-   as a power of pressure: Stassi et al., Sensors 14, 5296 (2014); k sharpens the knee where contact begins.
-2. Creep (fading memory). Contact needs time to form but none to break, so the relaxation can only hold
-   conductance back:
+   x is the log conductance above rest. `gain` and exponent e are 1, or differ between places of a film; F1 = 10 N is
+   the force at which places differ by their gain alone. Conductance as a power of pressure: Stassi et al., Sensors 14,
+   5296 (2014). Two refinements were tried and add nothing once places differ: a second, steeper power law at high force
+   (sum of squares of the fit 0.6 % lower, its exponent runs to any bound), and a knee ln(1 + g^k) / k in place of
+   the maximum (the same to 0.02 % from k = 8 upwards).
+2. Creep (fading memory) at three rates: contacts form within some 10 ms (`contact`), the film flows into them
+   within some 100 ms (`creep`) and over seconds (`slow`). Contact needs time to form but none to break, so each
+   relaxation can only hold conductance back:
 
-       x <- (1 - w) x + w min(x, L),     L <- L + (1 - exp(-dt / T)) (x - L),
+       x <- x - sum_i w_i (x - min(x, L_i)),     L_i <- L_i + (1 - exp(-dt / T_i)) (x - L_i),
 
    exact for a force that is constant within a step.
 3. Hysteresis, rate-independent: a Prandtl-Ishlinskii mean of play operators (Brokate and Sprekels, Hysteresis
@@ -31,13 +36,17 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
 
 FITTED = Path(__file__).with_name("velostat.json")
 LEAST_FORCE_N = 1e-9  # stands for no force, so that logarithms exist; far below the threshold F0
+PIVOT_N = 10.0  # F1, in the middle of the recorded 0.5 to 45 N on a logarithmic scale
 PLAY_OPERATORS = 3
+RASTER = (4, 4)  # places of a recording, rows and columns
+STEP_MM = (3.75, 3.25)  # between two rows, and between two places of a row
 
 
 @dataclass(frozen=True)
@@ -47,14 +56,23 @@ class Material:
     rest: float  # r0, log of the reading
     onset_n: float  # F0
     exponent: float  # a
-    knee: float  # k
-    onset_high_n: float  # F1
-    exponent_high: float  # m
-    creep_weight: float  # w, 0..1
-    creep_time_s: float  # T of equation 2
+    contact_weight: float  # w and T of equation 2, the fastest relaxation; the weights' sum is below 1
+    contact_time_s: float
+    creep_weight: float
+    creep_time_s: float
+    slow_weight: float
+    slow_time_s: float
     hysteresis_width: float  # h
     release_gain: float  # c
     release_time_s: float  # T of equation 4
+
+
+class Places(NamedTuple):
+    """How places of one taxel differ under one tip, measured at the places of the recordings."""
+
+    gain_std: float  # of the log gain
+    exponent_std: float  # of e
+    neighbour_correlation: float  # of the log gain at places one step of the recorded raster apart
 
 
 @cache
@@ -63,14 +81,20 @@ def load_material() -> Material:
     return Material(**json.loads(FITTED.read_text())["parameters"])
 
 
+@cache
+def load_places() -> Places:
+    """Return how places differ in the recordings (`velostat.json`)."""
+    places = json.loads(FITTED.read_text())["places"]
+    return Places(*(places[name] for name in Places._fields))
+
+
 def static_conductance(
     material: Material, force: np.ndarray, gain: np.ndarray | float = 1.0, exponent: np.ndarray | float = 1.0
 ) -> np.ndarray:
     """Return x of equation 1: log conductance above rest (>= 0) at each force (N), without any memory."""
     log_force = np.log(np.maximum(force, LEAST_FORCE_N))
-    low = material.exponent * exponent * (log_force - np.log(material.onset_n))
-    high = material.exponent_high * exponent * (log_force - np.log(material.onset_high_n))
-    return np.logaddexp(0, material.knee * (np.logaddexp(low, high) + np.log(gain))) / material.knee
+    power = material.exponent * (exponent * (log_force - np.log(PIVOT_N)) + np.log(PIVOT_N / material.onset_n))
+    return np.maximum(power + np.log(gain), 0)
 
 
 def relaxed(x: np.ndarray, time_s: float, dt: float) -> np.ndarray:
@@ -110,19 +134,21 @@ def log_resistance(
     gain: np.ndarray | float = 1.0,
     exponent: np.ndarray | float = 1.0,
     creep: bool = True,
+    slow_creep: bool = True,
     hysteresis: bool = True,
     release: bool = True,
 ) -> np.ndarray:
     """Return the log resistance, same shape as `force`: (steps,) or (steps, elements), N, sampled every `dt` seconds.
 
     `gain` and `exponent`, numbers or arrays that broadcast against `force`, such as (elements,), multiply the
-    pressed part of the conductance and the power-law exponents. Each of the three effects can be switched
-    off; with all off only the static law is left.
+    pressed part of the conductance and the power-law exponents. Each of the four effects can be switched
+    off (creep: its two faster rates); with all off only the static law is left.
     Conductance is exp(-log resistance), up to a scale.
     """
     x = static_conductance(material, np.asarray(force, dtype=float), gain, exponent)
-    if creep:
-        x = x - material.creep_weight * (x - np.minimum(x, relaxed(x, material.creep_time_s, dt)))
+    rates = [(material.contact_weight, material.contact_time_s), (material.creep_weight, material.creep_time_s)] * creep
+    rates += [(material.slow_weight, material.slow_time_s)] * slow_creep
+    x = x - sum(weight * (x - np.minimum(x, relaxed(x, time_s, dt))) for weight, time_s in rates)
     if hysteresis:
         widths = material.hysteresis_width * np.arange(1, PLAY_OPERATORS + 1) / PLAY_OPERATORS
         x = sum(play(x, width) for width in widths) / PLAY_OPERATORS

@@ -1,8 +1,11 @@
-"""Simulate a passive finger with six conductive-elastomer strands on an arm, as the raw logs of DAQ and robot.
+"""Simulate passive fingers with conductive-elastomer strands on an arm, as the raw logs of DAQ and robot.
 
 A chain of named effects, each with a switch in params.yaml (strain.simulate.effects):
 
     arm -> contact with friction -> bending of the finger -> strain -> strand -> voltage divider -> DAQ -> log
+
+A specimen is a finger on its surface: gains and angles of its strands, friction. Recording `run<k>` of every task is of
+specimen number `specimen` + k, with a motion, drift, noise and line faults of its own.
 
 Lengths in mm, dt the step in s. a = (x, y) is the arm's place, D = -z the depth by which the finger is pressed onto
 the surface (z = 0: it just touches), p the place of the finger's tip on the surface.
@@ -14,42 +17,52 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
        u = a - p;   if k |u| > mu_s N:   |u| <- mu_k N / k, direction kept, p <- a - u;   N = n D.
 
    So u shows how the finger is dragged, not where the arm is: absolute x and y must be summed from slips, as the
-   paper says. Without `stick_slip`, mu_s = mu_k: the finger is dragged without jumps.
+   paper says. Without `stick_slip`, mu_s = mu_k: the finger is dragged without jumps. With `friction_spread` both
+   coefficients are multiplied by G(p) (1 + A cos(angle between u and a direction of the skin)): ln G is a smooth random
+   field over the surface of standard deviation `friction_spread` and correlation length `friction_length_mm`, A is
+   `friction_direction`.
 2. Bending. Pressing bends the finger in x, for it stands at an angle, and shortens it. The arm does not hold its
    pose exactly: over the surface the finger leans by `lean` mm of bending per mm of x and y (0.02 is 1.1 degrees):
 
        B_x = u_x + b D + lean x,     B_y = u_y + lean y.
 
-   The lean is the only term that depends on the absolute place, and small: 1.4 mm at the edge against 7 to 12 mm of
-   drag. Little rests on the lean: without it (0), direct training's error on the validation part of task 2 was 19.7 in
-   place of 18.8 mm, because a model that sums the strokes of a bounded area comes near the place as well.
+   Only the lean and G depend on the absolute place. Both are small: the lean has 1.4 mm at the edge, drag 7 to 12 mm.
 3. Strand i at the angle phi_i around the finger, with its own length and so its own gain g_i:
 
        e_i = s g_i (B_x cos phi_i + B_y sin phi_i - c D),          relative change of resistance.
 
-4. Relaxation. After a step, the resistance falls back by two shares w (linear viscoelasticity, two times T):
+4. Relaxation. Whatever deforms a strand breaks conductive paths, which form again with two times T: resistance jumps
+   up at every change of strain and falls back while nothing moves (conductive paths in carbon-filled elastomers:
+   Flandin et al., Polymer 42, 2001). How many break varies by chance, by a factor F of mean 1 and a log-normal spread
+   (Ornstein-Uhlenbeck, correlation time `break_time_s`):
 
-       r = e - w_1 L_1 - w_2 L_2,     L_k <- L_k + (1 - exp(-dt / T_k)) (e - L_k).
+       r = e + h_1 + h_2,     h_k <- exp(-dt / T_k) h_k + w_k F(t) |e(t) - e(t - dt)|.
 
-5. Asymmetry. Conductive paths break at once and form again slowly, so that unloading lags behind loading:
+5. Asymmetry. Unloading lags behind loading:
 
        m <- m + (1 - exp(-dt / T)) (r - m),     T = T_loading where r > m, else T_unloading.
 
-6. Drift d_i of the resistance at rest: a random walk, and ageing with the logarithm of time, h_i = 0.5 to 1.5:
+6. Drift d_i of the resistance at rest, beside h: a stationary random process that all strands share, such as the
+   temperature (Ornstein-Uhlenbeck, correlation time `wander_time_s`), and ageing with the logarithm of time, a_i = 0.5
+   to 1.5:
 
-       d_i = walk W_i(t / hour) + ageing h_i ln(1 + t / T_ageing).
+       d_i = wander O(t) + ageing a_i ln(1 + t / T_ageing).
 
 7. Voltage divider with the reference resistor R_ref at the supply: V = supply R / (R + R_ref), R = R_0 (1 + m + d).
 
-The strain-sensor recordings that this repository reads show the drift in the offsets, too (their response to a press
-stays the same all day), and an undershoot after release that creeps back in seconds; other than here, their response
-to a held press does not fall back. Differs from paper: the finger is simulated; none of these numbers is given there.
-The numbers are plain engineering numbers, chosen before any model was trained; `drift.walk_per_root_hour` alone was
-then set so that direct training on task 1 comes near its published error (strain.yardstick), judged on the validation
-part.
+4, 6, the noise, and s are fitted to strain-sensor recordings of one of the paper's authors (reports/twins; 30 and 31
+July 2019). What drifts there is the voltage at rest, and it drifts because the strands are used: it is correlated by
+0.8 with that before the previous press, by 0.2 with that 20 presses earlier and not at all after 200; its strand's own
+earlier responses explain 0.6 of its variance, and between presses it only falls back. A random walk, which grows for
+hours, is not in the recordings, and noise that wanders within seconds would exceed the 2 mV between two readings.
+`motion.press_fastest_mm_s` is then set by strain.yardstick: the paper does not give the arm's speed, and the faster the
+arm, the more paths break. All other numbers are plain engineering numbers.
+Differs from paper: the fingers, their surface and all their numbers are simulated; the paper gives none of them.
+Differs from paper: the motion is straight strokes between random places at random speeds, with rests; the paper says
+only that motions are random, within 140 x 80 x 10 mm, and that the velocity is restricted.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -60,28 +73,45 @@ from pipeline.datasets.seeding import generator
 from pipeline.scenes.faults import Fault, inject
 
 STEP_S = 0.05  # the arm moves up to 0.6 mm in it, the finger slips by 5 mm at a time
-STRANDS_DEG = np.array([10.0, 75.0, 135.0, 195.0, 250.0, 315.0])  # phi, before the spread of manual placement
 TASKS = ("task_0", "task_1", "task_2")
-HOUR_S = 3600.0
 HIGHEST_V = 10.0  # range of the DAQ
+WAVES = 64  # of a random field
+CELL_MM = 2.0  # of the table of a surface's friction; the finger slips by 5 mm at a time
 
 
 class Recording(NamedTuple):
-    """One uninterrupted capture: a condition, a name and the arm's path on a time grid of STEP_S."""
+    """One uninterrupted capture: a condition, a name, the finger's number and the arm's path on a grid of STEP_S."""
 
     condition: str
     name: str
+    specimen: int
     place_mm: np.ndarray  # (steps, 3): x, y, z
+
+
+class Surface(NamedTuple):
+    """How the friction of one specimen differs from the mean: factor = grip(place) * (1 + along . direction)."""
+
+    grip: np.ndarray  # (cells in x, cells in y) of CELL_MM, around x = y = 0
+    along: tuple[float, float]
 
 
 def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
     """Return all recordings, and the function that gives the logs of one (`logs_of`); settings: the block `strain`."""
-    scene = settings["simulate"]
-    return recordings(scene), lambda recording: logs_of(recording, scene)
+    scene, strands = settings["simulate"], settings["sensor"]["channels"]
+    return recordings(scene), lambda recording: logs_of(recording, scene, strands)
 
 
 def recordings(settings: Mapping) -> list[Recording]:
-    """Return one recording per task; `settings` is the block strain.simulate.
+    """Return one recording per task and specimen, run000 of all tasks first; settings: the block strain.simulate."""
+    return [
+        recording_of(settings, task, f"run{k:03d}", settings["specimen"] + k)
+        for k in range(settings["specimens"])
+        for task in TASKS
+    ]
+
+
+def recording_of(settings: Mapping, task: str, name: str, specimen: int) -> Recording:
+    """Return one recording; settings: the block strain.simulate.
 
     task_0 moves in x, y and z, task_1 in z alone, task_2 in x and y at a fixed depth (section III-B).
     """
@@ -91,18 +121,15 @@ def recordings(settings: Mapping) -> list[Recording]:
     half = np.array([motion["width_mm"], motion["height_mm"]]) / 2
     slide = motion["slide_slowest_mm_s"], motion["slide_fastest_mm_s"]
     press = motion["press_slowest_mm_s"], motion["press_fastest_mm_s"]
-    planned = []
-    for task in TASKS:
-        place = np.zeros((round(seconds / STEP_S), 3))
-        place[:, 2] = -motion["sliding_depth_mm"]
-        rng = generator(settings["seed"], task, "motion")
-        if task != "task_1":
-            place[:, :2] = path(len(place), -half, half, slide, motion["rest_s"], rng)
-        if task != "task_2":
-            lowest = np.array([-motion["depth_mm"]])
-            place[:, 2:] = path(len(place), lowest, np.zeros(1), press, motion["rest_s"], rng)
-        planned.append(Recording(task, "run000", place))
-    return planned
+    place = np.zeros((round(seconds / STEP_S), 3))
+    place[:, 2] = -motion["sliding_depth_mm"]
+    rng = generator(settings["seed"], task, name, "motion")
+    if task != "task_1":
+        place[:, :2] = path(len(place), -half, half, slide, motion["rest_s"], rng)
+    if task != "task_2":
+        lowest = np.array([-motion["depth_mm"]])
+        place[:, 2:] = path(len(place), lowest, np.zeros(1), press, motion["rest_s"], rng)
+    return Recording(task, name, specimen, place)
 
 
 def path(
@@ -124,7 +151,25 @@ def path(
     return np.column_stack([np.interp(at, time, column) for column in np.transpose(places)])
 
 
-def deflection(place_mm: np.ndarray, finger: Mapping, stick_slip: bool) -> np.ndarray:
+def surface_of(specimen: int, half_mm: Sequence[float], finger: Mapping) -> Surface:
+    """Draw the friction of a specimen over places within +-half_mm (2,)."""
+    rng = generator(specimen, "surface")
+    wave = rng.normal(0, 1 / finger["friction_length_mm"], (WAVES, 2))
+    shift = rng.uniform(0, 2 * np.pi, WAVES)
+    x, y = (np.arange(-cells, cells + 1) * CELL_MM for cells in np.ceil(np.array(half_mm) / CELL_MM).astype(int))
+    field = np.zeros((len(x), len(y)))
+    for (a, b), start in zip(wave, shift, strict=True):
+        field += np.cos(a * x[:, None] + b * y + start)
+    grip = np.exp(finger["friction_spread"] * np.sqrt(2 / WAVES) * field)
+    direction = rng.uniform(0, 2 * np.pi)
+    along = finger["friction_direction"] * np.cos(direction), finger["friction_direction"] * np.sin(direction)
+    return Surface(grip, along)
+
+
+EVEN = Surface(np.ones((1, 1)), (0.0, 0.0))
+
+
+def deflection(place_mm: np.ndarray, finger: Mapping, stick_slip: bool, surface: Surface = EVEN) -> np.ndarray:
     """Return u of equation 1, (steps, 2) in mm, for a path (steps, 3); the finger is put down unbent."""
     depth = -place_mm[:, 2]
     most = finger["normal_n_per_mm"] * np.maximum(depth, 0) / finger["stiffness_n_per_mm"]
@@ -132,39 +177,57 @@ def deflection(place_mm: np.ndarray, finger: Mapping, stick_slip: bool) -> np.nd
     static = (finger["static_friction"] * most).tolist() if stick_slip else kinetic
     arm_x, arm_y = place_mm[:, 0].tolist(), place_mm[:, 1].tolist()
     tip_x, tip_y = arm_x[0], arm_y[0]
+    grip, (along_x, along_y) = surface.grip.tolist(), surface.along
+    last_x, last_y = len(grip) - 1, len(grip[0]) - 1
     bent = []
     for x, y, holds, left in zip(arm_x, arm_y, static, kinetic, strict=True):
         dx, dy = x - tip_x, y - tip_y
         length = (dx * dx + dy * dy) ** 0.5
-        if length > holds:
-            dx, dy = dx * left / length, dy * left / length
-            tip_x, tip_y = x - dx, y - dy
+        if length:
+            cell_x = min(max(round(tip_x / CELL_MM + last_x / 2), 0), last_x)
+            cell_y = min(max(round(tip_y / CELL_MM + last_y / 2), 0), last_y)
+            factor = grip[cell_x][cell_y] * (1 + (along_x * dx + along_y * dy) / length)
+            if length > holds * factor:
+                dx, dy = dx * left * factor / length, dy * left * factor / length
+                tip_x, tip_y = x - dx, y - dy
         bent.append((dx, dy))
     return np.array(bent)
 
 
-def strains(place_mm: np.ndarray, settings: Mapping) -> np.ndarray:
-    """Return e of equation 3, (steps, strands), for a path (steps, 3). One specimen of the finger per scene seed."""
-    finger, strand = settings["finger"], settings["strand"]
-    u = deflection(place_mm, finger, settings["effects"]["stick_slip"])
-    depth = -place_mm[:, 2]
+def angles_deg(strands: int) -> np.ndarray:
+    """Return phi, (strands,), before the spread of manual placement: six are 60 degrees apart.
+
+    Fewer are the first of the six, in an order in which three are 120 degrees apart.
+    """
+    k = np.arange(strands)
+    return 10.0 + 120 * (k % 3) + 60 * (k // 3 % 2) + 30 * (k // 6)
+
+
+def strains(recording: Recording, settings: Mapping, strands: int) -> np.ndarray:
+    """Return e of equation 3, (steps, strands), of a recording; settings: the block strain.simulate."""
+    finger, strand, motion = settings["finger"], settings["strand"], settings["motion"]
+    place_mm, depth = recording.place_mm, -recording.place_mm[:, 2]
+    surface = EVEN
+    if settings["effects"]["friction_spread"]:
+        surface = surface_of(recording.specimen, (motion["width_mm"] / 2, motion["height_mm"] / 2), finger)
+    u = deflection(place_mm, finger, settings["effects"]["stick_slip"], surface)
     bent_x = u[:, 0] + finger["press_bending"] * depth + finger["lean"] * place_mm[:, 0]
     bent_y = u[:, 1] + finger["lean"] * place_mm[:, 1]
-    specimen = generator(settings["seed"], "specimen")
-    gain = np.exp(specimen.normal(0, strand["gain_spread"], len(STRANDS_DEG)))
-    angle = np.radians(STRANDS_DEG + specimen.normal(0, strand["angle_spread_deg"], len(STRANDS_DEG)))
+    gain = np.exp(generator(recording.specimen, "gain").normal(0, strand["gain_spread"], strands))
+    shift = generator(recording.specimen, "angle").normal(0, strand["angle_spread_deg"], strands)
+    angle = np.radians(angles_deg(strands) + shift)
     bending = np.outer(bent_x, np.cos(angle)) + np.outer(bent_y, np.sin(angle))
     return strand["sensitivity_per_mm"] * gain * (bending - finger["compression"] * depth[:, None])
 
 
-def relaxed(strain: np.ndarray, strand: Mapping) -> np.ndarray:
-    """Return r of equation 4 for e (steps, strands); the finger has been at the first strain for long."""
+def relaxed(strain: np.ndarray, strand: Mapping, rng: np.random.Generator) -> np.ndarray:
+    """Return r of equation 4 for e (steps, strands); nothing has moved before."""
+    moved = np.abs(np.diff(strain, axis=0, prepend=strain[:1]))
+    spread = strand["break_spread"]
+    moved *= np.exp(spread * wander(*strain.shape, strand["break_time_s"], rng) - spread**2 / 2)
     result = strain.copy()
     for share, time in (("fast_share", "fast_time_s"), ("slow_share", "slow_time_s")):
-        keep = np.exp(-STEP_S / strand[time])
-        # The filter starts in the state of a constant input of strain[0].
-        memory, _ = lfilter([1 - keep], [1, -keep], strain, axis=0, zi=keep * strain[:1])
-        result -= strand[share] * memory
+        result += lfilter([strand[share]], [1, -np.exp(-STEP_S / strand[time])], moved, axis=0)
     return result
 
 
@@ -178,13 +241,20 @@ def asymmetric(response: np.ndarray, strand: Mapping) -> np.ndarray:
     return np.column_stack([list(accumulate(column.tolist(), follow)) for column in response.T])
 
 
-def drifts(steps: int, settings: Mapping, rng: np.random.Generator) -> np.ndarray:
-    """Draw d of equation 6, (steps, strands), zero at the start."""
-    drift, strands = settings["drift"], len(STRANDS_DEG)
-    walk = np.cumsum(rng.standard_normal((steps, strands)), axis=0) * np.sqrt(STEP_S / HOUR_S)
+def wander(steps: int, strands: int, time_s: float, rng: np.random.Generator) -> np.ndarray:
+    """Draw Ornstein-Uhlenbeck processes of standard deviation 1 and correlation time `time_s`, (steps, strands)."""
+    keep = np.exp(-STEP_S / time_s)
+    start = rng.standard_normal((1, strands))
+    pushed = np.sqrt(1 - keep**2) * rng.standard_normal((steps, strands))
+    return lfilter([1], [1, -keep], pushed, axis=0, zi=keep * start)[0]
+
+
+def drifts(steps: int, strands: int, settings: Mapping, rng: np.random.Generator) -> np.ndarray:
+    """Draw d of equation 6, (steps, strands)."""
+    drift = settings["drift"]
     ageing = np.log1p(np.arange(steps) * STEP_S / drift["ageing_time_s"])
     d = drift["ageing"] * np.outer(ageing, rng.uniform(0.5, 1.5, strands))
-    d += drift["walk_per_root_hour"] * (walk - walk[0])
+    d += drift["wander"] * wander(steps, 1, drift["wander_time_s"], rng)
     return d if settings["effects"]["drift"] else np.zeros_like(d)
 
 
@@ -222,10 +292,19 @@ def own_clock(times: np.ndarray, devices: Mapping, rng: np.random.Generator) -> 
     return (times - times[0]) * (1 + devices["clock_drift_ppm"] * 1e-6 * rng.uniform(-1, 1))
 
 
-def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str], list[Fault]]]:
+def responses(strain: np.ndarray, recording: Recording, settings: Mapping) -> np.ndarray:
+    """Return m of equation 5 for e, both (steps, strands); settings: the block strain.simulate."""
+    if settings["effects"]["relaxation"]:
+        rng = generator(settings["seed"], recording.condition, recording.name, "breaking")
+        strain = relaxed(strain, settings["strand"], rng)
+    return asymmetric(strain, settings["strand"]) if settings["effects"]["asymmetry"] else strain
+
+
+def logs_of(recording: Recording, settings: Mapping, strands: int) -> dict[str, tuple[list[str], list[Fault]]]:
     """Return the raw logs of one recording: file name -> (lines without line ends, injected faults).
 
-    `truth.csv` is no log: it has the true drift d of every strand at each sample of the DAQ, on the DAQ's clock.
+    settings: the block strain.simulate; strands: how many the finger has.
+    `truth.csv` is no log: it has the true drift of every strand, m + d - e, at each sample of the DAQ, on its clock.
     """
     devices, effects = settings["devices"], settings["effects"]
     # One generator per purpose, so that switching one effect off leaves the others as they are.
@@ -234,19 +313,15 @@ def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str
         for name in ("drift", "daq", "noise", "robot", "faults")
     }
     grid = np.arange(len(recording.place_mm)) * STEP_S
-    response = strains(recording.place_mm, settings)
-    if effects["relaxation"]:
-        response = relaxed(response, settings["strand"])
-    if effects["asymmetry"]:
-        response = asymmetric(response, settings["strand"])
-    drift = drifts(len(grid), settings, rng["drift"])
+    strain = strains(recording, settings, strands)
+    change = responses(strain, recording, settings) + drifts(len(grid), strands, settings, rng["drift"])
 
     def sampled(values: np.ndarray, at_s: np.ndarray) -> np.ndarray:
         return np.column_stack([np.interp(at_s, grid, column) for column in values.T])
 
     times = daq_times(settings, rng["daq"])
     clock = own_clock(times, devices, rng["daq"])
-    volts = sampled(voltages(response + drift, settings["circuit"]), times)
+    volts = sampled(voltages(change, settings["circuit"]), times)
     if effects["noise"]:
         volts += rng["noise"].normal(0, settings["circuit"]["noise_v"], volts.shape)
     lines = {"daq.log": rows(clock, np.clip(volts, -HIGHEST_V, HIGHEST_V), 5)}
@@ -257,8 +332,8 @@ def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str
     logs: dict[str, tuple[list[str], list[Fault]]] = {}
     for name, whole in lines.items():
         logs[name] = inject(whole, settings["faults"], rng["faults"]) if effects["line_faults"] else (whole, [])
-    header = ",".join(["t_s", *(f"drift{k}" for k in range(len(STRANDS_DEG)))])
-    logs["truth.csv"] = ([header, *rows(clock, sampled(drift, times), 7)], [])
+    header = ",".join(["t_s", *(f"drift{k}" for k in range(strands))])
+    logs["truth.csv"] = ([header, *rows(clock, sampled(change - strain, times), 7)], [])
     return logs
 
 

@@ -12,7 +12,6 @@ from pipeline.scenes import strain
 from pipeline.scenes.faults import Fault
 
 CHANGES = ("rate", "speed", "specimen")
-OTHER_MOTION = 1_000_003  # added to the scene's seed for the motion alone: the finger must stay the same
 SPEEDS = ("slide_slowest_mm_s", "slide_fastest_mm_s", "press_slowest_mm_s", "press_fastest_mm_s")
 
 
@@ -21,7 +20,7 @@ def changed(settings: Mapping, change: str, severity: float) -> dict:
 
     * rate: DAQ and the grid of ingest at 2^severity times their rate, in the same time.
     * speed: all speeds of the arm times 2^severity; rests stay.
-    * specimen: the finger, its drift and its noise with number `severity` of the scene's seeds; 0 is the trained one.
+    * specimen: the finger whose number is higher by `severity`, with the same motion, drift and noise.
     """
     scene, ingest = settings["simulate"], settings["ingest"]
     devices = scene["devices"] | {"clock_offset_s": 0.0, "clock_drift_ppm": 0.0}
@@ -35,18 +34,18 @@ def changed(settings: Mapping, change: str, severity: float) -> dict:
     elif change == "speed":
         scene["motion"] = scene["motion"] | {name: scene["motion"][name] * factor for name in SPEEDS}
     elif change == "specimen":
-        scene["seed"] += round(severity)
+        scene["specimen"] += round(severity)
     else:
         raise InputError(f"strain scene: no change '{change}'; there are {', '.join(CHANGES)}")
     return {**settings, "simulate": scene, "ingest": ingest}
 
 
-def logs_of(settings: Mapping, task: str, motion_seed: int) -> dict[str, tuple[list[str], list[Fault]]]:
+def logs_of(settings: Mapping, task: str, run: int) -> dict[str, tuple[list[str], list[Fault]]]:
     """Return the raw logs of one recording of a task, as strain.logs_of; settings: as `changed` returns them.
 
-    motion_seed: the seed of the scene as trained, so that all changes follow the same path.
+    run: the number of the recording that the model was trained on, whose finger is the one that changes start from.
+    All changes follow the same path.
     """
     scene = settings["simulate"]
-    recordings = strain.recordings({**scene, "seed": motion_seed + OTHER_MOTION})
-    (recording,) = (recording for recording in recordings if recording.condition == task)
-    return strain.logs_of(recording._replace(name="stress"), scene)
+    recording = strain.recording_of(scene, task, f"stress{run:03d}", scene["specimen"] + run)
+    return strain.logs_of(recording, scene, settings["sensor"]["channels"])

@@ -12,12 +12,14 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.datasets.seeding import generator
-from pipeline.scenes import touch
-from pipeline.scenes.touch import Recording
+from pipeline.scenes import touch, touch_motion
+from pipeline.scenes.touch_contact import steady, tip_area_m2
+from pipeline.scenes.touch_motion import Recording
 
 # Perturbation -> the conditions in which it acts.
 VARIATIONS = dict.fromkeys(("specimen", "peak_pressure", "press_speed", "tip_radius"), ("double", "single_anew"))
 LAYOUTS = dict.fromkeys(("touches", "distance"), ("several",))
+PRESSES = 160  # of a condition whose presses are drawn anew
 DRAWS = 1000  # of places, until all touches are far enough from one another
 
 
@@ -25,8 +27,9 @@ def varied(settings: Mapping, perturbation: str, severity: float) -> dict:
     """Return the block `touch` with one thing changed.
 
     * peak_pressure: all pressures times 1 + severity.
-    * press_speed: approach, hold and release 2^severity times as fast; the way between two places as before.
-    * tip_radius: the tip's radius plus severity (mm), at the same pressures; the labels change with the tip (eq. 1).
+    * press_speed: approach, hold and release 2^severity times as fast; the rest between two presses as before.
+    * tip_radius: the CNC's tip's radius plus severity (mm), the hand's in proportion, at the same pressures; the
+      labels change with the tip (eq. 1).
 
     Every other perturbation leaves the block as it is.
     """
@@ -41,6 +44,9 @@ def varied(settings: Mapping, perturbation: str, severity: float) -> dict:
         label = label | {"tip_radius_mm": label["tip_radius_mm"] + severity}
         if label["tip_radius_mm"] <= 0:
             raise InputError(f"params.yaml, stress.touch: tip_radius {severity:g} mm leaves no tip; take less away")
+        # The hand's tip keeps its share of the CNC's: the same millimetres could leave nothing of it.
+        share = label["tip_radius_mm"] / settings["label"]["tip_radius_mm"]
+        scene = scene | {"hand": scene["hand"] | {"tip_radius_mm": scene["hand"]["tip_radius_mm"] * share}}
     return settings | {"simulate": scene, "label": label}
 
 
@@ -50,12 +56,12 @@ def plan(
     """Return the perturbed recordings of one condition, and the function that gives the logs of one, as `touch.plan`.
 
     settings: the block `touch` as params.yaml has it. specimen: severity 1, 2, ... are arrays of the same make with
-    the spread of their elements, even where training's has none (and other clocks), at the same presses.
+    places that differ, even where those of training do not, at the same presses.
     """
     changed = varied(settings, perturbation, severity)
     scene, sensor, radius = changed["simulate"], changed["sensor"], changed["label"]["tip_radius_mm"]
     if condition == "double":
-        recordings = touch.double_recordings(scene, sensor, radius)
+        recordings = touch_motion.double_recordings(scene, sensor, radius)
     elif condition == "single_anew":
         recordings = pressed(condition, *places(changed, 1), scene, radius)
     elif perturbation == "touches":
@@ -64,9 +70,9 @@ def plan(
         recordings = pressed(condition, *pairs(changed, severity), scene, radius)
     read_out = scene
     if perturbation == "specimen":
-        effects = scene["effects"] | ({"element_spread": True} if severity else {})
-        read_out = scene | {"seed": scene["seed"] + int(severity), "effects": effects}
-    return recordings, lambda recording: touch.logs_of(recording, read_out, sensor, radius, reset=False)
+        effects = scene["effects"] | ({"places": True} if severity else {})
+        read_out = scene | {"specimen": scene["specimen"] + int(severity), "effects": effects}
+    return recordings, lambda recording: touch.logs_of(recording, read_out, sensor, reset=False)
 
 
 def places(settings: Mapping, touches: int) -> tuple[np.ndarray, np.ndarray]:
@@ -127,29 +133,30 @@ def pressed(
 ) -> list[Recording]:
     """Return recordings of presses in which all tips come and go together; arguments as `places` returns them.
 
-    There are as many recordings, of as many presses, as in the double-touch data.
+    There are as many presses per recording as in the double-touch data.
     """
-    rng = generator(scene["seed"], "stress", "timing")
-    newton = 1e3 * touch.tip_area_m2(tip_radius_mm)  # per kPa
-    rest = np.zeros(round(touch.START_S / touch.STEP_S))
+    rng, press = generator(scene["seed"], "stress", "timing"), scene["press"]
+    newton = 1e3 * tip_area_m2(tip_radius_mm)  # per kPa
     size, recordings = scene["double"]["presses_per_recording"], []
-    for number in range(scene["double"]["recordings"]):
-        group = slice(number * size, (number + 1) * size)
-        profiles = []
-        for _ in range(size):
-            duration = touch.varied(scene["press"], rng)
-            travel = np.zeros(round(duration["travel_s"] / touch.STEP_S))
-            profiles.append(np.concatenate([travel, touch.press_profile(duration)]))
-        steps = [len(rest) + len(profiles[0]), *map(len, profiles[1:-1]), len(profiles[-1]) + len(rest)]
-        force = np.concatenate([rest, *profiles, rest])
-        touches = []
-        for tip in range(kpa.shape[1]):
-            x, y = (np.repeat(column, steps) for column in places_mm[group, tip].T)
-            touches.append(touch.steady(force * np.repeat(kpa[group, tip] * newton, steps), x, y))
+    for number, first in enumerate(range(0, len(kpa), size)):
+        pieces, before = [], None
+        for places, pressures in zip(places_mm[first : first + size], kpa[first : first + size], strict=True):
+            duration = touch_motion.varied(press, rng)
+            rest = touch_motion.rest_steps(duration["rest_s"], places, before, press)
+            profile = touch_motion.press_profile(duration)
+            pieces.append(
+                [
+                    (rest, kilopascal * newton * profile, place)
+                    for kilopascal, place in zip(pressures, places, strict=True)
+                ]
+            )
+            before = places
+        tips = [touch_motion.course(list(tip), press["cnc_mm_s"]) for tip in zip(*pieces, strict=True)]
+        touches = [steady(tip.force_n, *tip.place_mm.T, tip_radius_mm) for tip in tips]
         recordings.append(Recording(condition, f"run{number:03d}", touches))
     return recordings
 
 
 def _presses(scene: Mapping) -> int:
-    """Return the number of presses in the double-touch data."""
-    return scene["double"]["recordings"] * scene["double"]["presses_per_recording"]
+    """Return the number of presses drawn anew, at most those of the double-touch data."""
+    return min(PRESSES, scene["double"]["recordings"] * scene["double"]["presses_per_recording"])

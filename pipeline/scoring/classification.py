@@ -4,7 +4,8 @@ import numpy as np
 
 from pipeline.scoring.metrics import Row
 
-MOST_FRAMES = 8  # whose scores are averaged (figure 15)
+MOST_FRAMES = 8  # whose answers are averaged, in place of figure 15
+METRICS = ("accuracy", "macro_precision")  # fractions of what is right: the error is what is missing to 1
 
 
 def scores(truth: np.ndarray, predicted: np.ndarray) -> list[Row]:
@@ -31,7 +32,9 @@ def confusion(truth: np.ndarray, predicted: np.ndarray) -> np.ndarray:
 
 
 def by_frames(predicted: np.ndarray, group: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean scores over sets of `frames` images (figure 15): (first rows (m,), scores (m, classes)).
+    """Return the mean answers of a one-frame network to sets of images: (first rows (m,), scores (m, classes)).
+
+    In place of figure 15, whose networks are trained on all the frames at once.
 
     predicted: (n, classes); group: (n,) number of each image's recording. The images of a recording make as many sets
     of `frames` as they fill, each spread evenly over the recording; images left over are not used.

@@ -11,15 +11,20 @@ import pyarrow as pa
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
 from pipeline.datasets.images import MODALITIES, classes, modality, split_name
-from pipeline.scoring import classification
+from pipeline.scoring import classification, frame_sets
 from pipeline.scoring.published import METHODS
 from pipeline.scoring.results import Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions
 
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
 BASELINES = ("naive_bayes", "tree")
 COMPARED = ("sp_resnet", "resnet3x3")  # by number of input frames, figure 15
+FORMS = {  # of an answer to several input frames, as input_frames.csv and stag.csv call them
+    "trained": "one network trained on all frames",
+    "mean": "mean answer of a one-frame network",
+}
+LATE_GAIN = 0.01  # of the validation loss, by the last fifth of the epochs: more says that training was cut off
+FRAMES_COLUMNS = ["form", "model", "seed", "frames", "metric", "value"]
 MOST_CONFUSED = 3  # pairs that are listed; one that the paper names must be among them
 
 
@@ -63,9 +68,41 @@ def read_augmentation(settings: Mapping, metric: str) -> dict[tuple[str, str], l
 
 
 def read_stag() -> pd.DataFrame:
-    """Read scores on the STAG data set by number of input frames; no row where the user has named no file."""
-    names = ["model", "seed", "frames", "metric", "value"]
-    return read_csv(paths.stag("glove"), names, "python -m pipeline.studies.stag glove")
+    """Read scores on the STAG data set, as `read_frames` does; no row where the user has named no file."""
+    return with_one_frame(read_csv(paths.stag("glove"), FRAMES_COLUMNS, "python -m pipeline.studies.stag glove"))
+
+
+def read_frames(table: pa.Table, dataset: str, settings: Mapping, models: Sequence[str]) -> pd.DataFrame:
+    """Return the scores by number of input frames on one dataset of the glove, in both FORMS; columns as in stag.csv.
+
+    Networks are trained on several frames of `input_frames.dataset` only; table: the dataset's.
+    """
+    block, protocol = settings["input_frames"], main_protocols(settings)[dataset]
+    if dataset == block["dataset"]:
+        protocol = f"{block['split']}_{dataset}"
+    rows = scores_by_frames(table, protocol, settings, models).assign(form="mean")
+    if dataset == block["dataset"]:
+        made_by = "python -m pipeline.studies.input_frames glove"
+        trained = read_csv(paths.input_frames("glove"), FRAMES_COLUMNS, made_by)
+        rows = pd.concat([trained[trained["model"].isin(models)], rows]) if len(trained) else rows
+    return with_one_frame(rows)
+
+
+def with_one_frame(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return scores by number of frames whose networks trained on several have their beginning, the one of one frame.
+
+    That is the one whose answers are averaged, where no other was trained: of the same models and seeds.
+    """
+    trained, mean = (rows[rows["form"] == form] for form in ("trained", "mean"))
+    if len(trained) and not (trained["frames"] == 1).any():
+        first = mean[(mean["frames"] == 1) & mean["model"].isin(trained["model"]) & mean["seed"].isin(trained["seed"])]
+        trained = pd.concat([first.assign(form="trained"), trained])
+    return pd.concat([trained, mean])[["form", *rows.columns.drop("form")]]
+
+
+def judged_form(rows: pd.DataFrame) -> str:
+    """Return the one of FORMS that the claims on figure 15 are judged on: `trained` where there is one."""
+    return "trained" if (rows["form"] == "trained").any() else "mean"
 
 
 def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fit]]]:
@@ -78,6 +115,20 @@ def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fi
         for model, model_block in settings["models"].items()
         if "training" in model_block
     }
+
+
+def late_gain(fit: Fit) -> float:
+    """Return by which share the last fifth of the epochs lowered the lowest validation loss; NaN for a failed run."""
+    loss = fit.history["validation_loss"].to_numpy()
+    before = loss[: max(1, len(loss) - -(-len(loss) // 5))]
+    if not np.isfinite(loss).all() or before.min() <= 0:
+        return float("nan")
+    return float(1 - loss.min() / before.min())
+
+
+def unfinished(fit: Fit) -> bool:
+    """Return whether a training was cut off: the epochs were used up while the last fifth still gained LATE_GAIN."""
+    return fit.stop_reason == "max_epochs" and late_gain(fit) > LATE_GAIN
 
 
 def read_confusions(
@@ -118,26 +169,17 @@ def ranked_pairs(counts: np.ndarray) -> list[tuple[int, int]]:
 
 
 def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: Sequence[str]) -> pd.DataFrame:
-    """Score the mean answer to 1 .. MOST_FRAMES images of a test session; columns as in stag.csv.
+    """Score the mean answer to 1 .. `most` images of a test session (see `compared_images`); columns as in stag.csv.
 
-    table: the dataset's. Fewer, where an object has no test session that long; shorter sessions than the most frames
-    are left out at every number of frames, so that all numbers are of the same sessions.
+    table: the dataset's.
     """
-    label = table["label"].to_numpy()
-    names = np.char.add(np.char.add(schemas.names(table["condition"]), "/"), schemas.names(table["recording"]))
-    _, session, images = np.unique(names, return_inverse=True, return_counts=True)
-    tests = {
-        seed: np.flatnonzero(schemas.names(table[schemas.split_column(protocol, seed)]) == "test")
-        for seed in settings["protocols"][protocol]["seeds"]
-    }
-    longest = [images[session[test[label[test] == k]]].max() for test in tests.values() for k in set(label[test])]
-    most = min(classification.MOST_FRAMES, *longest)
+    label, session = table["label"].to_numpy(), frame_sets.sessions(table)
+    most, tests = frame_sets.compared_images(table, protocol, settings["protocols"][protocol]["seeds"])
     rows = []
     for model in models:
-        for seed, test in tests.items():
+        for seed, used in tests.items():
             predicted = read_predictions("glove", model, protocol, seed, table)
-            failed = not np.isfinite(predicted[test]).all()
-            used = test[images[session[test]] >= most]
+            failed = not np.isfinite(predicted[used]).all()
             for frames in range(1, most + 1):
                 first, mean = classification.by_frames(predicted[used], session[used], frames)
                 truth = np.eye(predicted.shape[1])[label[used[first]]]

@@ -1,15 +1,16 @@
 """Score predictions: one function per experiment, of its name, from truth and prediction to rows of scores.csv."""
 
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
-import pyarrow as pa
-from scipy.ndimage import maximum_filter
+from scipy import ndimage
+from scipy.optimize import linear_sum_assignment
 
-from pipeline.datasets import labels, schemas
+from pipeline.datasets import labels
 from pipeline.datasets.series import Record
 
-LOWEST_PEAK_KPA = 15.0  # half the smallest peak pressure of the data: a lower peak does not count as a touch
+TIE_KPA = 0.01  # cells that differ by less are equally high: of labels up to 400 kPa in float32, none that tie do
 POOLED = {"velostat_recorded": ("all",)}  # experiment -> name of all test windows of a run together
 
 Row = tuple[str, str, float, int]  # metric, unit, value, number of windows or touches
@@ -28,7 +29,7 @@ def overall(truth: np.ndarray, predicted: np.ndarray, unit: str) -> list[Row]:
     return [("rmse", unit, float(np.sqrt(np.mean(np.square(error)))), len(truth)), ("r2", "1", r2, len(truth))]
 
 
-def velostat_recorded(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
+def velostat_recorded(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
     """Return RMSE in N and R2 of force; truth, predicted: (n, 1) in N."""
     return overall(truth, predicted, "N")
 
@@ -66,55 +67,126 @@ def _distances(truth: np.ndarray, guess: np.ndarray, outputs: tuple[int, ...], p
     return [(prefix + name, unit, value, len(truth)) for name, unit, value in rows]
 
 
-def touch(windows: pa.Table, truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
+def touch(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
     """Return scores of one run on the windows of one condition.
 
-    truth, predicted: (n, map_rows * map_cols) in kPa.
+    truth, predicted: (n, map_rows * map_cols) in kPa; settings: the block `touch` of params.yaml.
     * rmse: over all cells of all windows, as in the LoMP paper's Table I.
     * r2: share of the variance over all cells and windows that is explained.
-    * peak_error: mean over touches of |largest predicted value near the touch - true pressure|; near = within
-      one element pitch; n counts touches above touch.window.contact_threshold_n.
-    * location_error: mean distance from a touch to the centre of the largest predicted cell near it.
-    * touches_found: share of windows in contact whose predicted map has as many peaks as there are touches.
+
+    The others look at windows in contact alone. A touch is a peak of the label of at least touch_threshold_kpa: touches
+    too close to make two peaks are one. A window of k touches is compared with the k highest peaks of the whole
+    predicted map, paired so that the sum of their distances is least (`paired`).
+    * location_error: mean distance from a touch to its peak in mm; n counts touches.
+    * peak_error: mean |pressure of the peak - pressure of the touch|; where the peak is further away than one element
+      pitch, the predicted pressure at the touch's place takes its place.
+    * touches_found: share of windows whose predicted map has as many peaks of at least touch_threshold_kpa as there are
+      touches, each within one pitch of its touch.
+    * force_error: mean |integral of the predicted map over its area - that of the label| in N. The label's is half the
+      load cell's force: under a Gaussian of sigma = r/2, P makes half of what it makes under a flat tip (eq. 1).
     """
     sensor, label = settings["sensor"], settings["label"]
-    shape = (label["map_rows"], label["map_cols"])
+    lowest, shape = touch_threshold_kpa(settings), (-1, label["map_rows"], label["map_cols"])
     rows = overall(truth, predicted, "kPa")
-    peak = labels.peaks_kpa(windows, settings)
-    force, x, y = (schemas.matrix(windows[name]) for name in ("force_n", "x_mm", "y_mm"))
-    touched = np.nan_to_num(force) > settings["window"]["contact_threshold_n"]
-    centre_x, centre_y = labels.cell_centres(sensor, label)
-    maps = predicted.reshape(-1, *shape)
-    window, touch = np.nonzero(touched)
-    away = np.hypot(
-        centre_x[None, None, :] - x[window, touch][:, None, None],
-        centre_y[None, :, None] - y[window, touch][:, None, None],
-    )  # (touches, map_rows, map_cols)
-    near = np.where(away <= sensor["pitch_mm"], maps[window], -np.inf).reshape(len(window), -1)
-    largest = near.argmax(axis=1)
-    picked = np.arange(len(window))
-    missing = float("nan")
-    rows.append(
-        (
-            "peak_error",
-            "kPa",
-            float(np.mean(np.abs(near[picked, largest] - peak[window, touch]))) if len(window) else missing,
-            len(window),
-        )
-    )
-    distance = away.reshape(len(window), -1)[picked, largest]
-    rows.append(("location_error", "mm", float(np.mean(distance)) if len(window) else missing, len(window)))
-    in_contact = touched.any(axis=1)
-    right = peak_count(maps[in_contact], LOWEST_PEAK_KPA) == touched[in_contact].sum(axis=1)
-    rows.append(("touches_found", "1", float(np.mean(right)) if len(right) else missing, int(in_contact.sum())))
+    contact = truth.max(axis=1, initial=0) >= lowest
+    true_maps, maps = truth[contact].reshape(shape), predicted[contact].reshape(shape)
+    touches = peaks(true_maps, sensor)
+    touches = touches.chosen(touches.kpa >= lowest)
+    seen = peaks(maps, sensor)
+    away, kpa = paired(touches, seen, len(maps))
+    near = away <= sensor["pitch_mm"]
+    under = maps[touches.window, touches.row, touches.col]
+    off = np.abs(np.where(near, kpa, under) - touches.kpa)
+    counts = [np.bincount(kind.window, minlength=len(maps)) for kind in (touches, seen.chosen(seen.kpa >= lowest))]
+    right = (counts[0] == counts[1]) & (np.bincount(touches.window, ~near, len(maps)) == 0)
+    cells = label["map_rows"] * label["map_cols"]
+    cell_n = 1e-3 * sensor["rows"] * sensor["cols"] * sensor["pitch_mm"] ** 2 / cells  # force of 1 kPa on a cell
+    force = np.abs((maps - true_maps).sum(axis=(1, 2), dtype=np.float64)) * cell_n
+    further = (("peak_error", "kPa", off), ("location_error", "mm", away), ("touches_found", "1", right))
+    for name, unit, values in (*further, ("force_error", "N", force)):
+        rows.append((name, unit, float(values.mean()) if len(values) else float("nan"), len(values)))
     return rows
 
 
-def peak_count(maps: np.ndarray, lowest: float) -> np.ndarray:
-    """Return (n,): the number of cells of maps (n, rows, cols) that are at least `lowest` and the largest of 5 x 5.
+def touch_threshold_kpa(settings: Mapping) -> float:
+    """Return the pressure under the tip at touch.window.contact_threshold_n, in kPa: no lower peak is a touch."""
+    return float(labels.pressure_kpa(settings["window"]["contact_threshold_n"], settings["label"]["tip_radius_mm"]))
 
-    5 x 5: two touches closer than 3 cells (9 mm) would be one blob, their Gaussians having sigma = 1 cell.
+
+class Peaks(NamedTuple):
+    """The peaks of maps, one entry per peak, by window; a plateau of several cells is one peak."""
+
+    window: np.ndarray  # number of the map
+    row: np.ndarray  # the highest cell, the first of several that tie
+    col: np.ndarray
+    kpa: np.ndarray
+    x_mm: np.ndarray  # place, see `vertex`
+    y_mm: np.ndarray
+
+    def chosen(self, which: np.ndarray) -> "Peaks":
+        """Return the peaks that `which`, (peaks,) bool or numbers, names."""
+        return Peaks(*(values[which] for values in self))
+
+
+def peaks(maps: np.ndarray, sensor: Mapping) -> Peaks:
+    """Return all peaks of maps (n, rows, cols) in kPa: cells, or plateaus of them, that are the largest of 5 x 5 cells.
+
+    5 x 5: two touches closer than 3 cells (9 mm) would be one blob, their Gaussians having sigma = 1 cell. The ground
+    of a map, its lowest cells, is no peak; a map without any other, which tells no place, has one in its middle.
     """
-    return ((maps == maximum_filter(maps, size=(1, 5, 5), mode="constant", cval=-np.inf)) & (maps >= lowest)).sum(
-        axis=(1, 2)
-    )
+    _, rows, cols = maps.shape
+    largest = ndimage.maximum_filter(maps, size=(1, 5, 5), mode="constant", cval=-np.inf)
+    top = (maps >= largest - TIE_KPA) & (maps > maps.min(axis=(1, 2), keepdims=True) + TIE_KPA)
+    top[~top.any(axis=(1, 2)), rows // 2, cols // 2] = True
+    touching = np.zeros((3, 3, 3), bool)
+    touching[1] = True  # over edges and corners, within a map
+    plateau, _ = ndimage.label(top, touching)
+    window, row, col = np.nonzero(top)
+    order = np.argsort(-maps[window, row, col], kind="stable")
+    _, first = np.unique(plateau[window, row, col][order], return_index=True)
+    window, row, col = (cells[order[first]] for cells in (window, row, col))
+    height, width = sensor["rows"] * sensor["pitch_mm"] / rows, sensor["cols"] * sensor["pitch_mm"] / cols
+    x = (col + 0.5 + vertex(maps[window, row], col)) * width
+    y = (row + 0.5 + vertex(maps[window, :, col], row)) * height
+    return Peaks(window, row, col, maps[window, row, col], x, y)
+
+
+def vertex(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return how far beside cell `at` (n,) of `values` (n, cells) the peak lies, (n,) in cells, -0.5 to 0.5.
+
+    It is the vertex of the parabola through the cell, which is the highest of the three, and its two neighbours: 0.5
+    towards a neighbour that is as high, so that a touch between cells has its place there. 0 on the edge of the map.
+    """
+    inside = np.clip(at, 1, max(1, values.shape[1] - 2))
+    n = np.arange(len(at))
+    before, here, after = (values[n, np.clip(inside + k, 0, values.shape[1] - 1)] for k in (-1, 0, 1))
+    bend = before - 2 * here + after
+    curved = (bend < 0) & (inside == at)
+    return np.where(curved, 0.5 * (before - after) / np.where(curved, bend, 1), 0.0)
+
+
+def paired(touches: Peaks, seen: Peaks, windows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each touch how far away its peak is (mm) and how high (kPa), both (touches,).
+
+    Of the peaks `seen` in a window of k touches, the k highest are paired with the touches, each with another one, so
+    that the sum of distances is least. Where there are fewer peaks, a touch without one takes the nearest.
+    """
+    away, kpa = np.zeros((2, len(touches.window)))
+    seen = seen.chosen(np.lexsort((-seen.kpa, seen.window)))
+    sizes, there = (np.bincount(kind.window, minlength=windows) for kind in (touches, seen))
+    firsts = [np.cumsum(counts) - counts for counts in (sizes, there)]
+    for k in np.unique(sizes[sizes > 0]):
+        for most in np.unique(np.minimum(there[sizes == k], k)):
+            of = np.flatnonzero((sizes == k) & (np.minimum(there, k) == most))
+            touch, peak = (first[of, None] + np.arange(count) for first, count in zip(firsts, (k, most), strict=True))
+            distance = np.hypot(
+                touches.x_mm[touch][:, :, None] - seen.x_mm[peak][:, None],
+                touches.y_mm[touch][:, :, None] - seen.y_mm[peak][:, None],
+            )  # (windows, touches, peaks)
+            best = distance.argmin(axis=2)
+            for number in range(len(of) if most > 1 else 0):
+                ones, others = linear_sum_assignment(distance[number])
+                best[number, ones] = others
+            away[touch] = np.take_along_axis(distance, best[:, :, None], 2)[:, :, 0]
+            kpa[touch] = np.take_along_axis(seen.kpa[peak], best, 1)
+    return away, kpa

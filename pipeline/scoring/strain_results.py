@@ -31,15 +31,16 @@ def mean_error(truth: np.ndarray, guess: np.ndarray) -> float:
     return float(np.linalg.norm((guess - truth)[:, asked], axis=1).mean())
 
 
-def tested_rows(settings: Mapping, table: pa.Table, task: str) -> np.ndarray:
-    """Return the rows of the dataset that the first seed of a task tests on; all seeds have the same."""
-    column = schemas.split_column(task, settings["protocols"][task]["seeds"][0])
-    return np.flatnonzero(schemas.names(table[column]) == "test")
+def tested_rows(table: pa.Table, task: str, seed: int) -> np.ndarray:
+    """Return the rows of the dataset that one seed of a task tests on."""
+    return np.flatnonzero(schemas.names(table[schemas.split_column(task, seed)]) == "test")
 
 
 def errors_by_time(settings: Mapping, table: pa.Table, task: str, model: str) -> np.ndarray:
     """Return the mean error in mm, (seeds, TIME_BINS), in equal parts of the test part, in the order of time."""
-    truth = schemas.matrix(table["y"])
-    parts = np.array_split(tested_rows(settings, table, task), TIME_BINS)
-    runs = [read_predictions("strain", model, task, seed, table) for seed in settings["protocols"][task]["seeds"]]
-    return np.array([[mean_error(truth[part], run[part]) for part in parts] for run in runs])
+    truth, errors = schemas.matrix(table["y"]), []
+    for seed in settings["protocols"][task]["seeds"]:
+        predicted = read_predictions("strain", model, task, seed, table)
+        parts = np.array_split(tested_rows(table, task, seed), TIME_BINS)
+        errors.append([mean_error(truth[part], predicted[part]) for part in parts])
+    return np.array(errors)

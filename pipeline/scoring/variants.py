@@ -6,20 +6,15 @@ from pipeline.base.errors import InputError
 
 COLUMNS = ("experiment", "effect", "condition", "model", "seed", "metric", "unit", "value")  # of physics.csv
 NONE = "none"  # no effect is left out
-DEFAULT = "default"  # the scene as params.yaml has it: all effects that are off there are left out at once
 
 
 def variants(values: Mapping, experiment: str) -> list[tuple[str, int]]:
-    """Return (effect, seed) of every run of params.yaml, `none` first; `default` last, if an effect is off by default.
+    """Return (effect, seed) of every run of params.yaml, `none` first; each effect has the same seeds.
 
-    Raises InputError for seeds that cannot be compared.
+    Raises InputError for a single seed, which has no interval.
     """
-    chosen = values["physics"][experiment]
-    floor, fewer = chosen["floor_seeds"], chosen["effect_seeds"]
-    if len(floor) < 2 or not set(fewer) <= set(floor):
-        raise InputError(
-            f"params.yaml, physics.{experiment}: floor_seeds must be two or more, with all of effect_seeds among them"
-        )
-    switches = values[experiment]["simulate"]["effects"]
-    effects = [*switches, *([] if all(switches.values()) else [DEFAULT])]
-    return [(NONE, seed) for seed in floor] + [(effect, seed) for effect in effects for seed in fewer]
+    seeds = values["physics"][experiment]["seeds"]
+    if len(seeds) < 2:
+        raise InputError(f"params.yaml, physics.{experiment}.seeds: give two seeds or more; one has no interval")
+    effects = [NONE, *values[experiment]["simulate"]["effects"]]
+    return [(effect, seed) for effect in effects for seed in seeds]

@@ -138,7 +138,8 @@ def stressed(
     for name, severities in plan.items():
         if name in SCENES:
             for severity in (0, *severities):
-                new = scene_record(json.dumps(settings), run.experiment, run.protocol, name, severity)
+                number = run.seed % settings["simulate"]["specimens"]
+                new = scene_record(json.dumps(settings), run.experiment, run.protocol, name, severity, number)
                 yield name, severity, run.scores(new, run.predict(new.x))
             continue
         yield name, 0, clean
@@ -180,9 +181,11 @@ def perturbed(name: str, voltages: np.ndarray, severity: float, seed: int, seen:
     return np.clip(changed, min(0, voltages.min()), max(seen.loose, voltages.max()))
 
 
-@functools.lru_cache(maxsize=64)
-def scene_record(block: str, experiment: str, task: str, change: str, severity: float) -> series.Record:
+@functools.lru_cache(maxsize=512)
+def scene_record(block: str, experiment: str, task: str, change: str, severity: float, number: int) -> series.Record:
     """Return the recording of a changed scene, its logs read and resampled as in ingest; `block`: settings as JSON.
+
+    number: of the recording, and so of the finger, that the model was trained on.
 
     Its clocks agree: to find out how they differ is ingest's task, and its error (up to 0.4 s at a quarter of the rate)
     would be taken for the models'. Kept, because all models of one process see the same recordings.
@@ -190,7 +193,7 @@ def scene_record(block: str, experiment: str, task: str, change: str, severity: 
     settings, module = json.loads(block), experiments.module(experiment)
     changed, lines, formats = strain_stress.changed(settings, change, severity), {}, module.formats(settings)
     with tempfile.TemporaryDirectory() as folder:
-        for name, (text, _) in strain_stress.logs_of(changed, task, settings["simulate"]["seed"]).items():
+        for name, (text, _) in strain_stress.logs_of(changed, task, number).items():
             path = Path(folder) / name
             scenes.write_log(path, text)
             if name in formats:

@@ -176,8 +176,7 @@ def _readings_rows(experiment: str, values: Mapping, data: Dataset, protocol: st
         for tested in experiments.module(experiment).STRESSED:
             chosen = np.full(len(test), True) if tested == "all" else condition == tested
             if chosen.any():
-                windows = data.rows.take(pa.array(test[chosen]))
-                scores = tasks_windows.score(module, windows, data.y[test[chosen]], predicted[chosen], settings)
+                scores = tasks_windows.score(module, data.y[test[chosen]], predicted[chosen], settings)
                 rows += [(tested, name, severity, *row) for row in scores if row[0] in REPORTED]
     return rows
 
@@ -188,7 +187,7 @@ def _scene_rows(experiment: str, settings: Mapping, perturbed_scenes: Mapping[Ca
     for case, data in perturbed_scenes.items():
         varied = touch_stress.varied(settings, case.perturbation, case.severity)
         predicted = tasks_windows.predict(model, data.x, data, np.arange(len(data.x)))
-        scores = tasks_windows.score(module, data.rows, data.y, predicted, varied)
+        scores = tasks_windows.score(module, data.y, predicted, varied)
         rows += [(*case, *row) for row in scores if row[0] in REPORTED]
     return rows
 

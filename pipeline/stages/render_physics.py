@@ -1,4 +1,4 @@
-"""Judge which effects of the simulated scenes the results need: reports/physics.csv and reports/physics.
+"""Judge what the effects of the simulated scenes change: reports/physics.csv and reports/physics.
 
 Usage: python -m pipeline.stages.render_physics
 """
@@ -6,7 +6,7 @@ Usage: python -m pipeline.stages.render_physics
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.reporting import physics
-from pipeline.reporting.verdicts.physics import NOT_NEEDED
+from pipeline.reporting.verdicts.physics import EQUIVALENT
 
 
 def main() -> None:
@@ -16,8 +16,8 @@ def main() -> None:
         judged = physics.write(params.load(), draft)
     files.write_table(paths.REPORTS / "physics.csv", judged)
     for experiment, effects in judged.groupby("experiment", sort=False):
-        spare = effects[effects["verdict"] == NOT_NEEDED]["effect"].unique()
-        print(f"{experiment}: not needed: {', '.join(spare) or 'none'}")
+        equivalent = effects[effects["verdict"] == EQUIVALENT]["effect"].unique()
+        print(f"{experiment}: equivalent to their absence: {', '.join(equivalent) or 'none'}")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
-"""Test what the latent-space paper asserts and does not test: few samples, freedom from drift, capacity.
+"""Test what the latent-space paper asserts and does not test: few samples, freedom from drift, capacity, strands.
 
 Writes data/strain/study/: samples.csv (error against the number of training samples), capacity.csv (against the
-size of the LSTM), drift.csv (how well elapsed time and the strands' true drift can be read from the raw voltages and
-from the latent space) and latents.csv (states of model-0 on task 2, for figure 7). Errors are those of the test part;
-drift.csv is from held-out blocks of the whole recording.
+size of the LSTM), strands.csv (against the number of strands that all models see), bases.csv (of transfer from a
+model-0 that was trained on another task), drift.csv (how well elapsed time and the strands' true drift can be read from
+the raw voltages and from the latent space) and latents.csv (states of model-0 on task 2, for figure 7). Errors are
+those of the test part; drift.csv is from held-out blocks of the whole recording.
 Usage: python -m pipeline.studies.latent strain
 """
 
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -23,13 +25,24 @@ from pipeline.tasks import series as tasks_series
 BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
 FOLDS = 5
 LATENT_SAMPLES = 500  # 100 s
+TRANSFER = "lstm_transfer"
 DECODER_RIDGE = 1e-4  # of standardised inputs, against the mean squared error of the standardised target
 
 
-def train_with(values: Mapping, model: str, block: dict, protocol: str, seed: int, samples: int | None) -> tuple:
+def train_with(
+    values: Mapping,
+    model: str,
+    block: dict,
+    protocol: str,
+    seed: int,
+    samples: int | None = None,
+    zero: Path | None = None,
+    keep: Path | None = None,
+) -> tuple:
     """Train on the last `samples` of the training part (None: all). Returns (parameters, error in mm on the test part).
 
-    As in the stage `train`, transfer takes its frozen part from model-0, which has seen all of task 0.
+    zero: the folder of model-0 for transfer; None: as in the stage `train`, the one that has seen all of task 0.
+    keep: the folder to save the model in, if any.
     """
     experiment = "strain"
     task = strain.task(protocol, values[experiment])
@@ -40,8 +53,10 @@ def train_with(values: Mapping, model: str, block: dict, protocol: str, seed: in
         record = series.Record(*(column[-samples:] for column in record))
         record = record._replace(training=np.ones(len(record.x), dtype=bool))
     regressor = models.build(model, spec, block, f"{experiment}.models.{model}")
-    zero = paths.run_folder(experiment, paths.MODEL_ZERO, task.base, seed)
+    zero = zero or paths.run_folder(experiment, paths.MODEL_ZERO, task.base, seed)
     regressor.fit([record], seed=seed, device=values["device"], base=zero)
+    if keep:
+        regressor.save(keep)
     rows = tasks_series.score(piece, regressor.predict(piece.record.x)[piece.part == "test"], task)
     error = next(value for name, _, value, _ in rows if name == "error")
     return regressor.parameters(), error if np.isfinite(error) else float("nan")
@@ -57,13 +72,47 @@ def one_samples(values: Mapping, protocol: str, model: str, samples: int, seed: 
 
 def one_capacity(values: Mapping, protocol: str, units: int, seed: int, report: Callable) -> list[tuple]:
     """Return a row of capacity.csv: the direct LSTM with another number of units, trained in parallel streams."""
-    model = values["strain"]["model_zero"]
-    block = params.model_settings(values, "strain", model)
-    training = block["training"] | values["strain"]["study"]["capacity"]["training"]
-    block = block | {"units": units, "training": training}
-    parameters, error = _single_thread(train_with, values, model, block, protocol, seed, None)
+    block = _in_streams(values) | {"units": units}
+    parameters, error = _single_thread(train_with, values, values["strain"]["model_zero"], block, protocol, seed)
     report()
     return [(protocol, units, parameters, seed, "error", "mm", error)]
+
+
+def one_strands(values: Mapping, strands: int, seed: int, report: Callable) -> list[tuple]:
+    """Return rows of strands.csv: model-0, direct training and transfer, all of which see the first `strands` strands.
+
+    Model-0 and direct training are trained in parallel streams.
+    """
+    fewer = {**values, "strain": {**values["strain"], "sensor": {"channels": strands}}}
+    direct, rows = values["strain"]["model_zero"], []
+    blocks = {direct: _in_streams(values), TRANSFER: params.model_settings(values, "strain", TRANSFER)}
+    with tempfile.TemporaryDirectory() as name:
+        zero = Path(name)
+        _single_thread(train_with, fewer, direct, blocks[direct], strain.MODEL_ZERO_TASK, seed, None, None, zero)
+        for task in values["strain"]["study"]["tasks"]:
+            for model, block in blocks.items():
+                _, error = _single_thread(train_with, fewer, model, block, task, seed, None, zero)
+                rows.append((task, strands, model, seed, "error", "mm", error))
+    report()
+    return rows
+
+
+def one_base(values: Mapping, base: str, protocol: str, seed: int, report: Callable) -> list[tuple]:
+    """Return rows of bases.csv: transfer to a task from the network of another task, by Adam and in closed form."""
+    zero = paths.run_folder("strain", values["strain"]["model_zero"], base, seed)
+    rows = []
+    for model in (TRANSFER, f"{TRANSFER}_ridge"):
+        block = params.model_settings(values, "strain", model)
+        _, error = _single_thread(train_with, values, model, block, protocol, seed, None, zero)
+        rows.append((protocol, base, model, seed, "error", "mm", error))
+    report()
+    return rows
+
+
+def _in_streams(values: Mapping) -> dict:
+    """Return the block of direct training with the recipe of `study.capacity`."""
+    block = params.model_settings(values, "strain", values["strain"]["model_zero"])
+    return {**block, "training": block["training"] | values["strain"]["study"]["capacity"]["training"]}
 
 
 def one_drift(values: Mapping, protocol: str, seed: int, report: Callable) -> list[tuple]:
@@ -94,7 +143,7 @@ def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
         network = lstm.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
         network.load(folder)
         inputs[name] = network.latents(x)[rows]
-    known = strain.true_drift(protocol, at) if settings["source"] == "simulated" else {}
+    known = strain.true_drift(protocol, seed, at) if settings["source"] == "simulated" else {}
     targets = {"elapsed time": at[:, None], **known}
     return [
         (protocol, name, target, seed, "r2", "1", decoded(given, truth, at))
@@ -131,6 +180,7 @@ def main() -> None:
     values = params.load()
     study = values["strain"]["study"]
     tasks, seeds = study["tasks"], study["seeds"]
+    strands = [count for count in study["strands"] if count <= values["strain"]["sensor"]["channels"]]
     plans = {
         "capacity": (
             one_capacity,
@@ -152,6 +202,21 @@ def main() -> None:
                 for seed in seeds
             ],
             ("protocol", "model", "samples", "seed", "metric", "unit", "value"),
+        ),
+        "strands": (
+            one_strands,
+            [(count, seed) for count in sorted(strands, reverse=True) for seed in seeds],
+            ("protocol", "strands", "model", "seed", "metric", "unit", "value"),
+        ),
+        "bases": (
+            one_base,
+            [
+                (base, task, seed)
+                for base in study["bases"]["trained_on"]
+                for task in study["bases"]["used_for"]
+                for seed in seeds
+            ],
+            ("protocol", "base", "model", "seed", "metric", "unit", "value"),
         ),
         "drift": (
             one_drift,

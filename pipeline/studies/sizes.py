@@ -11,7 +11,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 from torch import nn
 from tqdm import tqdm
 
@@ -67,7 +66,7 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
         chosen = rows[condition[rows] == name]
         if not len(chosen):
             continue
-        scores = metrics.touch(data.rows.take(pa.array(chosen)), data.y[chosen], predicted[chosen], settings)
+        scores = metrics.touch(data.y[chosen], predicted[chosen], settings)
         rows_of_run.append(_row("touch", name, family, size, run.model, scores, seed))
     report()
     return rows_of_run

@@ -1,7 +1,8 @@
 """Train and score the models of figure 15 on the STAG data set, where `glove.stag.file` names its metadata.mat.
 
-Trains the figure's models on the training part, keeping some of its recordings for validation, and scores them on the
-test part for every number of input frames. Without the file (`none`) the table has no rows.
+Trains the figure's models on the training part, keeping some of its recordings for validation: on one frame, whose
+answers to several are averaged, and on each of `glove.input_frames.numbers` of frames (see `joined_frames`). Scores
+them on the test part. Without the file (`none`) the table has no rows.
 Usage: python -m pipeline.studies.stag glove
 """
 
@@ -19,13 +20,20 @@ from pipeline.logs import stag
 from pipeline.scoring import classification, metrics
 from pipeline.tasks import images as tasks_images
 
-COLUMNS = ("model", "seed", "frames", "metric", "unit", "value", "n")
+COLUMNS = ("form", "model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")
 
 
-def train_run(values: Mapping, experiment: str, model: str, seed: int, file: str, report) -> list[tuple]:
-    """Train one model and score it with 1 to MOST_FRAMES frames of a recording; rows of stag.csv."""
+def train_run(
+    values: Mapping, experiment: str, model: str, seed: int, input_frames: int, file: str, report
+) -> list[tuple]:
+    """Train one model and score it; rows of stag.csv.
+
+    With one input frame its answers to 1 to MOST_FRAMES frames of a recording are averaged.
+    """
     import torch
+
+    from pipeline.studies import joined_frames
 
     torch.set_num_threads(1)
     data = stag.read(paths.ROOT / file)
@@ -33,18 +41,22 @@ def train_run(values: Mapping, experiment: str, model: str, seed: int, file: str
     part = parts(data, values[experiment]["stag"]["validation"], seed)
     block = params.model_settings(values, experiment, model)
     classifier = models.build(model, tasks_images.spec(data.objects), block, f"{experiment}.models.{model}")
+    names = np.char.add(np.char.add(data.recording, "/"), data.label.astype(str))
+    _, group = np.unique(names, return_inverse=True)
+    if input_frames > 1:
+        place = classifier, input_frames, data.images, y, group, part
+        scores = joined_frames.scores(*place, seed=seed, device=values["device"], progress=report)
+        return [("trained", model, seed, input_frames, *row) for row in scores]
     train, validation = ((data.images[part == name], y[part == name]) for name in ("train", "validation"))
     classifier.fit(train, validation, seed=seed, device=values["device"], progress=report)
     test = part == "test"
     predicted = classifier.predict(data.images[test])
-    names = np.char.add(np.char.add(data.recording[test], "/"), data.label[test].astype(str))
-    _, group = np.unique(names, return_inverse=True)
     rows, failed = [], classifier.summary.best_epoch == 0
     for frames in range(1, classification.MOST_FRAMES + 1):
-        first, means = classification.by_frames(predicted, group, frames)
+        first, means = classification.by_frames(predicted, group[test], frames)
         if len(first):
             scores = metrics.unless_failed(classification.scores(y[test][first], means), failed)
-            rows += [(model, seed, frames, *row) for row in scores]
+            rows += [("mean", model, seed, frames, *row) for row in scores]
     return rows
 
 
@@ -68,7 +80,13 @@ def main() -> None:
     if settings["file"] != "none":
         if not Path(paths.ROOT / settings["file"]).is_file():
             raise InputError(f"params.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
-        runs = {(m, seed): (values, "glove", m, seed, settings["file"]) for m in MODELS for seed in settings["seeds"]}
+        numbers = sorted({1, *values["glove"]["input_frames"]["numbers"]})
+        runs = {
+            (model, seed, frames): (values, "glove", model, seed, frames, settings["file"])
+            for model in MODELS
+            for seed in settings["seeds"]
+            for frames in numbers
+        }
         epochs = max(values["glove"]["models"][model]["training"]["max_epochs"] for model in MODELS)
         with tqdm(total=epochs * len(runs), desc="train STAG", unit="epoch") as bar:
             rows = dict(workers.run(train_run, runs, bar, steps=epochs))

@@ -86,10 +86,10 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
         yield protocol, seed, tests
 
 
-def score(piece: series.Piece, predicted: np.ndarray, task: series.Task) -> list:
-    """Return rows (metric, unit, value, n) of predictions (n, outputs) of a piece's test samples."""
-    test = piece.part == "test"
-    record = series.Record(*(column[test] for column in piece.record))
+def score(piece: series.Piece, predicted: np.ndarray, task: series.Task, part: str = "test") -> list:
+    """Return rows (metric, unit, value, n) of predictions (n, outputs) of the samples of one part of a piece."""
+    chosen = piece.part == part
+    record = series.Record(*(column[chosen] for column in piece.record))
     return metrics.series(record, predicted, task.outputs)
 
 

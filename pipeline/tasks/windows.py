@@ -91,8 +91,7 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
         conditions, scores = np.unique(condition[test]), []
         for name in [*conditions, *(pooled if len(conditions) > 1 else ())]:
             chosen = np.full(len(test), name in pooled) | (condition[test] == name)
-            windows = data.rows.take(pa.array(test[chosen]))
-            values = score(module, windows, data.y[test[chosen]], predicted[chosen], settings)
+            values = score(module, data.y[test[chosen]], predicted[chosen], settings)
             scores += [(name, *row) for row in metrics.unless_failed(values, run.failed)]
         yield protocol, seed, [(test, predicted, scores)]
 
@@ -105,9 +104,9 @@ def predict(model, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray
     return model.predict(x, data.previous(rows)) if model.streams else model.predict(x)
 
 
-def score(module: ModuleType, windows: pa.Table, y: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list:
+def score(module: ModuleType, y: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list:
     """Return rows (metric, unit, value, n) by the function of scoring/metrics.py that the experiment names."""
-    return getattr(metrics, module.SCORES)(windows, y, predicted, settings)
+    return getattr(metrics, module.SCORES)(y, predicted, settings)
 
 
 def stream(experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:

@@ -195,7 +195,7 @@ def dataset(frames_file: Path, target: Path, settings: dict, runs: list[tuple[st
     """
     window, label, sensor = settings["window"], settings["label"], settings["sensor"]
     frames = pd.read_parquet(frames_file)
-    rows, press_count = [], 0
+    rows, press_count, passed = [], 0, dict.fromkeys(window["sliding"], 0)
     for (condition, recording), group in frames.groupby(["condition", "recording"], sort=False, observed=True):
         force = np.array([np.nansum(values) for values in group["force_n"]])
         contact = force > window["contact_threshold_n"]
@@ -208,7 +208,14 @@ def dataset(frames_file: Path, target: Path, settings: dict, runs: list[tuple[st
         v = np.stack(group["v"].to_list())
         for _, own in pd.Series(range(len(group))).groupby(piece.to_numpy()):
             own = own.to_numpy()
-            for first in range(0, len(own) - window["frames"] + 1, window["stride"]):
+            for first in range(0, len(own) - window["frames"] + 1):
+                apart, sliding = first % window["stride"] == 0, False
+                if condition in passed:
+                    stretch, share = passed[condition] // window["frames"], window["sliding"][condition]
+                    sliding = int((stretch + 1) * share) > int(stretch * share)
+                    passed[condition] += 1
+                if not (apart or sliding):
+                    continue
                 chosen = own[first : first + window["frames"]]
                 last = group.iloc[chosen[-1]]
                 rows.append(
@@ -222,6 +229,8 @@ def dataset(frames_file: Path, target: Path, settings: dict, runs: list[tuple[st
                         "x_mm": last["x_mm"],
                         "y_mm": last["y_mm"],
                         "x": v[chosen].ravel(),
+                        "apart": apart,
+                        "sliding": sliding,
                     }
                 )
         press_count += press[-1] + 1
@@ -236,7 +245,8 @@ def dataset(frames_file: Path, target: Path, settings: dict, runs: list[tuple[st
         for force, x, y in zip(row.force_n, row.x_mm, row.y_mm, strict=True):
             if not np.isnan(force):
                 squares = (grid_x[None] - x) ** 2 + (grid_y[:, None] - y) ** 2
-                image += max(force, 0) / area / 1e3 * np.exp(-squares / (2 * (radius / 2) ** 2))
+                gaussian = np.exp((squares.min() - squares) / (2 * (radius / 2) ** 2))
+                image += max(force, 0) / area / 1e3 * gaussian
         maps.append(image.ravel().astype(np.float32))
     windows["y"] = maps
     shares = settings["split"]
@@ -244,12 +254,14 @@ def dataset(frames_file: Path, target: Path, settings: dict, runs: list[tuple[st
         rng = np.random.default_rng(seed)
         unit = windows["press"] if protocol == "press" else windows.index.to_series()
         single = windows["condition"] == "single"
-        units = rng.permutation(unit[single].unique())
+        divided = single & windows["apart" if protocol == "press" else "sliding"]
+        units = rng.permutation(unit[divided].unique())
         train = round(shares["train"] * len(units))
         validation = round((shares["train"] + shares["validation"]) * len(units))
-        part = pd.Series("test", index=windows.index)
-        part[single & unit.isin(units[:train])] = "train"
-        part[single & unit.isin(units[train:validation])] = "validation"
+        part = pd.Series("unused", index=windows.index)
+        part[divided | (windows["apart"] & ~single)] = "test"
+        part[divided & unit.isin(units[:train])] = "train"
+        part[divided & unit.isin(units[train:validation])] = "validation"
         windows[f"split_{protocol}_{seed}"] = part
     windows.to_parquet(target)
     return windows

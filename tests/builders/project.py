@@ -79,9 +79,10 @@ class Project:
         return done
 
 
-# Two halves of the pipeline that share no stage but `settings`: run side by side, they take half as long.
+# Two halves of the pipeline that share no stage but those of SHARED: run side by side, they take half as long.
+SHARED = ("settings", "ingest_velostat_recorded")  # of seconds
 HALVES = (
-    ["render@touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
+    ["render_touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
     + ["stress@velostat_recorded", "stress@strain_recorded", "physics_touch", "physics_strain"],
     ["render_strain", "render_glove", "render_glove_recorded", "rightsize_strain", "rightsize_glove", "stress@strain"]
     + ["stress@glove", "stress@glove_recorded", "physics_glove"],
@@ -96,7 +97,7 @@ def run_miniature(folder: Path) -> Project:
     project = Project(folder)
     quiet = project.environment
     project.environment = noting_opened(project)
-    project.dvc("repro", "settings")  # which both halves need, and which takes seconds
+    project.dvc("repro", *SHARED)
     with ThreadPoolExecutor() as pool:
         list(pool.map(lambda targets: run_half(project, targets), HALVES))
     project.dvc("repro")
@@ -119,11 +120,11 @@ with Repo() as repo:
 def run_half(project: Project, targets: list[str]) -> None:
     """Run the stages that the targets need, one by one beside another DVC in the same project.
 
-    `settings` is left out: DVC would look whether it is up to date, and stops where it may not, because the other DVC
+    SHARED is left out: DVC would look whether it is up to date, and stops where it may not, because the other DVC
     trains a model that depends on it.
     """
     names = project.run("-c", STEPS, *targets).stdout.split()
-    project.dvc("--wait-for-lock", "repro", "--single-item", *(name for name in names if name != "settings"))
+    project.dvc("--wait-for-lock", "repro", "--single-item", *(name for name in names if name not in SHARED))
 
 
 def noting_opened(project: Project) -> dict[str, str]:

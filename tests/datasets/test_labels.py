@@ -25,3 +25,15 @@ def test_pressure_map_is_equation_one(settings):
     )
     alone = labels.pressure_maps(np.array([[90.0]]), np.array([[4.5]]), np.array([[49.5]]), sensor, label)
     np.testing.assert_allclose(two[0], found + alone[0], rtol=1e-6)
+
+
+def test_the_largest_cell_of_a_single_touch_is_its_pressure(settings):
+    """On cell centres, between cells, at the elements' centres, on the edge, and with a tip of half the size."""
+    rng = np.random.default_rng(0)
+    centres = labels.cell_centres(settings["sensor"], settings["label"])[0]
+    places = np.concatenate([centres, centres[1:] - 1.5, 6.0 + 12 * np.arange(5), [0.0, 60.0], rng.uniform(0, 60, 200)])
+    x, y, peak = rng.permutation(places), rng.permutation(places), rng.uniform(1, 400, len(places))
+    for radius in (5.0, 2.5):
+        label = settings["label"] | {"tip_radius_mm": radius}
+        maps = labels.pressure_maps(peak[:, None], x[:, None], y[:, None], settings["sensor"], label)
+        np.testing.assert_allclose(maps.max(axis=(1, 2)), peak, rtol=1e-6)

@@ -16,23 +16,57 @@ def settings():
     return params.load()["touch"]
 
 
+WINDOW = {"frames": 8, "frame_step": 1, "stride": 4, "sliding": {"single": 1.0}, "contact_threshold_n": 0.5}
+
+
 def test_split_is_eight_one_one_by_press_and_changes_with_the_seed(settings):
-    table = windows_of(frames(press_force(40)), {"frames": 8, "frame_step": 1, "stride": 4, "contact_threshold_n": 0.5})
+    table = windows_of(frames(press_force(40)), WINDOW)
     parts = [touch.split(table, settings, "press", seed) for seed in (0, 0, 1)]
     assert (parts[0] == parts[1]).all() and (parts[0] != parts[2]).any()
     press = table["press"].to_numpy()
     sizes = {name: len(set(press[parts[0] == name])) for name in ("train", "validation", "test")}
     assert sizes == {"train": 32, "validation": 4, "test": 4}
     assert sum(sizes.values()) == len(set(press))
+    np.testing.assert_array_equal(parts[0] != "unused", table["apart"].to_numpy())
+
+
+def overlap(table: pa.Table, part: np.ndarray) -> float:
+    """Share of the test windows that have a frame in common with a training window; frames are 0.02 s apart."""
+    last = np.round(table["t_s"].to_numpy() * 50).astype(int)
+    trained = {frame for end in last[part == "train"] for frame in range(end - 7, end + 1)}
+    return np.mean([any(frame in trained for frame in range(end - 7, end + 1)) for end in last[part == "test"]])
+
+
+@pytest.mark.parametrize(("share", "at_least"), [(1.0, 0.99), (0.25, 0.95)])
+def test_random_windows_overlap_and_those_of_presses_never_do(settings, share, at_least):
+    table = windows_of(frames(press_force(200)), WINDOW | {"sliding": {"single": share}})
+    for seed in (0, 1):
+        part = touch.split(table, settings, "random_window", seed)
+        assert overlap(table, part) > at_least
+        kept = [(part == name).sum() / len(table) for name in ("train", "validation", "test")]
+        assert kept == pytest.approx(np.array([0.8, 0.1, 0.1]) * table["sliding"].to_numpy().mean(), abs=0.002)
+        assert overlap(table, touch.split(table, settings, "press", seed)) == 0
+
+
+def test_a_share_of_the_sliding_windows_is_of_whole_stretches_of_all_presses(settings):
+    rows = [windows_of(frames(press_force(200)), WINDOW | {"sliding": {"single": s}}) for s in (1.0, 0.25, 0.0)]
+    every, quarter, none = (np.round(t["t_s"].to_numpy()[t["sliding"].to_numpy()] * 50).astype(int) for t in rows)
+    assert len(every) == 200 * 33 and len(none) == 0 and len(quarter) / len(every) == pytest.approx(0.25, abs=0.01)
+    place = np.flatnonzero(np.isin(every, quarter))
+    assert set(np.bincount(place // 8)) == {0, 8}
+    assert np.bincount(quarter // 40, minlength=200).min() > 0
 
 
 @pytest.mark.parametrize("protocol", ["press", "random_window"])
 def test_only_single_touches_are_trained_on(settings, protocol):
     conditions = ["single"] * 40 + ["double"] * 20 + ["slide", "three", "tape"] * 10
+    n = len(conditions)
     windows = pa.table(
         {
             "condition": pa.array(conditions).dictionary_encode(),
-            "press": pa.array(np.arange(len(conditions), dtype=np.int32)),
+            "press": pa.array(np.arange(n, dtype=np.int32)),
+            "apart": pa.array(np.full(n, True)),
+            "sliding": pa.array(np.full(n, True)),
         }
     )
     part = touch.split(windows, settings, protocol, 0)

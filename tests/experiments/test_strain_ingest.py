@@ -4,9 +4,10 @@ import copy
 import json
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
-from pipeline.base import params
+from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.experiments import strain
@@ -26,10 +27,10 @@ def lines(settings):
     return lines_of(settings)
 
 
-def lines_of(settings):
-    """File -> lines of a simulated recording of task 1."""
-    recording = next(r for r in scene_of.recordings(settings["simulate"]) if r.condition == "task_1")
-    return {name: written for name, (written, _) in scene_of.logs_of(recording, settings["simulate"]).items()}
+def lines_of(settings, task="task_1"):
+    """File -> lines of a simulated recording of a task."""
+    recording = next(r for r in scene_of.recordings(settings["simulate"]) if r.condition == task)
+    return {name: written for name, (written, _) in scene_of.logs_of(recording, settings["simulate"], 6).items()}
 
 
 def written(folder, lines, **changes):
@@ -62,21 +63,33 @@ def test_uniform_rate_segments_and_every_line_accounted_for(settings, lines, tmp
     json.dumps(report)
 
 
-def test_robot_is_placed_to_a_fraction_of_a_sample(settings, lines, tmp_path):
-    """Its clock starts up to 4 s from the DAQ's; depth at a time must be the depth the voltages were made from."""
-    frames, _, report = strain.read_recording(written(tmp_path, lines), settings)
+@pytest.mark.parametrize(("task", "axis"), [("task_1", 2), ("task_2", 0), ("task_2", 1)])
+def test_robot_is_placed_to_a_fraction_of_a_sample(task, axis, settings, tmp_path):
+    """Its clock starts up to 4 s from the DAQ's; place at a time must be the place the voltages were made from."""
+    frames, _, report = strain.read_recording(written(tmp_path, lines_of(settings, task)), settings)
     assert abs(report["robot.log"]["clock"]["offset_ms"]) < 5000
     simulate = settings["simulate"]
-    recording = next(r for r in scene_of.recordings(simulate) if r.condition == "task_1")
-    rng = scene_of.generator(simulate["seed"], "task_1", "run000", "daq")
+    recording = next(r for r in scene_of.recordings(simulate) if r.condition == task)
+    rng = scene_of.generator(simulate["seed"], task, "run000", "daq")
     times = scene_of.daq_times(simulate, rng)
     clock = scene_of.own_clock(times, simulate["devices"], rng)
     true_time = np.interp(frames["t_s"].to_numpy(), clock, times)
     grid = np.arange(len(recording.place_mm)) * scene_of.STEP_S
-    depth = schemas.matrix(frames["y_mm"])[:, 2]
+    placed = schemas.matrix(frames["y_mm"])[:, axis]
     lags = np.arange(-0.5, 0.5, 0.02)
-    errors = [np.abs(np.interp(true_time - lag, grid, recording.place_mm[:, 2]) - depth).mean() for lag in lags]
-    assert abs(lags[int(np.argmin(errors))]) <= 0.06  # s; the strands take 0.2 s to answer
+    errors = [np.abs(np.interp(true_time - lag, grid, recording.place_mm[:, axis]) - placed).mean() for lag in lags]
+    assert abs(lags[int(np.argmin(errors))]) <= 0.06  # s; 0.1 s is the strands' own delay
+
+
+def test_a_tip_follows_the_arm_once_it_has_bent_so_far():
+    there_and_back = np.column_stack([[0.0, 3, 10, 7, 0], np.zeros(5)])
+    assert strain._play(there_and_back, 4.0)[:, 0] == pytest.approx([0, 3, 4, 1, -4])
+
+
+def test_a_late_answer_ends_behind_a_ramp_by_its_delay():
+    time = np.cumsum(np.tile([0.05, 0.15], 50))
+    late = strain._late(time, np.column_stack([2 * time, np.full(100, 7.0)]), 0.3)
+    assert late[-1] == pytest.approx([2 * (time[-1] - 0.3), 7])
 
 
 def later(lines, seconds):
@@ -195,10 +208,42 @@ def test_missing_log_clock_set_back_and_unknown_task(settings, lines, tmp_path):
         strain.recordings(tmp_path)
 
 
-def test_split_is_chronological_and_the_same_for_every_seed(settings, lines, tmp_path):
+def test_every_task_needs_a_recording_and_may_have_several(tmp_path):
+    for name in ("task_0/run000", "task_1/run000", "task_1/run001"):
+        (tmp_path / name).mkdir(parents=True)
+    with pytest.raises(InputError, match="task_2: no recording; each of task_0, task_1, task_2 needs at least one"):
+        strain.recordings(tmp_path)
+    (tmp_path / "task_2" / "run000").mkdir(parents=True)
+    assert len(strain.recordings(tmp_path)) == 4
+
+
+def test_seeds_take_turns_with_the_recordings_of_a_task(settings, lines, tmp_path):
     frames, _, _ = strain.read_recording(written(tmp_path, lines), settings)
-    parts = [strain.split(frames, settings, "task_1", seed) for seed in (0, 1)]
-    assert (parts[0] == parts[1]).all()
+    n = frames.num_rows
+    second = frames.set_column(1, "recording", pa.array(["run001"] * n).dictionary_encode())
+    both = pa.concat_tables([frames, second.cast(frames.schema)])
+    parts = [strain.split(both, settings, "task_1", seed) for seed in range(4)]
+    for seed, part in enumerate(parts):
+        unused = slice(n, None) if seed % 2 == 0 else slice(0, n)
+        assert (part[unused] == "unused").all() and set(part) == {"train", "validation", "test", "unused"}
+    assert (parts[0] == parts[2]).all() and (parts[1] == parts[3]).all()
+    assert (parts[0][:n] == parts[1][n:]).all()
+
+
+def test_true_drift_is_that_of_the_seeds_recording(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    assert strain.true_drift("task_1", 0, np.zeros(1)) == {}
+    for k in range(2):
+        folder = paths.logs("strain") / "task_1" / f"run00{k}"
+        folder.mkdir(parents=True)
+        (folder / "truth.csv").write_text(f"t_s,drift0\n0,{k}\n1,{k + 2}\n")
+    for seed, value in ((0, 1.0), (1, 2.0), (2, 1.0)):
+        assert strain.true_drift("task_1", seed, np.array([0.5]))["true drift"] == pytest.approx(value)
+
+
+def test_split_is_chronological(settings, lines, tmp_path):
+    frames, _, _ = strain.read_recording(written(tmp_path, lines), settings)
+    parts = [strain.split(frames, settings, "task_1", 0)]
     order = [list(parts[0]).index(name) for name in ("train", "validation", "test")]
     assert order == sorted(order) and (parts[0][-1], parts[0][0]) == ("test", "train")
     assert (strain.split(frames, settings, "task_2", 0) == "unused").all()

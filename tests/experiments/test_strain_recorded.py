@@ -167,6 +167,16 @@ def test_splits_are_whole_cycles_in_the_order_of_time(tmp_path):
     assert set(press[part == "validation"]) == {-1, 18, 19} and set(press[part == "train"]) == {-1, *range(18)}
 
 
+def test_swapped_days_train_on_the_second_and_test_on_the_first(tmp_path):
+    frames = both_days(tmp_path)
+    condition = schemas.names(frames["condition"])
+    part = strain_recorded.split(frames, SETTINGS, "days_swapped_xy", 0)
+    assert (part[condition == "day_1"] == "test").all() and set(part[condition == "day_2"]) == {"train", "validation"}
+    for day, columns in (("day_1", [0, 1, 2, 3, 4]), ("day_2", [1, 2, 3, 4, 5])):
+        assert strain_recorded.channels("days_swapped_xy", day) == columns
+    assert strain_recorded.task("days_swapped_xy", {}).base == "days_swapped_xyz"
+
+
 def test_new_places_trains_on_no_place_of_the_second_day(tmp_path):
     frames = both_days(tmp_path)
     short = np.ones(frames.num_rows, dtype=bool)
@@ -257,7 +267,7 @@ def test_impossible_settings_are_one_sentence(tmp_path):
     ):
         with pytest.raises(InputError, match=sentence):
             built("lstm_highpass", block | change)
-    with pytest.raises(InputError, match="no stretch of 5000 training samples; lower training.length"):
+    with pytest.raises(InputError, match="no stretch of 5000 samples to train on; lower training.length"):
         model = built("lstm_highpass", block | {"training": RECIPE | {"length": 5000}})
         model.fit([record(tmp_path)], seed=0, device="cpu")
     with pytest.raises(InputError, match="press is 10, which needs windows of 13 samples, but they have 10"):
@@ -282,4 +292,4 @@ def test_a_highpassed_training_that_breaks_down_in_any_epoch_has_diverged(epoch,
     monkeypatch.setattr(model, "_loss", lambda held, place: next(losses))
     history = model.fit([record(tmp_path)], seed=0, device="cpu", base=None)
     assert len(history) == epoch
-    assert model.summary == ("diverged", 1)
+    assert model.summary == ("diverged", 0)  # the last epoch would be kept, and it failed

@@ -77,6 +77,22 @@ def test_offsets_are_found_within_10_ms(seed):
     assert rms_ms(clock, cnc, cell) < 10
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_light_and_slow_presses_are_placed_by_longer_edges(seed, monkeypatch):
+    """Noise hides their changes over the shortest time: presses of 1.4 s, an eighth as strong as the others."""
+    rng = np.random.default_rng(seed)
+    t, force = presses(40, rng)
+    force, t = force / 8, 2 * t
+    cell = sample(t, force + rng.normal(0, 0.05, len(t)), 0.5, 80, 100)
+    array = sample(t, response(t, force, rng), 1.5, 79, 50, boot_s=9.0)
+    pair = [force_signal(cell)], [array_signal(array)]
+    _, (clock,) = place_pair(*pair, **LIMITS)
+    assert rms_ms(clock, array, cell) < 10
+    monkeypatch.setattr(alignment, "EDGES_S", alignment.EDGES_S[:1])
+    with pytest.raises(InputError, match="do not follow each other"):
+        place_pair(*pair, **LIMITS)
+
+
 def test_drift_of_a_long_recording_is_found():
     t, force, counts, _ = scene(300, 7)
     cell, array = sample(t, force, 0.4, 300, 100), sample(t, counts, 1.3, 300, 50, boot_s=9.0, ppm=-100)

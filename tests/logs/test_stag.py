@@ -185,9 +185,11 @@ def test_validation_takes_whole_training_recordings(tmp_path):
 @pytest.mark.slow
 def test_figure_fifteen_from_a_file(tmp_path):
     path = save(tmp_path, grasps())
-    rows = stag_study.train_run(params.load(), "glove", "sp_resnet", 0, str(path), lambda *numbers: None)
-    assert [row[:4] for row in rows] == [
-        ("sp_resnet", 0, frames, metric) for frames in range(1, 9) for metric in ("accuracy", "macro_precision")
+    rows = stag_study.train_run(params.load(), "glove", "sp_resnet", 0, 1, str(path), lambda *numbers: None)
+    assert [row[:5] for row in rows] == [
+        ("mean", "sp_resnet", 0, frames, metric) for frames in range(1, 9) for metric in ("accuracy", "macro_precision")
     ]
     assert [row[-1] for row in rows[::2]] == [18, 8, 6, 4, 2, 2, 2, 2]  # nine frames of each of two grasps
-    assert all(0 <= row[5] <= 1 for row in rows)
+    assert all(0 <= row[6] <= 1 for row in rows)
+    joined = stag_study.train_run(params.load(), "glove", "sp_resnet", 0, 4, str(path), lambda *numbers: None)
+    assert [row[:5] for row in joined] == [("trained", "sp_resnet", 0, 4, m) for m in ("accuracy", "macro_precision")]

@@ -23,7 +23,9 @@ from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet
 from pipeline.studies.counts import count
 from pipeline.studies.operations import operations
 
-TRAINING = dict(learning_rate=1e-3, batch_size=6, max_epochs=1, flip=0.0, noise=0.0, affine=0.0)
+TRAINING = dict(
+    learning_rate=1e-3, batch_size=6, max_epochs=1, patience=9, plateau=9, drop=0.5, flip=0.0, noise=0.0, affine=0.0
+)
 SETTINGS = {
     "resnet18": dict(training=TRAINING),
     "mobilenet": dict(training=TRAINING),

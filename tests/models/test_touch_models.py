@@ -20,6 +20,7 @@ PAPER_SETTINGS = {
     "constant": {},
     "linear": {},
     "poly": dict(degree=2, ridge=1.0),
+    "poly_powers": dict(degree=2, ridge=1.0),
     "tree": dict(min_samples_leaf=5, max_features=1.0),
     "rbf": dict(centres=500, width=2.0, ridge=1e-3),
     "rnn": dict(layers=2, hidden=128, training=training()),
@@ -32,6 +33,7 @@ SMALL_SETTINGS = {
     "constant": {},
     "linear": {},
     "poly": dict(degree=2, ridge=1.0),
+    "poly_powers": dict(degree=2, ridge=1.0),
     "tree": dict(min_samples_leaf=5, max_features=0.5),
     "rbf": dict(centres=20, width=2.0, ridge=1e-3),
     "rnn": dict(layers=2, hidden=16, training=training()),
@@ -80,6 +82,7 @@ def rmse(model, part):
         ("constant", 400),
         ("linear", 80_400),
         ("poly", 140_400),
+        ("poly_powers", 160_400),
         ("rbf", 300_400),
         ("rnn", 263_056),
         ("cnn", 636_208),
@@ -112,6 +115,7 @@ def test_number_of_parameters_of_a_tree():
         ("constant", 0),
         ("linear", 200 * 400),
         ("poly", 325 + 350 * 400),
+        ("poly_powers", 200 + 400 * 400),
         ("tree", None),
         ("rbf", 500 * 200 + 500 * 400),
         ("rnn", 8 * 4 * 128 * (25 + 3 * 128) + 128 * 400),
@@ -192,3 +196,18 @@ def test_rbf_with_too_few_windows_is_refused():
 def test_vgg_with_a_wrong_number_of_stages_is_refused():
     with pytest.raises(InputError, match="channels must give 5 widths"):
         build("vgg", SMALL, SMALL_SETTINGS["vgg"] | {"channels": [8, 8]})
+
+
+def test_powers_of_two_touches_add_up():
+    """Without products, what two elements far apart do together is the sum of what each does alone."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 500, (80, SMALL.frames, SMALL.elements)).astype(np.float32)
+    y = (x[:, -1] ** 2 @ rng.normal(0, 1e-4, (SMALL.elements, SMALL.outputs))).astype(np.float32)
+    model = build("poly_powers", SMALL, dict(degree=2, ridge=1e-6))
+    model.fit((x, y), (x, y), seed=0)
+    rest, first, second = np.full((3, 1, *x.shape[1:]), 100, np.float32)
+    first[0, :, 0] = 400
+    second[0, :, -1] = 400
+    both = np.maximum(first, second)
+    zero, one, other, together = (model.predict(windows) for windows in (rest, first, second, both))
+    np.testing.assert_allclose(together - zero, (one - zero) + (other - zero), atol=1e-2)

@@ -18,7 +18,6 @@ from pipeline.base.params import load
 from pipeline.datasets import labels, schemas
 from pipeline.reporting import touch as touch_report
 from pipeline.reporting.claims import claim_sentence
-from pipeline.reporting.sentences import read_differences
 from pipeline.reporting.verdicts import touch as touch_verdicts
 from pipeline.reporting.verdicts import touch_measures
 from pipeline.reporting.verdicts.rules import Claim, Evidence, positive, untestable
@@ -42,6 +41,18 @@ def settings():
     block["window"] = block["window"] | {"frames": FRAMES}
     block["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}}
     block["models"] = {"constant": {}, "linear": {}, "rnn": TRAINING, "lomp": TRAINING}
+    block["yardstick"] = block["yardstick"] | {"model": "rnn", "protocol": "press", "published": 0.25}
+    block["ablation"] = {
+        "lomp_half": {"of": "lomp", "seeds": [0, 1], "frames": FRAMES, "settings": {"hidden": 4}},
+        "lomp_alpha_0": {
+            "of": "lomp",
+            "beside": "lomp_half",
+            "seeds": [0, 1],
+            "frames": FRAMES,
+            "settings": {"alpha": 0.0},
+        },
+        "linear_1_frame": {"of": "linear", "seeds": [1], "frames": 1, "settings": {}},
+    }
     return block
 
 
@@ -120,6 +131,15 @@ def write_touch(settings):
             macs = None if model == "linear" else 1234
             speed.append(("touch", model, batch, 1, 0.5 * batch, 0.75 * batch, 12345, macs, 6.5, 999))
     write_tables("touch", scores, speed)
+    levels = {"lomp_half": 20.0, "lomp_alpha_0": 30.0, "linear_1_frame": 93.0}
+    ablated = [
+        (name, "press", condition, seed, "rmse", "kPa", level + seed * (1 if name == "lomp_half" else 2), 12)
+        for name, level in levels.items()
+        for condition in ("single", "double")
+        for seed in settings["ablation"].get(name, {"seeds": []})["seeds"]
+    ]
+    columns = ["row", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
+    pd.DataFrame(ablated, columns=columns).to_csv(paths.ablation("touch"), index=False)
     paths.ingest_report("touch").write_text('{"run": true}')
 
 
@@ -183,6 +203,7 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
     figures = [f"figure{k}.png" for k in ("2b", 4, 5, 6, 7, 8)]
     assert set(first) == {
         "accuracy/README.md",
+        "accuracy/ablation.md",
         "accuracy/table1.csv",
         "accuracy/table1.md",
         "accuracy/training.md",
@@ -200,7 +221,8 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
     table1 = (target / "accuracy" / "table1.md").read_text()
     linear = next(line for line in table1.splitlines() if line.startswith("| Linear"))
     half = 12.706205 * np.sqrt(0.5) / np.sqrt(2)  # t of one degree of freedom times the standard error of 30, 31
-    assert [cell.strip() for cell in linear.split("|")[2:4]] == [
+    assert [cell.strip() for cell in linear.split("|")[2:5]] == [
+        "2",
         "8.68",
         f"30.50 [{30.5 - half:.2f}, {30.5 + half:.2f}]",
     ]
@@ -209,11 +231,20 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
     assert csv.loc[("press", "double", "lomp", "rmse"), "mean"] == 105.0
     assert csv.loc[("random_window", "single", "rnn", "rmse"), "runs"] == 1
 
+    ablated = (target / "accuracy" / "ablation.md").read_text().splitlines()
+    cells = {line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")] for line in ablated if "|" in line}
+    assert cells["lomp_alpha_0"][2:6] == ["LoMP", "alpha 0.0", "2", "lomp_half"]
+    ratios = np.array([30 / 20, 32 / 21])
+    half = 12.706205 * ratios.std(ddof=1) / np.sqrt(2)
+    wanted = f"{ratios.mean():.2f} [{ratios.mean() - half:.2f}, {ratios.mean() + half:.2f}]"
+    assert cells["lomp_alpha_0"][7:9] == [wanted, f"{100 * half:.0f} %"]
+    assert cells["linear_1_frame"][5:9] == ["Linear, Table I", "95.00", f"{95 / 31:.2f}", "not known"]
+
     readme = (target / "accuracy" / "README.md").read_text()
     assert "LoMP has 105.00 [41.47, 168.53] kPa, the best other model of the paper, RNN, 205.00" in readme
     assert "1.95 times as much; in the paper 1.96 times (Polynomial)." in readme
     assert "Of 6 runs trained in epochs, 4 stopped by patience, 2 reached the allowed number" in readme
-    assert "ours 30.50" in readme and "published 8.68" in readme
+    assert "single, protocol press: ours 0.672 [" in readme and "published 0.250 (+169 %)" in readme
     speed = (target / "speed" / "table2.md").read_text()
     assert "not counted" in speed and "12,345" in speed
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in speed.splitlines() if line.startswith("|")]
@@ -273,7 +304,7 @@ def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, undrawn, mon
     rows = [line for line in (target / "accuracy" / "table1.md").read_text().splitlines() if line.startswith("| LoMP")]
     # every metric of the press split, although only RMSE is NaN in the file; then the other split's one run
     assert rows[0].count("failed (1 of 2 runs); others 11.00") == 1
-    assert rows[1].count("failed (1 of 2 runs)") == 4
+    assert rows[1].count("failed (1 of 2 runs)") == 5
     assert rows[4].count("failed (1 of 1 runs)") == 2
     readme = (target / "accuracy" / "README.md").read_text()
     assert "- Double touch: LoMP failed (1 of 2 runs); others 110.00." in readme
@@ -329,8 +360,8 @@ def test_predictions_must_cover_the_test_windows(root, settings):
 
 @pytest.mark.slow
 def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, undrawn, monkeypatch):
-    del settings["models"]["linear"]
-    settings["models"]["perceiver"] = {}
+    del settings["models"]["linear"], settings["ablation"]["linear_1_frame"]
+    settings["models"]["poly_powers"] = {}  # of no paper
     write_touch(settings)
     data = pyarrow.parquet.read_table(paths.dataset("touch"))
     single = data.filter(pa.array(schemas.names(data["condition"]) == "single"))
@@ -342,7 +373,7 @@ def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, und
         schemas.write(path, rows.schema, [rows])
     target = run_render("touch", settings, monkeypatch)
     table1 = (target / "accuracy" / "table1.md").read_text()
-    assert "| perceiver" in table1 and "| Linear" not in table1
+    assert "| Polynomial, powers only" in table1 and "| Linear" not in table1
     assert "no recordings of: double touch" in table1
     assert not (target / "accuracy" / "figure6.png").exists() and not (target / "accuracy" / "figure8.png").exists()
 
@@ -439,16 +470,6 @@ def test_estimate_and_numbers():
 def test_table_is_aligned_as_raw_text():
     lines = table(["Model", "RMSE (kPa)"], [["A", "1.00"], ["Longer", "failed"]]).splitlines()
     assert len({len(line) for line in lines}) == 1 and lines[1] == "| ------ | ---------: |"
-
-
-def test_differences_are_collected(tmp_path):
-    mark = "Differs from " + "paper:"
-    (tmp_path / "one.py").write_text(
-        f'"""Text.\n\n{mark} the sum\nis a mean.\n\nMore."""\nx = 1  # {mark} short.\n# {mark} two\n# lines.\ny = 2\n'
-    )
-    found = read_differences(tmp_path, ["one.py"])
-    assert [text for _, text in found] == ["the sum is a mean.", "short.", "two lines."]
-    assert found[0][0] == f"{tmp_path.name}/one.py"
 
 
 def test_every_experiment_has_a_report_of_its_name_with_one_contract():

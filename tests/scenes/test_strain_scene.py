@@ -8,6 +8,9 @@ import pytest
 from pipeline.base import params
 from pipeline.scenes import strain
 
+FINGER = {"stiffness_n_per_mm": 0.05, "normal_n_per_mm": 0.1, "static_friction": 1.2, "kinetic_friction": 0.7}
+STRANDS = 6
+
 
 @pytest.fixture
 def scene():
@@ -23,28 +26,77 @@ def place(x, depth=5.0):
     return np.column_stack([x, np.zeros_like(x), np.full_like(x, -depth)])
 
 
-def test_the_tip_sticks_until_static_friction_and_slips_to_kinetic(scene):
-    finger = {"stiffness_n_per_mm": 0.05, "normal_n_per_mm": 0.1, "static_friction": 1.2, "kinetic_friction": 0.7}
-    u = strain.deflection(place(np.arange(0, 40, 0.1)), finger, stick_slip=True)[:, 0]
+def test_the_tip_sticks_until_static_friction_and_slips_to_kinetic():
+    u = strain.deflection(place(np.arange(0, 40, 0.1)), FINGER, stick_slip=True)[:, 0]
     # N = 0.5 N: it holds to 1.2 * 0.5 / 0.05 = 12 mm and slips back to 7 mm.
     assert u.max() == pytest.approx(12.0, abs=0.11)
     slips = np.flatnonzero(np.diff(u) < -1)
     assert len(slips) == 6 and u[slips + 1] == pytest.approx(7.0)
     assert np.diff(u)[np.diff(u) > 0] == pytest.approx(0.1)
-    smooth = strain.deflection(place(np.arange(0, 40, 0.1)), finger, stick_slip=False)[:, 0]
+    smooth = strain.deflection(place(np.arange(0, 40, 0.1)), FINGER, stick_slip=False)[:, 0]
     assert smooth.max() == pytest.approx(7.0) and (np.diff(smooth) > -1e-9).all()
-    assert not strain.deflection(place(np.arange(0, 40, 0.1), depth=0.0), finger, stick_slip=True).any()
+    assert not strain.deflection(place(np.arange(0, 40, 0.1), depth=0.0), FINGER, stick_slip=True).any()
 
 
-def test_relaxation_and_asymmetry(scene):
-    strand = scene["strand"]
+def test_friction_differs_by_direction_and_by_place():
+    grip = np.ones((41, 41))
+    grip[20:] = 1.5  # from x = 0 on; cells of 2 mm
+    surface = strain.Surface(grip, (0.0, 0.0))
+    forth = strain.deflection(place(np.arange(-40, 40, 0.1)), FINGER, stick_slip=True, surface=surface)[:, 0]
+    assert forth[:390].max() == pytest.approx(12.0, abs=0.11) and forth[600:].max() == pytest.approx(18.0, abs=0.11)
+    skin = strain.Surface(np.ones((1, 1)), (0.25, 0.0))
+    there = strain.deflection(place(np.arange(0, 40, 0.1)), FINGER, stick_slip=True, surface=skin)[:, 0]
+    back = strain.deflection(place(-np.arange(0, 40, 0.1)), FINGER, stick_slip=True, surface=skin)[:, 0]
+    assert there.max() == pytest.approx(15.0, abs=0.11) and back.min() == pytest.approx(-9.0, abs=0.11)
+
+
+def test_a_surface_has_the_spread_and_the_correlation_length_asked_for():
+    finger = {"friction_spread": 0.2, "friction_length_mm": 20.0, "friction_direction": 0.3}
+    fields = [np.log(strain.surface_of(k, (140, 80), finger).grip) for k in range(12)]
+    assert np.std(fields) == pytest.approx(0.2, rel=0.15)
+    cells = round(20 / strain.CELL_MM)
+    correlation = np.mean([(f[cells:] * f[:-cells]).mean() / f.var() for f in fields])
+    assert correlation == pytest.approx(np.exp(-0.5), abs=0.15)  # of a normal density of wave numbers
+    assert np.hypot(*strain.surface_of(0, (140, 80), finger).along) == pytest.approx(0.3)
+
+
+def test_paths_break_with_every_change_of_strain_and_form_again(scene):
+    strand = scene["strand"] | {"break_spread": 0.0, "fast_time_s": 3.0, "slow_time_s": 60.0}
     step = np.concatenate([np.zeros((200, 1)), np.ones((20000, 1))])
-    response = strain.relaxed(step, strand)[200:, 0]
-    assert response[0] > 0.95 and (np.diff(response) < 1e-12).all()
-    assert response[-1] == pytest.approx(1 - strand["fast_share"] - strand["slow_share"], abs=1e-3)
+    rng = np.random.default_rng(0)
+    up = strain.relaxed(step, strand, rng)[200:, 0]
+    assert up[0] == pytest.approx(1 + strand["fast_share"] + strand["slow_share"])
+    assert (np.diff(up) < 0).all() and up[-1] == pytest.approx(1, abs=1e-3)
+    down = strain.relaxed(1 - step, strand, rng)[200:, 0]
+    assert down == pytest.approx(up - 1)  # resistance jumps up when the strain goes away, too
+    minute = round(60 / strain.STEP_S)
+    assert up[minute] - 1 == pytest.approx(strand["slow_share"] / np.e, rel=0.01)
+
+
+def test_how_many_paths_break_varies_around_its_mean(scene):
+    strand = scene["strand"] | {"break_spread": 1.0, "break_time_s": 0.5}
+    steady = np.cumsum(np.full((20000, 40), 0.01), axis=0)
+    off, on = (
+        strain.relaxed(steady, strand | {"break_spread": spread}, np.random.default_rng(1)) - steady
+        for spread in (0.0, 1.0)
+    )
+    assert on[5000:].mean() == pytest.approx(off[5000:].mean(), rel=0.02) and on[-1].std() > 20 * off[-1].std()
+
+
+def test_unloading_lags_behind_loading():
+    strand = {"loading_time_s": 0.1, "unloading_time_s": 0.8}
+    step = np.concatenate([np.zeros((200, 1)), np.ones((2000, 1))])
     up = strain.asymmetric(step, strand)[200:, 0]
     down = 1 - strain.asymmetric(1 - step, strand)[200:, 0]
-    assert np.argmax(up > 0.9) < np.argmax(down > 0.9)  # unloading lags
+    assert np.argmax(up > 0.9) < np.argmax(down > 0.9)
+
+
+def test_what_wanders_has_the_spread_and_the_correlation_time_asked_for():
+    drawn = strain.wander(40000, 20, 5.0, np.random.default_rng(0))
+    assert drawn.std() == pytest.approx(1, rel=0.05)
+    lag = round(5 / strain.STEP_S)
+    assert (drawn[lag:] * drawn[:-lag]).mean() == pytest.approx(np.exp(-1), abs=0.05)
+    assert drawn[0].std() == pytest.approx(1, rel=0.4)  # from the first step on
 
 
 def test_each_task_moves_in_its_own_directions(scene):
@@ -55,9 +107,36 @@ def test_each_task_moves_in_its_own_directions(scene):
     assert (spans["task_0"] > 0).all() and spans["task_0"][0] <= motion["width_mm"]
 
 
+def test_every_recording_of_a_number_is_of_the_same_finger_and_moves_in_its_own_way(scene):
+    planned = strain.recordings(scene | {"specimen": 7, "specimens": 3})
+    assert len(planned) == 9 and {(r.name, r.specimen) for r in planned} == {
+        ("run000", 7),
+        ("run001", 8),
+        ("run002", 9),
+    }
+    first, second = (r for r in planned if r.condition == "task_2" and r.specimen < 9)
+    assert not np.allclose(first.place_mm, second.place_mm)
+    other = strain.strains(first._replace(specimen=8), scene, STRANDS)
+    assert not np.allclose(strain.strains(first, scene, STRANDS), other)
+    moved = {**scene, "seed": scene["seed"] + 1}  # the seed moves the motion, and leaves the finger as it is
+    assert np.array_equal(strain.strains(second._replace(specimen=8), moved, STRANDS), strain.strains(second, scene, 6))
+
+
+@pytest.mark.parametrize("strands", [2, 3, 5, 6, 8])
+def test_fewer_strands_are_the_first_ones_of_the_finger(scene, strands):
+    recording = strain.recordings(scene)[0]
+    whole, fewer = (strain.strains(recording, scene, n) for n in (8, strands))
+    assert np.array_equal(fewer, whole[:, :strands])
+    assert len(set(strain.angles_deg(strands) % 360)) == strands
+    lines, _ = strain.logs_of(recording, scene, strands)["truth.csv"]
+    assert lines[0].count("drift") == strands
+    turn = np.sort(strain.angles_deg(6) % 360)
+    assert np.diff(turn) == pytest.approx(60)
+
+
 def test_logs_have_the_samples_asked_for_and_repeat(scene):
     recording = strain.recordings(scene)[1]
-    first, again = (strain.logs_of(recording, scene) for _ in range(2))
+    first, again = (strain.logs_of(recording, scene, STRANDS) for _ in range(2))
     assert first == again
     lines, faults = first["daq.log"]
     kinds = [fault.kind for fault in faults]
@@ -66,13 +145,29 @@ def test_logs_have_the_samples_asked_for_and_repeat(scene):
     assert truth[0].startswith("t_s,drift0") and len(truth) == 301
 
 
-@pytest.mark.parametrize("effect", ["relaxation", "asymmetry", "drift", "noise", "stick_slip", "jitter", "line_faults"])
+EFFECTS = params.load()["strain"]["simulate"]["effects"]
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_every_effect_can_be_switched_off_and_changes_the_log(scene, effect):
     recording = strain.recordings(scene)[2]
     scene["effects"] = dict.fromkeys(scene["effects"], True)
     off = copy.deepcopy(scene)
     off["effects"][effect] = False
-    assert strain.logs_of(recording, off)["daq.log"] != strain.logs_of(recording, scene)["daq.log"]
-    if effect == "drift":
-        truth, _ = strain.logs_of(recording, off)["truth.csv"]
-        assert not np.loadtxt(truth, delimiter=",", skiprows=1)[:, 1:].any()
+    assert strain.logs_of(recording, off, STRANDS)["daq.log"] != strain.logs_of(recording, scene, STRANDS)["daq.log"]
+
+
+def test_true_drift_is_all_that_is_not_strain(scene):
+    recording = strain.recordings(scene)[0]
+    scene["effects"] |= {"drift": False, "relaxation": False, "asymmetry": False}
+    truth, _ = strain.logs_of(recording, scene, STRANDS)["truth.csv"]
+    assert not np.loadtxt(truth, delimiter=",", skiprows=1)[:, 1:].any()
+    for effect in ("drift", "relaxation"):
+        scene["effects"][effect] = True
+        truth, _ = strain.logs_of(recording, scene, STRANDS)["truth.csv"]
+        assert np.abs(np.loadtxt(truth, delimiter=",", skiprows=1)[:, 1:]).max() > 1e-3
+        scene["effects"][effect] = False
+
+
+def test_all_effects_are_on():
+    assert all(EFFECTS.values())

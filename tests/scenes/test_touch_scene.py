@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.base import params
-from pipeline.scenes import readout, touch
+from pipeline.scenes import material, readout, touch, touch_contact, touch_motion
 from pipeline.scenes.faults import inject
 
 
@@ -17,11 +17,16 @@ def settings():
 
 
 def recordings(settings):
-    return touch.single_recordings(settings["simulate"], settings["sensor"], settings["label"]["tip_radius_mm"])
+    scene, radius = settings["simulate"], settings["label"]["tip_radius_mm"]
+    return touch_motion.single_recordings(scene, settings["sensor"], radius)
 
 
-def loads(settings, recording):
-    return touch.element_loads(recording, settings["simulate"], settings["sensor"], settings["label"]["tip_radius_mm"])
+def loads(settings, *touches):
+    return touch_contact.element_loads(touches, settings["simulate"], settings["sensor"])
+
+
+def steady(settings, force, x, y):
+    return touch_contact.steady(np.array(force), x, y, settings["label"]["tip_radius_mm"])
 
 
 def test_column_voltage_solves_kirchhoff():
@@ -32,6 +37,44 @@ def test_column_voltage_solves_kirchhoff():
         into = (5.0 - volts[:, row]) * conductance[:, row]
         out = volts[:, row] * (reference + conductance.sum(axis=1) - conductance[:, row])
         np.testing.assert_allclose(into, out, rtol=1e-12)
+
+
+@pytest.mark.parametrize("driver_ohm", [1e-6, 25.0, 200.0])
+def test_rows_that_sag_solve_kirchhoff_at_every_node(driver_ohm):
+    """All ten nodes of the circuit, one equation each, in place of the eliminated system."""
+    conductance = np.random.default_rng(0).uniform(1e-5, 2e-2, (3, 5, 4))
+    reference, drivers = 1 / 330, 1 / driver_ohm
+    volts = readout.column_voltage(
+        conductance, reference_s=reference, supply_v=5.0, crosstalk=True, driver_ohm=driver_ohm
+    )
+    for step, g in enumerate(conductance):
+        for driven in range(5):
+            matrix, right = np.zeros((9, 9)), np.zeros(9)
+            for row in range(5):
+                matrix[row, row] += drivers
+                right[row] = drivers * 5.0 * (row == driven)
+                for column in range(4):
+                    matrix[row, row] += g[row, column]
+                    matrix[row, 5 + column] -= g[row, column]
+                    matrix[5 + column, 5 + column] += g[row, column]
+                    matrix[5 + column, row] -= g[row, column]
+            for column in range(4):
+                matrix[5 + column, 5 + column] += reference
+            np.testing.assert_allclose(volts[step, driven], np.linalg.solve(matrix, right)[5:], rtol=1e-6)
+
+
+def test_a_second_touch_in_a_row_lowers_the_first_only_where_rows_sag():
+    conductance = np.full((1, 5, 5), 1e-4)
+    conductance[0, 2, 1] = 8e-3
+    both = conductance.copy()
+    both[0, 2, 4] = 8e-3
+    options = {"reference_s": 1 / 330, "supply_v": 5.0, "crosstalk": True}
+    sagging, ideal = (
+        readout.column_voltage(both, driver_ohm=ohm, **options)
+        - readout.column_voltage(conductance, driver_ohm=ohm, **options)
+        for ohm in (25.0, 0.0)
+    )
+    assert sagging[0, 2, 1] < -0.05 and ideal[0, 2, 1] == 0
 
 
 def test_crosstalk_stays_within_a_column_and_can_be_switched_off():
@@ -49,37 +92,100 @@ def test_crosstalk_stays_within_a_column_and_can_be_switched_off():
 
 
 def test_counts_are_clipped_whole_numbers():
-    found = readout.counts(np.array([-0.1, 0.0, 2.5, 5.0]), supply_v=5.0, levels=1024)
-    assert found.tolist() == [0, 0, 512, 1023] and found.dtype == np.int16
+    read = readout.counts(np.array([-0.1, 0.0, 2.5, 5.0]), supply_v=5.0, levels=1024)
+    assert read.tolist() == [0, 0, 512, 1023] and read.dtype == np.int16
 
 
 def test_load_is_conserved_but_for_the_gaps(settings):
     settings["simulate"]["contact"]["silicone_spread_mm"] = 0.0
-    force = np.array([1.0, 10.0])
-    middle = touch.Recording("single", "r", [touch.steady(force, 30.0, 30.0)])  # centre of element 12
-    share = loads(settings, middle)
+    settings["simulate"]["effects"]["contact_growth"] = False
+    middle = steady(settings, [1.0, 10.0], 30.0, 30.0)  # centre of element 12
+    share = loads(settings, middle).force_n
     assert share.shape == (2, 25)
     np.testing.assert_allclose(share[1] / share[0], np.where(share[0] > 0, 10.0, np.nan), rtol=1e-9, equal_nan=True)
     assert share[0].argmax() == 12 and 0.9 < share[0].sum() <= 1.0
-    between = touch.Recording("single", "r", [touch.steady(force, 36.0, 30.0)])  # on the gap to element 13
-    shared = loads(settings, between)
+    shared = loads(settings, steady(settings, [1.0, 10.0], 36.0, 30.0)).force_n  # on the gap to element 13
     np.testing.assert_allclose(shared[0, 12], shared[0, 13])
     settings["simulate"]["effects"]["load_sharing"] = False
-    alone = loads(settings, middle)
+    alone = loads(settings, middle).force_n
     assert alone[0, 12] == 1.0 and alone[0].sum() == 1.0
+
+
+def test_contact_widens_with_the_cube_root_of_force(settings):
+    scene, radius = settings["simulate"], settings["label"]["tip_radius_mm"]
+    scene["contact"] |= {"silicone_spread_mm": 0.0}
+    full = scene["contact"]["full_kpa"] * 1e3 * touch_contact.tip_area_m2(radius)
+    spread = touch_contact.spread_mm(steady(settings, [full / 8, full, 8 * full], 30.0, 30.0), scene)
+    np.testing.assert_allclose(spread, [radius / 4, radius / 2, radius])
+    share = loads(settings, steady(settings, [1.0, 20.0], 35.0, 30.0)).force_n / np.array([[1.0], [20.0]])
+    assert share[1, 13] > 1.1 * share[0, 13]  # a hard press reaches further into the neighbour
+
+
+def test_places_have_the_recorded_spread_and_correlation(settings):
+    scene, sensor, length = settings["simulate"], settings["sensor"], 2.5
+    step = round(3.5 / touch_contact.GRID_MM)
+    layers = np.concatenate([touch_contact.places(scene | {"specimen": k}, sensor, length) for k in range(60)])
+    assert layers.std() == pytest.approx(1, abs=0.03)
+    correlation = (layers[:, step:] * layers[:, :-step]).mean() / layers.var()
+    assert correlation == pytest.approx(np.exp(-(3.5**2) / (2 * length**2)), abs=0.04)
+    rows, columns = (np.rint(np.arange(4) * mm / touch_contact.GRID_MM).astype(int) for mm in material.STEP_MM)
+    raster = layers[:, 20 + rows[:, None], 20 + columns] * touch_contact.field_spread(length)[0]
+    assert np.sqrt(raster.var(axis=(1, 2)).mean()) == pytest.approx(material.load_places().gain_std, rel=0.08)
+    first, second = layers[::2], layers[1::2]
+    assert abs((first * second).mean()) < 0.03  # gain and exponent are independent
+
+
+def test_an_element_has_the_gain_of_where_it_is_loaded(settings):
+    scene, sensor = settings["simulate"], settings["sensor"]
+    scene["material"]["correlation_mm"] = 2.5
+    field = touch_contact.places(scene, sensor, 2.5)[0]
+    x, y = 29.0, 31.5
+    at = [round((z + touch_contact.EDGE_MM) / touch_contact.GRID_MM) for z in (y, x)]
+    scene["contact"]["silicone_spread_mm"] = 0.0  # a sharp contact: its centre on the element is its place
+    sharp = touch_contact.steady(np.array([20.0]), x, y, 0.5)
+    gain = loads(settings, sharp).gain[0, 12]
+    assert gain == pytest.approx(np.exp(touch_contact.field_spread(2.5)[0] * field[tuple(at)]), rel=1e-3)
+    twice = loads(settings, sharp, sharp._replace(force_n=np.array([1e-6]), x_mm=np.array([26.0])))
+    assert twice.gain[0, 12] == pytest.approx(gain, rel=1e-3)  # the weight of a touch is its load
+    other = touch_contact.places(scene | {"specimen": scene["specimen"] + 1}, sensor, 2.5)[0]
+    assert np.corrcoef(field.ravel(), other.ravel())[0, 1] < 0.3
+
+
+def test_the_array_is_matched_to_its_reference_resistor(settings):
+    """material.resistance_scale_ohm has its source in pipeline/scenes/touch.py: the divider's widest span."""
+    scene = settings["simulate"]
+    scene["effects"]["places"] = False
+    pressures = np.array([scene["pressure"][key] for key in ("lowest_kpa", "highest_kpa")])
+    force = pressures * 1e3 * touch_contact.tip_area_m2(settings["label"]["tip_radius_mm"])
+    load = loads(settings, steady(settings, force, 30.0, 30.0)).force_n[:, 12]
+    film = material.load_material()
+    ohm = scene["material"]["resistance_scale_ohm"] * np.exp(film.rest - material.static_conductance(film, load))
+    assert np.sqrt(ohm.prod()) == pytest.approx(scene["circuit"]["reference_ohm"], rel=0.01)
 
 
 def test_single_presses_cover_the_grid_and_the_pressures(settings):
     (recording,) = recordings(settings)
     single = recording.touches[0]
-    assert len(set(zip(single.x_mm, single.y_mm, strict=True))) == 4
-    area = touch.tip_area_m2(settings["label"]["tip_radius_mm"])
+    pressed = single.force_n > 0
+    assert len(set(zip(single.x_mm[pressed], single.y_mm[pressed], strict=True))) == 4
+    area = touch_contact.tip_area_m2(settings["label"]["tip_radius_mm"])
     assert 300e3 < single.force_n.max() / area < 440e3
     assert single.force_n.min() == 0
 
 
+def test_the_cnc_moves_at_a_finite_speed_and_only_while_it_is_up(settings):
+    (recording,) = recordings(settings)
+    single, speed = recording.touches[0], settings["simulate"]["press"]["cnc_mm_s"]
+    moved = np.hypot(np.diff(single.x_mm), np.diff(single.y_mm))
+    assert 0 < moved.max() <= speed * touch_motion.STEP_S * 1.001
+    assert (single.force_n[1:][moved > 0] == 0).all() and (single.force_n[:-1][moved > 0] == 0).all()
+    far = touch_motion.rest_steps(0.1, np.array([60.0, 0.0]), np.zeros(2), settings["simulate"]["press"])
+    assert far * touch_motion.STEP_S == pytest.approx(60.0 / speed + 2 * touch_motion.LIFT_S)
+
+
 def test_double_touches_are_on_elements_apart(settings):
-    (recording,) = touch.double_recordings(settings["simulate"], settings["sensor"], settings["label"]["tip_radius_mm"])
+    scene, radius = settings["simulate"], settings["label"]["tip_radius_mm"]
+    (recording,) = touch_motion.double_recordings(scene, settings["sensor"], radius)
     machine, hand = recording.touches
     both = (machine.force_n > 0) & (hand.force_n > 0)
     assert both.any()
@@ -90,24 +196,60 @@ def test_double_touches_are_on_elements_apart(settings):
     )
     assert (apart[both] >= 2).all()
     assert (hand.logged_force_n <= hand.force_n).all() and (hand.logged_force_n < hand.force_n)[both].any()
-    assert not np.allclose(hand.x_mm, hand.logged_x_mm)
+    assert not np.allclose(hand.x_mm, hand.logged_x_mm) and hand.radius_mm < machine.radius_mm
+    scene["effects"]["hand_error"] = False
+    (recording,) = touch_motion.double_recordings(scene, settings["sensor"], radius)
+    steady_hand = recording.touches[1]
+    assert np.array_equal(steady_hand.x_mm, steady_hand.logged_x_mm) and steady_hand.radius_mm == radius
+    assert np.array_equal(recording.touches[0].force_n, machine.force_n)  # the same motions
 
 
-@pytest.mark.parametrize("effect", ["creep", "release", "element_spread", "crosstalk", "noise", "line_faults"])
+def test_a_hand_trembles():
+    course = touch_motion.tremor(200_000, np.random.default_rng(0))
+    assert course.std() == pytest.approx(1, abs=0.05) and abs(course.mean()) < 0.05
+    power = np.abs(np.fft.rfft(course)) ** 2
+    hz = np.fft.rfftfreq(len(course), touch_motion.STEP_S)
+    low, high = touch_motion.TREMOR_HZ
+    assert power[(hz > 0.9 * low) & (hz < 1.1 * high)].sum() > 0.99 * power.sum()
+
+
+def test_elements_are_read_one_after_the_other(settings):
+    grid = np.repeat(np.arange(200)[:, None] * touch_motion.STEP_S, 3, axis=1)
+    at = np.array([0.5, 1.0])[:, None] + np.array([0.0, 1e-3, 2e-3])
+    np.testing.assert_allclose(touch.sampled(grid, at), at)
+
+
+def test_specimen_and_motions_have_seeds_of_their_own(settings):
+    scene = settings["simulate"]
+    plain = recordings(settings)[0]
+    scene["specimen"] += 1
+    again = recordings(settings)[0]
+    assert np.array_equal(plain.touches[0].force_n, again.touches[0].force_n)
+    gain = loads(settings, *plain.touches).gain
+    scene["specimen"] -= 1
+    scene["seed"] += 1
+    assert not np.array_equal(loads(settings, *plain.touches).gain, gain)
+    moved = recordings(settings)[0]
+    assert not np.array_equal(moved.touches[0].force_n[:500], plain.touches[0].force_n[:500])
+
+
+EFFECTS = params.load()["touch"]["simulate"]["effects"]
+
+
+@pytest.mark.parametrize("effect", [name for name in EFFECTS if name != "hand_error"])  # of which singles have none
 def test_every_switch_changes_the_log(settings, effect):
     recording = recordings(settings)[0]
-    radius = settings["label"]["tip_radius_mm"]
     settings["simulate"]["faults"] |= {"torn": 0.02, "missing": 0.02}
     settings["simulate"]["effects"] = dict.fromkeys(settings["simulate"]["effects"], True)
-    on = touch.logs_of(recording, settings["simulate"], settings["sensor"], radius, reset=False)["array.log"][0]
+    on = touch.logs_of(recording, settings["simulate"], settings["sensor"], reset=False)["array.log"][0]
     settings["simulate"]["effects"][effect] = False
-    off = touch.logs_of(recording, settings["simulate"], settings["sensor"], radius, reset=False)["array.log"][0]
+    off = touch.logs_of(recording, settings["simulate"], settings["sensor"], reset=False)["array.log"][0]
     assert on != off
 
 
 def test_logs_repeat_and_a_reset_starts_the_clock_again(settings):
     recording = recordings(settings)[0]
-    arguments = (recording, settings["simulate"], settings["sensor"], settings["label"]["tip_radius_mm"])
+    arguments = (recording, settings["simulate"], settings["sensor"])
     first, second = (touch.logs_of(*arguments, reset=True) for _ in range(2))
     assert first == second
     lines, faults = first["array.log"]

@@ -182,7 +182,7 @@ def test_changed_scenes_keep_the_motion_and_change_what_they_say(project):
     settings = settings | {"simulate": settings["simulate"] | {"faults": settings["simulate"]["faults"] | {"gaps": 0}}}
 
     def record(change, severity):
-        return stress_series.scene_record(json.dumps(settings), "strain", "task_2", change, severity)
+        return stress_series.scene_record(json.dumps(settings), "strain", "task_2", change, severity, 1)
 
     plain, double, fast, other = record("rate", 0), record("rate", 1), record("speed", 1), record("specimen", 1)
     assert len(double.x) == pytest.approx(2 * len(plain.x), abs=4)
@@ -192,7 +192,7 @@ def test_changed_scenes_keep_the_motion_and_change_what_they_say(project):
     assert not np.allclose(np.ptp(other.x, axis=0), np.ptp(plain.x, axis=0), rtol=0.05)
     before_rest = 10  # samples of the first stroke
     assert np.abs(plain.y[:before_rest:2][:5] - fast.y[: before_rest // 2]).max() < 0.5
-    trained = next(one for one in strain.recordings(settings["simulate"]) if one.condition == "task_2")
+    *_, trained = (one for one in strain.recordings(settings["simulate"]) if one.condition == "task_2")
     steps = round(1 / settings["ingest"]["rate_hz"] / strain.STEP_S)
     assert np.abs(trained.place_mm[::steps, :2][:n] - plain.y[:n]).max() > 10  # a path that no model has seen
     with pytest.raises(InputError, match="no change 'colour'"):

@@ -14,6 +14,7 @@ from pipeline.learning.regressors import FitSummary, TorchRegressor
 from pipeline.learning.trained import Fitted
 from pipeline.logs import stag
 from pipeline.scoring import metrics
+from pipeline.stability import changed_scene
 from pipeline.stages import train as train_stage
 from pipeline.studies import augmentation, sizes
 from pipeline.studies import physics as physics_study
@@ -22,7 +23,8 @@ from pipeline.studies import stag as stag_stage
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
 PART = np.repeat(["train", "validation", "test"], [80, 20, 20])
 TRAINING = {"learning_rate": 1e-3, "batch_size": 16, "max_epochs": EPOCHS}
-CNN = {"channels": [4], "hidden": [16], "training": TRAINING | {"patience": EPOCHS, "plateau": EPOCHS, "drop": 1.0}}
+TRAINING |= {"patience": EPOCHS, "plateau": EPOCHS, "drop": 1.0}
+CNN = {"channels": [4], "hidden": [16], "training": TRAINING}
 SP_RESNET = {"reduction": 16, "training": TRAINING | {"flip": 0.0, "noise": 0.0, "affine": 0.0}}
 
 
@@ -155,21 +157,27 @@ def of_rightsize_glove(values, wrong, folder):
     sizes.glove_run(values, "pressure", 0.25, 0, nothing)
 
 
+def ablation(values, experiment, folder) -> list:
+    """Return the scores of the study of physics on the dataset in `folder`."""
+    asked = physics_study.asked_of(values, experiment)
+    return list(changed_scene.scores(experiment, values[experiment], asked, 0, folder, "cpu"))
+
+
 def of_physics_touch(values, wrong, folder):
-    windows_dataset(physics_study.dataset_of(folder), wrong)
-    list(physics_study.windows_scores("touch", values["touch"], values["physics"]["touch"], 0, folder, "cpu"))
+    windows_dataset(changed_scene.dataset_of(folder), wrong)
+    ablation(values, "touch", folder)
 
 
 def of_physics_glove(values, wrong, folder):
-    images_dataset(physics_study.dataset_of(folder), wrong)
-    list(physics_study.images_scores("glove", values["glove"], values["physics"]["glove"], 0, folder, "cpu"))
+    images_dataset(changed_scene.dataset_of(folder), wrong)
+    ablation(values, "glove", folder)
 
 
 def of_train_stag(values, wrong, folder):
     data = stag_data(wrong, values["glove"]["stag"]["validation"])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stag, "read", lambda path: data)
-        stag_stage.train_run(values, "glove", "sp_resnet", 0, "metadata.mat", nothing)
+        stag_stage.train_run(values, "glove", "sp_resnet", 0, 1, "metadata.mat", nothing)
 
 
 STAGES = (of_train, of_train_images, of_augment, of_rightsize_touch, of_rightsize_glove)
@@ -191,9 +199,8 @@ def accuracy_of_augmentation(values, wrong, folder) -> float:
 
 
 def accuracy_of_ablation(values, wrong, folder) -> float:
-    images_dataset(physics_study.dataset_of(folder), wrong)
-    chosen = values["physics"]["glove"]
-    ((_, _, scores),) = physics_study.images_scores("glove", values["glove"], chosen, 0, folder, "cpu")
+    images_dataset(changed_scene.dataset_of(folder), wrong)
+    ((_, _, scores),) = ablation(values, "glove", folder)
     return next(value for metric, unit, value, n in scores if metric == "accuracy")
 
 
@@ -205,12 +212,14 @@ def test_a_study_of_images_is_scored_on_the_test_part(accuracy, values, tmp_path
 
 
 def test_an_ablation_of_windows_is_scored_on_the_test_part(values, tmp_path, monkeypatch):
-    windows_dataset(physics_study.dataset_of(tmp_path), "nowhere")
+    windows_dataset(changed_scene.dataset_of(tmp_path), "nowhere")
     scored = []
-    monkeypatch.setattr(metrics, "touch", lambda windows, *others: scored.append(windows) or [("rmse", "kPa", 1.0, 1)])
-    list(physics_study.windows_scores("touch", values["touch"], values["physics"]["touch"], 0, tmp_path, "cpu"))
-    parts = {name for table in scored for name in schemas.names(table[schemas.split_column("press", 0)])}
-    assert parts == {"test"}
+    monkeypatch.setattr(metrics, "touch", lambda truth, *others: scored.append(truth) or [("rmse", "kPa", 1.0, 1)])
+    ablation(values, "touch", tmp_path)
+    labels = schemas.matrix(schemas.read(changed_scene.dataset_of(tmp_path))["y"])
+    assert {len(truth) for truth in scored} == {20}, "of the two conditions, only single touches are there"
+    for truth in scored:
+        np.testing.assert_array_equal(truth, labels[PART == "test"])
 
 
 @pytest.mark.parametrize(("method", "on"), [("none", ()), ("A", ("flip",)), ("B", ("noise",)), ("C", ("affine",))])
@@ -255,8 +264,8 @@ def of_model_zero(values, folder):
 
 
 def of_physics_strain(values, folder):
-    chosen = values["physics"]["strain"] | {"protocols": ["task_1"]}
-    list(physics_study.series_scores("strain", values["strain"], chosen, 0, folder, "cpu"))
+    values["physics"]["strain"] |= {"protocols": ["task_1"]}
+    ablation(values, "strain", folder)
 
 
 @pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline import models
+from pipeline.base import paths
 from pipeline.datasets import series
 from pipeline.experiments import strain
 from pipeline.studies import latent
@@ -17,10 +18,14 @@ class Noting:
     """A regressor that notes what it is given; 3 mm off in the test part, 1000 mm off everywhere else."""
 
     def __init__(self, piece: series.Piece):
-        self.piece, self.records = piece, []
+        self.piece, self.records, self.bases, self.saved = piece, [], [], []
 
-    def fit(self, records, **settings):
+    def fit(self, records, *, base, **settings):
         self.records += records
+        self.bases.append(base)
+
+    def save(self, folder):
+        self.saved.append(folder)
 
     def predict(self, x):
         assert np.array_equal(x, self.piece.record.x)  # the whole recording: the state builds up before the test part
@@ -38,6 +43,7 @@ def regressor(monkeypatch):
     record = series.Record(x, y, np.ones(SAMPLES, bool), part == "train", np.full(SAMPLES, -1))
     noting = Noting(series.Piece("task_1", np.arange(SAMPLES), part, np.arange(SAMPLES) / 5, record))
     task = SimpleNamespace(outputs=(2,), channels={"task_1": list(range(6))}, base="task_0", pressed_only=False)
+    noting.task = task
     monkeypatch.setattr(strain, "task", lambda *arguments: task)
     monkeypatch.setattr(models, "build", lambda *arguments: noting)
     monkeypatch.setattr(series, "read", lambda *arguments: [noting.piece])
@@ -66,3 +72,40 @@ def test_all_samples_end_before_the_test_part_and_keep_their_validation(regresso
     trained(None)
     ((x, _, _, training, _),) = regressor.records
     assert np.array_equal(x, regressor.piece.record.x[:80]) and training.tolist() == [True] * 70 + [False] * 10
+
+
+STUDY = {
+    "window": {"frames": 10},
+    "sensor": {"channels": 6},
+    "model_zero": "lstm_direct",
+    "models": {
+        "lstm_direct": {"units": 9, "training": {"a": 1, "b": 2}},
+        "lstm_transfer": {},
+        "lstm_transfer_ridge": {},
+    },
+    "study": {"tasks": ["task_1", "task_2"], "capacity": {"training": {"b": 3}}},
+}
+
+
+def test_transfer_starts_from_the_network_of_the_task_asked_for(regressor):
+    values = {"strain": STUDY, "device": "cpu"}
+    rows = latent.one_base(values, "task_1", "task_2", 4, lambda: None)
+    assert [row[:4] for row in rows] == [("task_2", "task_1", m, 4) for m in ("lstm_transfer", "lstm_transfer_ridge")]
+    assert regressor.bases == 2 * [paths.run_folder("strain", "lstm_direct", "task_1", 4)]
+    assert [row[-1] for row in rows] == [pytest.approx(3.0)] * 2
+
+
+def test_fewer_strands_are_seen_by_model_zero_and_by_all_that_starts_from_it(regressor, monkeypatch):
+    seen, built = [], []
+    monkeypatch.setattr(strain, "task", lambda protocol, settings: seen.append(settings["sensor"]) or regressor.task)
+    monkeypatch.setattr(models, "build", lambda name, spec, block, where: built.append((name, block)) or regressor)
+    rows = latent.one_strands({"strain": STUDY, "device": "cpu"}, 2, 0, lambda: None)
+    assert all(sensor == {"channels": 2} for sensor in seen)
+    assert [row[:3] for row in rows] == [
+        (t, 2, m) for t in ("task_1", "task_2") for m in ("lstm_direct", "lstm_transfer")
+    ]
+    assert built[0] == ("lstm_direct", {"units": 9, "training": {"a": 1, "b": 3}})
+    (zero,) = regressor.saved
+    assert [base for (name, _), base in zip(built, regressor.bases, strict=True) if name == "lstm_transfer"] == 2 * [
+        zero
+    ]

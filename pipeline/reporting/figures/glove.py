@@ -7,17 +7,106 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.colors import LogNorm
+from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
 
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import model_style
 from pipeline.reporting.words.labels import model_name
+from pipeline.scoring.glove_results import FORMS
 from pipeline.scoring.results import Fit, estimate
 
 COLOURS = {"pressure": style.BLUE, "strain": style.VERMILION, "combined": style.BLACK}  # of the datasets
 DASHES = {"pressure": "-", "strain": "--", "combined": ":"}
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
+
+
+def pressed_cell(path: Path, force: np.ndarray, siemens: np.ndarray, title: str) -> None:
+    """Draw figure 7: resistance and conductance (siemens) of a pressure cell against the force on it (N)."""
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6))
+    for ax, values, unit in (
+        (axes[0], 1e-3 / siemens, "Resistance (kΩ)"),
+        (axes[1], 1e3 * siemens, "Conductance (mS)"),
+    ):
+        ax.plot(force, values, color=style.BLUE)
+        ax.set(xlabel="Force (N)", ylabel=unit, ylim=(0, 1.05 * values.max()))
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def pressed_cycles(
+    path: Path,
+    courses: Mapping[str, np.ndarray],
+    hz: float,
+    period_s: float,
+    taxel: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    title: str,
+) -> None:
+    """Draw figure 8: the highest conductance in every cycle of force, and the first and the last five cycles.
+
+    courses: name -> siemens (samples,), `hz` a second; period_s: of a cycle. taxel: force -> conductance held and
+    change of the same place in percent, both (recordings, places) of the recorded taxel: a second row, none if empty.
+    """
+    figure = plt.figure(figsize=(12, 7.4 if taxel else 3.9))
+    rows = figure.subfigures(2 if taxel else 1, 1, squeeze=False)[:, 0]
+    axes = rows[0].subplots(1, 3, width_ratios=[2, 1, 1])
+    for (name, siemens), colour, dash in zip(courses.items(), (style.BLUE, style.VERMILION), ("-", "--"), strict=True):
+        time_s = np.arange(len(siemens)) / hz
+        cycle = (time_s / period_s).astype(int)
+        highest = [1e3 * siemens[cycle == k].max() for k in range(cycle.max() + 1)]
+        axes[0].plot(np.arange(len(highest)) + 1, highest, dash, color=colour, linewidth=1.2, label=name)
+        for ax, some in ((axes[1], cycle < 5), (axes[2], cycle > cycle.max() - 5)):
+            ax.plot(time_s[some], 1e3 * siemens[some], dash, color=colour, linewidth=1.2)
+    axes[0].set(xlabel="Cycle", ylabel="Conductance (mS)", title="Highest of each cycle")
+    axes[1].set(xlabel="Time (s)", title="First cycles")
+    axes[2].set(xlabel="Time (s)", title="Last cycles")
+    for ax in axes:
+        ax.set_ylim(0, 1.1e3 * max(siemens.max() for siemens in courses.values()))
+    rows[0].legend(loc="outside lower center", ncols=len(courses))
+    rows[0].suptitle(title)
+    if taxel:
+        recorded_presses(rows[1], taxel)
+    style.save(figure, path)
+
+
+def recorded_presses(row: SubFigure, taxel: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    """Draw the second row of figure 8: conductance held in every press, and how it changes; see `pressed_cycles`."""
+    left, right = row.subplots(1, 2)
+    colours = plt.get_cmap("viridis")(np.linspace(0, 0.9, len(taxel)))
+    for k, ((name, (conductance, change)), colour) in enumerate(zip(taxel.items(), colours, strict=True)):
+        recordings, places = conductance.shape
+        label = f"{name}, {conductance.size} presses"
+        left.semilogy(np.arange(conductance.size) + 1, conductance.ravel(), ".-", color=colour, lw=0.8, label=label)
+        mean, spread = style.spread(estimate(each) for each in change)
+        at = places * np.arange(recordings) + 0.6 * (k - (len(taxel) - 1) / 2)
+        right.errorbar(at, mean, spread, fmt="o-", color=colour, markersize=4, linewidth=1, capsize=2)
+    left.set(xlabel="Press (16 places in turn)", ylabel="Conductance held (1 / reading)")
+    style.plain_log(left.yaxis)
+    right.axhline(0, color=style.GREY, linewidth=0.8)
+    right.set(xlabel="Presses of this force before", ylabel="Change of the same place (%)")
+    left.set_title("Every press; places differ")
+    right.set_title("Since a place's first press, at the same force; mean over places, 95 % interval")
+    row.legend(loc="outside lower center", ncols=len(taxel))
+    row.suptitle("Recorded: a Velostat taxel, another sensor, pressed by a robot")
+
+
+def bent_joint(path: Path, held: tuple, bends: tuple, angles: Sequence[float], title: str) -> None:
+    """Draw figure 9: mean conductance of a joint's cells at held angles, and while it is bent again and again.
+
+    held, bends: (seconds, siemens), both (samples,); angles: those held one after the other, in degrees.
+    """
+    figure, axes = plt.subplots(1, 2, figsize=(11, 3.7), sharey=True)
+    for ax, (time_s, siemens), name in zip(axes, (held, bends), ("a) Held angles", "b) Bends"), strict=True):
+        ax.plot(time_s, 1e3 * siemens, color=style.BLUE, linewidth=0.8)
+        ax.set(xlabel="Time (s)", title=name, xlim=(0, time_s[-1]), ylim=(0, 1.2e3 * bends[1].max()))
+    step = held[0][-1] / len(angles)
+    for k, angle in enumerate(angles):
+        inside = (held[0] >= k * step) & (held[0] < (k + 1) * step)
+        axes[0].text((k + 0.5) * step, 1e3 * held[1][inside].max() + 0.02, f"{angle:g}°", ha="center", va="bottom")
+    axes[0].set_ylabel("Mean conductance (mS)")
+    figure.suptitle(title)
+    style.save(figure, path)
 
 
 def tactile_images(
@@ -109,27 +198,30 @@ def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], tit
 
 
 def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: str) -> None:
-    """Draw figure 15: macro precision against the number of input frames, one panel per table, one line per model.
+    """Draw figure 15: macro precision against the number of input frames, one panel per table.
 
-    panels: title -> model, seed, frames, metric, value (fraction).
+    One line per model and form: of networks trained on all frames, and dotted with open marks of mean answers.
+    panels: title -> form, model, seed, frames, metric, value (fraction).
     """
     figure, axes = style.panels(len(panels), len(panels), 4.8 * len(panels) + 0.4, 4, 0)
     handles = {}
     for ax, (name, table) in zip(axes[0], panels.items(), strict=True):
         precision = table[table["metric"] == "macro_precision"]
-        count = precision["model"].nunique()
-        for k, (model, runs) in enumerate(precision.groupby("model", sort=False)):
+        lines = precision.groupby(["model", "form"], sort=False)
+        count = lines.ngroups
+        for k, ((model, form), runs) in enumerate(lines):
             look, place = model_style(model), 0.12 * (k - (count - 1) / 2)  # side by side: intervals overlap
             estimates = {n: estimate(100 * part["value"]) for n, part in runs.groupby("frames")}
             mean, spread = style.spread(estimates.values())
-            handles[look.label] = ax.errorbar(
+            dotted = {"linestyle": ":", "markerfacecolor": "white"} if form == "mean" else {"linestyle": look.linestyle}
+            handles[f"{look.label}, {FORMS[form]}"] = ax.errorbar(
                 np.array(list(estimates)) + place, mean, np.nan_to_num(spread), color=look.color, marker=look.marker,
-                linestyle=look.linestyle, capsize=3, markersize=6,
+                capsize=3, markersize=6, **dotted,
             )  # fmt: skip
         ax.set(xlabel="Number of input frames", title=name, xticks=sorted(set(precision["frames"])))
         ax.set_ylim(top=min(ax.get_ylim()[1], 101))  # an interval may pass 100 %
     axes[0][0].set_ylabel("Macro precision (%), mean and 95 % interval")
-    figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=2)
     figure.suptitle(title)
     style.save(figure, path)
 

@@ -10,7 +10,7 @@ from pipeline.reporting.figures.style import BLUE, GREY, VERMILION
 
 
 class Course(NamedTuple):
-    """One recording on its time grid, as measured and as modelled from the force alone; arrays of shape (steps,)."""
+    """One recording on its time grid, as measured and as modelled from force and place; arrays of shape (steps,)."""
 
     name: str
     force_n: np.ndarray
@@ -28,7 +28,7 @@ def draw_loops(path: Path, courses: list[Course]) -> None:
     for axis, course in zip(axes.flat, courses, strict=True):
         force = np.maximum(course.force_n, 0.05)
         axis.plot(force, course.measured, color=BLUE, lw=0.8, alpha=0.6, label="measured, 16 presses")
-        axis.plot(force, course.modelled, color=VERMILION, lw=0.8, alpha=0.8, label="modelled from force alone")
+        axis.plot(force, course.modelled, color=VERMILION, lw=0.8, alpha=0.8, label="modelled from force and place")
         axis.set(xscale="log", yscale="log", title=f"{course.name} exp2, R² = {course.r_squared:.3f}")
         axis.grid(color="#dddddd", lw=0.6)
     axes[0, 0].legend(loc="lower left")
@@ -48,7 +48,7 @@ def draw_courses(path: Path, courses: list[Course], step_s: float) -> None:
         seconds = np.arange(len(course.force_n)) * step_s
         for axis in row:
             axis.plot(seconds, course.measured, color=BLUE, lw=1.3, label="measured")
-            axis.plot(seconds, course.modelled, color=VERMILION, lw=1.0, label="modelled from force alone")
+            axis.plot(seconds, course.modelled, color=VERMILION, lw=1.0, label="modelled from force and place")
             axis.set_yscale("log")
             axis.grid(color="#dddddd", lw=0.6)
         row[0].set_title(f"{course.name} exp2, R² = {course.r_squared:.3f}")

@@ -13,7 +13,8 @@ from pipeline.reporting.figures.style import MEASURED, model_style
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.results import Estimate, estimate
 
-SHOWN_S = 120.0  # of the test part in figures 5 to 8
+SHOWN_S = 120.0  # of the test part in figures 5, 6 and 8; the drift is drawn over all of it
+DRIFT_S = 150.0
 AXES = "xyz"
 MOST_PRESSES = 300
 
@@ -53,6 +54,25 @@ def performance(
         ax.set_ylabel(f"{AXES[column]} (mm)")
     axes[-1].set_xlabel("Time since the start of the test part (s)")
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def drifting(path: Path, title: str, time_s: np.ndarray, volts: np.ndarray) -> None:
+    """Draw the strands' readings in the whole test part, and their means over DRIFT_S; time_s (T,), volts (T, n)."""
+    minutes = (time_s - time_s[0]) / 60
+    block = ((time_s - time_s[0]) // DRIFT_S).astype(int)
+    centre = np.bincount(block, minutes) / np.bincount(block)
+    figure, axes = plt.subplots(volts.shape[1], 1, figsize=(9, 1.1 * volts.shape[1] + 1.2), sharex=True, squeeze=False)
+    for k, (ax, reading) in enumerate(zip(axes[:, 0], 1e3 * (volts - volts.mean(axis=0)).T, strict=True)):
+        (line,) = ax.plot(minutes, reading, color=style.GREY, linewidth=0.4)
+        means = np.bincount(block, reading) / np.bincount(block)
+        (slow,) = ax.plot(centre, means, color=style.VERMILION, linewidth=1.6)
+        ax.set_ylabel(f"{k}")
+    axes[-1, 0].set_xlabel("Time since the start of the test part (min)")
+    figure.supylabel("Voltage of each strand, mean removed (mV)")
+    names = ["reading", f"mean over {DRIFT_S:g} s: the drift"]
+    figure.legend([line, slow], names, loc="outside lower center", ncols=2)
     figure.suptitle(title)
     style.save(figure, path)
 

@@ -19,7 +19,7 @@ DPI = 150
 BLACK, GREY = "#000000", "#777777"
 ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-WINE, OLIVE, INDIGO = "#882255", "#999933", "#332288"  # of Tol's muted scheme: `touch` has eleven models
+WINE, OLIVE, INDIGO, TEAL = "#882255", "#999933", "#332288", "#44AA99"  # of Tol's muted scheme: touch has 12 models
 MEASURED = {"color": BLACK, "linestyle": "--", "linewidth": 1.5}
 
 
@@ -36,6 +36,7 @@ STYLES = {  # colour, marker, line
     "constant": (GREY, "x", ":"),
     "linear": (ORANGE, "o", "-"),
     "poly": (WINE, "^", "--"),
+    "poly_powers": (TEAL, ">", "--"),
     "tree": (YELLOW, "s", "-"),
     "rbf": (OLIVE, "D", (0, (1, 1))),
     "cnn": (GREEN, "v", "-."),

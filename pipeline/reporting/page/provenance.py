@@ -13,7 +13,7 @@ from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import size
 from pipeline.scoring.results import read_csv
 
-NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "claims")
+NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "twins", "claims")
 PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "matplotlib")  # of those that make numbers
 
 

@@ -19,6 +19,7 @@ TABLES = ("table1.md", "table.md")  # an experiment's main table: open, the othe
 DRAWN = {"tradeoff.png", "training.png"}  # of the folder speed: charts of the page show the same
 CHAPTERS = {
     "rightsize": "How small a model each scene needs",
+    "twins": "How like the recordings the scenes are",
     "physics": "How much physics each scene needs",
     "benchmarks": "How fast it is",
 }

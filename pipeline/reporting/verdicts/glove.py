@@ -54,6 +54,7 @@ from pipeline.reporting.words.markdown import size
 from pipeline.scoring.glove_results import (
     BASELINES,
     COMPARED,
+    FORMS,
     MOST_CONFUSED,
     NETWORKS,
     like_with_like,
@@ -184,9 +185,9 @@ def more_frames(source: str, model: str) -> Judge:
     """Return the judge of: precision with the most frames is above that with one."""
 
     def judge(e: Evidence) -> Judgement:
-        precisions = by_frames(e, source)
+        form, precisions = by_frames(e, source)
         numbers = sorted(frames for name, frames in precisions if name == model)
-        return positive(precisions[model, numbers[-1]] - precisions[model, numbers[0]])
+        return with_form(positive(precisions[model, numbers[-1]] - precisions[model, numbers[0]]), form)
 
     return judge
 
@@ -195,16 +196,19 @@ def always_above(source: str) -> Judge:
     """Return the judge of: SP-ResNet is above ResNet_3x3 at every number of frames."""
 
     def judge(e: Evidence) -> Judgement:
-        precisions = by_frames(e, source)
+        form, precisions = by_frames(e, source)
         numbers = sorted({frames for _, frames in precisions})
-        return all_positive(
-            {
-                f"{n} frame{'s' if n > 1 else ''}": precisions["sp_resnet", n] - precisions["resnet3x3", n]
-                for n in numbers
-            }
-        )
+        gaps = {
+            f"{n} frame{'s' if n > 1 else ''}": precisions["sp_resnet", n] - precisions["resnet3x3", n] for n in numbers
+        }
+        return with_form(all_positive(gaps), form)
 
     return judge
+
+
+def with_form(judged: Judgement, form: str) -> Judgement:
+    """Return the judgement with the form of answer to several frames that it is of."""
+    return judged._replace(reason="; ".join(filter(None, [judged.reason, FORMS[form]])))
 
 
 # One record per claim: key, section and unit; the sentence; how it is judged, and the rest.
@@ -348,7 +352,8 @@ def hardware_claims() -> list[Claim]:
         "pressure": ("A pressure unit repeats its reading over some 600 cycles of 0 to 1 N in 1000 s.", 8),
         "bending": ("A joint's strain sensor repeats its reading over some 300 bends of 0 to 90 degrees in 500 s.", 9),
     }
-    hardware = untestable("it is about the glove itself, which is not at hand")
+    why = "it is about the glove itself, which is not at hand; the scene's laws have no fatigue that could disprove it"
+    hardware = untestable(why)
     return [
         claim(f"repeatable-{kind}", f"1.4, Fig. {figure}", "1", text, hardware, data="recorded")
         for kind, (text, figure) in words.items()

@@ -13,14 +13,17 @@ from pipeline.reporting.words.markdown import number as digits
 from pipeline.reporting.words.markdown import size
 from pipeline.scoring.glove_results import (
     COMPARED,
+    FORMS,
     MOST_CONFUSED,
     NETWORKS,
+    judged_form,
     like_with_like,
     main_protocols,
     pair_shares,
     ranked_pairs,
     read_confusions,
-    scores_by_frames,
+    read_frames,
+    unfinished,
 )
 from pipeline.scoring.published import METHODS, PRINTED, precision, precision_gain
 from pipeline.scoring.published import counts as printed_counts
@@ -98,23 +101,24 @@ def find_pair(e: Evidence, dataset: str, names: tuple[str, str]) -> tuple[np.nda
     return counts[dataset], tuple(sorted(objects.index(name) for name in names))
 
 
-def by_frames(e: Evidence, source: str) -> Mapping[tuple[str, int], pd.Series]:
-    """Return (model, frames) -> macro precision in % by seed; source: a dataset of the glove, or stag."""
+def by_frames(e: Evidence, source: str) -> tuple[str, Mapping[tuple[str, int], pd.Series]]:
+    """Return (the one of FORMS that is judged, (model, frames) -> macro precision in % by seed).
+
+    source: a dataset of the glove, or stag.
+    """
 
     def read() -> pd.DataFrame:
-        if source == "stag":
-            return e.stag()
-        settings = e.values["glove"]
-        return scores_by_frames(e.table("glove"), main_protocols(settings)[source], settings, COMPARED)
+        return e.stag() if source == "stag" else read_frames(e.table("glove"), source, e.values["glove"], COMPARED)
 
     e.require("glove", *COMPARED)
     rows = e.once(("frames", source), read)
     if not len(rows):
         raise NotTestable("the STAG data set is not here: no file of it is named (glove.stag.file of params.yaml)")
-    rows = rows[rows["metric"] == "macro_precision"]
+    form = judged_form(rows)
+    rows = rows[(rows["form"] == form) & (rows["metric"] == "macro_precision")]
     if rows["value"].isna().any():
         raise NotTestable(f"failed runs: {rows['value'].isna().sum()} scores by number of frames")
-    return {key: 100 * group.set_index("seed")["value"] for key, group in rows.groupby(["model", "frames"])}
+    return form, {key: 100 * group.set_index("seed")["value"] for key, group in rows.groupby(["model", "frames"])}
 
 
 # What was tried where a claim is not reproduced.
@@ -131,10 +135,12 @@ def training(e: Evidence, experiment: str = "glove") -> str:
     epochs = settings["models"]["sp_resnet"]["training"]["max_epochs"]
     fits = [fit for protocol in protocols.values() for fit in e.fits(experiment, "sp_resnet", protocol)]
     last = sum(fit.best_epoch == fit.epochs for fit in fits)
+    cut = sum(map(unfinished, fits))
     return (
         f"Each of the {len(settings['protocols'][protocols['combined']]['seeds'])} seeds has other test grasps and "
-        f"another start. Training takes {epochs} epochs here, 50 in the paper; for SP-ResNet, the last epoch was the "
-        f"best in {last} of {len(fits)} runs."
+        f"another start. Training stops where the validation loss no longer falls, after {epochs} epochs at the "
+        f"latest (the paper: 50); for SP-ResNet, the last epoch was the best in {last} of {len(fits)} runs, and {cut} "
+        "were cut off while they still improved."
     )
 
 
@@ -178,8 +184,9 @@ def why_number(model: str, dataset: str):
             return text + lookalikes(e, dataset) + training(e)
         chosen = e.values["glove"]["yardstick"]
         return text + (
-            f"The scene's difficulty was set by {model_name(chosen['model'])}, {chosen['condition']}, on frames split "
-            "at random; it is fitted in closed form, so training has no part in it."
+            f"The scene's difficulty was set by what {model_name(chosen['model'])} lacks over what "
+            f"{model_name(chosen['over'])} lacks, {chosen['condition']}, on frames split at random; neither is trained "
+            "in epochs."
         )
 
     return why
@@ -286,14 +293,13 @@ def why_frames(source: str):
     """Return the paragraph on the number of frames."""
 
     def why(e: Evidence) -> str:
-        precisions = by_frames(e, source)
+        form, precisions = by_frames(e, source)
         numbers = sorted({frames for _, frames in precisions})
         parts = each(COMPARED, lambda m: ", ".join(digits(precisions[m, n].mean(), 1) for n in numbers))
         return (
-            f"Macro precision (%) with {numbers[0]} to {numbers[-1]} frames of one grasp, mean over seeds: {parts}. "
-            "The mean answer to many frames of a grasp is hardly better than that to one: errors belong to grasps, "
-            "not to frames. The paper's figure is of STAG, whose recordings hold many "
-            "grasps, and seems to be of networks that see all frames at once; here one network answers to each frame."
+            f"Macro precision (%) with {', '.join(map(str, numbers))} frames of one recording, {FORMS[form]}, mean "
+            f"over seeds: {parts}. The paper's figure is of STAG, whose recordings hold many grasps; a session of the "
+            "simulated glove is one grasp, and what is wrong of a grasp is so in all of its frames."
         )
 
     return why

@@ -5,6 +5,7 @@ LABELS = {
     "constant": "Constant (mean)",
     "linear": "Linear",
     "poly": "Polynomial",
+    "poly_powers": "Polynomial, powers only",
     "tree": "Decision tree",
     "rbf": "RBF-Net",
     "cnn": "CNN",

@@ -251,19 +251,28 @@ def test_named_pairs_are_judged_by_the_confusions():
 
 
 def test_number_of_frames():
-    def frames(last):
+    def frames(last, form="trained"):
         rows = [
-            (model, seed, n, "macro_precision", level + 0.01 * n * seed)
+            (form, model, seed, n, "macro_precision", level + 0.01 * n * seed)
             for model, levels in (("sp_resnet", (0.6, last)), ("resnet3x3", (0.5, 0.5)))
             for n, level in enumerate(levels, start=1)
             for seed in (0, 1, 2)
         ]
-        return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "value"])
+        return pd.DataFrame(rows, columns=["form", "model", "seed", "frames", "metric", "value"])
 
     above, more = "above-resnet3x3-stag", "more-frames-sp_resnet-stag"
     for last, verdicts in ((0.8, [REPRODUCED] * 2), (0.3, [NOT_REPRODUCED] * 2)):
         given = glove() | {("stag",): frames(last)}
         assert [judged(key, given).verdict for key in (above, more)] == verdicts
+        alone = glove() | {("stag",): frames(last, "mean")}
+        assert [judged(key, alone).verdict for key in (above, more)] == verdicts
+        assert "mean answer of a one-frame network" in judged(more, alone).reason
+        # Where networks were trained on several frames, the mean answer decides nothing.
+        both = pd.concat([frames(last), frames(1.1 - last, "mean")])
+        assert [judged(key, glove() | {("stag",): both}).verdict for key in (above, more)] == verdicts
+        assert "one network trained on all frames" in judged(more, given).reason
+    single = frames(0.8).query("seed == 0")
+    assert judged(more, glove() | {("stag",): single}).reason == "one run has no interval"
     absent = judged(above, glove() | {("stag",): frames(0.8).iloc[:0]})
     assert absent.verdict == NOT_TESTABLE and "STAG" in absent.reason
 
@@ -453,7 +462,7 @@ OF_TIME = "the ratio of medians is more than 10 % on the claimed side of 1"
 MARGINS = [
     ("lomp-like-rnn", "the margin is 0.1.", 0.1, lambda share: above("touch", "lomp", share)),
     ("lomp-like-rnn", "the margin is 0.1.", 0.1, lambda share: above("touch", "lomp", -share)),
-    ("locations", "3 mm minus location error", 3, lambda mm: steady("touch", lambda *_: mm)),
+    ("locations", "1.5 mm minus location error", 1.5, lambda mm: steady("touch", lambda *_: mm)),
     ("recognised-three", "minus 0.5)", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
     ("recognised-slide", "minus 0.5)", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
     ("recognised-tape", "minus 0.5)", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
@@ -575,7 +584,48 @@ def test_strands_are_redundant_where_they_move_together():
         (rng.normal(0, 1, (n, 3)), together, NOT_REPRODUCED),
     ):
         names = pa.array(["task_1"] * n + ["task_2"] * n).dictionary_encode()
+        fingers = pa.array([f"run00{k % 4}" for k in range(2 * n)]).dictionary_encode()
         voltage = np.concatenate([first, second]).astype(np.float32)
-        table = pa.table({"condition": names, "v": schemas.lists(voltage, pa.float32())})
-        assert judged("redundant-strands", strain() | {("table", "strain"): table}).verdict == verdict
-    assert strain_measures.BLOCKS > 2
+        table = pa.table({"condition": names, "recording": fingers, "v": schemas.lists(voltage, pa.float32())})
+        judgement = judged("redundant-strands", strain() | {("table", "strain"): table})
+        assert judgement.verdict == verdict and judgement.over == "4 recordings"
+
+
+def bases(task_1, task_0):
+    """bases.csv with these errors of transfer to task 2, of three seeds."""
+    rows = [
+        ("task_2", base, "lstm_transfer", seed, error + 0.1 * seed)
+        for base, error in (("task_1", task_1), ("task_0", task_0))
+        for seed in range(3)
+    ]
+    return pd.DataFrame(rows, columns=["protocol", "base", "model", "seed", "value"])
+
+
+def strands(fewest, most, task_2=None):
+    """strands.csv with these errors of transfer with 2 and with 6 strands, those of direct training being 1."""
+    rows = []
+    for task, (few, many) in {"task_1": (fewest, most), "task_2": task_2 or (fewest, most)}.items():
+        for count, error in ((2, few), (6, many)):
+            for seed in range(3):
+                rows.append((task, count, "lstm_transfer", seed, error + 0.01 * seed))
+                rows.append((task, count, "lstm_direct", seed, 1.0))
+    return pd.DataFrame(rows, columns=["protocol", "strands", "model", "seed", "value"])
+
+
+def test_a_network_of_task_1_is_unfit_where_transfer_from_it_is_worse():
+    for task_1, task_0, verdict in ((30.0, 26.0, REPRODUCED), (26.0, 30.0, NOT_REPRODUCED)):
+        given = strain() | {("study", "bases"): bases(task_1, task_0)}
+        assert judged("base-task_1", given).verdict == verdict
+        assert CLAIMS["base-task_1"].why(Evidence(VALUES, given))
+    assert judged("base-task_1", strain() | {("study", "bases"): bases(np.nan, 1.0)}).verdict == NOT_TESTABLE
+
+
+def test_more_strands_help_transfer_where_its_excess_falls_on_both_tasks():
+    for table, verdict in (
+        (strands(2.0, 1.5), REPRODUCED),
+        (strands(1.5, 2.0), NOT_REPRODUCED),
+        (strands(2.0, 1.5, task_2=(1.5, 2.0)), NOT_REPRODUCED),
+        (strands(2.0, 1.5).query("strands == 2"), NOT_TESTABLE),
+    ):
+        assert judged("more-strands", strain() | {("study", "strands"): table}).verdict == verdict
+    assert CLAIMS["more-strands"].why(Evidence(VALUES, strain() | {("study", "strands"): strands(2.0, 1.5)}))

@@ -1,0 +1,113 @@
+"""Try values of the one setting that a scene's difficulty is set by, and compare its yardstick with the published one.
+
+The yardstick of an experiment (params.yaml, `<experiment>.yardstick`) is the error of one model over that of another,
+which does not depend on the scale of errors. For every value of the knob the scene is simulated at the scale of
+params.yaml (`--full`: the papers'), both models are trained, and the ratio is taken on the validation part; test parts
+are not read. Nothing is changed: write the value you choose into params.yaml.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Mapping
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+
+from tqdm import tqdm
+
+from pipeline import experiments
+from pipeline.base import params, workers
+from pipeline.base.errors import InputError
+from pipeline.scoring import classification
+from pipeline.stability import changed_scene
+
+FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the value of params.yaml, where no values are given
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add experiment, values and seeds to the parser of this command."""
+    parser.add_argument("experiment", choices=["touch", "strain", "glove"])
+    parser.add_argument("values", nargs="*", type=float, help="values of the knob (0.5 to 2 times that of params.yaml)")
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0], help="of scene, split and training (0)")
+    parser.add_argument(
+        "--full", action="store_true", help="with the papers' amounts of data, those of scales/full.yaml"
+    )
+
+
+def at_full_scale(values: Mapping, experiment: str) -> None:
+    """Set the experiment's block of params.yaml, in place, to the values of scales/full.yaml."""
+    for (*keys, last), value in params.full_scale(experiment, values[experiment]):
+        reduce(getitem, keys, values[experiment])[last] = value
+
+
+def changes_of(knob: str, value: float) -> dict:
+    """Return the settings of an experiment that set its knob, a dotted key, to `value`."""
+    changes = value
+    for key in reversed(knob.split(".")):
+        changes = {key: changes}
+    return changes
+
+
+def held_out(settings: Mapping) -> dict:
+    """Return settings of recordings that end with the validation part, which is their test part.
+
+    Models of series are trained on the validation part, too, so it has to be kept from them.
+    """
+    split, scene = settings["split"], settings["simulate"]
+    shorter = {"samples": round(scene["samples"] * split["train"])}
+    return {**settings, "split": split | {"train": 1 - split["validation"]}, "simulate": scene | shorter}
+
+
+def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> tuple[float, float]:
+    """Return the errors of the yardstick's two models on the validation part, with the knob at `value`."""
+    import torch
+
+    torch.set_num_threads(1)
+    chosen, block = values[experiment]["yardstick"], f"{experiment}.models"
+    names = [chosen["model"], chosen["over"]]
+    settings = changed_scene.settings_of(values, experiment, changes_of(chosen["knob"], value), chosen["knob"])
+    settings, part = changed_scene.drawn(settings, seed), "validation"
+    if experiments.module(experiment).KIND == "series":
+        settings, part = held_out(settings), "test"
+    asked = changed_scene.Asked([chosen["protocol"]], settings["models"], block, names, part)
+    errors = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        changed_scene.write_dataset(experiment, settings, asked.protocols, seed, folder)
+        for condition, model, scores in changed_scene.scores(
+            experiment, settings, asked, seed, folder, values["device"]
+        ):
+            if condition == chosen["condition"]:
+                score = next(number for metric, _, number, _ in scores if metric == chosen["metric"])
+                errors[model] = 1 - score if chosen["metric"] in classification.METRICS else score
+    report()
+    return errors[names[0]], errors[names[1]]
+
+
+def main(given: argparse.Namespace) -> None:
+    """Print one line per value of the knob and seed, and the value whose mean ratio is nearest to the published one."""
+    values = params.load()
+    if given.full:
+        at_full_scale(values, given.experiment)
+    settings = values[given.experiment]
+    chosen = settings["yardstick"]
+    if settings["source"] != "simulated":
+        raise InputError(f"params.yaml, {given.experiment}.source: only a simulated scene can be calibrated")
+    present = settings
+    for key in chosen["knob"].split("."):
+        if not isinstance(present, Mapping) or key not in present:
+            raise InputError(f"params.yaml, {given.experiment}.yardstick.knob: there is no key '{chosen['knob']}'")
+        present = present[key]
+    tried = given.values or [factor * present for factor in FACTORS]
+    runs = {(value, seed): (values, given.experiment, value, seed) for value in tried for seed in given.seeds}
+    with tqdm(total=len(runs), desc=f"calibrate {given.experiment}", unit="scene") as bar:
+        errors = dict(workers.run(ratio, runs, bar))
+    means = {}
+    print(f"{chosen['knob']}  seed  {chosen['model']}  {chosen['over']}  ratio (published {chosen['published']:.3f})")
+    for value in tried:
+        for seed in given.seeds:
+            ours, others = errors[value, seed]
+            print(f"{value:<8g}  {seed}  {ours:.4g}  {others:.4g}  {ours / others:.3f}")
+        means[value] = sum(a / b for a, b in (errors[value, seed] for seed in given.seeds)) / len(given.seeds)
+    nearest = min(means, key=lambda value: abs(means[value] - chosen["published"]))
+    print(f"nearest: {chosen['knob']} = {nearest:g}, ratio {means[nearest]:.3f}; params.yaml has {present:g}")

@@ -1,0 +1,153 @@
+"""Score models on a scene whose settings are not those of params.yaml, all the way from its logs.
+
+What the stages simulate, ingest, window, dataset, train and evaluate do, in one folder that nobody keeps.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import experiments, models, scenes, tasks
+from pipeline.base import params
+from pipeline.base.errors import InputError
+from pipeline.datasets import images, schemas, series
+from pipeline.datasets.windows import read_dataset
+from pipeline.learning.trained import Trained
+from pipeline.scoring import classification, metrics
+from pipeline.tasks import images as tasks_images
+from pipeline.tasks import series as tasks_series
+from pipeline.tasks import windows as tasks_windows
+
+CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about the others, demonstrations
+
+
+class Asked(NamedTuple):
+    """What is trained on the dataset of a changed scene, and scored."""
+
+    protocols: list[str]
+    models: Mapping  # key -> settings, of all models that are scored or that transfer starts from
+    where: str  # the place of `models` in params.yaml
+    scored: list[str]  # keys of `models`
+    part: str = "test"  # or validation
+
+
+def settings_of(values: Mapping, experiment: str, changes: Mapping, where: str) -> dict:
+    """Return the experiment's block of params.yaml with the values of `changes`, block by block.
+
+    where: the place in params.yaml that a sentence about a wrong value names. Raises InputError where the result is
+    not what pipeline/base/blocks.py allows.
+    """
+    settings = _merged(values[experiment], changes)
+    block = params.settings_block().model_fields[experiment].annotation
+    params.check_block(settings, block, f"{experiment} with {where}")
+    return settings
+
+
+def drawn(settings: Mapping, seed: int) -> dict:
+    """Return the settings of the scene that a seed draws: another specimen, and other motions, noise and faults."""
+    scene = settings["simulate"]
+    moved = {name: scene[name] + seed for name in ("seed", "specimen") if name in scene}
+    return {**settings, "simulate": scene | moved}
+
+
+def _merged(block: Mapping, changes: Mapping) -> dict:
+    """Return `block` with the values of `changes`, block by block."""
+    merged = dict(block)
+    for key, value in changes.items():
+        both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
+        merged[key] = _merged(merged[key], value) if both else value
+    return merged
+
+
+def dataset_of(folder: Path) -> Path:
+    """Return the path of the dataset of a changed scene."""
+    return folder / "dataset.parquet"
+
+
+def write_dataset(experiment: str, settings: dict, protocols: Iterable[str], seed: int, folder: Path) -> None:
+    """Simulate, ingest and label in `folder`: what the stages simulate, ingest, window and dataset do, unsaved.
+
+    The protocols that model-0 of `protocols` is trained on are added.
+    """
+    module, task = experiments.module(experiment), tasks.of(experiment)
+    recordings, logs_of = scenes.plan(experiment, settings)
+    conditions = CONDITIONS.get(experiment)
+    recordings = [each for each in recordings if conditions is None or each.condition in conditions]
+    scenes.write_logs(folder / "logs", recordings, logs_of)
+    schema = module.frames_schema(settings)
+    parts = [module.read_recording(path, settings)[0] for path in module.recordings(folder / "logs")]
+    frames = pa.concat_tables([part.select(schema.names).cast(schema) for part in parts])
+    inputs = task.inputs(frames.unify_dictionaries().combine_chunks(), settings)
+    bases = [task.base(experiment, settings, protocol) for protocol in protocols]
+    runs = [(name, seed) for name in dict.fromkeys([*protocols, *filter(None, bases)])]
+    tasks.write_dataset(dataset_of(folder), experiment, inputs, settings, runs)
+
+
+def scores(
+    experiment: str, settings: dict, asked: Asked, seed: int, folder: Path, device: str
+) -> Iterator[tuple[str, str, list[metrics.Row]]]:
+    """Yield (condition, model, rows of scores of the asked part) of every model trained on the folder's dataset."""
+    by_kind = {"windows": _windows_scores, "series": _series_scores, "images": _images_scores}
+    yield from by_kind[experiments.module(experiment).KIND](experiment, settings, asked, seed, folder, device)
+
+
+def _fitted(experiment: str, model: str, settings: dict, asked: Asked, folder: Path, run: tuple, **fitting) -> Trained:
+    """Return a model trained on the folder's dataset; run: protocol and seed."""
+    if model not in asked.models:
+        raise InputError(f"params.yaml, {asked.where}: '{model}' is missing; {experiment}.model_zero names it")
+
+    def build(spec):
+        return models.build(model, spec, asked.models[model], f"{asked.where}.{model}")
+
+    regressor = tasks.of(experiment).fit(dataset_of(folder), experiment, settings, *run, build, **fitting).model
+    return Trained(regressor, failed=regressor.summary.best_epoch == 0)
+
+
+def _windows_scores(experiment: str, settings: dict, asked: Asked, seed: int, folder: Path, device: str):
+    """Yield as `scores`; a condition is that of the recording."""
+    module = experiments.module(experiment)
+    data = read_dataset(dataset_of(folder), settings["window"]["frames"])
+    condition = schemas.names(data.rows["condition"])
+    for protocol in asked.protocols:
+        part = data.part(protocol, seed)
+        for model in asked.scored:
+            run = _fitted(experiment, model, settings, asked, folder, (protocol, seed), device=device)
+            for name in CONDITIONS[experiment]:
+                rows = np.flatnonzero((part == asked.part) & (condition == name))
+                if not len(rows):  # double touches are for the test part alone
+                    continue
+                predicted = tasks_windows.predict(run.model, data.x[rows], data, rows)
+                scored = tasks_windows.score(module, data.y[rows], predicted, settings)
+                yield name, model, metrics.unless_failed(scored, run.failed)
+
+
+def _series_scores(experiment: str, settings: dict, asked: Asked, seed: int, folder: Path, device: str):
+    """Yield as `scores`; a condition is a task. Model-0 of transfer is trained on all of task 0 first."""
+    module, zeros = experiments.module(experiment), {}
+    common = settings, asked, folder
+    for protocol in asked.protocols:
+        task = module.task(protocol, settings)
+        if task.base not in zeros:
+            zeros[task.base] = folder / task.base
+            zeros[task.base].mkdir()
+            zero = _fitted(experiment, settings["model_zero"], *common, (task.base, seed), device=device, base=None)
+            zero.model.save(zeros[task.base])
+        for model in asked.scored:
+            run = _fitted(experiment, model, *common, (protocol, seed), device=device, base=zeros[task.base])
+            (piece,) = series.read(dataset_of(folder), task, protocol, seed)
+            predicted = run.model.predict(piece.record.x)[piece.part == asked.part]
+            scored = tasks_series.score(piece, predicted, task, asked.part)
+            yield protocol, model, metrics.unless_failed(scored, run.failed)
+
+
+def _images_scores(experiment: str, settings: dict, asked: Asked, seed: int, folder: Path, device: str):
+    """Yield as `scores`; a condition is a dataset of images."""
+    for protocol in asked.protocols:
+        x, y = tasks_images.part_of(images.read(dataset_of(folder), protocol, seed), asked.part)
+        for model in asked.scored:
+            run = _fitted(experiment, model, settings, asked, folder, (protocol, seed), device=device)
+            scored = classification.scores(y, run.model.predict(x))
+            yield images.modality(protocol), model, metrics.unless_failed(scored, run.failed)

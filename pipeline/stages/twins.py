@@ -1,0 +1,42 @@
+"""Compute the same model-free statistics of recordings and of the scene that stands for them: twins.csv.
+
+Usage: python -m pipeline.stages.twins touch|strain|glove
+"""
+
+import pandas as pd
+
+from pipeline.base import arguments, files, params, paths
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import run_stage
+from pipeline.twins import glove, strain, touch
+
+MODULES = {"touch": touch, "strain": strain, "glove": glove}
+RECORDED = {"touch": "velostat_recorded", "strain": "strain_recorded", "glove": "glove_recorded"}
+COLUMNS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]
+
+
+def statistics(values: dict, experiment: str) -> pd.DataFrame:
+    """Return the rows of twins.csv; those of recordings that are absent, or of a scene not simulated, are left out."""
+    module, tables = MODULES[experiment], []
+    if why_not_run(RECORDED[experiment]) is None:
+        tables.append(module.recorded(values).assign(source="recorded"))
+    if values[experiment]["source"] == "simulated":
+        tables.append(module.simulated(values).assign(source="simulated"))
+    table = pd.concat([pd.DataFrame(columns=COLUMNS), *tables])
+    for column, meaning in (("unit", 0), ("meaning", 1)):
+        table[column] = [module.STATISTICS[name][meaning] for name in table["statistic"]]
+    table["note"] = [module.NOTES.get(name, "") for name in table["statistic"]]
+    return table[COLUMNS]
+
+
+def main() -> None:
+    """Write twins.csv of the experiment named on the command line."""
+    values = params.load()
+    experiment = arguments.parse(__doc__, experiment=list(MODULES)).experiment
+    table = statistics(values, experiment)
+    files.write_table(paths.twins(experiment), table)
+    print(f"{experiment}: {table['statistic'].nunique()} statistics of {table['recording'].nunique()} recordings")
+
+
+if __name__ == "__main__":
+    run_stage(main)

@@ -1,0 +1,89 @@
+"""Train and score models of the tables with one thing changed: LoMP's messages, or the frames that a model sees.
+
+Split, seeds and training are those of the tables. The row that each is compared with is among the rows or in the
+tables. Rows of models that `<experiment>.models` has not are left out. Writes the scores on the test part of the first
+protocol; `render` compares them.
+Usage: python -m pipeline.studies.ablation touch
+"""
+
+from collections.abc import Mapping
+
+from tqdm import tqdm
+
+from pipeline import models
+from pipeline.base import arguments, files, params, paths, workers
+from pipeline.base.errors import InputError, run_stage
+from pipeline.datasets import schemas
+from pipeline.datasets.windows import read_dataset
+from pipeline.learning.trained import Trained
+from pipeline.scoring import metrics
+from pipeline.tasks import windows as tasks_windows
+
+CONDITIONS = ("single", "double")  # as in Table I
+COLUMNS = ("row", "protocol", "condition", "seed", "metric", "unit", "value", "n")
+
+
+def train_run(values: Mapping, experiment: str, name: str, seed: int, report) -> list[tuple]:
+    """Train and score one run of a row; return rows of ablation.csv."""
+    import torch
+
+    torch.set_num_threads(1)
+    settings = values[experiment]
+    row, protocol = settings["ablation"][name], next(iter(settings["protocols"]))
+    spec = tasks_windows.spec(settings)
+    data = read_dataset(paths.dataset(experiment), spec.frames)
+    x, part, condition = data.x[:, -row["frames"] :], data.part(protocol, seed), schemas.names(data.rows["condition"])
+    block, where = block_of(settings, name), f"{experiment}.ablation.{name}"
+    regressor = models.build(row["of"], spec._replace(frames=row["frames"]), block, where)
+    train, validation = ((x[part == side], data.y[part == side]) for side in ("train", "validation"))
+    regressor.fit(train, validation, seed=seed, device=values["device"], progress=report)
+    run, rows = Trained(regressor, failed=regressor.summary.best_epoch == 0), []
+    for tested in CONDITIONS:
+        chosen = (part == "test") & (condition == tested)
+        if chosen.any():
+            scores = metrics.touch(data.y[chosen], run.predict(x[chosen]), settings)
+            scores = metrics.unless_failed(scores, run.failed)
+            rows += [(name, protocol, tested, seed, *score) for score in scores]
+    return rows
+
+
+def block_of(settings: Mapping, name: str) -> dict:
+    """Return the settings of a row's model: its own, and those of the row beside it."""
+    row = settings["ablation"][name]
+    beside = row.get("beside", "")
+    return (dict(settings["ablation"][beside]["settings"]) if beside else {}) | row["settings"]
+
+
+def check(settings: Mapping, experiment: str) -> None:
+    """Raise InputError for a row that cannot be trained, or compared with the one that it names."""
+    seeds = next(iter(settings["protocols"].values()))["seeds"]
+    for name, row in settings["ablation"].items():
+        where = f"{experiment}.ablation.{name}"
+        beside = row.get("beside", "")
+        if beside:
+            params.check_known([beside], settings["ablation"], f"{where}.beside")
+        params.check_model(row["of"], block_of(settings, name), f"{where}.settings")
+        known = settings["ablation"][beside]["seeds"] if beside else seeds
+        if not set(row["seeds"]) <= set(known) & set(seeds):
+            raise InputError(f"params.yaml, {where}.seeds: what it is compared with has seeds {known}; take of these")
+        if row["frames"] > settings["window"]["frames"]:
+            raise InputError(f"params.yaml, {where}.frames: a window has {settings['window']['frames']} frames")
+
+
+def main() -> None:
+    """Train and score all rows of the experiment named on the command line."""
+    values = params.load()
+    experiment = arguments.parse(__doc__, experiment=["touch"]).experiment
+    settings = values[experiment]
+    check(settings, experiment)
+    rows_run = {name: row for name, row in settings["ablation"].items() if row["of"] in settings["models"]}
+    runs = [(experiment, name, seed) for name, row in rows_run.items() for seed in row["seeds"]]
+    blocks = [block_of(settings, name) for name in rows_run]
+    epochs = max((block.get("training", {}).get("max_epochs", 1) for block in blocks), default=0)
+    with tqdm(total=epochs * len(runs), desc=f"ablate {experiment}", unit="epoch") as bar:
+        rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs))
+    files.write_csv(paths.ablation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
+
+
+if __name__ == "__main__":
+    run_stage(main)

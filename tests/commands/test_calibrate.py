@@ -1,0 +1,102 @@
+"""Calibrating a scene: the ratio of two models' errors on the validation part, and which value comes nearest."""
+
+import argparse
+
+import numpy as np
+import pytest
+import yaml
+from builders.project import ROOT
+
+from pipeline.base import params, workers
+from pipeline.base.errors import InputError
+from pipeline.commands import calibrate
+from pipeline.commands.scale import set_values
+from pipeline.datasets import series
+from pipeline.stability import changed_scene
+
+
+@pytest.fixture
+def values(tmp_path):
+    """params.yaml at the scale of the miniature."""
+    copy = tmp_path / "params.yaml"
+    copy.write_text((ROOT / "params.yaml").read_text())
+    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), copy)
+    return params.load(copy)
+
+
+def serial(function, tasks, bar):
+    """Run what workers.run runs, in this process."""
+    return [(key, function(*arguments, lambda: None)) for key, arguments in tasks.items()]
+
+
+@pytest.fixture
+def made_scores(monkeypatch):
+    """Let the error of the yardstick's model be the knob, and the other one's error 2; return what was asked for."""
+    asked_for = []
+
+    def scores(experiment, settings, asked, seed, folder, device):
+        asked_for.append(asked)
+        chosen = settings["yardstick"]
+        value = settings
+        for key in chosen["knob"].split("."):
+            value = value[key]
+        for model, error in zip(asked.scored, (value, 2.0), strict=True):
+            right = 1 - error if chosen["metric"] == "macro_precision" else error
+            yield "another", model, [(chosen["metric"], "", 99.0, 1)]
+            yield chosen["condition"], model, [(chosen["metric"], "", right, 1)]
+
+    monkeypatch.setattr(changed_scene, "write_dataset", lambda *arguments: None)
+    monkeypatch.setattr(changed_scene, "scores", scores)
+    monkeypatch.setattr(workers, "run", serial)
+    return asked_for
+
+
+@pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
+def test_the_nearest_value_is_named_and_the_test_part_is_not_read(experiment, values, made_scores, monkeypatch, capsys):
+    values[experiment]["yardstick"]["published"] = 0.15
+    monkeypatch.setattr(params, "load", lambda: values)
+    calibrate.main(argparse.Namespace(experiment=experiment, values=[0.1, 0.32, 0.5], seeds=[0, 1], full=False))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1].startswith(f"nearest: {values[experiment]['yardstick']['knob']} = 0.32, ratio 0.160")
+    assert len(lines) == 1 + 3 * 2 + 1
+    assert {asked.part for asked in made_scores} == {"test" if experiment == "strain" else "validation"}
+
+
+def test_the_validation_part_of_a_series_is_kept_from_training_and_the_test_part_is_left_out(values):
+    settings = values["strain"]
+    shorter = calibrate.held_out(settings)
+    before, after = settings["simulate"]["samples"], shorter["simulate"]["samples"]
+    parts = [
+        series.chronological(n, *(block["split"][k] for k in ("train", "validation")))
+        for n, block in ((before, settings), (after, shorter))
+    ]
+    assert after == np.flatnonzero(parts[0] == "test")[0], "the recording ends where the test part began"
+    assert np.flatnonzero(parts[1] == "test")[0] == np.flatnonzero(parts[0] == "validation")[0]
+
+
+def test_the_papers_amounts_are_those_of_the_full_scale(values):
+    calibrate.at_full_scale(values, "glove")
+    assert values["glove"]["window"] == {"stride": 1, "train_every": 1}
+    assert values["touch"]["simulate"]["single"]["repetitions"] == 1, "of another experiment"
+
+
+def test_a_knob_that_is_not_there_is_named(values, monkeypatch):
+    values["glove"]["yardstick"]["knob"] = "simulate.session.wonder"
+    monkeypatch.setattr(params, "load", lambda: values)
+    with pytest.raises(InputError, match="glove.yardstick.knob: there is no key 'simulate.session.wonder'"):
+        calibrate.main(argparse.Namespace(experiment="glove", values=[], seeds=[0], full=False))
+
+
+def test_recorded_data_cannot_be_calibrated(values, monkeypatch):
+    values["touch"]["source"] = "logs/mine"
+    monkeypatch.setattr(params, "load", lambda: values)
+    with pytest.raises(InputError, match="only a simulated scene"):
+        calibrate.main(argparse.Namespace(experiment="touch", values=[], seeds=[0], full=False))
+
+
+@pytest.mark.slow
+def test_a_scene_is_simulated_and_both_models_are_trained(values):
+    chosen = values["glove"]["yardstick"]
+    assert {chosen["model"], chosen["over"]} <= set(values["glove"]["models"])
+    ours, others = calibrate.ratio(values, "glove", 0.5, 0, lambda: None)
+    assert 0 <= ours <= 1 and 0 <= others <= 1

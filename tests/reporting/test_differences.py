@@ -1,0 +1,55 @@
+"""The reports list every place where the code or an amount differs from its paper."""
+
+import re
+
+import pytest
+
+from pipeline.base import params, paths
+from pipeline.reporting.experiment import amounts, experiment_differences
+from pipeline.reporting.sentences import read_differences
+
+MARK = "Differs from " + "paper:"
+VALUES = params.load()
+
+
+def test_differences_are_collected(tmp_path):
+    (tmp_path / "layer.py").write_text(
+        f'"""Text.\n\n{MARK} the sum\nis a mean.\n\nMore. {MARK} in the middle\nof a line.\n"""\n'
+        f"x = 1  # {MARK} short.\n# {MARK} two\n# lines.\ny = 2\n"
+    )
+    differences = read_differences(tmp_path, ["layer.py"])
+    assert [text for _, text in differences] == [
+        "the sum is a mean.",
+        "in the middle of a line.",
+        "short.",
+        "two lines.",
+    ]
+    assert differences[0][0] == f"{tmp_path.name}/layer.py"
+
+
+def test_every_mark_in_the_code_is_in_a_report():
+    marks = {
+        file.relative_to(paths.ROOT).as_posix(): len(re.findall(MARK, file.read_text(encoding="utf-8")))
+        for file in paths.CODE.rglob("*.py")
+        if file.name != "sentences.py"  # defines the mark
+    }
+    listed = {line for name in VALUES["experiments"] for line in experiment_differences(name, VALUES[name])}
+    counts = {name: sum(file == name for file, _ in listed) for name in marks}
+    assert counts == marks and sum(marks.values()) > 15
+
+
+@pytest.mark.parametrize("experiment", ["touch", "glove"])
+def test_every_amount_below_the_papers_scale_is_in_its_report(experiment):
+    full = {k: v for k, v in params.parsed(paths.FULL_SCALE).items() if k.partition(".")[0] == experiment}
+    texts = [text for _, text in amounts(experiment, VALUES[experiment])]
+    assert texts and all(text.split("`")[1] in full for text in texts)
+    block, *keys, last = next(iter(full)).split(".")
+    settings = VALUES[experiment]
+    for key in keys:
+        settings = settings[key]
+    before = settings[last]
+    settings[last] = full[next(iter(full))]
+    try:
+        assert len(amounts(experiment, VALUES[experiment])) == len(texts) - 1
+    finally:
+        settings[last] = before
