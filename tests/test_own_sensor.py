@@ -321,6 +321,7 @@ def set_touch(project, name):
     project.set({"touch.window.frame_step": 2, "touch.window.stride": 8})  # these presses are shorter than the scene's
     project.set({"touch.window.sliding.single": 1.0})
     project.set({"touch.models": {key: (MODELS["touch.models"] | RBF)[key] for key in MODELS_OF_ARRAYS}})
+    project.set({"touch.ablation": {}})
 
 
 def tables_and_figures(project, experiment, words, figure):

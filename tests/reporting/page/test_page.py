@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import struct
+import sys
 import zlib
 from html import unescape
 from html.parser import HTMLParser
@@ -114,7 +115,7 @@ def reports(tmp_path, monkeypatch) -> Path:
         png(folder / name / "touch.png")
         text = f"# {name}\n\n## Findings\n\nEnough. [Numbers](../{name}.csv)\n\n## Touch\n\n![Curves](touch.png)\n"
         (folder / name / "README.md").write_text(text)
-    for name in ("latency", "stress", "rightsize", "physics", "benchmarks"):
+    for name in ("latency", "stress", "rightsize", "physics", "twins", "benchmarks"):
         (folder / f"{name}.csv").write_text("experiment\n")
     (folder / "scores.csv").write_text("experiment,protocol,condition,n\ntouch,press,single,1234\n")
     (folder / "counts.csv").write_text("experiment,model,macs,params,verdict\nglove,cnn,1000,20,reproduced\n")
@@ -293,9 +294,10 @@ def tab(tmp_path_factory):
 
 
 @pytest.fixture(params=["built", "committed"])
-def address(request, reports):
+def address(request, reports, monkeypatch):
     """A page of the small reports, and the one that lies in the checkout."""
     if request.param == "built":
+        monkeypatch.setattr(sys, "argv", ["page"])
         page.main()
         return (reports / "index.html").as_uri()
     committed = ROOT / "reports" / "index.html"
@@ -348,7 +350,8 @@ def test_browser_sorts_and_filters_the_claims(tab, address):
         assert tab.run("document.querySelector('output').textContent").startswith(f"{len(kept)} of {len(every)}")
 
 
-def test_browser_sorts_tables_of_reports_by_their_numbers(tab, reports):
+def test_browser_sorts_tables_of_reports_by_their_numbers(tab, reports, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["page"])
     page.main()
     tab.open((reports / "index.html").as_uri())
     table = "document.querySelector('#touch-accuracy-table1-md table')"
