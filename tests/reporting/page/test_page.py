@@ -121,6 +121,7 @@ def reports(tmp_path, monkeypatch) -> Path:
     (folder / "counts.csv").write_text("experiment,model,macs,params,verdict\nglove,cnn,1000,20,reproduced\n")
     (folder / "claims.md").write_text("# Claims\n\nThe rules.\n\n## A\n\n### A: what was tried\n\n- It was tried.\n")
     write_claims(folder, CLAIMS)
+    monkeypatch.setattr(sys, "argv", ["page"])
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(paths, "REPORTS", folder)
     monkeypatch.setattr(paths, "PARAMS", tmp_path / "params.yaml")
@@ -294,10 +295,9 @@ def tab(tmp_path_factory):
 
 
 @pytest.fixture(params=["built", "committed"])
-def address(request, reports, monkeypatch):
+def address(request, reports):
     """A page of the small reports, and the one that lies in the checkout."""
     if request.param == "built":
-        monkeypatch.setattr(sys, "argv", ["page"])
         page.main()
         return (reports / "index.html").as_uri()
     committed = ROOT / "reports" / "index.html"
@@ -350,8 +350,7 @@ def test_browser_sorts_and_filters_the_claims(tab, address):
         assert tab.run("document.querySelector('output').textContent").startswith(f"{len(kept)} of {len(every)}")
 
 
-def test_browser_sorts_tables_of_reports_by_their_numbers(tab, reports, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["page"])
+def test_browser_sorts_tables_of_reports_by_their_numbers(tab, reports):
     page.main()
     tab.open((reports / "index.html").as_uri())
     table = "document.querySelector('#touch-accuracy-table1-md table')"
