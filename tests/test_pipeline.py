@@ -259,7 +259,7 @@ def test_second_repro_has_nothing_to_do(miniature):
     repro_s, output = processor_s("repro")
     assert re.findall("Running stage '(.*)'", output) == ["track"]  # which looks whether the store is complete
     assert "nothing changed since they were tracked" in output
-    # Twice what `dvc status` costs, 4.5 s on an idle core and more than 12 s on a busy one: no limit in seconds.
+    # It costs twice what `dvc status` does, on an idle core (9 s against 4.5 s) and on a busy one.
     assert repro_s < 3 * processor_s("status")[0]
 
 
