@@ -4,7 +4,6 @@ import csv
 import json
 import os
 import re
-import resource
 import shutil
 import signal
 import sqlite3
@@ -250,17 +249,10 @@ def test_every_claim_has_a_verdict(miniature):
 
 
 def test_second_repro_has_nothing_to_do(miniature):
-    def processor_s(*command: str) -> tuple[float, str]:
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        output = miniature.dvc(*command).stdout
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, output
-
-    repro_s, output = processor_s("repro")
+    """What it costs is a benchmark, repro_nothing_changed: 9 s of one idle core were 23 s of one beside other tests."""
+    output = miniature.dvc("repro").stdout
     assert re.findall("Running stage '(.*)'", output) == ["track"]  # which looks whether the store is complete
     assert "nothing changed since they were tracked" in output
-    # It costs twice what `dvc status` does, on an idle core (9 s against 4.5 s) and on a busy one.
-    assert repro_s < 3 * processor_s("status")[0]
 
 
 def test_mlflow_store_is_complete_and_comes_back(miniature):

@@ -65,10 +65,15 @@ class Project:
         """Run dvc in the copy; with `check`, a failure shows what it printed."""
         return self.run("-m", "dvc", *arguments, check=check)
 
-    def stages(self, *lines: str) -> None:
-        """Run stages (`stages.train touch lomp`) in turn in one Python, which imports torch once for all of them."""
+    def stages(self, *lines: str) -> float:
+        """Run stages (`stages.train touch lomp`) in turn in one Python, which imports torch once for all of them.
+
+        Return the processor time of that Python and its children in seconds. The time of all children of this process
+        would count the miniature, too, where it ends meanwhile.
+        """
         each = "    sys.argv = line.split()\n    runpy.run_module('pipeline.' + sys.argv[0], run_name='__main__')"
-        self.run("-c", f"import runpy, sys\nfor line in sys.argv[1:]:\n{each}", *lines)
+        code = f"import os, runpy, sys\nfor line in sys.argv[1:]:\n{each}\nprint(sum(os.times()[:4]))"
+        return float(self.run("-c", code, *lines).stdout.split()[-1])
 
     def run(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
         """Run this Python in the copy; with `check`, a failure shows what it printed."""
