@@ -67,15 +67,18 @@ Share = real(1e-6, 1)
 LearningRate = real(1e-9, 10)
 
 
-class EarlyStopping(Block):
-    """Training until the validation loss no longer falls, see `training.Plateau`."""
+class ScheduledTraining(Block):
+    """A set number of epochs over which the learning rate rises and falls to zero, see `training.Schedule`."""
 
-    learning_rate: LearningRate
+    learning_rate: LearningRate  # the highest
     batch_size: whole(1)
-    max_epochs: whole(1)
-    patience: whole(1)
-    plateau: whole(1)
-    drop: Share  # 1 keeps the learning rate
+    epochs: whole(1)
+
+
+class WindowTraining(ScheduledTraining):
+    """A schedule on windows, of which an epoch sees all with a touch and a share of the others, drawn anew."""
+
+    rest_share: Share
 
 
 class SequenceTraining(Block):
@@ -88,7 +91,7 @@ class SequenceTraining(Block):
     """
 
     learning_rate: LearningRate
-    max_epochs: whole(1)
+    epochs: whole(1)
     drop_epoch: whole(1)
     drop: Share
     clip: Positive
@@ -105,7 +108,7 @@ class StretchTraining(Block):
     """
 
     learning_rate: LearningRate
-    max_epochs: whole(1)
+    epochs: whole(1)
     batch: whole(1)
     length: whole(1)
     warm_up: whole(0)
@@ -118,8 +121,8 @@ class StretchTraining(Block):
         return self
 
 
-class AugmentedTraining(EarlyStopping):
-    """Early stopping on images altered anew in every epoch, see `image_classifier.ImageClassifier`.
+class AugmentedTraining(ScheduledTraining):
+    """A schedule on images altered anew in every epoch, see `image_classifier.ImageClassifier`.
 
     flip, affine: probability per image; noise: standard deviation, images being scaled to 0 .. 1.
     """
@@ -399,7 +402,7 @@ Strain = block(
         ),
         capacity=block(
             units=distinct(whole(1, 8192)),
-            training=block(max_epochs=whole(1), drop_epoch=whole(1), streams=whole(1), batch=whole(1)),
+            training=block(epochs=whole(1), drop_epoch=whole(1), streams=whole(1), batch=whole(1)),
         ),
     ),
     latency=Latency,
@@ -505,7 +508,7 @@ Physics = block(
 Rightsize = block(
     touch=block(
         lomp=block(Seeds, sizes=distinct(whole(1, 8192))),
-        window=block(Seeds, sizes=distinct(whole(1)), training=block(max_epochs=whole(1))),
+        window=block(Seeds, sizes=distinct(whole(1)), training=block(epochs=whole(1))),
     ),
     glove=block(sp_resnet=block(Seeds, sizes=distinct(real(1 / 64, 1.0)))),
 )

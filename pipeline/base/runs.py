@@ -37,7 +37,7 @@ def train_all(
     wanted = params.runs(values, experiment) if why_not_run(experiment) is None else []
     wanted = [run for run in wanted if protocols is None or run[0] in protocols]
     seconds = _begin(draft, _origin(values, experiment, name) if wanted else "")
-    epochs = block.get("training", {}).get("max_epochs", 1)
+    epochs = block.get("training", {}).get("epochs", 1)
     folders = {run: draft / "runs" / f"{run[0]}-{run[1]}" for run in wanted if run not in seconds}
     if folders:
         bar_size = {"total": epochs * len(wanted), "initial": epochs * (len(wanted) - len(folders))}

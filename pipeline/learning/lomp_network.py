@@ -84,6 +84,8 @@ class Lomp(nn.Module):
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.readout = nn.ParameterList(_uniform(inputs, cells, inputs, outputs) for inputs, outputs in pairs)
         self.readout_bias = nn.ParameterList(_uniform(inputs, cells, 1, outputs) for inputs, outputs in pairs)
+        for last in (self.readout[-1], self.readout_bias[-1]):
+            nn.init.zeros_(last)  # as `zero_linear`
         self.register_buffer("neighbours", neighbour_matrix(spec.rows, spec.cols, neighbours), persistent=False)
         self.buffers: _Buffers | None = None
 

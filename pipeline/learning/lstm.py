@@ -107,7 +107,7 @@ class LstmRegressor:
         schedule = torch.optim.lr_scheduler.MultiStepLR(optimiser, [t.drop_epoch], t.drop)
         samples, unit = max(1, sum(int(counted.sum()) for _, _, counted, _ in parts)), self.scaling.squared_mm()
 
-        def run_epoch() -> Epoch:
+        def run_epoch(epoch: int) -> Epoch:
             total, validation, held_samples, rate = 0.0, 0.0, 0, optimiser.param_groups[0]["lr"]
             for part in parts:
                 for chosen in torch.randperm(len(part[0]), generator=order).to(part[0].device).split(t.batch):
@@ -123,7 +123,7 @@ class LstmRegressor:
             schedule.step()
             return Epoch(total * unit, validation / held_samples * unit if held_samples else None, rate)
 
-        history, self.summary = run_epochs(self.network, t.max_epochs, run_epoch, progress=progress, keep_last=True)
+        history, self.summary = run_epochs(self.network, t.epochs, run_epoch, progress=progress, keep_last=True)
         return history
 
     def _solve(self, parts: list[list]) -> list[dict]:

@@ -1,6 +1,6 @@
 """Train a network on windows and predict with it; `Spec`, the shapes of a task, is here too."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline.base.blocks import EarlyStopping
+from pipeline.base.blocks import ScheduledTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import cost, weights
-from pipeline.learning.training import Epoch, FitSummary, Plateau, Progress, device_of, new_network, run_epochs
+from pipeline.learning.training import Epoch, FitSummary, Progress, Schedule, device_of, new_network, run_epochs
 
 NORMALISATION = ("input_mean", "input_spread", "output_scale")  # constants saved beside the weights
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
@@ -47,7 +47,7 @@ class TorchRegressor:
     streams = False  # True: carries its state from window to window, see `models/lomp_stream.py`
     chunk = 1 << 30  # windows of a batch that go through the network at once; the gradients of a batch add up
 
-    def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: EarlyStopping):
+    def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: ScheduledTraining):
         self.make_network = make_network
         self.spec = spec
         self.training = training
@@ -67,70 +67,78 @@ class TorchRegressor:
         """Train with Adam on the mean squared error of the map and keep the weights of the best epoch.
 
         train, validation: x (n, frames, elements) in ADC counts, y (n, outputs) in kPa. `device`: 'auto'
-        takes a GPU if there is one. `progress(epoch, max_epochs, train_loss, validation_loss)` is called
-        after every epoch. Returns one row per epoch (epoch, train_loss, validation_loss in kPa squared,
-        learning_rate); `summary` says how the fit ended. Normalisation uses the training part only. The result
-        depends only on data, settings and `seed` (on one CPU thread, bit for bit). A loss that is not finite
-        ends the training as 'diverged'. Raises InputError for arrays of the wrong shape.
+        takes a GPU if there is one. `progress(epoch, epochs, train_loss, validation_loss)` is called after every
+        epoch. Returns one row per epoch (epoch, train_loss, validation_loss in kPa squared, learning_rate); `summary`
+        says how the fit ended. Normalisation uses the training part only; labels are divided by the largest one, so
+        that a network starts near the truth of a sensor that is mostly at rest. The result depends only on data,
+        settings and `seed` (on one CPU thread, bit for bit). A loss that is not finite ends the training as 'diverged'.
+        Raises InputError for arrays of the wrong shape.
         Differs from paper: the loss is the mean over the map instead of the sum of eq. 7; the constant factor 400
         drops out of Adam's update, and losses of different map sizes compare.
-        Differs from paper: it gives no number of epochs, no stopping rule and one learning rate, 1e-3; here training
-        stops by patience on the validation part, the rate falls on plateaus, and each network has its own rate.
+        Differs from paper: it gives no number of epochs, no stopping rule and one learning rate, 1e-3; here each
+        network has a set number of epochs and its own highest rate, to which the rate rises over a tenth of the updates
+        and from which it falls to zero; and an epoch sees only a share of the windows without a touch.
         """
         check_windows(self.spec, train, "training")
         check_windows(self.spec, validation, "validation")
         place = device_of(device)
         mean, spread = input_scale(train[0])
-        output_scale = float(np.std(train[1], dtype=np.float64)) or 1.0
+        output_scale = float(np.abs(train[1]).max()) or 1.0
         self._set_normalisation(
             torch.from_numpy(mean), torch.from_numpy(spread), torch.tensor(output_scale, dtype=torch.float32)
         )
         self.network = new_network(self.make_network, seed).to(place)
         parts = self._normalised(train, place), self._normalised(validation, place)
         optimiser = torch.optim.Adam(self.network.parameters(), lr=self.training.learning_rate, fused=True)
-        training, order = self.training, torch.Generator().manual_seed(seed)
-        plateau = Plateau(optimiser, patience=training.patience, plateau=training.plateau, drop=training.drop)
+        order, epochs = torch.Generator().manual_seed(seed), self.training.epochs
+        schedule = Schedule(optimiser, self.training.learning_rate)
 
-        def update(losses: Iterable[torch.Tensor]) -> torch.Tensor:
-            optimiser.zero_grad()
-            total = 0.0
-            for loss in losses:
-                loss.backward()
-                total = total + loss.detach()
-            optimiser.step()
-            return total
+        def run_epoch(epoch: int) -> Epoch:
+            def update(losses: Iterable[torch.Tensor], done: float) -> torch.Tensor:
+                schedule.at((epoch + done) / epochs)
+                optimiser.zero_grad()
+                total = 0.0
+                for loss in losses:
+                    loss.backward()
+                    total = total + loss.detach()
+                optimiser.step()
+                return total
 
-        def run_epoch() -> Epoch:
             self.network.train()
-            learning_rate = plateau.learning_rate
             train_loss = self.train_epoch(parts[0], order, update) * output_scale**2
             self.network.eval()
             with torch.no_grad():
-                return Epoch(train_loss, self.loss(parts[1]) * output_scale**2, learning_rate)
+                return Epoch(train_loss, self.loss(parts[1]) * output_scale**2, schedule.learning_rate)
 
-        history, self.summary = run_epochs(
-            self.network, training.max_epochs, run_epoch, progress=progress, stop=plateau
-        )
+        history, self.summary = run_epochs(self.network, epochs, run_epoch, progress=progress)
         self.network.eval().to("cpu")
         return history
 
     def train_epoch(
-        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[Iterable], torch.Tensor]
+        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[..., torch.Tensor]
     ) -> float:
-        """Train once over the normalised training part and return the mean loss.
+        """Train once over the normalised training part and return the mean loss of the windows that the epoch saw.
 
-        `order` draws the batches. `update(losses)` makes one step of the optimiser on the sum of the losses and
-        returns the sum.
+        `order` draws the windows and their batches. `update(losses, done)` makes one step of the optimiser on the sum
+        of the losses and returns the sum; `done`: the share of the epoch at the middle of the batch.
         """
         x, y = train
         total = torch.zeros((), device=x.device)
-        for batch in torch.randperm(len(x), generator=order).to(x.device).split(self.training.batch_size):
+        windows = self._of_an_epoch(y, order).to(x.device)
+        for first, batch in batches(windows, self.training.batch_size):
             losses = (
                 nn.functional.mse_loss(self.network(x[rows]), y[rows]) * (len(rows) / len(batch))
                 for rows in batch.split(self.chunk)
             )
-            total += update(losses) * len(batch)
-        return float(total) / len(x)
+            total += update(losses, (first + len(batch) / 2) / len(windows)) * len(batch)
+        return float(total) / len(windows)
+
+    def _of_an_epoch(self, y: torch.Tensor, order: torch.Generator) -> torch.Tensor:
+        """Return numbers of windows in random order: all that have a touch and a share of the others."""
+        at_rest = ~y.any(1).cpu()
+        windows = torch.randperm(len(y), generator=order)
+        keep = torch.rand(len(y), generator=order) < self.training.rest_share
+        return windows[keep | ~at_rest[windows]]
 
     def loss(self, part: tuple[torch.Tensor, ...]) -> float:
         """Return the mean loss over a normalised part; the network is in the mode for predictions."""
@@ -180,6 +188,20 @@ class TorchRegressor:
         x, y = (torch.from_numpy(np.array(part, dtype=np.float32)) for part in windows[:2])
         x.sub_(self.input_mean).div_(self.input_spread)
         return x.to(device), y.div_(self.output_scale).to(device), *windows[2:]
+
+
+def batches(rows: torch.Tensor, size: int) -> Iterator[tuple[int, torch.Tensor]]:
+    """Yield (number of rows before it, batch) for the batches of rows (n,)."""
+    for first in range(0, len(rows), size):
+        yield first, rows[first : first + size]
+
+
+def zero_linear(inputs: int, outputs: int) -> nn.Linear:
+    """Return a last layer that starts at zero: the first updates go into the map, not into undoing random ones."""
+    layer = nn.Linear(inputs, outputs)
+    nn.init.zeros_(layer.weight)
+    nn.init.zeros_(layer.bias)
+    return layer
 
 
 def input_scale(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,13 +7,13 @@ import numpy as np
 import torch
 from torch import nn
 
-SMALLEST_GAIN = 0.01  # of the validation loss: half a percent of the error; less in an epoch is noise, not progress
+RISE = 0.1  # share of the updates over which the learning rate rises
 
 Progress = Callable[[int, int, float, float], None] | None  # (epoch, epochs, training loss, validation loss)
 
 
 class FitSummary(NamedTuple):
-    """How a fit ended: `stop_reason` is patience, max_epochs, closed_form or diverged.
+    """How a fit ended: `stop_reason` is completed (all epochs were run), closed_form or diverged.
 
     `best_epoch`, from 1, is the epoch whose weights were kept; 0 means that no epoch had a finite loss, and the last
     weights stand.
@@ -67,23 +67,22 @@ def new_network(make_network: Callable[[], nn.Module], seed: int) -> nn.Module:
 def run_epochs(
     network: nn.Module,
     epochs: int,
-    run_epoch: Callable[[], Epoch],
+    run_epoch: Callable[[int], Epoch],
     *,
     progress: Progress = None,
-    stop: Callable[[int, float], bool] = lambda epoch, validation_loss: False,
     keep_last: bool = False,
 ) -> tuple[list[dict], FitSummary]:
-    """Call `run_epoch` up to `epochs` times and leave the weights of the best epoch in `network`.
+    """Call `run_epoch(epoch)` for the epochs from 0 and leave the weights of the best epoch in `network`.
 
     `run_epoch` trains once over the training part and evaluates the validation part. The best epoch has the least
     validation loss; with `keep_last` it is the last one, for recipes that have nothing to select by. A loss that is not
-    finite ends the training as `diverged`; `stop(epoch, validation_loss)` ends it as `patience`; `progress` is called
-    after every epoch. Returns one row of history.csv per epoch and the summary.
+    finite ends the training as `diverged`; `progress` is called after every epoch. Returns one row of history.csv per
+    epoch and the summary.
     """
     history, best_loss, best_epoch, best_weights = [], float("inf"), 0, None
-    stop_reason = "max_epochs"
+    stop_reason = "completed"
     for epoch in range(1, epochs + 1):
-        losses = run_epoch()
+        losses = run_epoch(epoch - 1)
         history.append(history_row(epoch, losses))
         if progress:
             progress(epoch, epochs, history[-1]["train_loss"], history[-1]["validation_loss"])
@@ -97,38 +96,32 @@ def run_epochs(
         elif known[-1] < best_loss:
             best_loss, best_epoch = known[-1], epoch
             best_weights = {name: value.clone() for name, value in network.state_dict().items()}
-        if stop(epoch, known[-1]):
-            stop_reason = "patience"
-            break
     if best_weights is not None:
         network.load_state_dict(best_weights)
     return history, FitSummary(stop_reason, best_epoch)
 
 
-class Plateau:
-    """Lower the learning rate, and at last stop, where the validation loss no longer falls.
+class Schedule:
+    """Set the learning rate of an optimiser by the share of the training that is done: up, then down to zero.
 
-    The learning rate is multiplied by `drop` whenever `plateau` epochs in a row have not lowered the validation loss by
-    SMALLEST_GAIN; training stops after `patience` such epochs.
+    It rises over the first RISE of the training and falls linearly from there on. A training that is to the end of its
+    schedule has ended: there is nothing to wait for, and no update is spent on finding out.
     """
 
-    def __init__(self, optimiser: torch.optim.Optimizer, *, patience: int, plateau: int, drop: float):
-        self.optimiser, self.patience, self.plateau, self.drop = optimiser, patience, plateau, drop
-        self.least_loss, self.least_epoch = float("inf"), 0
+    def __init__(self, optimiser: torch.optim.Optimizer, highest: float):
+        self.optimiser, self.highest = optimiser, highest
 
     @property
     def learning_rate(self) -> float:
         """The optimiser's present learning rate."""
         return self.optimiser.param_groups[0]["lr"]
 
-    def __call__(self, epoch: int, validation_loss: float) -> bool:
-        """Take an epoch's validation loss; True where training stops."""
-        if validation_loss < self.least_loss * (1 - SMALLEST_GAIN):
-            self.least_loss, self.least_epoch = validation_loss, epoch
-        waited = epoch - self.least_epoch
-        if waited >= self.patience:
-            return True
-        if waited and waited % self.plateau == 0:
-            for group in self.optimiser.param_groups:
-                group["lr"] *= self.drop
-        return False
+    def at(self, done: float) -> None:
+        """Set the rate for the share `done` of the training, from 0 to 1."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.highest * rate_at(done)
+
+
+def rate_at(done: float) -> float:
+    """Return the learning rate over its highest value at the share `done` of the training, from 0 to 1."""
+    return min(done / RISE, (1 - done) / (1 - RISE))

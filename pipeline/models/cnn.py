@@ -2,11 +2,11 @@
 
 from torch import nn
 
-from pipeline.base.blocks import EarlyStopping, Widths
-from pipeline.learning.regressors import Spec, TorchRegressor
+from pipeline.base.blocks import WindowTraining, Widths
+from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
 
 
-def build(spec: Spec, *, channels: Widths, hidden: Widths, training: EarlyStopping) -> TorchRegressor:
+def build(spec: Spec, *, channels: Widths, hidden: Widths, training: WindowTraining) -> TorchRegressor:
     """Return the untrained CNN.
 
     Convolutions 3x3 8-32-64-64 on 5x5 and linear 1600-256-256-400 are 636,208 parameters.
@@ -28,4 +28,4 @@ def _network(spec: Spec, channels: list[int], hidden: list[int]) -> nn.Sequentia
     for narrower in hidden:
         layers += [nn.Linear(width, narrower), nn.ReLU()]
         width = narrower
-    return nn.Sequential(*layers, nn.Linear(width, spec.outputs))
+    return nn.Sequential(*layers, zero_linear(width, spec.outputs))

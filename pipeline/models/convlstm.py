@@ -3,11 +3,11 @@
 import torch
 from torch import nn
 
-from pipeline.base.blocks import EarlyStopping, Width
-from pipeline.learning.regressors import Spec, TorchRegressor
+from pipeline.base.blocks import WindowTraining, Width
+from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
 
 
-def build(spec: Spec, *, filters: Width, training: EarlyStopping) -> TorchRegressor:
+def build(spec: Spec, *, filters: Width, training: WindowTraining) -> TorchRegressor:
     """Return the untrained ConvLSTM; 32 filters 3x3 on 5x5 (38,144) and linear 800-400 are 358,544 parameters.
 
     Differs from paper: sizes are "as in previous research", whose sensor is another; here chosen for 5x5 elements.
@@ -22,7 +22,7 @@ class _ConvLstm(nn.Module):
         super().__init__()
         self.shape = (filters, spec.rows, spec.cols)
         self.gates = nn.Conv2d(1 + filters, 4 * filters, 3, padding=1)
-        self.readout = nn.Linear(filters * spec.elements, spec.outputs)
+        self.readout = zero_linear(filters * spec.elements, spec.outputs)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         filters, rows, cols = self.shape

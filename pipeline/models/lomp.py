@@ -5,13 +5,13 @@ Its equations and the network are in pipeline/learning/lomp_network.py.
 
 import numpy as np
 
-from pipeline.base.blocks import EarlyStopping, Neighbours, Number, Width, Widths
+from pipeline.base.blocks import WindowTraining, Neighbours, Number, Width, Widths
 from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import Spec
 
 
 def build(
-    spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: EarlyStopping
+    spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: WindowTraining
 ) -> "WindowLomp":
     """Return the untrained network; its settings are those of `lomp_network.maker`.
 

@@ -5,20 +5,20 @@ carried through the press's windows in order of time. Training does the same: a 
 side, with an update after each window and no gradient through the state that the window starts from.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import torch
 from torch import nn
 
-from pipeline.base.blocks import EarlyStopping, Neighbours, Number, Width, Widths
+from pipeline.base.blocks import ScheduledTraining, Neighbours, Number, Width, Widths
 from pipeline.learning import cost
 from pipeline.learning.lomp_network import LompRegressor, maker
-from pipeline.learning.regressors import LARGEST_BATCH, Spec
+from pipeline.learning.regressors import LARGEST_BATCH, Spec, batches
 
 
 def build(
-    spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: EarlyStopping
+    spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: ScheduledTraining
 ) -> "StreamingLomp":
     """Return the untrained network; settings as `lomp`'s. A frame costs its share of a window and one read-out.
 
@@ -42,15 +42,17 @@ class StreamingLomp(LompRegressor):
         self.state = None  # (elements, streams, hidden), of `step`
 
     def train_epoch(
-        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[[Iterable], torch.Tensor]
+        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[..., torch.Tensor]
     ) -> float:
         """Train once over the part as TorchRegressor does, with one update per window of the presses of a batch."""
         x, y, previous = train
         chains = streams(previous)
-        total = torch.zeros((), device=x.device)
-        for batch in torch.randperm(len(chains), generator=order).split(self.training.batch_size):
+        total, seen = torch.zeros((), device=x.device), 0
+        for _, batch in batches(torch.randperm(len(chains), generator=order), self.training.batch_size):
             for windows, maps in self._maps(x, [chains[k] for k in batch.tolist()]):
-                total += update([nn.functional.mse_loss(maps, y[windows])]) * len(windows)
+                done = (seen + len(windows) / 2) / len(x)
+                total += update([nn.functional.mse_loss(maps, y[windows])], done) * len(windows)
+                seen += len(windows)
         return float(total) / len(x)
 
     def loss(self, part: tuple[torch.Tensor, ...]) -> float:

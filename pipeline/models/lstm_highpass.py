@@ -91,13 +91,13 @@ class HighpassLstm:
 
         optimiser = torch.optim.Adam(self.network.parameters(), lr=t.learning_rate)
         updates = max(1, int(seen.sum()) // (t.batch * t.length))
-        steps = max(4, t.max_epochs * updates)
+        steps = max(4, t.epochs * updates)
         rise = max(0.1, 2 / steps)  # at least one step up
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, t.learning_rate, steps, pct_start=rise)
         draw = torch.Generator().manual_seed(seed)
         with_past, offsets = torch.arange(1 - self.taps, t.length), torch.arange(t.length)
 
-        def run_epoch() -> Epoch:
+        def run_epoch(epoch: int) -> Epoch:
             total = scored = 0.0
             rate = schedule.get_last_lr()[0]
             for _ in range(updates):
@@ -116,7 +116,7 @@ class HighpassLstm:
                 total, scored = total + float(squares.detach()), scored + float(mask.sum())
             return Epoch(total / max(scored, 1) * self.scaling.squared_mm(), self._loss(held, place), rate)
 
-        history, self.summary = run_epochs(self.network, t.max_epochs, run_epoch, progress=progress, keep_last=True)
+        history, self.summary = run_epochs(self.network, t.epochs, run_epoch, progress=progress, keep_last=True)
         self.network.to("cpu")
         return history
 

@@ -28,18 +28,15 @@ from pipeline.scoring import glove_results
 from pipeline.scoring.glove_results import (
     COMPARED,
     FORMS,
-    LATE_GAIN,
     MOST_CONFUSED,
     NETWORKS,
     gain,
-    late_gain,
     main_protocols,
     pair_shares,
     ranked,
     ranked_pairs,
     score,
     splits,
-    unfinished,
 )
 from pipeline.scoring.published import METHODS, PRINTED, precision
 from pipeline.scoring.results import Estimate, Fit, Scores, estimate
@@ -399,20 +396,18 @@ def training_sentence(trained: Sequence[Fit]) -> str:
 
 
 def ending_sentences(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[str]:
-    """Return per network whether its training has ended: best epochs, and what the last fifth of the epochs gained."""
+    """Return per network which of its epochs were best, and the validation loss of the best one against the first."""
     lines = []
     for model, protocols in fits.items():
         runs = [fit for by_seed in protocols.values() for fit in by_seed if fit.best_epoch]
         if not runs:
             continue
-        epochs, best = [fit.epochs for fit in runs], [fit.best_epoch for fit in runs]
-        late = sum(late_gain(fit) > LATE_GAIN for fit in runs)
-        cut = sum(map(unfinished, runs))
-        ended = "all have ended" if not cut else f"{cut} were cut off while they still improved"
+        best = [fit.best_epoch for fit in runs]
+        losses = np.array([fit.history["validation_loss"].iloc[[0, fit.best_epoch - 1]] for fit in runs])
         lines.append(
-            f"- Training of {model_name(model)}, {len(runs)} runs: best epoch {np.median(best):.0f} (median; "
-            f"{min(best)} to {max(best)}) of {min(epochs)} to {max(epochs)}; in the last fifth of the epochs the "
-            f"lowest validation loss still fell by more than {100 * LATE_GAIN:.0f} % in {late} of them; {ended}."
+            f"- Training of {model_name(model)}, {len(runs)} runs of {max(fit.epochs for fit in runs)} epochs: best "
+            f"epoch {np.median(best):.0f} (median; {min(best)} to {max(best)}), with a validation loss of "
+            f"{number(np.median(losses[:, 1]))} (after one epoch {number(np.median(losses[:, 0]))})."
         )
     return lines
 

@@ -54,11 +54,11 @@ def error_ratio(scores: Scores, chosen: Mapping) -> Estimate:
 
 
 def stops(trained: Sequence[Fit]) -> str:
-    """Return the sentence on how many of the runs trained in epochs stopped for which reason."""
+    """Return the sentence on how many of the runs trained in epochs ended as set."""
     reasons = [fit.stop_reason for fit in trained]
     return (
-        f"Of {len(reasons)} runs trained in epochs, {reasons.count('patience')} stopped by patience, "
-        f"{reasons.count('max_epochs')} reached the allowed number of epochs and {reasons.count('diverged')} diverged."
+        f"Of {len(reasons)} runs trained in epochs, {reasons.count('completed')} went through their set number of "
+        f"epochs and {reasons.count('diverged')} diverged."
     )
 
 

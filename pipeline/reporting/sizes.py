@@ -117,11 +117,11 @@ def training_note(family: str, judged: pd.DataFrame, values: Mapping, references
         return "Every size is trained as the model of the tables; at its own size it is that model itself.\n"
     scale, first = SCALES[family], judged.iloc[0]
     if family == "lstm":
-        training = "{streams} parallel streams, {max_epochs} epochs".format(
+        training = "{streams} parallel streams, {epochs} epochs".format(
             **values["strain"]["study"]["capacity"]["training"]
         )
     else:
-        training = "at most {max_epochs} epochs".format(**values["rightsize"]["touch"][family]["training"])
+        training = "{epochs} epochs".format(**values["rightsize"]["touch"][family]["training"])
     unit = unit_of(first["metric"], first["unit"])
     parts = []
     for condition, ladder in judged.groupby("condition", sort=False):

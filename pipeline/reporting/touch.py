@@ -189,8 +189,8 @@ def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> st
         sizes = sorted({fit.parameters for fit in runs})
         parameters = size(sizes[0]) if len(sizes) == 1 else f"{size(sizes[0])} to {size(sizes[-1])}"
         rows.append([model_name(model), protocol, parameters, epochs, best, reasons])
-    limits = ", ".join(
-        f"{model_name(model)} {block['training']['max_epochs']}"
+    epochs_set = ", ".join(
+        f"{model_name(model)} {block['training']['epochs']}"
         for model, block in settings["models"].items()
         if isinstance(block, Mapping) and "training" in block
     )
@@ -198,8 +198,9 @@ def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> st
         [
             "# Training\n",
             sentences.stops(trained) + "\n",
-            f"Most epochs allowed: {limits or 'no model is trained in epochs'}. The weights of the best "
-            "epoch (lowest validation loss) are kept. Lists are in the order of the seeds.\n",
+            f"Epochs set: {epochs_set or 'no model is trained in epochs'}. The learning rate has fallen to zero at the "
+            "end. The weights of the best epoch (lowest validation loss) are kept. Lists are in the order of the "
+            "seeds.\n",
             table(["Model", "Split", "Parameters", "Epochs run", "Best epoch", "Stopped by"], rows),
         ]
     )

@@ -23,7 +23,6 @@ FORMS = {  # of an answer to several input frames, as input_frames.csv and stag.
     "trained": "one network trained on all frames",
     "mean": "mean answer of a one-frame network",
 }
-LATE_GAIN = 0.01  # of the validation loss, by the last fifth of the epochs: more says that training was cut off
 FRAMES_COLUMNS = ["form", "model", "seed", "frames", "metric", "value"]
 MOST_CONFUSED = 3  # pairs that are listed; one that the paper names must be among them
 
@@ -115,20 +114,6 @@ def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fi
         for model, model_block in settings["models"].items()
         if "training" in model_block
     }
-
-
-def late_gain(fit: Fit) -> float:
-    """Return by which share the last fifth of the epochs lowered the lowest validation loss; NaN for a failed run."""
-    loss = fit.history["validation_loss"].to_numpy()
-    before = loss[: max(1, len(loss) - -(-len(loss) // 5))]
-    if not np.isfinite(loss).all() or before.min() <= 0:
-        return float("nan")
-    return float(1 - loss.min() / before.min())
-
-
-def unfinished(fit: Fit) -> bool:
-    """Return whether a training was cut off: the epochs were used up while the last fifth still gained LATE_GAIN."""
-    return fit.stop_reason == "max_epochs" and late_gain(fit) > LATE_GAIN
 
 
 def read_confusions(

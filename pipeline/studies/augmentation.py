@@ -55,7 +55,7 @@ def main() -> None:
         for modality in images.MODALITIES
         for seed in settings["seeds"]
     ]
-    epochs = block["training"]["max_epochs"]
+    epochs = block["training"]["epochs"]
     with tqdm(total=epochs * len(runs), desc=f"augment {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs))
     files.write_csv(paths.augmentation(experiment), COLUMNS, (row for run in runs for row in rows[run]))

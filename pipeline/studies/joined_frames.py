@@ -8,11 +8,10 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline.datasets.images import SIDE
 from pipeline.datasets.seeding import generator
-from pipeline.learning.image_classifier import ImageClassifier, augmented
-from pipeline.learning.regressors import LARGEST_BATCH, Windows
-from pipeline.learning.training import Epoch, Plateau, Progress, device_of, new_network, run_epochs
+from pipeline.learning.image_classifier import ImageClassifier
+from pipeline.learning.regressors import Windows
+from pipeline.learning.training import Progress
 from pipeline.scoring import classification, metrics
 from pipeline.scoring.frame_sets import drawn_sets, fixed_sets
 
@@ -62,39 +61,19 @@ class JoinedClassifier(ImageClassifier):
         """Train as ImageClassifier.fit does, in every epoch on other sets of images of one session.
 
         train: images x (n, 1, pixels), labels y (n, classes), number of each image's session (n,); validation: sets
-        that stay. `sets`: how many an epoch has at most. A batch holds `batch_size` images, so that an epoch has as
-        many updates as that of one frame: with `batch_size` sets of 4, training had not begun when its patience ended
-        (validation loss 2.77; 0.45 so). Every image is altered alone.
+        that stay. `sets`: how many an epoch has at most. With `batch_size` sets of 4 in a batch, in place of
+        `batch_size` images, training had not begun when it ended (validation loss 2.77; 0.45 so).
         """
-        place, frames, training = device_of(device), self.spec.frames, self.training
         order, rng = torch.Generator().manual_seed(seed), generator(seed, "input frames")
-        network = self.network = new_network(self.make_network, seed).to(place)
-        optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
-        (x, y), (x_validation, y_validation) = (self._normalised(part[:2], place) for part in (train, validation))
-        plateau = Plateau(optimiser, patience=training.patience, plateau=training.plateau, drop=training.drop)
-
-        def run_epoch() -> Epoch:
-            network.train()
-            total, learning_rate = torch.zeros((), device=place), plateau.learning_rate
-            drawn = torch.from_numpy(drawn_sets(train[2], frames, sets, rng)).to(place)
-            for batch in drawn.split(max(1, training.batch_size // frames)):
-                images = augmented(x[batch.flatten()].view(-1, 1, SIDE, SIDE), training, order)
-                loss = nn.functional.cross_entropy(network(images.view(len(batch), frames, -1)), y[batch[:, 0]])
-                optimiser.zero_grad()
-                loss.backward()
-                optimiser.step()
-                total += loss.detach() * len(batch)
-            network.eval()
-            with torch.no_grad():
-                parts = zip(x_validation.split(LARGEST_BATCH), y_validation.split(LARGEST_BATCH), strict=True)
-                sums = [
-                    nn.functional.cross_entropy(network(images), labels, reduction="sum") for images, labels in parts
-                ]
-            return Epoch(float(total) / len(drawn), float(sum(sums)) / len(x_validation), learning_rate)
-
-        history, self.summary = run_epochs(network, training.max_epochs, run_epoch, progress=progress, stop=plateau)
-        network.eval().to("cpu")
-        return history
+        return self.train_on(
+            lambda: torch.from_numpy(drawn_sets(train[2], self.spec.frames, sets, rng)),
+            train[:2],
+            validation,
+            order,
+            seed=seed,
+            device=device,
+            progress=progress,
+        )
 
 
 def scores(

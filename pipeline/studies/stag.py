@@ -87,7 +87,7 @@ def main() -> None:
             for seed in settings["seeds"]
             for frames in numbers
         }
-        epochs = max(values["glove"]["models"][model]["training"]["max_epochs"] for model in MODELS)
+        epochs = max(values["glove"]["models"][model]["training"]["epochs"] for model in MODELS)
         with tqdm(total=epochs * len(runs), desc="train STAG", unit="epoch") as bar:
             rows = dict(workers.run(train_run, runs, bar, steps=epochs))
     files.write_csv(paths.stag("glove"), COLUMNS, (row for key in sorted(rows) for row in rows[key]))

@@ -23,7 +23,6 @@ from pipeline.scoring.glove_results import (
     ranked_pairs,
     read_confusions,
     read_frames,
-    unfinished,
 )
 from pipeline.scoring.published import METHODS, PRINTED, precision, precision_gain
 from pipeline.scoring.published import counts as printed_counts
@@ -132,15 +131,13 @@ def by_seed(e: Evidence, model: str, dataset: str, experiment: str = "glove") ->
 def training(e: Evidence, experiment: str = "glove") -> str:
     """Say what differs between the seeds, and how long the networks are trained."""
     settings, protocols = e.values[experiment], main_protocols(e.values[experiment])
-    epochs = settings["models"]["sp_resnet"]["training"]["max_epochs"]
+    epochs = settings["models"]["sp_resnet"]["training"]["epochs"]
     fits = [fit for protocol in protocols.values() for fit in e.fits(experiment, "sp_resnet", protocol)]
     last = sum(fit.best_epoch == fit.epochs for fit in fits)
-    cut = sum(map(unfinished, fits))
     return (
         f"Each of the {len(settings['protocols'][protocols['combined']]['seeds'])} seeds has other test grasps and "
-        f"another start. Training stops where the validation loss no longer falls, after {epochs} epochs at the "
-        f"latest (the paper: 50); for SP-ResNet, the last epoch was the best in {last} of {len(fits)} runs, and {cut} "
-        "were cut off while they still improved."
+        f"another start. Training takes {epochs} epochs (the paper: 50), over which the learning rate falls to zero; "
+        f"for SP-ResNet, the last epoch was the best in {last} of {len(fits)} runs."
     )
 
 

@@ -195,7 +195,7 @@ def why_samples(task: str):
         models = ("lstm_direct", "lstm_transfer", "lstm_transfer_ridge")
         rows = [f"{n:,}: " + " / ".join(digits(at_samples(e, task, m, n).mean()) for m in models) for n in sizes(e)]
         states = e.values["strain"]["models"]["lstm_direct"]["units"]
-        epochs = e.values["strain"]["models"]["lstm_transfer"]["training"]["max_epochs"]
+        epochs = e.values["strain"]["models"]["lstm_transfer"]["training"]["epochs"]
         return (
             f"Error in mm, direct / transfer trained by Adam / transfer in closed form, by training samples: "
             f"{'; '.join(rows)}. Transfer reads {states} states, which its closed form fits too closely with as few "
