@@ -2,7 +2,7 @@
 
 from torch import nn
 
-from pipeline.base.blocks import WindowTraining, Widths
+from pipeline.base.blocks import Widths, WindowTraining
 from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
 
 

@@ -5,7 +5,7 @@ Its equations and the network are in pipeline/learning/lomp_network.py.
 
 import numpy as np
 
-from pipeline.base.blocks import WindowTraining, Neighbours, Number, Width, Widths
+from pipeline.base.blocks import Neighbours, Number, Width, Widths, WindowTraining
 from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import Spec
 

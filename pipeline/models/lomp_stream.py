@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline.base.blocks import ScheduledTraining, Neighbours, Number, Width, Widths
+from pipeline.base.blocks import Neighbours, Number, ScheduledTraining, Width, Widths
 from pipeline.learning import cost
 from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, batches

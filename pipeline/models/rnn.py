@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from pipeline.base.blocks import WindowTraining, Layers, Width
+from pipeline.base.blocks import Layers, Width, WindowTraining
 from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
 
 

@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from pipeline.base.blocks import WindowTraining, Widths
+from pipeline.base.blocks import Widths, WindowTraining
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
 
