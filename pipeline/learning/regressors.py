@@ -11,7 +11,7 @@ from torch import nn
 from pipeline.base.blocks import ScheduledTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import cost, weights
-from pipeline.learning.training import Epoch, FitSummary, Progress, Schedule, device_of, new_network, run_epochs
+from pipeline.learning.training import BETAS, Epoch, FitSummary, Progress, Schedule, device_of, new_network, run_epochs
 
 NORMALISATION = ("input_mean", "input_spread", "output_scale")  # constants saved beside the weights
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
@@ -89,7 +89,7 @@ class TorchRegressor:
         )
         self.network = new_network(self.make_network, seed).to(place)
         parts = self._normalised(train, place), self._normalised(validation, place)
-        optimiser = torch.optim.Adam(self.network.parameters(), lr=self.training.learning_rate, fused=True)
+        optimiser = torch.optim.Adam(self.network.parameters(), lr=self.training.learning_rate, betas=BETAS, fused=True)
         order, epochs = torch.Generator().manual_seed(seed), self.training.epochs
         schedule = Schedule(optimiser, self.training.learning_rate)
 

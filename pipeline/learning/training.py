@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
+BETAS = (0.9, 0.95)  # of Adam: averages over the last 20 squared gradients, as there are few updates
 RISE = 0.1  # share of the updates over which the learning rate rises
 
 Progress = Callable[[int, int, float, float], None] | None  # (epoch, epochs, training loss, validation loss)
