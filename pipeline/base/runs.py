@@ -44,7 +44,10 @@ def train_all(
     drafts = {model: paths.model_draft(experiment, model) for model in origins}
     seconds = {model: _begin(drafts[model], origin) for model, origin in origins.items()}
     folders = {
-        (model, *run): _folder(draft, run) for model, draft in drafts.items() for run in runs if run not in seconds[model]
+        (model, *run): _folder(draft, run)
+        for model, draft in drafts.items()
+        for run in runs
+        if run not in seconds[model]
     }
     if folders:
         steps = {task: epochs[task[0]] for task in folders}
@@ -71,17 +74,10 @@ def remove_others(experiment: str, models: Collection[str]) -> None:
                 path.unlink()
 
 
-def origin(values: Mapping, experiment: str, model: str, read: Iterable[str], inputs: Iterable[Path]) -> str:
-    """Return a digest of all that the runs of a model are made from.
-
-    `values`: params.yaml; `read`: the keys of the experiment's block that a training reads, beside the model's own;
-    `inputs`: the files of data and code. Raises InputError where the dataset is missing.
-    """
-    said = {key: values[experiment][key] for key in read}
-    said = [values["device"], said, params.model_settings(values, experiment, model)]
-    digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
-    dataset = paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")
-    for path in (dataset, *inputs):
+def origin(settings: object, inputs: Iterable[Path]) -> str:
+    """Return a digest of all that the runs of a model are made from: settings, and files of data and code."""
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
+    for path in inputs:
         digest.update(_sha256(path))
     return digest.hexdigest()
 

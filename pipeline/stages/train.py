@@ -95,11 +95,15 @@ def read_settings(values: Mapping, experiment: str) -> list[str]:
 
 def _origin(values: Mapping, experiment: str, model: str) -> str:
     """Return the digest of all that the runs of a model, or of MODEL_ZERO, are made from."""
-    key = values[experiment]["model_zero"] if model == paths.MODEL_ZERO else model
-    inputs = [paths.ROOT / file for file in code(experiment, key)]
-    if model != paths.MODEL_ZERO and params.transfers(model):
+    settings = [values["device"], params.model_settings(values, experiment, model)]
+    settings += [[key, values[experiment][key]] for key in read_settings(values, experiment)]
+    inputs = [paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")]
+    if model == paths.MODEL_ZERO:
+        model = values[experiment]["model_zero"]
+    elif params.transfers(model):
         inputs += sorted(paths.model_folder(experiment, paths.MODEL_ZERO).rglob("*.safetensors"))
-    return runs.origin(values, experiment, model, read_settings(values, experiment), inputs)
+    inputs += [paths.ROOT / file for file in code(experiment, model)]
+    return runs.origin(settings, inputs)
 
 
 def train(values: Mapping, experiment: str) -> None:
