@@ -108,7 +108,7 @@ def read_runs(experiment: str, params: dict) -> list[TrackedRun]:
     batch = f"keep 1 in {experiment}.latency.batches of params.yaml and run `dvc repro latency`"
     for protocol, replicates in settings["protocols"].items():
         for model in settings["models"]:
-            made_by, path = training_command(experiment, model), paths.training_times(experiment, model)
+            made_by, path = training_command(experiment), paths.training_times(experiment, model)
             times = results.read_csv(path, ["protocol", "seed", "train_s"], made_by)
             for seed in replicates["seeds"]:
                 trained = _one_row(times, path, {"protocol": protocol, "seed": seed}, f"run `{made_by}` again")
@@ -140,8 +140,7 @@ def check_settings(experiments: Iterable[str], params: dict) -> None:
     except (YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError("dvc.lock: was cut short or damaged; delete it and run `dvc repro`") from error
     for experiment in experiments:
-        models = [paths.model_folder(experiment, model) for model in params[experiment]["models"]]
-        for output in (paths.scores(experiment), *models):
+        for output in (paths.scores(experiment), paths.models(experiment)):
             for dotted, value in made_with.get(paths.shown(output), {}).items():
                 wanted = params
                 for key in dotted.split("."):
@@ -239,7 +238,7 @@ def _read_run(
 ) -> TrackedRun:
     """Read the folder of one run; metrics: its scores and size, timings: its measured times."""
     settings = params[experiment]
-    folder, made_by = paths.run_folder(experiment, model, protocol, seed), training_command(experiment, model)
+    folder, made_by = paths.run_folder(experiment, model, protocol, seed), training_command(experiment)
     history = results.read_csv(folder / "history.csv", ["epoch", *CURVES], made_by)
     fit = fits.read(folder, made_by)
     if not any(path for pattern in MODEL_FILES for path in folder.glob(pattern)):

@@ -1,12 +1,8 @@
-"""Rules about the code itself: which room imports which, and what DVC watches.
-
-A room is a folder of pipeline/. Its name is its path below pipeline/, such as `models` or `reporting/page`.
-"""
+"""Rules about the code itself: which room imports which, and what DVC watches."""
 
 import ast
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from functools import cache
+from collections.abc import Iterable, Iterator, Mapping
 from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +11,9 @@ import pytest
 import yaml
 
 from pipeline.base import params
+from pipeline.base.imports import DOORS, closure, imported_names, imports, room
 from pipeline.commands.scale import set_values
+from pipeline.stages import train
 
 ROOT = Path(__file__).resolve().parent.parent
 CODE = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))
@@ -43,64 +41,9 @@ ARROWS = {
     "tracking": {"scoring"},
     "base": set(),
 }
-# Their __init__ imports a file of the room by a name that params.yaml or dvc.yaml gives.
-DOORS = ("experiments", "models", "scenes", "tasks")
 BY_NAME = {f"pipeline/{name}/__init__.py" for name in DOORS} | {"pipeline/base/cluster.py"}  # a task's function
 RUN = 'if __name__ == "__main__":'
 VALUES = params.load()
-
-
-def room(file: str) -> str:
-    """Return the room of a file; tracking.py has one of its own."""
-    return "/".join(Path(file).parts[1:-1]) or Path(file).stem
-
-
-@cache
-def imported_names(file: str) -> set[str]:
-    """Return the dotted names of all that a file imports, at its top or inside a function."""
-    names = set()
-    for node in ast.walk(ast.parse((ROOT / file).read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f"{file}, line {node.lineno}: name the room, `from pipeline.<room> import ...`"
-            names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
-
-
-@cache
-def imports(file: str) -> set[str]:
-    """Return the files of this project that Python runs for a file's imports, less an __init__ that does nothing."""
-    files = set()
-    for name in imported_names(file):
-        steps = name.split(".") if name.split(".")[0] == "pipeline" else []
-        for k in range(1, len(steps) + 1):
-            place = "/".join(steps[:k])
-            files |= {other for other in (f"{place}.py", f"{place}/__init__.py") if (ROOT / other).is_file()}
-    return {other for other in files if Path(other).name != "__init__.py" or imported_names(other)}
-
-
-def closure(
-    file: str, behind: Mapping[str, Collection[str]] | None = None, unused: Collection[tuple[str, str]] = ()
-) -> set[str]:
-    """Return a file and all that it imports, directly or not.
-
-    `behind`: room of DOORS -> the files that its __init__ comes to, without it every file of the room; `unused`: pairs
-    of rooms, of which the first one's imports from the second are left out.
-    """
-    behind = behind or {name: [other for other in CODE if room(other) == name] for name in DOORS}
-    seen, todo = set(), [file]
-    while todo:
-        current = todo.pop()
-        if current in seen:
-            continue
-        seen.add(current)
-        here = room(current)
-        files = {other for other in imports(current) if (here, room(other)) not in unused}
-        if here in DOORS and Path(current).name == "__init__.py":
-            files = {other for other in files if room(other) != here} | set(behind[here])
-        todo += files
-    return seen
 
 
 def reachable(name: str) -> set[str]:
@@ -258,6 +201,25 @@ def test_dvc_watches_code_that_is_there_and_can_change_a_number(entry):
     for dep in entry.deps:
         assert not dep.startswith("pipeline/") or (ROOT / dep).exists(), f"{entry.name}: {dep} does not exist"
         assert not dep.startswith("pipeline/base"), f"{entry.name}: {dep} can change no number"
+
+
+@pytest.mark.parametrize("experiment", VALUES["experiments"])
+def test_a_model_is_made_from_what_dvc_watches_for_its_stage(experiment):
+    """A change for which DVC runs the stage must train some model again; one for which it does not run, none."""
+    (entry,) = (entry for entry in ENTRIES if entry.name == f"train_{experiment}")
+    needed = closure("pipeline/stages/train.py", files_behind_doors(entry), unused_by(entry))
+    code = {file for model in VALUES[experiment]["models"] for file in train.code(experiment, model)}
+    assert code == {file for file in needed if room(file) != "base"}
+    read = {f"{experiment}.{key}" for key in ["models", *train.read_settings(VALUES, experiment)]}
+    assert set(entry.params) == {"device", *read}
+
+
+def test_a_model_is_made_from_its_own_code():
+    code = train.code("touch", "tree")
+    assert {"pipeline/models/tree.py", "pipeline/learning/estimators.py", "pipeline/tasks/windows.py"} <= set(code)
+    others = ("pipeline/models/cnn.py", "pipeline/learning/lomp_network.py", "pipeline/scoring", "pipeline/base")
+    assert not [file for file in code if file.startswith(others)]
+    assert "pipeline/learning/lomp_network.py" in train.code("touch", "lomp")
 
 
 def test_dvc_yaml_is_a_table_of_contents():

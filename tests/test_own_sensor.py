@@ -350,10 +350,9 @@ def test_own_array_in_two_minutes(written, tmp_path):
     project = Project(tmp_path)
     shutil.copytree(written / "6x4", project.folder / "data" / "own" / "sensor")
     set_touch(project, "6x4")
-    train = [f"stages.train touch {model}" for model in MODELS_OF_ARRAYS]
+    data = ("stages.ingest touch", "stages.window touch", "stages.dataset touch", "stages.train touch")
     then = ("studies.ablation touch", "stages.evaluate touch", "stages.latency touch", "stages.render touch")
-    data = ("stages.ingest touch", "stages.window touch", "stages.dataset touch")
-    assert project.stages(*data, *train, *then) < TWO_MINUTES_S
+    assert project.stages(*data, *then) < TWO_MINUTES_S
     rmse = tables_and_figures(project, "touch", "double", "figure8.png")
     assert rmse["single", "rbf"] < 0.8 * rmse["single", "constant"] and np.isfinite(rmse["double", "lomp"])
 
@@ -366,9 +365,8 @@ def test_own_strain_sensor_end_to_end(written, tmp_path):
     project.set({f"strain.{key}": values[key] for key in ("source", "sensor", "ingest")})
     models = ("constant", "ridge", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge")
     project.set({"strain.models": {key: MODELS["strain.models"][key] for key in models}})
-    train = [f"stages.train strain {model}" for model in ("model_zero", *models)]
     then = ("studies.latent strain", "stages.evaluate strain", "stages.latency strain", "stages.render strain")
-    project.stages("stages.ingest strain", "stages.dataset strain", *train, *then)
+    project.stages("stages.ingest strain", "stages.dataset strain", "stages.train strain", *then)
     error = tables_and_figures(project, "strain", "task 2", "figure6.png")
     assert error["task_1", "ridge"] < error["task_1", "constant"] / 2
 
@@ -420,9 +418,7 @@ def test_any_name_of_a_touch_condition(tmp_path):
         "stages.render touch",
     )
     project.dvc("repro", "ingest_touch")
-    project.stages(
-        "stages.window touch", "stages.dataset touch", "stages.train touch constant", "stages.train touch linear", *then
-    )
+    project.stages("stages.window touch", "stages.dataset touch", "stages.train touch", *then)
     accuracy = project.folder / "reports" / "touch" / "accuracy"
     for table in (project.folder / "data" / "touch" / "scores.csv", accuracy / "table1.csv"):
         rows = pd.read_csv(table, dtype=str, keep_default_na=False, encoding="utf-8")
@@ -441,7 +437,6 @@ def test_any_name_of_a_glove_object(tmp_path):
     models = ("constant", "sp_resnet")
     project.set({"glove.models": {key: MODELS["glove.models"][key] for key in models}})
     assert "ready" in project.run("-m", "pipeline.commands.command_line", "check", "glove", str(logs)).stdout
-    train = [f"stages.train glove {model}" for model in models]
     then = (
         "studies.augmentation glove",
         "studies.input_frames glove",
@@ -451,7 +446,7 @@ def test_any_name_of_a_glove_object(tmp_path):
         "stages.latency glove",
         "stages.render glove",
     )
-    project.stages("stages.ingest glove", "stages.dataset glove", *train, *then)
+    project.stages("stages.ingest glove", "stages.dataset glove", "stages.train glove", *then)
     accuracy = project.folder / "reports" / "glove" / "accuracy"
     for name in ("figure10.png", "figure13.png", "figure14_combined.png"):
         assert (accuracy / name).stat().st_size > 20_000

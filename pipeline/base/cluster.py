@@ -78,7 +78,7 @@ def run(
     function: Callable,
     tasks: Mapping[Hashable, tuple],
     bar: tqdm,
-    steps: int,
+    steps: Mapping[Hashable, int],
     folders: Mapping[Hashable, Path],
 ) -> Iterator[tuple[Hashable, object]]:
     """Run tasks as `workers.run`, on the cluster of the Dask scheduler at `address`; restart tasks of lost workers.
@@ -111,7 +111,7 @@ def run(
             for future in [future for future in waiting if future.done()]:
                 number, key, called = waiting.pop(future)
                 result = _result(future, address, called)
-                bar.update(steps - done_steps[number])
+                bar.update(steps[key] - done_steps[number])
                 done_steps[number] = None
                 yield key, result
 

@@ -64,11 +64,13 @@ def settings_block() -> type[blocks.Block]:
     )
 
 
-def _assigned(path: Path, name: str) -> str:
-    """Return the text that a file assigns to a name at its top level; InputError where there is none."""
+def _assigned(path: Path, name: str, default=None):
+    """Return what a file assigns to a name at its top level, `default` where nothing; InputError without a default."""
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == name:
             return ast.literal_eval(node.value)
+    if default is not None:
+        return default
     raise InputError(f"pipeline/experiments/{path.name}: {name} is missing; name a class of pipeline/base/blocks.py")
 
 
@@ -230,8 +232,12 @@ def full_scale(experiment: str, settings: Mapping) -> list[tuple[list[str], obje
 
 
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:
-    """Return one model's block; InputError names the models that params.yaml lists where there is none."""
+    """Return one model's block, of MODEL_ZERO that of the model that it is.
+
+    InputError names the models that params.yaml lists where there is none.
+    """
     models = params[experiment]["models"]
+    model = params[experiment]["model_zero"] if model == paths.MODEL_ZERO else model
     if model not in models:
         raise InputError(f"params.yaml, {experiment}.models: no model '{model}'; listed: {', '.join(models)}")
     return models[model]
@@ -242,6 +248,17 @@ def runs(params: Mapping, experiment: str) -> list[tuple[str, int]]:
     return [(name, seed) for name, block in params[experiment]["protocols"].items() for seed in block["seeds"]]
 
 
-def training_command(experiment: str, model: str) -> str:
-    """Return the command that trains one model."""
-    return f"python -m pipeline.stages.train {experiment} {model}"
+def epochs(block: Mapping) -> int:
+    """Return the number of epochs that a model's block asks for at most; 1 where it is solved in one step."""
+    training = block.get("training", {})
+    return training.get("epochs", training.get("max_epochs", 1))
+
+
+def transfers(model: str) -> bool:
+    """Tell whether a model starts from model-0: its file says `TRANSFER = True`. The file is parsed, not imported."""
+    return _assigned(paths.MODELS / f"{model}.py", "TRANSFER", False)
+
+
+def training_command(experiment: str) -> str:
+    """Return the command that trains the models of an experiment."""
+    return f"python -m pipeline.stages.train {experiment}"

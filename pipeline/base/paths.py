@@ -60,9 +60,14 @@ def dataset(experiment: str) -> Path:
     return experiment_folder(experiment) / "dataset.parquet"
 
 
+def models(experiment: str) -> Path:
+    """Return the folder of an experiment's trained models (output of train)."""
+    return experiment_folder(experiment) / "models"
+
+
 def model_folder(experiment: str, model: str) -> Path:
     """Return the folder that `train` writes for one model: one folder per run, named `<protocol>-<seed>`."""
-    return experiment_folder(experiment) / "models" / model
+    return models(experiment) / model
 
 
 def model_draft(experiment: str, model: str) -> Path:

@@ -62,18 +62,20 @@ def run(
     function: Callable,
     tasks: Mapping[Hashable, tuple],
     bar: tqdm,
-    steps: int = 1,
+    steps: int | Mapping[Hashable, int] = 1,
     folders: Mapping[Hashable, Path] = MappingProxyType({}),
 ) -> Iterator[tuple[Hashable, object]]:
     """Call `function(*arguments, report)` for every task in processes of one thread; yield (key, result).
 
     Results come as they finish. `bar` moves by one for every call of `report` in a task and, at a task's end,
-    by what is left of its `steps` (early stopping). An InputError of a task is raised here. Where one process is
-    enough, it is this one: to start another takes 3 s. `folders`: the new folder that a task makes, if it makes one;
-    what a lost process left of it is removed. A task whose process is killed, or gets no memory, starts again beside
-    one task fewer; InputError names it if that happens where it is alone.
+    by what is left of its `steps` (early stopping), one number for all tasks or one for each key. An InputError of a
+    task is raised here. Where one process is enough, it is this one: to start another takes 3 s. `folders`: the new
+    folder that a task makes, if it makes one; what a lost process left of it is removed. A task whose process is
+    killed, or gets no memory, starts again beside one task fewer; InputError names it if that happens where it is
+    alone.
     """
     processes = count()
+    steps = steps if isinstance(steps, Mapping) else dict.fromkeys(tasks, steps)
     if isinstance(processes, str):
         from pipeline.base import cluster
 
@@ -114,7 +116,7 @@ def answer(pipe: Connection, function: Callable, arguments: tuple) -> None:
         pipe.send(("error", RuntimeError(f"{error}: {reply[1]!r}")))
 
 
-def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: int) -> Iterator[tuple[Hashable, object]]:
+def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: Mapping) -> Iterator[tuple[Hashable, object]]:
     """Do the tasks in this process, one after the other."""
     with threadpool_limits(1):
         for key, arguments in tasks.items():
@@ -132,12 +134,12 @@ def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: int) -> Itera
                 if memory_error(error) is None:
                     raise
                 raise InputError(f"{called(bar, key)}: {memory_error(error)}; {ADVICE}") from error
-            bar.update(steps - done)
+            bar.update(steps[key] - done)
             yield key, result
 
 
 def _in_processes(
-    most: int, function: Callable, tasks: Mapping, bar: tqdm, steps: int, folders: Mapping
+    most: int, function: Callable, tasks: Mapping, bar: tqdm, steps: Mapping, folders: Mapping
 ) -> Iterator[tuple[Hashable, object]]:
     """Do the tasks in at most `most` processes at a time."""
     left, idle, busy = deque(tasks), [], {}
@@ -163,7 +165,7 @@ def _in_processes(
                 del busy[pipe]
                 if kind == "result":
                     idle.append(worker)
-                    bar.update(steps - worker.done)
+                    bar.update(steps[worker.key] - worker.done)
                     yield worker.key, value
                     continue
                 _end(worker)
@@ -211,9 +213,10 @@ def _serve(pipe: Connection) -> None:
     """Do the tasks that come through the pipe until it closes."""
     die_with_parent()
     os.environ |= ONE_THREAD
-    while True:
-        try:
-            function, arguments = pipe.recv()
-        except EOFError:
-            return
-        answer(pipe, function, arguments)
+    with threadpool_limits(1):  # of what the stage's own module has imported before this
+        while True:
+            try:
+                function, arguments = pipe.recv()
+            except EOFError:
+                return
+            answer(pipe, function, arguments)

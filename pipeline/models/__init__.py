@@ -10,6 +10,7 @@ What a model's file provides
   pipeline/base/blocks.py (`Count`, `Width`, `EarlyStopping` ...). The signature is read without importing the file, and
   the model's block in params.yaml is checked against it.
 * `build` raises InputError for settings that do not fit each other or `spec`. It neither reads files nor needs data.
+* `TRANSFER = True` stands in the file of a model of series that starts from model-0; `fit` of others gets no `base`.
 * A docstring's line that starts with "Differs from paper" and a colon is printed in the reports, up to an empty line.
 * Classes that scikit-learn fits (`rbf.GaussianFeatures` ...) are stored by module path: moving or renaming one makes
   saved models unreadable. Such paths, and types that skops does not know, are listed in SklearnRegressor's `trusted`.

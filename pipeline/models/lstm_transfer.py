@@ -7,6 +7,8 @@ from pipeline.datasets.series import Record
 from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec
 
+TRANSFER = True
+
 
 def build(spec: Spec, *, training: SequenceTraining) -> "Transfer":
     """Return the model before transfer; 50 states are 50 trained parameters for one output, 100 for two."""

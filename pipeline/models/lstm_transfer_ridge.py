@@ -4,6 +4,8 @@ from pipeline.base.blocks import NotNegative
 from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec
 
+TRANSFER = True
+
 
 def build(spec: Spec, *, ridge: NotNegative) -> LstmRegressor:
     """Return the model before transfer, with as many parameters as `lstm_transfer`.

@@ -119,7 +119,7 @@ def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]
 
 def read_training_times(experiment: str, model: str, protocol: str) -> list[float]:
     """Read the measured training seconds of one model, one value per seed."""
-    made_by = params.training_command(experiment, model)
+    made_by = params.training_command(experiment)
     times = read_csv(paths.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
     return times[times["protocol"] == protocol]["train_s"].tolist()
 
@@ -137,7 +137,7 @@ class Fit(NamedTuple):
 def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
     """Read how one run was trained. Raises InputError for a missing or broken file."""
     folder = paths.run_folder(experiment, model, protocol, seed)
-    made_by = params.training_command(experiment, model)
+    made_by = params.training_command(experiment)
     fit = fits.read(folder, made_by)
     values = [fit[name] for name in ("stop_reason", "best_epoch", "epochs", "parameters")]
     history = read_csv(folder / "history.csv", ["epoch", "train_loss", "validation_loss"], made_by)

@@ -54,7 +54,7 @@ def prediction_times(predict, x: np.ndarray, batch: int, settings: dict) -> np.n
 
 def training_seconds(experiment: str, model: str, protocol: str) -> float:
     """Median over the seeds of the main protocol of the measured training time, in s."""
-    path = paths.require(paths.training_times(experiment, model), params.training_command(experiment, model))
+    path = paths.require(paths.training_times(experiment, model), params.training_command(experiment))
     with open(path, newline="", encoding="utf-8") as file:
         return statistics.median(float(row["train_s"]) for row in csv.DictReader(file) if row["protocol"] == protocol)
 

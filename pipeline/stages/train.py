@@ -1,9 +1,11 @@
-"""Stage: train one model for every protocol and seed of an experiment. Writes models; scoring is `evaluate`.
+"""Stage: train the models of an experiment, every protocol and seed. Writes models; scoring is `evaluate`.
 
+Only what is made from something else than before is trained: other settings of the model, other data, other code that
+it imports. To train a model again all the same, remove its folder in data/EXPERIMENT/models first.
 The runs are independent: they go to as many processes as there are cores (WORKERS=n for another number), each
-with one thread, which gives the same numbers whatever the number of processes.
-`model_zero` in place of a model trains the networks that transfer learning starts from (strain); they come first.
-Usage: python -m pipeline.stages.train EXPERIMENT MODEL|model_zero
+with one thread, which gives the same numbers whatever the number of processes. The networks that transfer learning
+starts from (strain) come first, into the folder `model_zero`.
+Usage: python -m pipeline.stages.train EXPERIMENT
 """
 
 import csv
@@ -12,8 +14,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline import models, tasks
-from pipeline.base import arguments, params, paths, runs
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base import arguments, imports, params, paths, runs
+from pipeline.base.errors import run_stage
+
+# What a training reads of an experiment's block in params.yaml beside the model's own, by the kind of input.
+READ = {
+    "windows": ("label", "protocols", "sensor", "window"),
+    "series": ("model_zero", "protocols", "sensor", "window"),
+    "images": ("protocols",),
+}
 
 
 def train_run(
@@ -21,22 +30,19 @@ def train_run(
 ) -> float:
     """Train one run of params.yaml (`values`) and write its files (see `Fitted.save`); return the seconds of fitting.
 
-    A run that is the very network which transfer starts from is copied, not trained twice.
+    `model`: a key of params.yaml, or MODEL_ZERO for the network that transfer starts from (section III-B of the
+    latent-space paper). A run that is this very network is copied, not trained twice.
     """
-    settings = values[experiment]
+    settings, zero = values[experiment], None
     base = tasks.of(experiment).base(experiment, settings, protocol)
-    zero = paths.run_folder(experiment, paths.MODEL_ZERO, base, seed) if base else None
     if base == protocol and model == settings["model_zero"]:
-        shutil.copytree(zero, target)
+        shutil.copytree(paths.run_folder(experiment, paths.MODEL_ZERO, base, seed), target)
         return _seconds_of_model_zero(experiment, protocol, seed)
+    if model == paths.MODEL_ZERO:
+        model = settings["model_zero"]
+    elif base and params.transfers(model):
+        zero = paths.run_folder(experiment, paths.MODEL_ZERO, base, seed)
     return _train(values, experiment, model, protocol, seed, target, report, zero)
-
-
-def model_zero_run(
-    values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
-) -> float:
-    """Train one network that transfer starts from (section III-B of the latent-space paper); as `train_run`."""
-    return _train(values, experiment, model, protocol, seed, target, report, None)
 
 
 def _train(
@@ -65,29 +71,57 @@ def _train(
 
 def _seconds_of_model_zero(experiment: str, protocol: str, seed: int) -> float:
     path = paths.training_times(experiment, paths.MODEL_ZERO)
-    made_by = params.training_command(experiment, paths.MODEL_ZERO)
-    with open(paths.require(path, made_by), newline="", encoding="ascii") as file:
+    with open(paths.require(path, params.training_command(experiment)), newline="", encoding="ascii") as file:
         times = {(row["protocol"], row["seed"]): float(row["train_s"]) for row in csv.DictReader(file)}
     return times[protocol, str(seed)]
 
 
-def main() -> None:
-    """Train the model named on the command line, or model-0 for all protocols that need one.
+def code(experiment: str, model: str) -> list[str]:
+    """Return the files of code that decide what a model's runs become, sorted: those of dvc.yaml's deps it imports."""
+    kind = tasks.kind(experiment)
+    names = {"experiments": experiment, "models": model, "tasks": kind}
+    behind = {room: [f"pipeline/{room}/{name}.py"] for room, name in names.items()}
+    unused = {("experiments", "logs"), ("tasks", "scoring")}
+    if kind != "series":  # of the experiment's file only KIND is read
+        unused.add(("tasks", "experiments"))
+    files = imports.closure("pipeline/stages/train.py", behind, unused)
+    return sorted(file for file in files if imports.room(file) != "base")
 
-    The model may also be given as DVC's name of the stage, `train_touch@lomp`: DVC hands it over in the variable
-    DVC_STAGE, and so nothing that params.yaml says is ever part of a shell command.
-    """
-    values = params.load()
-    given = arguments.parse(__doc__, experiment=values["experiments"], model=None)
-    experiment, model = given.experiment, given.model.rpartition("@")[2]
-    if model != paths.MODEL_ZERO:
-        runs.train_all(train_run, values, experiment, model)
-        return
-    settings = values[experiment]
+
+def read_settings(values: Mapping, experiment: str) -> list[str]:
+    """Return the keys of an experiment's block that a training reads beside `models`."""
+    return [key for key in READ[tasks.kind(experiment)] if key in values[experiment]]
+
+
+def _origin(values: Mapping, experiment: str, model: str) -> str:
+    """Return the digest of all that the runs of a model, or of MODEL_ZERO, are made from."""
+    settings = [values["device"], params.model_settings(values, experiment, model)]
+    settings += [[key, values[experiment][key]] for key in read_settings(values, experiment)]
+    inputs = [paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")]
+    if model == paths.MODEL_ZERO:
+        model = values[experiment]["model_zero"]
+    elif params.transfers(model):
+        inputs += sorted(paths.model_folder(experiment, paths.MODEL_ZERO).rglob("*.safetensors"))
+    inputs += [paths.ROOT / file for file in code(experiment, model)]
+    return runs.origin(settings, inputs)
+
+
+def train(values: Mapping, experiment: str) -> None:
+    """Train what is out of date of the models of an experiment in params.yaml (`values`); remove those not listed."""
+    settings, listed = values[experiment], list(values[experiment]["models"])
     bases = {tasks.of(experiment).base(experiment, settings, protocol) for protocol in settings["protocols"]} - {None}
-    if not bases:
-        raise InputError(f"{experiment}: no model starts from another network; name a model of params.yaml")
-    runs.train_all(model_zero_run, values, experiment, settings["model_zero"], into=model, protocols=bases)
+    zeros = [paths.MODEL_ZERO] if bases else []
+    for names, protocols in ((zeros, bases), (listed, None)):
+        runs.train_all(
+            train_run, values, experiment, {name: _origin(values, experiment, name) for name in names}, protocols
+        )
+    runs.remove_others(experiment, [*zeros, *listed])
+
+
+def main() -> None:
+    """Train the models of the experiment named on the command line."""
+    values = params.load()
+    train(values, arguments.parse(__doc__, experiment=values["experiments"]).experiment)
 
 
 if __name__ == "__main__":

@@ -27,9 +27,14 @@ from pipeline.datasets import fits, schemas
 from pipeline.learning.trained import Trained
 
 
+def kind(experiment: str) -> str:
+    """Return an experiment's kind of input, the name of a module of this room."""
+    return experiments.module(experiment).KIND
+
+
 def of(experiment: str) -> ModuleType:
     """Return the module of this room for an experiment's kind of input."""
-    return importlib.import_module(f"pipeline.tasks.{experiments.module(experiment).KIND}")
+    return importlib.import_module(f"pipeline.tasks.{kind(experiment)}")
 
 
 def write_dataset(
@@ -55,7 +60,7 @@ def load(values: Mapping, experiment: str, model: str, protocol: str, seed: int,
     """
     block = params.model_settings(values, experiment, model)
     built = of(experiment).adapted(models.build(model, spec, block, f"{experiment}.models.{model}"), spec)
-    made_by = params.training_command(experiment, model)
+    made_by = params.training_command(experiment)
     folder = paths.require(paths.run_folder(experiment, model, protocol, seed), made_by)
     built.load(folder)
     return Trained(built, failed=fits.read(folder, made_by)["best_epoch"] == 0)

@@ -29,15 +29,15 @@ EPOCHS = 200  # half a second
 RECIPE = {"learning_rate": 5e-3, "max_epochs": EPOCHS, "drop_epoch": 100, "drop": 0.2, "clip": 1.0, "streams": 1}
 SEEDS = [0, 1, 2]
 SETTINGS = {
-    "strain.protocols.task_0.seeds": SEEDS,
+    "strain.protocols": {"task_0": {"seeds": SEEDS}},
     "strain.models": {"lstm_direct": {"units": 6, "training": RECIPE | {"batch": 1}}},
 }
 # What the cluster needs for training, and the same training without it.
 PREPARE = """
 import sys
 from pipeline.stages import dataset, ingest, simulate, train
-for stage, *model in ((simulate,), (ingest,), (dataset,), (train, "model_zero")):
-    sys.argv = [stage.__name__, "strain", *model]
+for stage in (simulate, ingest, dataset, train):
+    sys.argv = [stage.__name__, "strain"]
     stage.main()
 """
 # Tasks that do nothing, for what can go wrong; as a command, two that never end.
@@ -200,7 +200,7 @@ def test_a_lost_worker_changes_no_byte(project, client, heard):
     project.run("-c", PREPARE)
     local = files(models(project))
     shutil.rmtree(models(project))
-    stage = start(project, client, "pipeline.stages.train", "strain", "model_zero")
+    stage = start(project, client, "pipeline.stages.train", "strain")
     reports = [heard.get(timeout=300)]
     number, _ = reports[0]
     lost = worker_at(client, number)

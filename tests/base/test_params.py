@@ -88,7 +88,7 @@ def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
     text_file(project, yaml.safe_dump(values))
     code = f"import runpy, sys; from pipeline.base import paths; paths.ROOT = paths.Path({str(project)!r})\n"
     code += "paths.PARAMS = paths.ROOT / 'params.yaml'\n"
-    code += f"sys.argv = [{program!r}, {experiment!r}, {key!r}]\n"
+    code += f"sys.argv = [{program!r}, {experiment!r}]\n"
     code += f"runpy.run_module('pipeline.stages.{program}', run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr.startswith("error: params.yaml"), done.stderr
@@ -221,20 +221,19 @@ def test_a_stage_fails_where_params_yaml_changed_while_it_ran(after, code, tmp_p
 
 @pytest.mark.slow
 def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
-    """A key with shell code, made so that DVC takes it for a stage: refused, nothing run, nothing removed."""
+    """A key with shell code, or one that leads elsewhere: refused by the stage that comes to it, nothing removed."""
     for part in ("pipeline", "dvc.yaml", "params.yaml"):
         source = ROOT / part
         copy_of = shutil.copytree if source.is_dir() else shutil.copy
         copy_of(source, tmp_path / part)
     evil = "$(touch PWNED)/../linear"
-    removing = "x/../../../../victim"  # DVC removes what it takes for a stage's output before it runs the stage
+    removing = "x/../../../../victim"
     block = {evil: {}, "$(touch PWNED)/": {"": {"/linear": {}}}, removing: {}, "constant": {}}
     values = altered("touch", "models", value=block)
     text_file(tmp_path, yaml.safe_dump(values))
     (tmp_path / "data" / "touch").mkdir(parents=True)
     (tmp_path / "data" / "touch" / "dataset.parquet").write_text("as if it were made")
     (tmp_path / "victim").mkdir()
-    (tmp_path / "victim.py").write_text("in place of pipeline/models/<key>.py")
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         "PYTHONPATH": str(tmp_path),
@@ -248,13 +247,10 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
         return done.stdout + done.stderr
 
     dvc("init", "--no-scm", "--quiet")
-    for target in (["settings", f"train_touch@{evil}"], [f"train_touch@{removing}"], []):
+    for target in (["train_touch"], ["--single-item", "train_touch"], []):
         said = dvc("repro", *target)
-        assert "cannot name a model" in said and "Running stage 'train_touch" not in said, said
+        assert "cannot name a model" in said and len(re.findall("Running stage", said)) == 1, said
     assert (tmp_path / "victim").is_dir()
-    (tmp_path / "data" / "settings.txt").write_text("as if it were checked")
-    alone = dvc("repro", "--single-item", f"train_touch@{evil}")
-    assert "Running stage 'train_touch@$(touch PWNED)" in alone and "cannot name a model" in alone
     assert not list(tmp_path.rglob("PWNED"))
 
 
@@ -263,4 +259,4 @@ def test_no_stage_hands_a_value_of_params_yaml_to_the_shell():
     for name, stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].items():
         listed = {f"${{item.{axis}}}" for axis, choices in stage.get("matrix", {}).items() if isinstance(choices, list)}
         assert set(re.findall(r"\$\{.*?\}", stage["cmd"])) <= listed, name
-        assert not re.search(r"\$(?!\{item)", stage["cmd"].replace('"$DVC_STAGE"', "")), name
+        assert not re.search(r"\$(?!\{item)", stage["cmd"]), name

@@ -1,11 +1,17 @@
-"""Training of all runs of a model: what a stopped or wrong one leaves, and what the next one takes from it."""
+"""Training of the models of an experiment: what is trained again, and what a stopped or wrong one leaves."""
+
+import shutil
 
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import files, params, paths, runs
+from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
+from pipeline.stages import train as stage
 
 RUNS = [("press", 0), ("press", 1), ("random_window", 0)]
+MODELS = ["constant", "tree", "cnn"]
+ALL = [(model, *run) for model in reversed(MODELS) for run in RUNS]  # the longest first
 
 
 class Stopped(Exception):
@@ -14,90 +20,253 @@ class Stopped(Exception):
 
 @pytest.fixture
 def values(tmp_path, monkeypatch):
-    """params.yaml with three runs of `linear`, in a folder of its own that has an earlier training of it."""
+    """params.yaml with three runs of MODELS for touch, in a copy of the code, without any data but a stand-in."""
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setenv("WORKERS", "1")
-    (tmp_path / "pipeline" / "stages").mkdir(parents=True)
-    (tmp_path / "pipeline" / "stages" / "train.py").write_text("first")
-    files.write_text(paths.dataset("touch"), "data")
-    files.write_text(paths.ingest_report("touch"), '{"run": true}')
-    files.write_text(paths.model_folder("touch", "linear") / "press-0" / "fit.json", "earlier")
+    shutil.copytree(ROOT / "pipeline", tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
+    for experiment in ("touch", "strain"):
+        files.write_text(paths.dataset(experiment), "data")
+        files.write_text(paths.ingest_report(experiment), '{"run": true}')
     values = params.load()
-    values["touch"] = values["touch"] | {"protocols": {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}}}
+    values["touch"]["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}}
+    values["touch"]["models"] = {model: values["touch"]["models"][model] for model in MODELS}
     return values
 
 
-def train(values, stop_at=None) -> list[tuple[str, int]]:
-    """Train `linear`, up to the run `stop_at`; return the runs that were trained in this call."""
-    trained = []
+@pytest.fixture
+def train(values, monkeypatch):
+    """`train(experiment, stop_at)`: train up to a run; return the runs (model, protocol, seed) trained in this call."""
 
-    def train_run(values, experiment, model, protocol, seed, target, report):
-        target.mkdir(parents=True)
-        if (protocol, seed) == stop_at:
-            raise Stopped
-        (target / "fit.json").write_text(f"{protocol} {seed} of call {len(trained)}")
-        trained.append((protocol, seed))
-        return 10.0 + seed
+    def trained(experiment="touch", stop_at=None) -> list[tuple[str, str, int]]:
+        done = []
 
-    try:
-        runs.train_all(train_run, values, "touch", "linear")
-    except Stopped:
-        pass
+        def train_run(values, experiment, model, protocol, seed, target, report):
+            target.mkdir(parents=True)
+            if (model, protocol, seed) == stop_at:
+                raise Stopped
+            block = params.model_settings(values, experiment, model)
+            (target / "network.safetensors").write_text(f"{model} {protocol} {seed} {block}")
+            done.append((model, protocol, seed))
+            for _ in range(params.epochs(block)):
+                report(1, 1, 0.5)
+            return 10.0 + seed
+
+        monkeypatch.setattr(stage, "train_run", train_run)
+        try:
+            stage.train(values, experiment)
+        except Stopped:
+            assert stop_at
+        return done
+
     return trained
 
 
-def result() -> dict[str, str]:
-    folder = paths.model_folder("touch", "linear")
-    return {path.parent.name: path.read_text() for path in sorted(folder.rglob("fit.json"))}
+def written(experiment="touch") -> dict[str, bytes]:
+    """Path -> content of all that DVC takes for the outputs of the stage."""
+    outs = (paths.models(experiment), paths.training_times(experiment, "any").parent)
+    found = [path for out in outs for path in sorted(out.rglob("*")) if path.is_file()]
+    return {path.relative_to(paths.ROOT).as_posix(): path.read_bytes() for path in found}
 
 
-def test_a_stopped_training_goes_on_from_its_finished_runs(values):
-    assert train(values, stop_at=("random_window", 0)) == RUNS[:2]
-    assert result() == {"press-0": "earlier"}  # the earlier training stays until this one is whole
-    assert train(values) == RUNS[2:]
-    assert list(result()) == ["press-0", "press-1", "random_window-0"]
-    times = paths.training_times("touch", "linear").read_text().splitlines()
+def append(file: str) -> None:
+    """Change a file of code."""
+    with open(paths.ROOT / file, "a") as code:
+        code.write("# changed\n")
+
+
+def test_all_models_are_trained_in_one_go_the_longest_first(values, train, capsys):
+    assert train() == ALL
+    folder = paths.models("touch")
+    assert sorted(path.name for path in folder.iterdir()) == sorted(MODELS)
+    assert sorted(path.name for path in (folder / "cnn").glob("*/")) == ["press-0", "press-1", "random_window-0"]
+    times = paths.training_times("touch", "tree").read_text().splitlines()
     assert times == ["protocol,seed,train_s", "press,0,10.0", "press,1,11.0", "random_window,0,10.0"]
-    assert not paths.model_draft("touch", "linear").exists()
-    assert train(values) == RUNS  # a whole one is done again, when asked for
+    assert not any(paths.model_draft("touch", model).exists() for model in MODELS)
+    epochs = 3 * (1 + 1 + values["touch"]["models"]["cnn"]["training"]["max_epochs"])
+    assert f"train touch: 100%|██████████| {epochs}/{epochs}" in capsys.readouterr().err
+
+
+def test_nothing_is_trained_again_where_nothing_changed(train):
+    train()
+    before = written()
+    assert train() == [] and written() == before
+
+
+OF_TREE = [run for run in ALL if run[0] == "tree"]
+
+
+@pytest.mark.parametrize(
+    ("file", "again"),
+    [
+        ("pipeline/models/tree.py", OF_TREE),
+        ("pipeline/learning/estimators.py", [run for run in ALL if run[0] != "cnn"]),
+        ("pipeline/datasets/windows.py", ALL),
+        ("pipeline/stages/train.py", ALL),
+        ("pipeline/models/vgg.py", []),
+        ("pipeline/scoring/metrics.py", []),
+        ("pipeline/experiments/touch.py", []),
+        ("pipeline/base/workers.py", []),
+    ],
+)
+def test_a_change_of_code_trains_what_imports_it(train, file, again):
+    train()
+    append(file)
+    assert train() == again
+
+
+def test_a_change_of_one_models_settings_trains_that_model_alone(values, train):
+    train()
+    before = written()
+    values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+    assert train() == OF_TREE
+    changed = {path for path, content in written().items() if before[path] != content}
+    assert changed == {f"data/touch/models/tree/{p}-{s}/network.safetensors" for p, s in RUNS} | {
+        "data/touch/models/tree/origin.txt"
+    }
+
+
+@pytest.mark.parametrize("key", ["label", "sensor", "window", "device"])
+def test_a_change_of_a_setting_that_all_read_trains_all(values, train, key):
+    train()
+    if key == "device":
+        values["device"] = "cpu"
+    else:
+        values["touch"][key] = values["touch"][key] | {"changed": 1}
+    assert train() == ALL
+
+
+@pytest.mark.parametrize("key", ["simulate", "latency", "yardstick", "ablation"])
+def test_a_change_of_another_setting_trains_nothing(values, train, key):
+    train()
+    values["touch"][key] = values["touch"][key] | {"changed": 1}
+    assert train() == []
+
+
+def test_other_data_train_all(train):
+    train()
+    files.write_text(paths.dataset("touch"), "other data")
+    assert train() == ALL
+
+
+@pytest.mark.parametrize("damage", ["changed", "lost", "added", "no times"])
+def test_a_folder_that_is_not_as_it_was_written_is_trained_again(train, damage):
+    train()
+    before = written()
+    file = paths.run_folder("touch", "tree", "press", 1) / "network.safetensors"
+    if damage == "no times":
+        file = paths.training_times("touch", "tree")
+    elif damage == "added":
+        file = file.with_name("other.txt")
+    if damage in ("changed", "added"):
+        file.write_text("by hand")
+    else:
+        file.unlink()
+    assert train() == OF_TREE and written() == before
+
+
+def test_a_model_that_is_no_longer_listed_is_removed(values, train):
+    train()
+    cnn = values["touch"]["models"].pop("cnn")
+    files.write_text(paths.training_times("touch", "other"), "of an earlier version")
+    assert train() == []
+    assert {path.split("/")[3].split(".")[0] for path in written()} == {"constant", "tree"}
+    values["touch"]["models"]["cnn"] = cnn
+    assert train() == ALL[:3]
+
+
+def test_a_stopped_training_goes_on_from_its_finished_runs(values, train):
+    train()
+    before = written()
+    values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+    values["touch"]["models"]["cnn"] = values["touch"]["models"]["cnn"] | {"hidden": [8]}
+    assert train(stop_at=("tree", "press", 1)) == ALL[:4]
+    assert written() == before  # the earlier training stays until this one is whole
+    assert train() == ALL[4:6]
+    assert not paths.model_draft("touch", "tree").exists()
+    assert written().keys() == before.keys()
+    assert train() == []
+
+
+def test_a_stopped_training_of_settings_that_are_taken_back_is_forgotten(values, train):
+    train()
+    before, tree = written(), values["touch"]["models"]["tree"]
+    values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+    train(stop_at=("tree", "press", 1))
+    values["touch"]["models"]["tree"] = tree
+    assert train() == [] and written() == before and not paths.model_draft("touch", "tree").exists()
 
 
 @pytest.mark.parametrize("change", ["settings", "data", "code"])
-def test_finished_runs_of_other_settings_data_or_code_are_not_taken(values, change):
-    train(values, stop_at=("random_window", 0))
+def test_finished_runs_of_other_settings_data_or_code_are_not_taken(values, train, change):
+    train(stop_at=("constant", "press", 0))
     if change == "settings":
-        values["touch"] = values["touch"] | {"models": values["touch"]["models"] | {"tree": {"changed": 1}}}
+        values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
     elif change == "data":
         files.write_text(paths.dataset("touch"), "other data")
     else:
-        (paths.ROOT / "pipeline" / "stages" / "train.py").write_text("second")
-    assert train(values) == RUNS
+        append("pipeline/models/tree.py")
+    assert train() == (ALL if change == "data" else ALL[3:])
 
 
-def test_a_run_without_its_time_is_trained_again(values):
-    train(values, stop_at=("random_window", 0))
-    times = paths.model_draft("touch", "linear") / "times.csv"
+def test_a_run_without_its_time_is_trained_again(train):
+    train(stop_at=("tree", "press", 0))
+    times = paths.model_draft("touch", "cnn") / "times.csv"
     times.write_text("\n".join(times.read_text().splitlines()[:2]) + "\n")
-    assert train(values) == RUNS[1:]
+    assert train() == ALL[1:]
 
 
-def test_a_wrong_model_leaves_the_trained_one(values):
+def test_model_zero_comes_first_and_only_what_starts_from_it_follows_it(values, train):
+    models = ["ridge", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]
+    values["strain"]["models"] = {model: values["strain"]["models"][model] for model in models}
+    trained = train("strain")
+    zeros = [(paths.MODEL_ZERO, "task_0", seed) for seed in range(5)]
+    assert trained[:5] == zeros and {model for model, *_ in trained[5:]} == set(models)
+    assert train("strain") == []
+    values["strain"]["models"]["ridge"] = {"ridge": 2.0}
+    assert {model for model, *_ in train("strain")} == {"ridge"}
+    values["strain"]["models"]["lstm_direct"] = values["strain"]["models"]["lstm_direct"] | {"units": 7}
+    assert {model for model, *_ in train("strain")} == {paths.MODEL_ZERO, *models} - {"ridge"}
+    assert sorted(path.name for path in paths.models("strain").iterdir()) == sorted([paths.MODEL_ZERO, *models])
+
+
+def test_without_recordings_no_model_has_a_run(values, train):
+    train()
+    files.write_text(paths.ingest_report("touch"), '{"run": false, "reason": "no recordings"}')
+    assert train() == []
+    assert not list(paths.models("touch").rglob("*.safetensors"))
+    assert paths.training_times("touch", "tree").read_text() == "protocol,seed,train_s\n"
+    files.write_text(paths.ingest_report("touch"), '{"run": true}')
+    assert train() == ALL
+
+
+def test_a_wrong_model_leaves_the_trained_ones(values, train, monkeypatch):
+    train()
+    before = written()
+    values["strain"]["model_zero"] = "cubic"
     with pytest.raises(InputError, match="no model 'cubic'"):
-        runs.train_all(lambda *arguments: 0.0, values, "touch", "cubic")
+        train("strain")
 
     def refuses(*arguments):
         raise InputError("a setting that does not go with the data")
 
+    values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+    monkeypatch.setattr(stage, "train_run", refuses)
     with pytest.raises(InputError, match="does not go with"):
-        runs.train_all(refuses, values, "touch", "linear")
-    assert result() == {"press-0": "earlier"}
+        stage.train(values, "touch")
+    assert written() == before
 
 
-def test_a_draft_that_links_elsewhere_is_not_removed(values, tmp_path):
+def test_a_missing_dataset_is_one_sentence(train):
+    paths.dataset("touch").unlink()
+    with pytest.raises(InputError, match=r"dataset.parquet: not found; run `python -m pipeline.stages.dataset touch`"):
+        train()
+
+
+def test_a_draft_that_links_elsewhere_is_not_removed(train, tmp_path):
     (tmp_path / "canary" / "important").mkdir(parents=True)
-    draft = paths.model_draft("touch", "linear")
+    draft = paths.model_draft("touch", "tree")
     draft.parent.mkdir(parents=True, exist_ok=True)
     draft.symlink_to(tmp_path / "canary")
     with pytest.raises(InputError, match="so it is not removed"):
-        train(values)
+        train()
     assert (tmp_path / "canary" / "important").is_dir()

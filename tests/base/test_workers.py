@@ -91,6 +91,53 @@ def test_tasks_run_with_one_thread_and_give_what_they_return(run):
     assert found == {key: (key * key, "1") for key in range(5)} and bar.n == 5
 
 
+def reporting(times, report):
+    for _ in range(times):
+        report(1, 1, 0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", [1, 2])
+def test_the_bar_knows_the_steps_of_each_task(run, monkeypatch, processes):
+    """Tasks that stop early, too, leave it where all of their steps are done."""
+    monkeypatch.setenv("WORKERS", str(processes))
+    steps = {"constant": 1, "network": 7, "stopped": 5}
+    tasks = {"constant": (0,), "network": (7,), "stopped": (2,)}
+    with tqdm(total=13) as bar:
+        assert len(list(workers.run(reporting, tasks, bar, steps=steps))) == 3
+        assert bar.n == 13
+
+
+BLAS = """
+import os
+import sys
+
+import numpy  # before a worker can limit what it starts
+from threadpoolctl import threadpool_info
+from tqdm import tqdm
+
+from pipeline.base import workers
+
+def threads(number, report):
+    return [library["num_threads"] for library in threadpool_info()]
+
+if __name__ == "__main__":
+    print(threads(0, None))
+    with tqdm(total=2, disable=True) as bar:
+        print([threads for _, threads in workers.run(threads, {0: (0,), 1: (1,)}, bar)])
+"""
+
+
+@pytest.mark.slow
+def test_a_process_has_one_thread_where_its_stage_has_loaded_numpy(tmp_path):
+    (tmp_path / "stage.py").write_text(BLAS)
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "WORKERS": "2"}
+    for name in workers.ONE_THREAD:
+        environment[name] = "2"
+    done = subprocess.run([sys.executable, "stage.py"], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.stdout.splitlines() == ["[2]", "[[1], [1]]"], done.stdout + done.stderr
+
+
 @pytest.mark.slow
 def test_a_killed_process_costs_its_own_task_a_second_try(run, tmp_path, capfd):
     times = {"first": 0, "second": 1, "third": 0, "fourth": 0, "fifth": 0}

@@ -66,7 +66,7 @@ class Project:
         return self.run("-m", "dvc", *arguments, check=check)
 
     def stages(self, *lines: str) -> float:
-        """Run stages (`stages.train touch lomp`) in turn in one Python, which imports torch once for all of them.
+        """Run stages (`stages.train touch`) in turn in one Python, which imports torch once for all of them.
 
         Return the processor time of that Python and its children in seconds. The time of all children of this process
         would count the miniature, too, where it ends meanwhile.
@@ -84,8 +84,8 @@ class Project:
         return done
 
 
-# Two halves of the pipeline that share no stage but those of SHARED: run side by side, they take half as long.
-SHARED = ("settings", "ingest_velostat_recorded")  # of seconds
+# Two halves of the pipeline that share no stage but that of SHARED: run side by side, they take half as long.
+SHARED = ("ingest_velostat_recorded",)  # of seconds
 HALVES = (
     ["render_touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
     + ["stress@velostat_recorded", "stress@strain_recorded", "physics_touch", "physics_strain"],
@@ -126,7 +126,7 @@ def run_half(project: Project, targets: list[str]) -> None:
     """Run the stages that the targets need, one by one beside another DVC in the same project.
 
     SHARED is left out: DVC would look whether it is up to date, and stops where it may not, because the other DVC
-    trains a model that depends on it.
+    runs a stage that depends on it.
     """
     names = project.run("-c", STEPS, *targets).stdout.split()
     project.dvc("--wait-for-lock", "repro", "--single-item", *(name for name in names if name not in SHARED))

@@ -52,33 +52,26 @@ def test_a_run_that_diverged_predicts_nothing(values):
 
 
 def test_a_run_that_is_not_there_or_broken_says_how_to_train_it(values):
-    with pytest.raises(
-        InputError, match="press-1: not found; run `python -m pipeline.stages.train touch linear` first"
-    ):
+    with pytest.raises(InputError, match="press-1: not found; run `python -m pipeline.stages.train touch` first"):
         tasks.load(values, "touch", "linear", "press", 1, SPEC)
-    with pytest.raises(InputError, match="run `python -m pipeline.stages.train glove tree` first"):
+    with pytest.raises(InputError, match="run `python -m pipeline.stages.train glove` first"):
         tasks.load(values, "glove", "tree", "session_strain", 0, Spec(1, 32, 32, 1, 16))
     (paths.run_folder("touch", "linear", "press", 0) / "fit.json").write_text("{}")
     with pytest.raises(
-        InputError, match="key 'stop_reason' is missing; run `python -m pipeline.stages.train touch linear` again"
+        InputError, match="key 'stop_reason' is missing; run `python -m pipeline.stages.train touch` again"
     ):
         tasks.load(values, "touch", "linear", "press", 0, SPEC)
 
 
-def test_a_model_that_params_yaml_does_not_list_is_one_sentence(monkeypatch):
-    monkeypatch.setattr("sys.argv", ["train", "touch", "cn"])
-    with pytest.raises(InputError, match="touch.models: no model 'cn'"):
-        train.main()
-
-
-def test_model_zero_is_for_experiments_with_transfer_alone(monkeypatch):
-    monkeypatch.setattr("sys.argv", ["train", "touch", "model_zero"])
-    with pytest.raises(InputError, match="touch: no model starts from another network"):
-        train.main()
+@pytest.mark.parametrize("model", sorted(path.stem for path in paths.MODELS.glob("lstm_*.py")))
+def test_a_model_that_starts_from_model_zero_says_so(model):
+    """Its `fit` gets no model-0 otherwise, and it would not be trained again where model-0 changes."""
+    block = params.load()["strain"]["models"][model]
+    assert params.transfers(model) == getattr(models.build(model, SPEC, block, "test"), "transfer", False)
 
 
 def test_an_unknown_experiment_is_one_sentence(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["train", "tuch", "cnn"])
+    monkeypatch.setattr("sys.argv", ["train", "tuch"])
     with pytest.raises(SystemExit):
         train.main()
     assert "argument experiment: invalid choice: 'tuch'" in capsys.readouterr().err

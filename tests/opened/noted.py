@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 
 # Stages that keep books on all settings, whether or not anything reads them.
-BOOKKEEPERS = ("pipeline.stages.track", "pipeline.stages.agreement", "pipeline.stages.settings")
+BOOKKEEPERS = ("pipeline.stages.track", "pipeline.stages.agreement")
 
 
 class Noted(dict):

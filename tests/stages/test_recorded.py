@@ -74,8 +74,7 @@ def stages(tmp_path, monkeypatch):
         monkeypatch.setattr(params, "load", lambda: values)
         windows = [window] if experiment == "velostat_recorded" else []
         for module in [ingest, *windows, dataset, train, evaluate, *more]:
-            models = values[experiment]["models"] if module is train else {}
-            monkeypatch.setattr("sys.argv", [module.__name__, experiment, *models])
+            monkeypatch.setattr("sys.argv", [module.__name__, experiment])
             module.main()
 
     return run

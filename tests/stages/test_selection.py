@@ -260,7 +260,7 @@ def of_train_series(values, folder):
 
 
 def of_model_zero(values, folder):
-    train_stage.model_zero_run(values, "strain", "lstm_direct", "task_0", 0, folder / "run", nothing)
+    train_stage.train_run(values, "strain", paths.MODEL_ZERO, "task_0", 0, folder / "run", nothing)
 
 
 def of_physics_strain(values, folder):
