@@ -259,9 +259,16 @@ def _signals(rows: pa.Table, strength: Callable, columns: list[str]) -> list[ali
     averages = [alignment.averager(piece, alignment.STEP_S) for piece in np.split(time, edges)]
     times = [average(piece) for average, piece in zip(averages, np.split(time, edges), strict=True)]
     sums = [np.zeros(len(piece)) for piece in times]
-    for name in columns:
-        for total, average, piece in zip(sums, averages, np.split(rows[name].to_numpy(), edges), strict=True):
-            total += strength(average(piece))
+
+    def strengths(name: str) -> list[np.ndarray]:
+        pieces = np.split(rows[name].to_numpy(), edges)
+        return [strength(average(piece)) for average, piece in zip(averages, pieces, strict=True)]
+
+    with ThreadPoolExecutor(threads := os.cpu_count() or 1) as pool:
+        for few in itertools.batched(columns, threads):  # a long log's columns must not all be in memory
+            for column in pool.map(strengths, few):
+                for total, values in zip(sums, column, strict=True):
+                    total += values
     return [alignment.Signal(*pair) for pair in zip(times, sums, strict=True)]
 
 
