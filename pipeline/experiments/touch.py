@@ -1,6 +1,8 @@
 """Read touch recordings (LoMP paper): the formats of the devices' logs, and a recording as frames with ground truth."""
 
+import os
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -265,8 +267,8 @@ def _signals(rows: pa.Table, strength: Callable, columns: list[str]) -> list[ali
         return [strength(average(piece)) for average, piece in zip(averages, pieces, strict=True)]
 
     with ThreadPoolExecutor(threads := os.cpu_count() or 1) as pool:
-        for few in itertools.batched(columns, threads):  # a long log's columns must not all be in memory
-            for column in pool.map(strengths, few):
+        for first in range(0, len(columns), threads):  # so few, because a column of a long log takes 100 MB
+            for column in pool.map(strengths, columns[first : first + threads]):
                 for total, values in zip(sums, column, strict=True):
                     total += values
     return [alignment.Signal(*pair) for pair in zip(times, sums, strict=True)]
