@@ -1,6 +1,8 @@
 """Read touch recordings (LoMP paper): the formats of the devices' logs, and a recording as frames with ground truth."""
 
+import os
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -259,9 +261,16 @@ def _signals(rows: pa.Table, strength: Callable, columns: list[str]) -> list[ali
     averages = [alignment.averager(piece, alignment.STEP_S) for piece in np.split(time, edges)]
     times = [average(piece) for average, piece in zip(averages, np.split(time, edges), strict=True)]
     sums = [np.zeros(len(piece)) for piece in times]
-    for name in columns:
-        for total, average, piece in zip(sums, averages, np.split(rows[name].to_numpy(), edges), strict=True):
-            total += strength(average(piece))
+
+    def strengths(name: str) -> list[np.ndarray]:
+        pieces = np.split(rows[name].to_numpy(), edges)
+        return [strength(average(piece)) for average, piece in zip(averages, pieces, strict=True)]
+
+    with ThreadPoolExecutor(threads := os.cpu_count() or 1) as pool:
+        for first in range(0, len(columns), threads):  # so few, because a column of a long log takes 100 MB
+            for column in pool.map(strengths, columns[first : first + threads]):
+                for total, values in zip(sums, column, strict=True):
+                    total += values
     return [alignment.Signal(*pair) for pair in zip(times, sums, strict=True)]
 
 

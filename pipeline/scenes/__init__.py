@@ -1,7 +1,8 @@
 """Simulated scenes: physics that writes the raw logs of an experiment.
 
 Every scene, `pipeline/scenes/<experiment>.py`, provides `plan(settings)` -> (recordings, logs_of): recordings have a
-`condition` and a `name`, and `logs_of(recording)` gives {file name: (lines, injected faults)}.
+`condition` and a `name`, and `logs_of(recording)` gives {file name: (lines, injected faults)}. Recordings are written
+in any order and any process: `logs_of` can be pickled, and each recording draws its random numbers from its own seed.
 """
 
 import importlib
@@ -21,14 +22,26 @@ def write_logs(folder: Path, recordings: Iterable, logs_of: Callable) -> list[tu
 
     Returns one row (condition, recording, file, line, fault) per injected fault.
     """
+    return [row for recording in recordings for row in write_recording(folder, recording, logs_of)]
+
+
+def write_recording(folder: Path, recording, logs_of: Callable, report: Callable | None = None) -> list[tuple]:
+    """Write the logs of one recording, as `write_logs` does, and return their rows.
+
+    report: not called; `workers.run` gives it to every task.
+    """
+    target = folder_of(folder, recording)
+    target.mkdir(parents=True)
     rows = []
-    for recording in recordings:
-        target = folder / recording.condition / recording.name
-        target.mkdir(parents=True)
-        for name, (lines, faults) in logs_of(recording).items():
-            write_log(target / name, lines)
-            rows += [(recording.condition, recording.name, name, fault.line, fault.kind) for fault in faults]
+    for name, (lines, faults) in logs_of(recording).items():
+        write_log(target / name, lines)
+        rows += [(recording.condition, recording.name, name, fault.line, fault.kind) for fault in faults]
     return rows
+
+
+def folder_of(folder: Path, recording) -> Path:
+    """Return `<folder>/<condition>/<recording>`."""
+    return folder / recording.condition / recording.name
 
 
 def write_log(path: Path, lines: Iterable[str]) -> None:

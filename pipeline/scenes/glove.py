@@ -71,6 +71,7 @@ Differs from paper: it does not say in how many grasps the 950 frames of an obje
 are 19 grasps of 50 frames (the length of its figure 13) at 10 Hz, the object being let go in between.
 """
 
+import functools
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
@@ -187,7 +188,7 @@ def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict
     scene = scene_of(settings)
     sessions = [f"session{number:02d}" for number in range(scene["sessions"])]
     recordings = [Recording(name, session) for name in OBJECTS for session in sessions]
-    return recordings, lambda recording: logs_of(recording, scene)
+    return recordings, functools.partial(logs_of, settings=scene)
 
 
 def scene_of(settings: Mapping) -> dict:

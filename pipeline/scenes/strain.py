@@ -62,6 +62,7 @@ Differs from paper: the motion is straight strokes between random places at rand
 only that motions are random, within 140 x 80 x 10 mm, and that the velocity is restricted.
 """
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate
 from typing import NamedTuple
@@ -98,7 +99,7 @@ class Surface(NamedTuple):
 def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
     """Return all recordings, and the function that gives the logs of one (`logs_of`); settings: the block `strain`."""
     scene, strands = settings["simulate"], settings["sensor"]["channels"]
-    return recordings(scene), lambda recording: logs_of(recording, scene, strands)
+    return recordings(scene), functools.partial(logs_of, settings=scene, strands=strands)
 
 
 def recordings(settings: Mapping) -> list[Recording]:

@@ -17,7 +17,8 @@ recorded taxel is another one (13 x 15 mm, another tip): `material.resistance_sc
 resistances at the lowest and at the highest pressure (80 and 11 ohm of the taxel, so 11 times as much).
 """
 
-from collections.abc import Callable, Mapping
+import functools
+from collections.abc import Callable, Mapping, Set
 
 import numpy as np
 
@@ -48,12 +49,13 @@ def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict
     ]
     # Resets strike the first recordings; the others show the array undisturbed.
     resets = {recording.name for recording in recordings[: scene["faults"]["resets"]]}
+    return recordings, functools.partial(_planned_logs, settings=scene, sensor=sensor, resets=resets)
 
-    def logs(recording: Recording) -> dict:
-        reset = recording.condition == "single" and recording.name in resets
-        return logs_of(recording, scene, sensor, reset)
 
-    return recordings, logs
+def _planned_logs(recording: Recording, settings: Mapping, sensor: Mapping, resets: Set[str]) -> dict:
+    """Return the logs of one recording of a plan; resets: the names of the single recordings with a reset."""
+    reset = recording.condition == "single" and recording.name in resets
+    return logs_of(recording, settings, sensor, reset)
 
 
 def array_voltage(loads: Loads, settings: Mapping, sensor: Mapping) -> np.ndarray:

@@ -3,19 +3,25 @@
 Usage: python -m pipeline.stages.ingest EXPERIMENT
 """
 
+import itertools
 import json
-from collections import Counter
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import pyarrow as pa
 from tqdm import tqdm
 
 from pipeline import experiments
-from pipeline.base import arguments, files, params, paths
+from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import schemas
 from pipeline.logs import own_data, sources
+
+SMALL = 64 << 20  # bytes of logs that one process reads in the time in which others start, about 2 s
+Read = tuple[str, pa.Table, dict]  # `condition/recording`, its rejects, its report
 
 
 def ingest(experiment: str, settings: dict) -> None:
@@ -47,9 +53,8 @@ def ingest(experiment: str, settings: dict) -> None:
         if problem := own_data.unnoticed(folder):
             raise InputError(f"params.yaml, {experiment}.source: {problem}")
     try:
-        read = getattr(module, "read_in_parts", module.read_recording)
         recordings = module.recordings(folder)
-        rejects, reports = _write_frames(experiment, recordings, schema, read, settings)
+        rejects, reports = _write_frames(experiment, recordings, schema, settings)
     except InputError as error:
         if settings.get("source", "simulated") == "simulated":
             raise
@@ -63,27 +68,108 @@ def ingest(experiment: str, settings: dict) -> None:
 
 
 def _write_frames(
-    experiment: str, recordings: list[Path], schema: pa.Schema, read_recording: Callable, settings: dict
+    experiment: str, recordings: list[Path], schema: pa.Schema, settings: dict
 ) -> tuple[list[pa.Table], dict[str, dict]]:
-    """Read every recording with `read_recording(path, settings)` and write its frames part by part.
+    """Read every recording and write its frames part by part, in the order of the recordings.
 
     Returns a table of rejects per recording, and recording -> report.
     """
+    read_all = _in_turn if _is_small(recordings) or workers.count() == 1 else _in_processes
     rejects, reports = [], {}
-    with schemas.writing(paths.frames(experiment), schema) as write_part:
-        for path in tqdm(recordings, desc=f"ingest {experiment}", unit="recording"):
-            parts, rejected, logs = read_recording(path, settings)
-            count = 0
-            for part in [parts] if isinstance(parts, pa.Table) else parts:
-                write_part(part)
-                count += part.num_rows
-            names = part["condition"][0].as_py(), part["recording"][0].as_py()
-            for column, name in enumerate(names):
-                values = pa.array([name] * rejected.num_rows, pa.string())
-                rejected = rejected.add_column(column, schema.names[column], values)
-            rejects.append(rejected)
-            reports["/".join(names)] = {"frames": count, "files": logs}
+    with schemas.writing(paths.frames(experiment), schema) as write_part, _behind(write_part) as write_later:
+        with tqdm(total=len(recordings), desc=f"ingest {experiment}", unit="recording") as bar:
+            for name, rejected, report in read_all(experiment, recordings, settings, write_later, bar):
+                rejects.append(rejected)
+                reports[name] = report
     return rejects, reports
+
+
+def _is_small(recordings: list[Path]) -> bool:
+    """Tell whether one process reads the recordings as soon as several would: a single one, or little in all."""
+    logs = itertools.chain.from_iterable(path.rglob("*") if path.is_dir() else [path] for path in recordings)
+    return len(recordings) == 1 or sum(path.stat().st_size for path in logs) < SMALL
+
+
+@contextmanager
+def _behind(function: Callable) -> Iterator[Callable]:
+    """Give the block `function` to call in a thread beside it, one call at a time; a call waits for the last one."""
+    with ThreadPoolExecutor(1) as thread:
+        running: list[Future] = []
+
+        def call(argument) -> None:
+            while running:
+                running.pop().result()
+            running.append(thread.submit(function, argument))
+
+        yield call
+        while running:
+            running.pop().result()
+
+
+def _in_turn(experiment: str, recordings: list[Path], settings: dict, write: Callable, bar: tqdm) -> Iterator[Read]:
+    """Yield what `_read` returns of every recording; `write` gets their frames."""
+    for path in recordings:
+        yield _read(experiment, path, settings, write)
+        bar.update(1)
+
+
+def _in_processes(
+    experiment: str, recordings: list[Path], settings: dict, write: Callable, bar: tqdm
+) -> Iterator[Read]:
+    """Yield what `_read` returns of every recording, each read in a process; `write` gets their frames, in order.
+
+    The frames pass through files beside the table that is written, which are mapped into memory: so what the stage
+    holds does not grow with the number of recordings, and a cluster, which shares the folder, can read too.
+    """
+    folder = paths.frames(experiment).with_suffix(".parts.unfinished")
+    files.remove_folder(folder, inside=folder.parent)  # of a stage that was killed
+    folder.mkdir(parents=True)
+    try:
+        targets = {path: folder / str(number) for number, path in enumerate(recordings)}
+        tasks = {path: (experiment, path, settings, target) for path, target in targets.items()}
+        waiting, left = {}, deque(recordings)
+        for path, result in workers.run(read_to_files, tasks, bar, folders=targets):
+            waiting[path] = result
+            while left and left[0] in waiting:
+                path = left.popleft()
+                for part in sorted(targets[path].iterdir()):
+                    with pa.memory_map(str(part)) as source, pa.ipc.open_stream(source) as stream:
+                        write(stream.read_all())
+                    part.unlink()  # what is mapped stays until it is written
+                yield waiting.pop(path)
+    finally:
+        files.remove_folder(folder, inside=folder.parent)
+
+
+def read_to_files(experiment: str, path: Path, settings: dict, folder: Path, report: Callable) -> Read:
+    """Do as `_read`; the frames' parts become files of the new folder `folder`, named so that sorting keeps the order.
+
+    report: not called; `workers.run` gives it to every task.
+    """
+    folder.mkdir()
+    numbers = itertools.count()
+
+    def keep(part: pa.Table) -> None:
+        with pa.OSFile(str(folder / f"{next(numbers):06d}.arrow"), "wb") as file:
+            with pa.ipc.new_stream(file, part.schema) as stream:
+                stream.write_table(part)
+
+    return _read(experiment, path, settings, keep)
+
+
+def _read(experiment: str, path: Path, settings: dict, keep: Callable[[pa.Table], None]) -> Read:
+    """Read one recording and give its frames to `keep`, part by part; returns its name, its rejects and its report."""
+    module = experiments.module(experiment)
+    parts, rejected, logs = getattr(module, "read_in_parts", module.read_recording)(path, settings)
+    count = 0
+    for part in [parts] if isinstance(parts, pa.Table) else parts:
+        keep(part)
+        count += part.num_rows
+    names = part["condition"][0].as_py(), part["recording"][0].as_py()
+    for column, name in enumerate(names):
+        values = pa.array([name] * rejected.num_rows, pa.string())
+        rejected = rejected.add_column(column, schemas.REJECTS.names[column], values)
+    return "/".join(names), rejected, {"frames": count, "files": logs}
 
 
 def _write_rest(experiment: str, rejects: list[pa.Table], report: dict) -> None:

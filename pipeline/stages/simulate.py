@@ -6,7 +6,7 @@ Usage: python -m pipeline.stages.simulate touch|strain|glove
 from tqdm import tqdm
 
 from pipeline import scenes
-from pipeline.base import arguments, files, params, paths
+from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.errors import run_stage
 
 
@@ -14,8 +14,11 @@ def simulate(experiment: str, settings: dict) -> None:
     """Write data/<experiment>/logs/<condition>/<recording>/<device>.log and data/<experiment>/logs/faults.csv."""
     recordings, logs_of = scenes.plan(experiment, settings)
     with files.replacing_folder(paths.logs(experiment)) as draft:
-        bar = tqdm(recordings, desc=f"simulate {experiment}", unit="recording")
-        rows = scenes.write_logs(draft, bar, logs_of)
+        tasks = {(each.condition, each.name): (draft, each, logs_of) for each in recordings}
+        folders = {(each.condition, each.name): scenes.folder_of(draft, each) for each in recordings}
+        with tqdm(total=len(tasks), desc=f"simulate {experiment}", unit="recording") as bar:
+            faults = dict(workers.run(scenes.write_recording, tasks, bar, folders=folders))
+        rows = [row for key in tasks for row in faults[key]]
         files.write_csv(draft / "faults.csv", ["condition", "recording", "file", "line", "fault"], rows)
 
 
