@@ -302,7 +302,7 @@ Touch = block(
     window=block(Window, sliding=block(single=Fraction)),
     label=block(tip_radius_mm=Positive, map_rows=whole(1, 1024), map_cols=whole(1, 1024)),
     split=block(SplitInThree, seed=Seed),
-    protocols=block(press=Seeds, random_window=Seeds),
+    protocols=block(press=Seeds, random_window=block(Seeds, passes=whole(1, 1000))),
     models=Models,
     ablation=dict[Text, AblationRow],
     latency=Latency,

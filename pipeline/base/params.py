@@ -249,9 +249,17 @@ def runs(params: Mapping, experiment: str) -> list[tuple[str, int]]:
 
 
 def epochs(block: Mapping) -> int:
-    """Return the number of epochs that a model's block asks for at most; 1 where it is solved in one step."""
-    training = block.get("training", {})
-    return training.get("epochs", training.get("max_epochs", 1))
+    """Return the number of epochs that a model's block asks for; 1 where it is solved in one step."""
+    return block.get("training", {}).get("epochs", 1)
+
+
+def run_settings(values: Mapping, experiment: str, model: str, protocol: str) -> dict:
+    """Return a model's block for one protocol: where this asks for more `passes`, a training has more epochs."""
+    block = model_settings(values, experiment, model)
+    passes = values[experiment]["protocols"][protocol].get("passes", 1)
+    if passes == 1 or "training" not in block:
+        return block
+    return block | {"training": block["training"] | {"epochs": passes * epochs(block)}}
 
 
 def transfers(model: str) -> bool:

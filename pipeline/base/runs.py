@@ -40,7 +40,6 @@ def train_all(
     runs = [run for run in runs if protocols is None or run[0] in protocols]
     origins = {model: origin if runs else "" for model, origin in reversed(origins.items())}
     origins = {model: origin for model, origin in origins.items() if not _is_kept(experiment, model, origin)}
-    epochs = {model: params.epochs(params.model_settings(values, experiment, model)) for model in origins}
     drafts = {model: paths.model_draft(experiment, model) for model in origins}
     seconds = {model: _begin(drafts[model], origin) for model, origin in origins.items()}
     folders = {
@@ -50,8 +49,12 @@ def train_all(
         if run not in seconds[model]
     }
     if folders:
-        steps = {task: epochs[task[0]] for task in folders}
-        whole = len(runs) * sum(epochs.values())
+        steps = {
+            (model, *run): params.epochs(params.run_settings(values, experiment, model, run[0]))
+            for model in origins
+            for run in runs
+        }
+        whole, steps = sum(steps.values()), {task: steps[task] for task in folders}
         size = {"total": whole, "initial": whole - sum(steps.values())}
         with tqdm(**size, desc=f"train {experiment}", unit="epoch") as bar:
             tasks = {task: (values, experiment, *task, folder) for task, folder in folders.items()}

@@ -58,7 +58,7 @@ def _train(
     import torch
 
     torch.set_num_threads(1)
-    block = params.model_settings(values, experiment, model)
+    block = params.run_settings(values, experiment, model, protocol)
 
     def build(spec):
         return models.build(model, spec, block, f"{experiment}.models.{model}")

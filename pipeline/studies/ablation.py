@@ -79,7 +79,7 @@ def main() -> None:
     rows_run = {name: row for name, row in settings["ablation"].items() if row["of"] in settings["models"]}
     runs = [(experiment, name, seed) for name, row in rows_run.items() for seed in row["seeds"]]
     blocks = [block_of(settings, name) for name in rows_run]
-    epochs = max((block.get("training", {}).get("epochs", 1) for block in blocks), default=0)
+    epochs = max(map(params.epochs, blocks), default=0)
     with tqdm(total=epochs * len(runs), desc=f"ablate {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs))
     files.write_csv(paths.ablation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
