@@ -17,6 +17,7 @@ windows, against 2.0 s for the same products under autograd and 1.1 s for the pr
 
 from collections.abc import Callable
 from math import sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -25,6 +26,9 @@ from torch.autograd.function import once_differentiable
 
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec, TorchRegressor
+
+if TYPE_CHECKING:
+    from pipeline.learning.lomp_prediction import Prediction
 
 aten = torch.ops.aten
 
@@ -265,76 +269,31 @@ class _Recurrence(torch.autograd.Function):
 
 
 class LompRegressor(TorchRegressor):
-    """A regressor of LoMP: batches go through the network in parts that fit the cache, a single window in numpy."""
+    """A regressor of LoMP: batches go through the network in parts that fit the cache, a single row in compiled code."""
 
     chunk = 128  # windows; an update of 256 takes 0.41 s, in one piece 0.62 s, in pieces of 32 0.52 s
-    arrays: "_Arrays | None" = None
+    prediction: "Prediction | None" = None  # of one row, with the weights of now
 
     def fit(self, *arguments, **settings) -> list[dict]:
         """Train as TorchRegressor does."""
-        self.arrays = None
+        self.prediction = None
         return super().fit(*arguments, **settings)
 
     def load(self, folder) -> None:
         """Read the model as TorchRegressor does."""
         super().load(folder)
-        self.arrays = None
+        self.prediction = None
 
     def one_row(self, frames: np.ndarray, state: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         """Return the map (1, outputs) in kPa after `frames` and the state (elements, 1, hidden).
 
         frames: (n, elements) in ADC counts; state: the state before the first frame, None for zero.
         """
-        if self.arrays is None:
-            self.arrays = _Arrays(self.network)
+        if self.prediction is None:
+            from pipeline.learning.lomp_prediction import Prediction  # with it numba, which no training needs
+
+            self.prediction = Prediction(self.network)
         mean, spread = self.input_mean.numpy(), self.input_spread.numpy()
         state = None if state is None else np.asarray(state)[:, 0]
-        image, state = self.arrays.run((frames - mean) / spread, state)
+        image, state = self.prediction.run((frames - mean) / spread, state)
         return image[None] * self.output_scale.numpy(), state[:, None]
-
-
-class _Arrays:
-    """The forward pass of a Lomp for one window in numpy, float32: a row times a matrix per element and layer.
-
-    With one row, numpy's `matmul` calls BLAS's gemv for each element, which streams the weights 1.6 times as fast as
-    torch's `bmm`. Gates and candidate are one product. bfloat16 weights gain nothing: torch widens them first.
-    """
-
-    def __init__(self, network: Lomp):
-        def array(tensor: torch.Tensor) -> np.ndarray:
-            return tensor.detach().numpy().copy()
-
-        self.spec, self.hidden, self.block = network.spec, network.hidden, network.block
-        self.state = array(torch.cat([network.gate_state, network.candidate_state], 2))
-        self.inputs = array(torch.cat([network.gate_input, network.candidate_input], 2))[:, 0]  # (elements, 3 hidden)
-        gate_bias = network.gate_input_bias + network.gate_state_bias
-        self.bias = array(torch.cat([gate_bias, network.candidate_input_bias], 2))[:, 0]
-        self.v_bias, self.update_bias = array(network.candidate_state_bias)[:, 0], array(network.update_bias)[:, 0]
-        self.message, self.message_bias, self.update = map(
-            array, (network.message, network.message_bias, network.update)
-        )
-        self.readout = [array(weight) for weight in network.readout]
-        self.readout_bias = [array(bias)[:, 0] for bias in network.readout_bias]
-        self.sums = array(network.neighbours) * np.float32(network.alpha)
-
-    def run(self, x: np.ndarray, h: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Return map (outputs,) and state (elements, hidden) after frames x (n, elements); h: state before, or None."""
-        gates = 2 * self.hidden
-        h = np.zeros_like(self.v_bias) if h is None else h
-        for frame in x:
-            drive = frame[:, None] * self.inputs + self.bias
-            product = np.matmul(h[:, None], self.state)[:, 0] if h.any() else np.zeros_like(drive)
-            with np.errstate(over="ignore"):  # 1 / infinity is the 0 that a closed gate is
-                rz = 1 / (1 + np.exp(-(drive[:, :gates] + product[:, :gates])))
-            c = np.tanh(drive[:, gates:] + rz[:, : self.hidden] * (product[:, gates:] + self.v_bias))
-            h1 = c + rz[:, self.hidden :] * (h - c)
-            sent = np.maximum(h1 @ self.message + self.message_bias, 0)
-            h = np.maximum(np.matmul((h1 + self.sums @ sent)[:, None], self.update)[:, 0] + self.update_bias, 0)
-        p = np.concatenate([h, h1], 1)
-        last = len(self.readout) - 1
-        for layer, (weight, bias) in enumerate(zip(self.readout, self.readout_bias, strict=True)):
-            p = np.matmul(p[:, None], weight)[:, 0] + bias
-            if layer < last:
-                p = np.maximum(p, 0)
-        blocks = p.reshape(self.spec.rows, self.spec.cols, *self.block)
-        return blocks.transpose(0, 2, 1, 3).reshape(self.spec.outputs), h

@@ -27,5 +27,5 @@ class WindowLomp(LompRegressor):
     """LoMP from a zero state at the start of every window."""
 
     def predict(self, x: np.ndarray) -> np.ndarray:
-        """Return maps as TorchRegressor does; a single window goes through numpy, which is faster."""
+        """Return maps as TorchRegressor does; a single window goes through compiled code, which is faster."""
         return self.one_row(np.asarray(x[0], np.float32), None)[0] if len(x) == 1 else super().predict(x)

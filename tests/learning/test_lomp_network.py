@@ -1,5 +1,9 @@
 """LoMP's stacked weights and hand-written backward pass against one plain module an element."""
 
+import subprocess
+import sys
+
+import numba
 import numpy as np
 import pytest
 import torch
@@ -7,9 +11,9 @@ from benchmarks.peers import LoopedLomp
 
 from pipeline.base.blocks import EarlyStopping
 from pipeline.base.errors import InputError
-from pipeline.learning import lomp_network
+from pipeline.learning import lomp_network, lomp_prediction
 from pipeline.learning.regressors import Spec
-from pipeline.models import lomp
+from pipeline.models import lomp, lomp_stream
 
 TRAINING = EarlyStopping(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, plateau=1, drop=0.3)
 
@@ -141,22 +145,119 @@ def test_macs_per_window():
     assert model.predict(np.zeros((1, 8, 25), np.float32)).shape == (1, 400)
 
 
+SHAPES = {  # spec, settings of `network`
+    "paper": (Spec(8, 5, 5, 20, 20), {"alpha": 1.0}),
+    "oblong, odd widths, 8 neighbours": (Spec(3, 2, 4, 6, 4), dict(hidden=11, readout=[13, 7, 5], neighbours=8)),
+    "read-out of one layer, no messages": (Spec(4, 3, 1, 3, 2), dict(hidden=6, readout=[], alpha=0.0)),
+    "a frame": (Spec(1, 5, 5, 20, 20), dict(hidden=64, readout=[64, 32], alpha=1.0)),
+}
+
+
+def largest_difference(ours: np.ndarray, exact: torch.Tensor) -> float:
+    """Share of full scale."""
+    return float(np.abs(ours - exact.numpy()).max() / exact.abs().max())
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("spec, hidden", [(Spec(8, 5, 5, 20, 20), 128), (Spec(3, 2, 4, 6, 4), 8)])
-def test_one_window_in_numpy_is_the_window_of_a_batch(spec, hidden, tmp_path):
-    model = lomp.build(spec, hidden=hidden, readout=[16, 8], neighbours=8, alpha=0.3, training=TRAINING)
-    rng = np.random.default_rng(0)
+@pytest.mark.parametrize("spec, settings", SHAPES.values(), ids=SHAPES)
+def test_a_row_in_compiled_code_is_a_row_of_a_batch(spec, settings):
+    stacked = network(spec, **settings)
+    prediction = lomp_prediction.Prediction(stacked)
+    x = torch.randn(30, spec.frames, spec.elements)
+    before = torch.randn(spec.elements, 30, stacked.hidden).relu()
+    for state in (None, before):
+        with torch.no_grad():
+            maps, after = stacked.go_on(x, state)
+        for k in range(30):
+            row = None if state is None else state[:, k].numpy()
+            image, went_on = prediction.run(x[k].numpy(), row)
+            assert image.shape == (spec.outputs,) and image.dtype == went_on.dtype == np.float32
+            assert largest_difference(image, maps[k]) < 1e-4  # must be within 0.5 %
+            assert largest_difference(went_on, after[:, k]) < 1e-4
+
+
+@pytest.mark.slow
+def test_a_state_goes_from_rows_to_batches_and_back():
+    model = lomp_stream.build(Spec(2, 2, 3, 4, 6), hidden=10, readout=[6], neighbours=4, alpha=0.5, training=TRAINING)
+    x = np.random.default_rng(0).uniform(-2, 2, (12, 6)).astype(np.float32)
+
+    def maps(run) -> np.ndarray:
+        state, answers = None, []
+        for k, frame in enumerate(x):
+            answer, state = run(k, frame[None], state)
+            answers.append(answer[0])
+        return np.array(answers)
+
+    def batch(_, frame, state):
+        with torch.no_grad():
+            normalised = (torch.from_numpy(frame) - model.input_mean) / model.input_spread
+            answer, state = model.network.go_on(normalised[:, None], None if state is None else torch.as_tensor(state))
+        return answer.numpy() * model.output_scale.numpy(), state
+
+    def mixed(k, frame, state):
+        return model.one_row(frame, state) if k % 3 else batch(k, frame, state)
+
+    exact = maps(batch)
+    np.testing.assert_allclose(maps(mixed), exact, atol=1e-4 * np.abs(exact).max())
+
+
+@pytest.mark.slow
+def test_a_row_is_predicted_with_the_weights_of_now(tmp_path):
+    spec, rng = Spec(3, 2, 4, 6, 4), np.random.default_rng(0)
+    model = lomp.build(spec, hidden=8, readout=[16, 8], neighbours=8, alpha=0.3, training=TRAINING)
     x = rng.uniform(0, 1000, (40, spec.frames, spec.elements)).astype(np.float32)
     y = rng.uniform(0, 300, (40, spec.outputs)).astype(np.float32)
-    for _ in range(2):  # again after other weights have come
-        model.fit((x, y), (x, y), seed=_)
+    for seed in range(2):
+        model.fit((x, y), (x, y), seed=seed)
         together = model.predict(x)
         alone = np.concatenate([model.predict(x[k : k + 1]) for k in range(40)])
-        np.testing.assert_allclose(alone, together, rtol=1e-4, atol=1e-4 * np.abs(together).max())
+        np.testing.assert_allclose(alone, together, rtol=0, atol=1e-4 * np.abs(together).max())
     model.save(tmp_path)
     model.fit((x, y), (x, y), seed=5)
+    assert not np.array_equal(model.predict(x[:1]), alone[:1])
     model.load(tmp_path)
     np.testing.assert_array_equal(model.predict(x[:1]), alone[:1])
+
+
+@pytest.mark.slow
+def test_what_is_not_a_number_stays_none():
+    spec = Spec(2, 5, 5, 5, 5)
+    stacked = network(spec, hidden=8, readout=[8])
+    x = np.zeros((2, 25), np.float32)
+    whole = lomp_prediction.Prediction(stacked).run(x, None)[0]
+    assert np.isfinite(whole).all()
+    x[1, 12] = np.nan  # in the last frame: the element and its neighbours
+    image, state = lomp_prediction.Prediction(stacked).run(x, None)
+    reached = [7, 11, 12, 13, 17]
+    assert np.flatnonzero(np.isnan(image)).tolist() == reached
+    assert np.flatnonzero(np.isnan(state).any(axis=1)).tolist() == reached
+    np.testing.assert_array_equal(np.delete(image, reached), np.delete(whole, reached))
+    x[1, 12] = np.inf
+    assert np.isfinite(lomp_prediction.Prediction(stacked).run(x, None)[0]).all()
+    with torch.no_grad():
+        stacked.readout[0][3, 2, 4] = np.nan
+        stacked.readout[0][8] = 0
+    image = lomp_prediction.Prediction(stacked).run(np.zeros((2, 25), np.float32), None)[0]
+    assert np.flatnonzero(np.isnan(image)).tolist() == [3]
+
+
+@pytest.mark.slow
+def test_without_a_folder_for_a_cache_a_function_is_compiled_all_the_same(monkeypatch):
+    from numba.core import caching
+
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    with pytest.raises(RuntimeError):
+        numba.njit(cache=True)(abs_of)
+    assert lomp_prediction.compiled(abs_of)(-2.0) == 2
+
+
+def abs_of(x):
+    return -x if x < 0 else x
+
+
+def test_training_does_not_import_numba():
+    done = "import sys, pipeline.models.lomp, pipeline.models.lomp_stream; sys.exit('numba' in sys.modules)"
+    subprocess.run([sys.executable, "-c", done], check=True)
 
 
 def test_a_batch_in_chunks_has_the_gradients_of_the_batch():
