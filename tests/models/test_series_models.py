@@ -129,8 +129,8 @@ def test_uncounted_samples_do_not_matter():
 
 
 def test_recipe_names_a_wrong_key():
-    with pytest.raises(InputError, match="test.training: unknown key 'epochs'"):
-        build("lstm_direct", spec(2), {"units": 8, "training": RECIPE | {"epochs": 3}})
+    with pytest.raises(InputError, match="test.training: unknown key 'epoch'; did you mean 'epochs'"):
+        build("lstm_direct", spec(2), {"units": 8, "training": RECIPE | {"epoch": 3}})
 
 
 def test_training_never_gets_the_test_part():
