@@ -729,7 +729,7 @@ def test_a_damaged_table_is_one_sentence_or_has_its_columns(damages, changes, tm
             assert set(columns) <= set(table.columns)
 
 
-FIT = json.dumps({"stop_reason": "patience", "best_epoch": 3, "epochs": 5, "parameters": 7, "run": True}).encode()
+FIT = json.dumps({"stop_reason": "completed", "best_epoch": 3, "epochs": 5, "parameters": 7, "run": True}).encode()
 
 
 @fuzz(150)
@@ -772,15 +772,15 @@ SPEC = Spec(2, 2, 2, 4, 4)
 SAVED = {
     "linear": {},
     "tree": {"min_samples_leaf": 2, "max_features": 1.0},
-    "rnn": {"layers": 1, "hidden": 3, "training": WHOLE["touch"]["models"]["rnn"]["training"] | {"max_epochs": 1}},
+    "rnn": {"layers": 1, "hidden": 3, "training": WHOLE["touch"]["models"]["rnn"]["training"] | {"epochs": 1}},
     "esn": {"units": 5, "spectral_radius": 0.9, "leak": 0.3, "input_scale": 0.5, "ridge": 1e-6},
-    "lstm_direct": {"units": 4, "training": WHOLE["strain"]["models"]["lstm_direct"]["training"] | {"max_epochs": 1}},
+    "lstm_direct": {"units": 4, "training": WHOLE["strain"]["models"]["lstm_direct"]["training"] | {"epochs": 1}},
     "lstm_highpass": {
         "filters": 2,
         "taps": 2,
         "units": 3,
         "training": WHOLE["strain"]["models"]["lstm_highpass"]["training"]
-        | {"max_epochs": 1, "length": 9, "warm_up": 1},
+        | {"epochs": 1, "length": 9, "warm_up": 1},
     },
 }
 

@@ -216,7 +216,7 @@ def _kind(argument: ast.arg, path: Path):
     if not hasattr(blocks, name):
         raise InputError(
             f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/base/blocks.py "
-            "as its annotation, such as Count, Positive or EarlyStopping"
+            "as its annotation, such as Count, Positive or WindowTraining"
         )
     return getattr(blocks, name)
 

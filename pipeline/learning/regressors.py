@@ -134,11 +134,17 @@ class TorchRegressor:
         return float(total) / len(windows)
 
     def _of_an_epoch(self, y: torch.Tensor, order: torch.Generator) -> torch.Tensor:
-        """Return numbers of windows in random order: all that have a touch and a share of the others."""
+        """Return numbers of windows in random order: all that have a touch and a share of the others.
+
+        If that share comes to nothing where no window has a touch, all of them. A window that would be the last batch
+        waits for another epoch: batch normalisation cannot train on it.
+        """
         at_rest = ~y.any(1).cpu()
         windows = torch.randperm(len(y), generator=order)
         keep = torch.rand(len(y), generator=order) < self.training.rest_share
-        return windows[keep | ~at_rest[windows]]
+        seen = windows[keep | ~at_rest[windows]]
+        seen = seen if len(seen) else windows
+        return seen[: len(seen) - (len(seen) > 1 and len(seen) % self.training.batch_size == 1)]
 
     def loss(self, part: tuple[torch.Tensor, ...]) -> float:
         """Return the mean loss over a normalised part; the network is in the mode for predictions."""

@@ -25,7 +25,7 @@ class FitSummary(NamedTuple):
 
 
 class Epoch(NamedTuple):
-    """An epoch's mean losses over the training and the validation part, and the learning rate of its first update.
+    """An epoch's mean losses over the training and the validation part, and the learning rate of its last update.
 
     `validation_loss` is None where there is no validation part.
     """

@@ -13,7 +13,7 @@ CONVOLUTIONS = (2, 2, 3, 3, 3)  # per stage; 13 of the 16 layers
 def build(spec: Spec, *, channels: Widths, training: WindowTraining) -> TorchRegressor:
     """Return the untrained network.
 
-    Channels 64, 128, 256, 512, 512 on 5x5 and linear 512-400 are 14,922,768 parameters.
+    Channels 64, 128, 256, 512, 512 on 5x5 and linear 512-400 are 14,926,992 parameters.
 
     Differs from paper: one linear layer instead of VGG-16's three (there are 512 features, not 25,088), and
     pools that round up, without which 5x5 elements would not survive five of them.

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 
 EPOCHS = 200  # half a second
-RECIPE = {"learning_rate": 5e-3, "max_epochs": EPOCHS, "drop_epoch": 100, "drop": 0.2, "clip": 1.0, "streams": 1}
+RECIPE = {"learning_rate": 5e-3, "epochs": EPOCHS, "drop_epoch": 100, "drop": 0.2, "clip": 1.0, "streams": 1}
 SEEDS = [0, 1, 2]
 SETTINGS = {
     "strain.protocols": {"task_0": {"seeds": SEEDS}},

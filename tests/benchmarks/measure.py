@@ -96,7 +96,7 @@ def lomp_epoch(_, windows: float, side: int = 5):
     """An epoch of LoMP's training in batches as in params.yaml."""
     import numpy as np
 
-    model = lomp(side, max_epochs=1)
+    model = lomp(side, epochs=1)
     n, rng = int(windows), np.random.default_rng(0)
     x = rng.uniform(0, 500, (n, 8, side * side)).astype(np.float32)
     y = rng.uniform(0, 100, (n, 16 * side * side)).astype(np.float32)
@@ -112,7 +112,7 @@ def lomp_latency(_, side: float):
     """100 predictions, one window each."""
     import numpy as np
 
-    model = lomp(int(side), max_epochs=1)
+    model = lomp(int(side), epochs=1)
     x = np.random.default_rng(0).uniform(0, 500, (1, 8, int(side) ** 2)).astype(np.float32)
     for _ in range(5):
         model.predict(x)
@@ -123,7 +123,7 @@ def lstm_epochs(_, samples: float):
     """EPOCHS exact epochs of the strain LSTM."""
     from benchmarks.made import series
 
-    record, model = series(int(samples)), lstm(max_epochs=EPOCHS)
+    record, model = series(int(samples)), lstm(epochs=EPOCHS)
     return _twice(lambda: model.fit([record], seed=0, device="cpu", base=None))
 
 
@@ -133,7 +133,7 @@ def lstm_epochs_plain(_, samples: float):
     from benchmarks import peers
     from benchmarks.made import series
 
-    record, training = series(int(samples)), lstm(max_epochs=EPOCHS).training
+    record, training = series(int(samples)), lstm(epochs=EPOCHS).training
     torch.manual_seed(0)
     network = peers.PlainLstm(6, 50, 2)
     x, y = torch.from_numpy(record.x)[None], torch.from_numpy(record.y)[None]
@@ -150,7 +150,7 @@ def lomp_updates(_, windows: float):
     """UPDATES updates of LoMP, a batch of `windows` each."""
     import torch
 
-    model = lomp(5, max_epochs=UPDATES)
+    model = lomp(5, epochs=UPDATES)
     model.training = replace(model.training, batch_size=int(windows))
     optimiser = torch.optim.Adam(
         model.network.parameters(), fused=True
@@ -188,7 +188,7 @@ def lomp_updates_stacked(_, windows: float):
 def _plain_updates(network, windows: float):
     from benchmarks import peers
 
-    step = peers.train_step(network(lomp(5, max_epochs=1).network), *_batch(windows))
+    step = peers.train_step(network(lomp(5, epochs=1).network), *_batch(windows))
 
     def run() -> None:
         for _ in range(UPDATES):
@@ -239,30 +239,30 @@ def _images(count: float):
     from pipeline.learning.image_classifier import spec_of
 
     block = params.load()["glove"]["models"]["sp_resnet"]
-    block = block | {"training": block["training"] | {"max_epochs": 1}}
+    block = block | {"training": block["training"] | {"epochs": 1}}
     rng = np.random.default_rng(0)
     x = rng.uniform(0, 255, (int(count), 1, 32 * 32)).astype(np.float32)
     return block, x, np.eye(16, dtype=np.float32)[rng.integers(0, 16, int(count))], spec_of(16)
 
 
-def lomp(side: int, max_epochs: int):
+def lomp(side: int, epochs: int):
     """The touch experiment's LoMP on an array of side x side elements."""
     from benchmarks.made import touch_settings
 
     from pipeline.learning.regressors import Spec
 
     block = touch_settings()["models"]["lomp"]
-    block = block | {"training": block["training"] | {"max_epochs": max_epochs}}
+    block = block | {"training": block["training"] | {"epochs": epochs}}
     return models.build("lomp", Spec(8, side, side, 4 * side, 4 * side), block, "benchmark")
 
 
-def lstm(max_epochs: int):
+def lstm(epochs: int):
     """The strain experiment's LSTM, directly trained."""
     from pipeline.base import params
     from pipeline.learning.regressors import Spec
 
     block = params.load()["strain"]["models"]["lstm_direct"]
-    block = block | {"training": block["training"] | {"max_epochs": max_epochs}}
+    block = block | {"training": block["training"] | {"epochs": epochs}}
     return models.build("lstm_direct", Spec(10, 1, 6, 1, 2), block, "benchmark")
 
 

@@ -208,7 +208,7 @@ def test_a_protocol_is_a_split_and_a_task():
             strain_recorded.task(wrong, {})
 
 
-RECIPE = {"learning_rate": 1e-2, "max_epochs": 3, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
+RECIPE = {"learning_rate": 1e-2, "epochs": 3, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
 BLOCKS = {
     "lstm_highpass": {"filters": 5, "taps": 4, "units": 8, "training": RECIPE},
     "press_difference": {"press": 6, "trees": 3, "min_samples_leaf": 2},
@@ -253,7 +253,7 @@ def test_models_look_back_only_and_are_blind_to_offsets(name, tmp_path):
 @pytest.mark.slow
 def test_highpass_learns_through_drift(tmp_path):
     data = record(tmp_path)
-    model = built("lstm_highpass", BLOCKS["lstm_highpass"] | {"training": RECIPE | {"max_epochs": 40}})
+    model = built("lstm_highpass", BLOCKS["lstm_highpass"] | {"training": RECIPE | {"epochs": 40}})
     history = model.fit([data], seed=0, device="cpu", base=None)
     assert history[model.summary.best_epoch - 1]["validation_loss"] < 0.3 * history[0]["validation_loss"]
 

@@ -9,18 +9,24 @@ import pytest
 import torch
 from benchmarks.peers import LoopedLomp
 
-from pipeline.base.blocks import EarlyStopping
+from pipeline.base.blocks import WindowTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import lomp_network, lomp_prediction
 from pipeline.learning.regressors import Spec
 from pipeline.models import lomp, lomp_stream
 
-TRAINING = EarlyStopping(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=1, plateau=1, drop=0.3)
+TRAINING = WindowTraining(learning_rate=1e-3, batch_size=16, epochs=1, rest_share=1.0)
 
 
 def network(spec, hidden=128, readout=(128, 64), neighbours=4, alpha=0.1):
+    """A network as in the middle of its training: one that starts answers zero and passes no gradient on."""
     torch.manual_seed(0)
-    return lomp_network.Lomp(spec, hidden, list(readout), neighbours, alpha)
+    started = lomp_network.Lomp(spec, hidden, list(readout), neighbours, alpha)
+    with torch.no_grad():
+        for last in (started.readout[-1], started.readout_bias[-1]):
+            assert not last.any()
+            last.uniform_(-0.3, 0.3)
+    return started
 
 
 @pytest.mark.parametrize("neighbours", [4, 8])

@@ -1,22 +1,23 @@
-"""The training loop: when it stops, what it keeps, what it refuses."""
+"""Training on windows: which windows an epoch sees, the rate of each update, what is kept and refused."""
 
 import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
 from torch import nn
+from torch.optim.optimizer import register_optimizer_step_post_hook
 
-from pipeline.base.blocks import EarlyStopping
+from pipeline.base.blocks import WindowTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import cost, regressors, weights
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec, TorchRegressor, input_scale
+from pipeline.learning.regressors import Spec, TorchRegressor, input_scale, zero_linear
 
 SPEC = Spec(2, 1, 3, 2, 2)
 
 
 def settings(**changes):
-    return dict(learning_rate=0.01, batch_size=8, max_epochs=20, patience=5, plateau=2, drop=0.5) | changes
+    return dict(learning_rate=0.01, batch_size=8, epochs=20, rest_share=1.0) | changes
 
 
 def linear_network():
@@ -24,7 +25,7 @@ def linear_network():
 
 
 def regressor(**changes):
-    return TorchRegressor(linear_network, SPEC, EarlyStopping(**settings(**changes)))
+    return TorchRegressor(linear_network, SPEC, WindowTraining(**settings(**changes)))
 
 
 def windows(n=64, seed=0):
@@ -34,33 +35,95 @@ def windows(n=64, seed=0):
     return x, y.astype(np.float32)
 
 
-def test_early_stopping_stops_and_restores_the_best_epoch():
+def test_all_epochs_are_run_and_the_weights_of_the_best_are_kept():
     x, y = windows()
     validation = (x, -y)  # what helps training hurts validation, so the best epoch is an early one
-    model = regressor(max_epochs=100, patience=4)
+    model = regressor()
     history = model.fit((x, y), validation, seed=0)
     losses = [row["validation_loss"] for row in history]
-    assert model.summary.stop_reason == "patience"
-    assert model.summary.best_epoch == 1 + int(np.argmin(losses))
-    assert len(history) == model.summary.best_epoch + 4 < 100
+    assert [row["epoch"] for row in history] == list(range(1, 21))
+    assert model.summary == ("completed", 1 + int(np.argmin(losses))) and model.summary.best_epoch < 20
     assert np.mean((model.predict(x) + y) ** 2) == pytest.approx(min(losses), rel=1e-4)
     assert losses[-1] > min(losses)
-
-
-def test_training_stops_at_max_epochs():
-    model = regressor(max_epochs=3)
-    history = model.fit(windows(), windows(seed=1), seed=0)
-    assert [row["epoch"] for row in history] == [1, 2, 3]
-    assert model.summary.stop_reason == "max_epochs"
     assert history[-1]["train_loss"] < history[0]["train_loss"]
 
 
-def test_learning_rate_drops_on_a_plateau():
-    x, y = windows()
-    history = regressor(max_epochs=6, patience=50, plateau=2, drop=0.5).fit((x, y), (x, -y), seed=0)
-    assert int(np.argmin([row["validation_loss"] for row in history])) == 0
-    rates = [row["learning_rate"] for row in history]
-    assert rates == pytest.approx([0.01, 0.01, 0.01, 0.005, 0.005, 0.0025])
+@pytest.fixture
+def rates():
+    """Learning rate of every update of an optimiser from now on."""
+    noted = []
+    hook = register_optimizer_step_post_hook(
+        lambda optimiser, *arguments: noted.append(optimiser.param_groups[0]["lr"])
+    )
+    yield noted
+    hook.remove()
+
+
+def test_the_rate_of_every_update_rises_over_a_tenth_and_falls_to_zero(rates):
+    history = regressor(epochs=5).fit(windows(), windows(seed=1), seed=0)
+    assert len(rates) == 5 * 8
+    done = (np.arange(40) + 0.5) / 40  # at the middle of each batch
+    assert rates == pytest.approx(0.01 * np.where(done < 0.1, done / 0.1, (1 - done) / 0.9))
+    assert [row["learning_rate"] for row in history] == rates[7::8]
+    assert rates[-1] < 0.02 * 0.01
+
+
+class _Noting(nn.Module):
+    """Notes the first value of every window that it is trained on: in normalised counts, as `seen` gives back."""
+
+    def __init__(self):
+        super().__init__()
+        self.network = nn.Sequential(nn.Flatten(), nn.BatchNorm1d(SPEC.frames * SPEC.elements), linear_network()[1])
+        self.batches = []
+
+    def forward(self, x):
+        if self.training:
+            self.batches.append(x[:, 0, 0].clone())
+        return self.network(x)
+
+
+def seen(touched: int, at_rest: int, **changes) -> list[list[list[int]]]:
+    """Numbers of the windows by epoch and batch; the first `touched` of the training windows have a touch."""
+    x, y = windows(touched + at_rest)
+    x[:, 0, 0] = np.arange(len(x))
+    y[touched:] = 0
+    model = TorchRegressor(_Noting, SPEC, WindowTraining(**settings(**changes)))
+    ends = []
+    model.fit((x, y), windows(seed=1), seed=0, progress=lambda *numbers: ends.append(len(model.network.batches)))
+    mean, spread = float(model.input_mean[0]), float(model.input_spread[0])
+    numbers = [(batch * spread + mean).round().int().tolist() for batch in model.network.batches]
+    return [numbers[first:end] for first, end in zip([0, *ends], ends, strict=False)]
+
+
+def test_an_epoch_sees_every_touch_and_a_share_of_the_windows_at_rest_drawn_anew():
+    epochs = [sum(batches, []) for batches in seen(100, 400, epochs=6, rest_share=0.25, batch_size=3)]
+    assert len(epochs) == 6
+    for numbers in epochs:
+        assert len(set(numbers)) == len(numbers)
+        assert len(set(range(100)) - set(numbers)) <= 1  # one that was alone in the last batch
+        assert 60 < len(set(numbers) - set(range(100))) < 140  # 100, standard deviation 9
+    at_rest = [set(numbers) - set(range(100)) for numbers in epochs]
+    assert len(set(map(frozenset, at_rest))) == 6 and len(set.union(*at_rest)) > 250  # 400 * (1 - 0.75 ** 6) = 329
+    assert epochs[0] != sorted(epochs[0])
+    everything = [sum(batches, []) for batches in seen(30, 34, epochs=2, rest_share=1.0)]
+    assert [sorted(numbers) for numbers in everything] == [list(range(64))] * 2 and everything[0] != everything[1]
+
+
+def test_a_window_that_would_be_the_last_batch_waits_for_another_epoch():
+    """Batch normalisation cannot train on a batch of one."""
+    epochs = seen(17, 0, epochs=4)
+    assert [[len(batch) for batch in batches] for batches in epochs] == [[8, 8]] * 4
+    assert {number for batches in epochs for batch in batches for number in batch} == set(range(17))
+
+
+def test_windows_that_are_all_at_rest_are_trained_on_too():
+    assert [sorted(sum(batches, [])) for batches in seen(0, 8, epochs=1, rest_share=1e-6)] == [list(range(8))]
+
+
+def test_a_last_layer_that_starts_at_zero_answers_zero():
+    layer = zero_linear(6, 4)
+    assert torch.equal(layer(torch.randn(5, 6)), torch.zeros(5, 4))
+    assert (layer.in_features, layer.out_features) == (6, 4) and layer.weight.requires_grad and layer.bias.requires_grad
 
 
 class _BreaksDown(nn.Module):
@@ -77,7 +140,7 @@ class _BreaksDown(nn.Module):
 
 
 def test_divergence_is_recorded_not_raised():
-    model = TorchRegressor(_BreaksDown, SPEC, EarlyStopping(**settings(batch_size=64)))
+    model = TorchRegressor(_BreaksDown, SPEC, WindowTraining(**settings(batch_size=64)))
     history = model.fit(windows(), windows(seed=1), seed=0)
     assert model.summary == ("diverged", 2)
     assert len(history) == 3 and np.isnan(history[-1]["train_loss"])
@@ -94,7 +157,7 @@ def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path):
     saved = []
     for seed in (1, 1, 2):
         torch.rand(7)  # the state of torch's own generator must not matter
-        model = regressor(max_epochs=2)
+        model = regressor(epochs=2)
         model.fit(windows(), windows(seed=1), seed=seed)
         model.save(tmp_path)
         saved.append((tmp_path / weights.NETWORK_FILE).read_bytes())
@@ -105,21 +168,42 @@ def test_fit_leaves_the_global_generator_alone():
     torch.manual_seed(5)
     expected = torch.rand(3)
     torch.manual_seed(5)
-    regressor(max_epochs=1).fit(windows(), windows(seed=1), seed=0)
+    regressor(epochs=1).fit(windows(), windows(seed=1), seed=0)
     assert torch.equal(torch.rand(3), expected)
 
 
 def test_normalisation_comes_from_the_training_part_and_is_saved(tmp_path):
     train, validation = windows(), windows(seed=1)
     train[0][..., 1] = 300  # an element that was never pressed
-    model = regressor(max_epochs=1)
-    model.fit(train, (validation[0] * 50, validation[1]), seed=0)
+    train[1][3, 2] = -9000  # the label furthest from zero
+    model = regressor(epochs=1)
+    model.fit(train, (validation[0] * 50, validation[1] * 50), seed=0)
     model.save(tmp_path)
     saved = load_file(tmp_path / weights.NETWORK_FILE)
     np.testing.assert_allclose(saved["input_mean"], train[0].mean((0, 1)), rtol=1e-5)
     np.testing.assert_allclose(saved["input_spread"][[0, 2]], train[0].std((0, 1))[[0, 2]], rtol=1e-5)
     assert saved["input_spread"][1] == regressors.SMALLEST_SPREAD
-    assert saved["output_scale"] == pytest.approx(train[1].std(), rel=1e-5)
+    assert saved["output_scale"] == 9000
+
+
+def test_labels_are_trained_on_as_shares_of_the_largest_and_answered_in_kpa():
+    """A network that always answers 1 answers the largest label; labels that are all zero stay as they are."""
+
+    class One(nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.one = nn.Parameter(torch.ones(SPEC.outputs))
+
+        def forward(self, x):
+            return self.one.expand(len(x), -1)
+
+    x, y = windows()
+    for labels, largest in ((y - y.min() + 7, np.ptp(y) + 7), (np.zeros_like(y), 1.0)):
+        model = TorchRegressor(One, SPEC, WindowTraining(**settings(epochs=1, learning_rate=1e-9)))
+        (row,) = model.fit((x, labels), (x, labels), seed=0)
+        assert model.predict(x) == pytest.approx(np.full_like(y, largest), rel=1e-5)
+        for loss in ("train_loss", "validation_loss"):
+            assert row[loss] == pytest.approx(np.mean((largest - labels) ** 2), rel=1e-4)
 
 
 def test_input_scale_has_one_pair_an_element():
@@ -129,7 +213,7 @@ def test_input_scale_has_one_pair_an_element():
 
 
 def test_predictions_do_not_depend_on_how_many_windows_are_asked():
-    model = regressor(max_epochs=1)
+    model = regressor(epochs=1)
     model.fit(windows(), windows(seed=1), seed=0)
     x, _ = windows(300, seed=2)
     together = model.predict(x)
@@ -140,7 +224,7 @@ def test_predictions_do_not_depend_on_how_many_windows_are_asked():
 
 def test_progress_is_reported_every_epoch():
     seen = []
-    history = regressor(max_epochs=3).fit(windows(), windows(seed=1), seed=0, progress=lambda *a: seen.append(a))
+    history = regressor(epochs=3).fit(windows(), windows(seed=1), seed=0, progress=lambda *a: seen.append(a))
     assert seen == [(row["epoch"], 3, row["train_loss"], row["validation_loss"]) for row in history]
 
 
@@ -172,7 +256,7 @@ def test_loading_weights_of_other_settings_is_refused(tmp_path):
     other = TorchRegressor(
         lambda: nn.Sequential(nn.Flatten(), nn.Linear(6, 5), nn.Linear(5, 4)),
         SPEC,
-        EarlyStopping(**settings()),
+        WindowTraining(**settings()),
     )
     with pytest.raises(InputError, match="other settings"):
         other.load(tmp_path)

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.learning.training import Epoch, Plateau, device_of, run_epochs
+from pipeline.learning.training import RISE, Epoch, Schedule, device_of, rate_at, run_epochs
 
 
 class Counter(nn.Module):
@@ -21,7 +21,8 @@ def run(losses, **how):
     """Run epochs with these (training, validation) losses; returns history, summary and the weight that was kept."""
     network, given = Counter(), iter(losses)
 
-    def run_epoch():
+    def run_epoch(epoch):
+        assert epoch == int(network.weight), "epochs are counted from 0"
         with torch.no_grad():
             network.weight += 1
         return Epoch(*next(given), 0.1)
@@ -36,14 +37,13 @@ NAN = float("nan")
 @pytest.mark.parametrize(
     ("losses", "how", "summary", "kept"),
     [
-        ([(3, 3), (2, 1), (1, 2)], {}, ("max_epochs", 2), 2),
-        ([(3, 3), (2, 1), (1, 2)], {"keep_last": True}, ("max_epochs", 3), 3),
-        ([(3, 3), (2, 1), (1, 2), (1, 0)], {"stop": lambda epoch, loss: epoch == 3}, ("patience", 2), 2),
+        ([(3, 3), (2, 1), (1, 2)], {}, ("completed", 2), 2),
+        ([(3, 3), (2, 1), (1, 2)], {"keep_last": True}, ("completed", 3), 3),
         ([(3, 3), (NAN, 1), (1, 0)], {}, ("diverged", 1), 1),
         ([(3, 3), (2, 2), (1, NAN)], {}, ("diverged", 2), 2),  # in its last epoch, too
         ([(3, math.inf)], {}, ("diverged", 0), 1),
         ([(3, 3), (NAN, 2)], {"keep_last": True}, ("diverged", 0), 2),
-        ([(2, None), (1, None), (3, None)], {}, ("max_epochs", 2), 2),  # no validation part: the training loss decides
+        ([(2, None), (1, None), (3, None)], {}, ("completed", 2), 2),  # no validation part: the training loss decides
     ],
 )
 def test_which_epoch_is_kept_and_what_ended_the_training(losses, how, summary, kept):
@@ -59,13 +59,21 @@ def test_progress_hears_every_epoch():
     assert heard[0] == (1, 2, 3, 2) and heard[1][:3] == (2, 2, 1) and math.isnan(heard[1][3])
 
 
-def test_a_plateau_lowers_the_rate_and_at_last_stops():
-    optimiser = torch.optim.SGD([nn.Parameter(torch.zeros(()))], lr=1.0)
-    plateau, rates, stopped = Plateau(optimiser, patience=4, plateau=2, drop=0.5), [], []
-    for epoch, loss in enumerate([1.0, 0.5, 0.499, 0.498, 0.497, 0.4965], 1):  # less than a hundredth is no progress
-        stopped.append(plateau(epoch, loss))
-        rates.append(plateau.learning_rate)
-    assert rates == [1.0, 1.0, 1.0, 0.5, 0.5, 0.5] and stopped == [False] * 5 + [True]
+def test_the_rate_rises_over_a_tenth_of_the_training_and_falls_to_zero():
+    assert RISE == 0.1 and rate_at(0) == 0 and rate_at(0.1) == 1 and rate_at(1) == 0
+    assert rate_at(0.05) == pytest.approx(0.5) and rate_at(0.55) == pytest.approx(0.5)
+    rates = [rate_at(percent / 100) for percent in range(101)]
+    assert rates[:11] == sorted(set(rates[:11])) and rates[10:] == sorted(set(rates[10:]), reverse=True)
+
+
+def test_a_schedule_sets_the_rate_of_all_weights():
+    weights = [nn.Parameter(torch.zeros(())) for _ in range(2)]
+    optimiser = torch.optim.SGD([{"params": [weight], "lr": 9.0} for weight in weights])
+    schedule = Schedule(optimiser, 0.4)
+    for done, rate in ((0.05, 0.2), (0.1, 0.4), (0.775, 0.1), (1.0, 0.0)):
+        schedule.at(done)
+        assert [group["lr"] for group in optimiser.param_groups] == pytest.approx([rate, rate])
+        assert schedule.learning_rate == pytest.approx(rate)
 
 
 def test_devices():

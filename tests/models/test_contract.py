@@ -22,9 +22,9 @@ from pipeline.tasks import windows as tasks_windows
 
 VALUES = params.load()
 # Sizes of training, and of what is drawn from the training part, that a few windows are enough for.
-TINY = {"max_epochs": 2, "batch_size": 8, "streams": 4, "batch": 2, "centres": 16, "trees": 3}
+TINY = {"epochs": 2, "batch_size": 8, "streams": 4, "batch": 2, "centres": 16, "trees": 3}
 SAMPLES, WINDOWS, IMAGES, OBJECTS = 400, 24, 12, 4
-STOP_REASONS = {"patience", "max_epochs", "closed_form"}
+STOP_REASONS = {"completed", "closed_form"}
 # A read-out that lies transposed in memory until it is saved: other sums, which differ in their last bits.
 TRANSPOSED = ("lstm_transfer_ridge",)
 
@@ -208,7 +208,7 @@ def test_a_saved_model_predicts_the_same_and_a_seed_gives_the_same_bytes(experim
 def test_divergence_in_the_last_epoch_is_recorded(experiment, model, fit):
     """The weights become infinite between the last two epochs."""
     data = given(experiment)
-    regressor = built(experiment, model, data.spec, max_epochs=2)
+    regressor = built(experiment, model, data.spec, epochs=2)
 
     def spoil(epoch: int, *others) -> None:
         if epoch == 1:

@@ -23,9 +23,7 @@ from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet
 from pipeline.studies.counts import count
 from pipeline.studies.operations import operations
 
-TRAINING = dict(
-    learning_rate=1e-3, batch_size=6, max_epochs=1, patience=9, plateau=9, drop=0.5, flip=0.0, noise=0.0, affine=0.0
-)
+TRAINING = dict(learning_rate=1e-3, batch_size=6, epochs=1, flip=0.0, noise=0.0, affine=0.0)
 SETTINGS = {
     "resnet18": dict(training=TRAINING),
     "mobilenet": dict(training=TRAINING),
@@ -192,7 +190,7 @@ def test_centre_of_the_kernel_is_the_whole_convolution_on_one_pixel(stride):
 @pytest.mark.parametrize("key", SETTINGS)
 def test_learns(key):
     part, fresh = images(48), images(24, seed=1)
-    longer = {"training": TRAINING | {"max_epochs": EPOCHS[key]}} if key in NETWORKS else {}
+    longer = {"training": TRAINING | {"epochs": EPOCHS[key]}} if key in NETWORKS else {}
     model = build(key, 4, **longer)
     model.fit(part, part, seed=4)
     assert accuracy(model, part) > 0.9 and accuracy(model, fresh) > 0.9  # chance: 0.25

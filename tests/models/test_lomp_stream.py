@@ -4,6 +4,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import torch
+from torch.optim.optimizer import register_optimizer_step_post_hook
 
 from pipeline import models
 from pipeline.datasets import windowing
@@ -12,8 +13,9 @@ from pipeline.learning.regressors import Spec
 from pipeline.models import lomp, lomp_stream
 
 SPEC = Spec(4, 2, 2, 4, 4)
-TRAINING = dict(learning_rate=3e-3, batch_size=8, max_epochs=15, patience=15, plateau=15, drop=0.5)
+TRAINING = dict(learning_rate=3e-3, batch_size=8, epochs=15)
 BLOCK = dict(hidden=8, readout=[6], neighbours=4, alpha=0.3, training=TRAINING)
+WINDOWED = BLOCK | {"training": TRAINING | {"rest_share": 1.0}}  # of `lomp`
 
 
 def build(block=BLOCK):
@@ -60,7 +62,7 @@ def test_a_state_that_is_carried_is_a_longer_window():
     x, y, previous = presses(3)
     model = build()
     model.fit((x, y, previous), (x, y, previous), seed=0)
-    whole = models.build("lomp", SPEC._replace(frames=12), BLOCK, "test")
+    whole = models.build("lomp", SPEC._replace(frames=12), WINDOWED, "test")
     whole.network.load_state_dict(model.network.state_dict())
     whole._set_normalisation(model.input_mean, model.input_spread, model.output_scale)
     ends = whole.predict(x.reshape(3, 12, 4))
@@ -72,9 +74,29 @@ def test_a_state_that_is_carried_is_a_longer_window():
     assert model.step(x[:1, 0]).shape == (1, 16)  # another number of streams starts anew
 
 
+def test_the_rate_of_every_update_rises_and_falls_to_zero():
+    """An update a window of the presses of a batch: 40 presses of 3 windows, 8 at a time, are 15 an epoch."""
+    rates, model = [], build(BLOCK | {"training": TRAINING | {"epochs": 4}})
+    hook = register_optimizer_step_post_hook(lambda optimiser, *others: rates.append(optimiser.param_groups[0]["lr"]))
+    try:
+        history = model.fit(presses(), presses(seed=1), seed=0)
+    finally:
+        hook.remove()
+    done = (np.arange(60) + 0.5) / 60
+    assert rates == pytest.approx(3e-3 * np.where(done < 0.1, done / 0.1, (1 - done) / 0.9))
+    assert [row["learning_rate"] for row in history] == rates[14::15]
+
+
+def test_a_stream_starts_at_zero():
+    x, _, previous = presses(2)
+    model = build()
+    assert not model.predict(x, previous).any() and not model.step(x[:1, 0]).any() and not model.step(x[:3, 0]).any()
+
+
 def test_gradients_after_a_carried_state_are_those_of_plain_autograd():
     torch.manual_seed(0)
     network = lomp.maker(Spec(3, 2, 2, 2, 2), 3, [4], 4, 0.3)().double()
+    torch.nn.init.normal_(network.readout[-1])  # a network that starts, at zero, passes no gradient on
     x, state = torch.randn(5, 3, 4, dtype=torch.float64), torch.randn(4, 5, 3, dtype=torch.float64)
     network.go_on(x, state)[0].square().sum().backward()
     step = 1e-6
@@ -92,7 +114,7 @@ def test_gradients_after_a_carried_state_are_those_of_plain_autograd():
 @pytest.mark.slow
 def test_the_state_tells_what_a_window_alone_cannot():
     train, validation = presses(60), presses(20, seed=1)
-    model = build(BLOCK | {"training": TRAINING | {"max_epochs": 60, "patience": 60}})
+    model = build(BLOCK | {"training": TRAINING | {"epochs": 60}})
     history = model.fit(train, validation, seed=0)
     assert history[-1]["validation_loss"] < history[0]["validation_loss"] / 4
     x, y, previous = validation
@@ -102,6 +124,6 @@ def test_the_state_tells_what_a_window_alone_cannot():
 
 
 def test_a_frame_costs_its_share_of_a_window():
-    model, window_model = build(), models.build("lomp", SPEC, BLOCK, "test")
+    model, window_model = build(), models.build("lomp", SPEC, WINDOWED, "test")
     readout = sum(weight.numel() for weight in model.network.readout)
     assert model.macs() - readout == (window_model.macs() - readout) / SPEC.frames

@@ -13,7 +13,7 @@ from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, ridge_weights, spec_of
 from pipeline.studies.latent import decoded
 
-RECIPE = {"learning_rate": 5e-3, "max_epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
+RECIPE = {"learning_rate": 5e-3, "epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
 BLOCKS = {
     "constant": {},
     "ridge": {"ridge": 1.0},
@@ -61,7 +61,7 @@ def test_every_reservoir_has_the_spectral_radius_asked_for(seed):
 
 @pytest.mark.parametrize(("outputs", "direct", "transfer"), [(1, 11_450, 50), (2, 11_500, 100)])
 def test_published_numbers_of_parameters(tmp_path, outputs, direct, transfer):
-    zero = build("lstm_direct", spec(3), {"units": 50, "training": RECIPE | {"max_epochs": 1}})
+    zero = build("lstm_direct", spec(3), {"units": 50, "training": RECIPE | {"epochs": 1}})
     zero.fit([record(50, 3)], seed=0, device="cpu", base=None)
     zero.save(tmp_path)
     assert build("lstm_direct", spec(outputs), {"units": 50, "training": RECIPE}).parameters() == direct
@@ -91,7 +91,7 @@ def test_a_series_model_is_causal_and_goes_step_by_step(name, model_zero):
 
 def test_transfer_leaves_the_recurrent_part_alone_and_closed_form_fits_no_worse(model_zero):
     data = record()
-    block = {"training": RECIPE | {"learning_rate": 0.05, "max_epochs": 200, "drop_epoch": 125}}
+    block = {"training": RECIPE | {"learning_rate": 0.05, "epochs": 200, "drop_epoch": 125}}
     adam, solved = build("lstm_transfer", spec(2), block), build("lstm_transfer_ridge", spec(2))
     losses = [model.fit([data], seed=0, device="cpu", base=model_zero)[-1]["train_loss"] for model in (adam, solved)]
     assert losses[1] <= losses[0] * 1.0001
@@ -129,8 +129,8 @@ def test_uncounted_samples_do_not_matter():
 
 
 def test_recipe_names_a_wrong_key():
-    with pytest.raises(InputError, match="test.training: unknown key 'epochs'"):
-        build("lstm_direct", spec(2), {"units": 8, "training": RECIPE | {"epochs": 3}})
+    with pytest.raises(InputError, match="test.training: unknown key 'epoch'; did you mean 'epochs'"):
+        build("lstm_direct", spec(2), {"units": 8, "training": RECIPE | {"epoch": 3}})
 
 
 def test_training_never_gets_the_test_part():
@@ -144,7 +144,7 @@ def test_training_never_gets_the_test_part():
     assert len(series.seen_in_training([piece, untouched])) == 1
 
 
-HIGHPASS = {"learning_rate": 1e-2, "max_epochs": 5, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
+HIGHPASS = {"learning_rate": 1e-2, "epochs": 5, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
 EVERY_BLOCK = BLOCKS | {
     "lstm_highpass": {"filters": 5, "taps": 4, "units": 8, "training": HIGHPASS},
     "press_difference": {"press": 2, "trees": 3, "min_samples_leaf": 2},

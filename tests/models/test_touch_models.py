@@ -13,7 +13,7 @@ SMALL = Spec(3, 2, 2, 4, 4)
 
 
 def training(**changes):
-    return dict(learning_rate=1e-3, batch_size=16, max_epochs=1, patience=9, plateau=9, drop=0.3) | changes
+    return dict(learning_rate=1e-3, batch_size=16, epochs=1, rest_share=1.0) | changes
 
 
 PAPER_SETTINGS = {
@@ -87,7 +87,7 @@ def rmse(model, part):
         ("rnn", 263_056),
         ("cnn", 636_208),
         ("convlstm", 358_544),
-        ("vgg", 14_922_768),
+        ("vgg", 14_926_992),
         ("lomp", 2_741_712),
     ],
 )
@@ -132,15 +132,13 @@ def test_multiply_accumulates(key, macs):
 @pytest.mark.parametrize("key", SMALL_SETTINGS)
 def test_learns_better_than_the_mean(key):
     train, validation = windows(SMALL, 320), windows(SMALL, 80, seed=1)
-    rate = 1e-3 if key == "vgg" else 4e-3
-    model = build(key, SMALL, SMALL_SETTINGS[key], max_epochs=25, learning_rate=rate)
+    model = build(key, SMALL, SMALL_SETTINGS[key], epochs=25, learning_rate=1e-2)
     history = model.fit(train, validation, seed=0)
     mean = np.sqrt(np.mean((validation[1] - train[1].mean(0)) ** 2))
     if key == "constant":
         assert rmse(model, validation) == pytest.approx(mean, rel=1e-5)
     else:
-        # 13 narrow layers without batch norm learn in so few steps only how strong the presses are together
-        assert rmse(model, validation) < (0.9 if key == "vgg" else 0.7) * mean
+        assert rmse(model, validation) < 0.7 * mean
     best = history[model.summary.best_epoch - 1]
     assert set(best) == {"epoch", "train_loss", "validation_loss", "learning_rate"}
     assert rmse(model, validation) == pytest.approx(np.sqrt(best["validation_loss"]), rel=1e-4)
@@ -176,12 +174,30 @@ def test_vgg_trains_at_full_size_on_thirty_windows():
     assert len(history) == 1 and np.isfinite(history[0]["validation_loss"])
 
 
+@pytest.mark.parametrize("key", NETWORKS)
+def test_a_network_starts_at_zero_everywhere(key):
+    """Most cells of most maps are zero: what a network learns first is not to undo a random map."""
+    part = windows(SMALL, 8)
+    model = build(key, SMALL, SMALL_SETTINGS[key])
+    assert not model.predict(part[0]).any() and not model.predict(part[0][:1]).any()
+    model.fit(part, part, seed=0)
+    assert model.predict(part[0]).any()
+
+
+def test_vgg_trains_where_the_last_batch_would_be_one_window():
+    """Its last layers see one pixel, on which batch normalisation cannot train with one window."""
+    part = windows(SMALL, 17)
+    model = build("vgg", SMALL, SMALL_SETTINGS["vgg"], epochs=2)
+    history = model.fit(part, part, seed=0)
+    assert model.summary.stop_reason == "completed" and np.isfinite(history[-1]["train_loss"])
+
+
 def test_vgg_centre_of_the_kernel_is_the_whole_convolution_on_one_pixel():
     from pipeline.models.vgg import _Convolution
 
-    layer = _Convolution(6, 5, 3, padding=1)
+    layer = _Convolution(6, 5, 3, padding=1, bias=False)
     x = torch.randn(4, 6, 1, 1)
-    plain = torch.nn.functional.conv2d(x, layer.weight, layer.bias, padding=1)
+    plain = torch.nn.functional.conv2d(x, layer.weight, padding=1)
     torch.testing.assert_close(layer(x), plain, rtol=1e-5, atol=1e-6)
     ours = torch.autograd.grad(layer(x).square().sum(), layer.weight)[0]
     torch.testing.assert_close(ours, torch.autograd.grad(plain.square().sum(), layer.weight)[0])

@@ -7,7 +7,7 @@ from torch import nn
 
 from pipeline import models
 from pipeline.base import params, paths
-from pipeline.base.blocks import AugmentedTraining, EarlyStopping
+from pipeline.base.blocks import AugmentedTraining, WindowTraining
 from pipeline.datasets import images, schemas, series
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import FitSummary, TorchRegressor
@@ -22,16 +22,15 @@ from pipeline.studies import stag as stag_stage
 
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
 PART = np.repeat(["train", "validation", "test"], [80, 20, 20])
-TRAINING = {"learning_rate": 1e-3, "batch_size": 16, "max_epochs": EPOCHS}
-TRAINING |= {"patience": EPOCHS, "plateau": EPOCHS, "drop": 1.0}
-CNN = {"channels": [4], "hidden": [16], "training": TRAINING}
+TRAINING = {"learning_rate": 1e-3, "batch_size": 16, "epochs": EPOCHS}
+CNN = {"channels": [4], "hidden": [16], "training": TRAINING | {"rest_share": 1.0}}
 SP_RESNET = {"reduction": 16, "training": TRAINING | {"flip": 0.0, "noise": 0.0, "affine": 0.0}}
 
 
 def linear(spec, *, training, **others) -> TorchRegressor:
     """In place of every network: one layer, whose loss falls in every epoch where the labels are right."""
     given = dict(training)
-    make, block = (ImageClassifier, AugmentedTraining) if "flip" in given else (TorchRegressor, EarlyStopping)
+    make, block = (ImageClassifier, AugmentedTraining) if "flip" in given else (TorchRegressor, WindowTraining)
     return make(
         lambda: nn.Sequential(nn.Flatten(), nn.Linear(spec.frames * spec.elements, spec.outputs)),
         spec,
@@ -106,7 +105,7 @@ def values(tmp_path, monkeypatch):
     touch["sensor"] |= {"rows": 1, "cols": ELEMENTS}
     touch["label"] |= {"map_rows": 2, "map_cols": OUTPUTS // 2}
     touch["models"], glove["models"] = {"cnn": CNN}, {"sp_resnet": SP_RESNET}
-    values["rightsize"]["touch"]["window"] |= {"training": {"max_epochs": EPOCHS}}
+    values["rightsize"]["touch"]["window"] |= {"training": {"epochs": EPOCHS}}
     values["physics"]["touch"] |= {"protocols": ["press"], "models": {"cnn": CNN}}
     values["physics"]["glove"] |= {"protocols": ["session_pressure"], "models": {"sp_resnet": SP_RESNET}}
     monkeypatch.setattr(paths, "ROOT", tmp_path)

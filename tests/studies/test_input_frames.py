@@ -8,6 +8,7 @@ import torch
 from pipeline import models
 from pipeline.base import params, paths
 from pipeline.datasets import images, schemas
+from pipeline.learning import image_classifier
 from pipeline.learning.image_classifier import spec_of
 from pipeline.logs import stag
 from pipeline.scoring import classification, frame_sets
@@ -15,7 +16,7 @@ from pipeline.studies import input_frames, joined_frames
 from pipeline.studies import stag as stag_study
 
 GROUP = np.repeat([4, 1, 7, 2], [5, 2, 9, 4])  # numbers of sessions
-TRAINING = {"learning_rate": 3e-3, "batch_size": 16, "max_epochs": 2, "patience": 2, "plateau": 2, "drop": 1.0}
+TRAINING = {"learning_rate": 3e-3, "batch_size": 16, "epochs": 2}
 TRAINING |= {"flip": 0.0, "noise": 0.0, "affine": 0.0}
 BLOCKS = {"sp_resnet": {"reduction": 16, "training": TRAINING}, "resnet3x3": {"training": TRAINING}}
 SETTINGS = {"dataset": "combined", "split": "session", "numbers": [2], "seeds": [0]}
@@ -102,13 +103,13 @@ def test_an_epoch_sees_as_many_images_as_that_of_one_frame_and_only_those_of_tra
     part[(part == "train") & (np.arange(len(part)) % 2 == 1)] = "unused"
     x += np.arange(len(x), dtype=np.float32)[:, None, None] / 1e4  # so that an image is known by its mean
     means, seen = x.mean(axis=(1, 2)), []
-    real = joined_frames.augmented
+    real = image_classifier.augmented
 
     def noted(batch, *others):
         seen.append([int(np.abs(means - 255 * float(image.mean())).argmin()) for image in batch])
         return real(batch, *others)
 
-    monkeypatch.setattr(joined_frames, "augmented", noted)
+    monkeypatch.setattr(image_classifier, "augmented", noted)
     place = single(batch_size=4), 2, x, y, session, part
     rows = joined_frames.scores(*place, seed=0, device="cpu", progress=None)
     assert [row[0] for row in rows] == list(classification.METRICS) and {row[-1] for row in rows} == {4}  # sets of two
@@ -123,13 +124,36 @@ def test_an_epoch_sees_as_many_images_as_that_of_one_frame_and_only_those_of_tra
     assert used == {"train", "unused"}
 
 
+def test_frames_are_joined_in_the_training_of_one_image(monkeypatch):
+    """The same loop with the same schedule; one frame without augmentation is the network of one image itself."""
+    used, real = [], image_classifier.ImageClassifier.train_on
+
+    def noted(self, *arguments, **how):
+        used.append(type(self))
+        return real(self, *arguments, **how)
+
+    monkeypatch.setattr(image_classifier.ImageClassifier, "train_on", noted)
+    x, y, session, part = grasps()
+    train, validation = part == "train", part == "validation"
+    alone, joined = single(batch_size=4), joined_frames.JoinedClassifier(single(batch_size=4), 2)
+    rows = frame_sets.fixed_sets(session[validation], 2)
+    sets = x[validation][rows, 0], y[validation][rows[:, 0]]
+    given = x[train], y[train], session[train]
+    joined_history = joined.fit(given, sets, sets=int(train.sum()) // 2, seed=0, device="cpu")
+    history = alone.fit(given[:2], (x[validation], y[validation]), seed=0, device="cpu")
+    assert used == [joined_frames.JoinedClassifier, image_classifier.ImageClassifier]
+    for rates in ([row["learning_rate"] for row in made] for made in (history, joined_history)):
+        done = [(epoch + 1 - 2 / train.sum()) / 2 for epoch in range(2)]  # at the middle of the last batch
+        assert rates == pytest.approx([3e-3 * (1 - share) / 0.9 for share in done])
+
+
 def test_a_network_of_several_frames_is_fitted_on_training_chosen_by_validation_and_scored_on_the_test():
     """Who learned the right names is wrong where the names are exchanged; in the validation, learns nothing."""
 
     def accuracy(wrong):
         x, y, session, part = grasps(sessions=10)
         y[part == wrong] = y[part == wrong][:, ::-1]
-        place = single(max_epochs=8, patience=8, batch_size=4), 2, x, y, session, part
+        place = single(epochs=8, batch_size=4), 2, x, y, session, part
         (name, _, value, _), _ = joined_frames.scores(*place, seed=0, device="cpu", progress=None)
         assert name == "accuracy"
         return value
