@@ -309,4 +309,4 @@ def test_a_training_reads_no_setting_that_its_origin_lacks(values, tmp_path, mon
 
 def test_a_training_of_series_reads_no_setting_that_its_origin_lacks(series_model, tmp_path):
     keys = read_by_training("strain", params.load(), of_train_series, tmp_path)
-    assert keys >= {"models", "window", "sensor", "model_zero"}
+    assert keys >= {"models", "window", "sensor"}
