@@ -34,7 +34,7 @@ def killed_and_repeated(project) -> dict:
         start_new_session=True,
     )
     draft = project.folder / "data" / "glove" / "unfinished" / "sp_resnet"
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 300
     while not (draft / "times.csv").exists():  # which tells of a finished run
         assert time.monotonic() < deadline and killed.poll() is None, "training never started"
         time.sleep(0.05)

@@ -49,10 +49,13 @@ def test_repro_nothing_changed(benchmark, record):
 def test_repro_one_setting(record, miniature):
     project, whole = miniature
     project.set({"touch.models.tree": {"min_samples_leaf": 7, "max_features": 1.0}})
+    folders = {path.name: path.stat().st_ino for path in (project.folder / "data" / "touch" / "models").iterdir()}
     began = time.perf_counter()
     ran = re.findall(r"Running stage '(\S+?)'", project.dvc("repro").stdout)
     seconds = time.perf_counter() - began
     assert {"train_touch", "evaluate@touch", "render_touch"} <= set(ran), ran
+    after = {path.name: path.stat().st_ino for path in (project.folder / "data" / "touch" / "models").iterdir()}
+    assert [name for name in folders if after[name] != folders[name]] == ["tree"], "another model was trained again"
     extra = [stage for stage in ran if re.search(FORBIDDEN, stage)]
     record(
         "repro_one_setting",

@@ -3,6 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import pytest
+from opened.noted import Noted, ignore_bookkeeping
 from torch import nn
 
 from pipeline import models
@@ -267,8 +268,9 @@ def of_physics_strain(values, folder):
     ablation(values, "strain", folder)
 
 
-@pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])
-def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(stage, tmp_path, monkeypatch):
+@pytest.fixture
+def series_model(monkeypatch):
+    """In place of every model of series, whose recordings are 100 samples."""
     part = series.chronological(100, 0.8, 0.125)
     x, y = np.arange(100.0)[:, None], np.arange(100.0)[:, None]
     record = series.Record(x, y, np.ones(100, bool), part == "train", np.full(100, -1))
@@ -277,7 +279,33 @@ def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(stage, t
     monkeypatch.setattr(series, "read", lambda *arguments: [piece])
     monkeypatch.setattr(metrics, "series", lambda *arguments: [("error", "mm", 1.0, 20)])
     monkeypatch.setattr(Fitted, "save", lambda *arguments: None)
+    return model
+
+
+@pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])
+def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(stage, tmp_path, series_model):
     stage(params.load(), tmp_path)
-    assert model.records
-    for seen in model.records:
+    assert series_model.records
+    for seen in series_model.records:
         assert seen.x[:, 0].tolist() == list(range(80)) and seen.training.tolist() == [True] * 70 + [False] * 10
+
+
+def read_by_training(experiment, values, train, folder) -> set[str]:
+    """Return the keys of an experiment's block that a training reads; all of them must be part of its origin."""
+    read = set()
+    train(Noted(values, read), folder)
+    keys = {name.split(".")[1] for name in read if name.startswith(f"{experiment}.")}
+    assert keys <= {"models", *train_stage.read_settings(values, experiment)}
+    return keys
+
+
+def test_a_training_reads_no_setting_that_its_origin_lacks(values, tmp_path, monkeypatch):
+    ignore_bookkeeping(monkeypatch.setattr)
+    windows = read_by_training("touch", values, lambda noted, folder: of_train(noted, "nowhere", folder), tmp_path)
+    assert windows >= {"models", "window", "sensor", "label"}
+    read_by_training("glove", values, lambda noted, folder: of_train_images(noted, "nowhere", folder), tmp_path / "2")
+
+
+def test_a_training_of_series_reads_no_setting_that_its_origin_lacks(series_model, tmp_path):
+    keys = read_by_training("strain", params.load(), of_train_series, tmp_path)
+    assert keys >= {"models", "window", "sensor"}
