@@ -20,7 +20,7 @@ from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import schemas
 from pipeline.logs import own_data, sources
 
-SMALL = 64 << 20  # bytes of logs that one process reads in the time in which others start, about 2 s
+SMALL = 64 << 20  # bytes of logs: one process reads them in about 2 s, and to start others takes as long
 Read = tuple[str, pa.Table, dict]  # `condition/recording`, its rejects, its report
 
 

@@ -168,6 +168,74 @@ def test_the_same_logs_give_the_same_bytes(root):
     assert not list((root / "data/touch").glob("*.unfinished"))
 
 
+def outputs(root):
+    return [(root / "data/touch" / name).read_bytes() for name in ("frames.parquet", "rejects.parquet", "ingest.json")]
+
+
+@pytest.fixture
+def three_recordings(root, monkeypatch):
+    """Recordings with faults, and what one process makes of them."""
+    for k in range(3):
+        logs = logs_of(seconds=20 + 10 * k, seed=k)
+        logs["array.log"][200 + k] = logs["array.log"][200 + k][:7]
+        save(root / f"data/touch/logs/single/run00{k}", logs)
+    monkeypatch.setenv("WORKERS", "1")
+    run(root)
+    return outputs(root)
+
+
+def test_the_number_of_processes_changes_no_byte(root, three_recordings, monkeypatch):
+    read = []
+    monkeypatch.setattr(ingest, "SMALL", 0)
+    monkeypatch.setenv("WORKERS", "2")
+    monkeypatch.setattr(ingest, "_in_turn", lambda *_: read.append("in turn"))
+    run(root)
+    assert not read
+    assert outputs(root) == three_recordings
+
+
+def test_recordings_that_are_done_in_another_order_are_written_in_theirs(root, three_recordings, monkeypatch):
+    """Also those whose frames are made in several parts, which pass through as many files."""
+    run_tasks, parts = ingest.workers.run, []
+    monkeypatch.setattr(touch, "PART", 600)
+    run(root)
+    in_parts = outputs(root)
+    assert in_parts != three_recordings  # a part is a row group of its own
+
+    def backwards(function, tasks, bar, folders):
+        results = list(run_tasks(function, tasks, bar, folders=folders))
+        parts.extend(len(list(folder.iterdir())) for folder in folders.values())
+        return reversed(results)
+
+    monkeypatch.setattr(ingest.workers, "run", backwards)
+    monkeypatch.setattr(ingest, "_in_turn", ingest._in_processes)
+    run(root)
+    assert len(parts) == 3 and min(parts) > 1
+    assert outputs(root) == in_parts
+    assert not list((root / "data/touch").glob("*.unfinished"))
+
+
+def test_a_recording_that_cannot_be_read_leaves_nothing_unfinished(root, three_recordings, monkeypatch):
+    (root / "data/touch/logs/single/run001/cnc.log").write_text("ready\n")
+    monkeypatch.setattr(ingest, "_in_turn", ingest._in_processes)
+    with pytest.raises(InputError, match="no line can be read"):
+        run(root)
+    assert outputs(root) == three_recordings
+    assert not list((root / "data/touch").glob("*.parts.unfinished"))
+
+
+def test_frames_that_cannot_be_written_stop_the_stage(root, three_recordings, monkeypatch):
+    """They are written in a thread beside the reading."""
+
+    def full(self, *_, **__):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(pq.ParquetWriter, "write_table", full)
+    with pytest.raises(OSError, match="no space left"):
+        run(root)
+    assert outputs(root) == three_recordings
+
+
 def test_own_logs_are_read_from_the_named_folder(root):
     save(root / "data/own/logs/single/monday", logs_of())
     frames, _, _ = run(root, SETTINGS | {"source": "data/own/logs"})
