@@ -404,6 +404,13 @@ MUTANTS = [
         "learning/test_lomp_network.py::test_outputs_and_all_gradients_equal_a_loop_over_modules",
     ),
     Mutant(
+        "lomp-row-without-candidate-bias",
+        "pipeline/learning/lomp_prediction.py",
+        "candidate_inputs[j] + candidate_bias[j] + r[j]",
+        "candidate_inputs[j] + r[j]",
+        "learning/test_lomp_network.py::test_a_row_in_compiled_code_is_a_row_of_a_batch",
+    ),
+    Mutant(
         "gcam-without-sigmoid",
         "pipeline/learning/residual_blocks.py",
         "self.row_weights = nn.Sequential(nn.Conv2d(narrow, channels, 1), nn.Sigmoid())",

@@ -80,6 +80,12 @@ def test_rows_say_what_was_met_and_replace_each_other(tmp_path):
     large = rows.row("large", ours=2.1, most=2, **shared)
     none = rows.row("none", ours=0, most=0, **shared)
     assert [one.met for one in (fast, slow, large, none)] == ["yes", "no", "no", "yes"]
+    either = [
+        rows.row("either", peer=12.0, peer_is="a loop", least_ratio=ratio, most=most, ours=1.0, **shared)
+        for ratio, most in ((12, 1), (13, 1), (12, 0.9), (13, 0.9))
+    ]
+    assert [one.met for one in either] == ["yes", "yes", "yes", "no"]
+    assert [one.target for one in either] == [1, 1, 12, 0.9]
     assert fast.ratio == 12 and large.ratio == "" and "torch" in fast.versions
     rows.merge(path, [fast, slow])
     rows.merge(path, [rows.failed("fast", "full"), large])

@@ -269,7 +269,7 @@ class _Recurrence(torch.autograd.Function):
 
 
 class LompRegressor(TorchRegressor):
-    """A regressor of LoMP: batches go through the network in parts that fit the cache, a single row in compiled code."""
+    """LoMP as a regressor: a batch goes through in parts that fit the cache, a single row through compiled code."""
 
     chunk = 128  # windows; an update of 256 takes 0.41 s, in one piece 0.62 s, in pieces of 32 0.52 s
     prediction: "Prediction | None" = None  # of one row, with the weights of now

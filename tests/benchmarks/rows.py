@@ -48,13 +48,16 @@ def row(
     threads: int = 1,
     size: str,
 ) -> Row:
-    """A measured figure; it is met where the ratio is at least `least_ratio`, or ours at most `most`."""
+    """A measured figure; it is met where the ratio is at least `least_ratio`, or ours at most `most`.
+
+    Of both, either is enough; the row has the one that is met, `most` where both or neither are.
+    """
     ratio = "" if peer is None else peer / ours if ours else float("inf")
     met, target, target_is = "", "", ""
-    if least_ratio is not None:
-        met, target, target_is = "yes" if ratio >= least_ratio else "no", least_ratio, "ratio at least"
-    elif most is not None:
+    if most is not None:
         met, target, target_is = "yes" if ours <= most else "no", most, "ours at most"
+    if least_ratio is not None and (most is None or met == "no" and ratio >= least_ratio):
+        met, target, target_is = "yes" if ratio >= least_ratio else "no", least_ratio, "ratio at least"
     shown = "" if peer is None else peer
     return Row(name, ours, shown, unit, ratio, target, met, what, peer_is, target_is, rounds, threads, size, *where())
 

@@ -58,13 +58,14 @@ def test_lomp_latency(race, record, sizes):
         unit="ms",
         ours=seconds * 1e3,
         peer=peer * 1e3,
-        least_ratio=12,
+        least_ratio=20,
+        most=1,
         rounds=sizes.rounds,
     )
 
 
 def test_lomp_latency_error(record, sizes, touch):
-    """What computing a window in numpy changes, against the same weights in torch."""
+    """What weights of 16 bits change in a window, against the float32 weights in torch."""
     data, load = touch
     model, most = load("lomp"), 0.0
 
@@ -100,7 +101,7 @@ def test_lomp_stream(race, record, sizes, touch):
         unit="ms",
         ours=seconds * 1e3,
         peer=peer * 1e3,
-        least_ratio=5,
+        most=0.1,
         rounds=sizes.rounds,
     )
 
