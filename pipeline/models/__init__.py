@@ -7,7 +7,7 @@ What a model's file provides
 * `spec` (pipeline.learning.regressors.Spec) gives the shapes of the task. Images are windows of one frame, and a series
   is one row of channels; `spec.frames` is then how many samples a model of windows sees.
 * Every setting is keyword-only, has no default, and is annotated with the bare name of a kind from
-  pipeline/base/blocks.py (`Count`, `Width`, `WindowTraining` ...). The signature is read without importing the file, and
+  pipeline/base/blocks.py (`Count`, `WindowTraining` ...). The signature is read without importing the file, and
   the model's block in params.yaml is checked against it.
 * `build` raises InputError for settings that do not fit each other or `spec`. It neither reads files nor needs data.
 * A docstring's line that starts with "Differs from paper" and a colon is printed in the reports, up to an empty line.
