@@ -139,11 +139,11 @@ def text(values: Mapping, experiment: str, rows: Sequence[Mapping]) -> str:
     return "\n".join(
         [
             "# Learning rates\n",
-            f"Validation RMSE (kPa) of the best epoch by highest learning rate, split `{protocol}`, seed {first}; of the "
-            f"two rates with the lowest errors also the mean over the seeds {seeds}, which decides. Each network has "
-            "its own recipe of params.yaml but for the rate; the same search for every network, further where the "
-            f"lowest error is at an end of the grid. {len(rows)} trainings, {seconds:.0f} s of processes in all. No test "
-            "part was read.\n",
+            f"Validation RMSE (kPa) of the best epoch by highest learning rate, split `{protocol}`, seed {first}; of "
+            f"the two rates with the lowest errors also the mean over the seeds {seeds}, which decides. Each network "
+            "has its own recipe of params.yaml but for the rate; the same search for every network, further where the "
+            f"lowest error is at an end of the grid. {len(rows)} trainings, {seconds:.0f} s of processes in all. "
+            "No test part was read.\n",
             f"Diverged: {', '.join(diverged) or 'none'}.\n",
             table(header, lines),
         ]

@@ -418,7 +418,7 @@ def test_the_best_epochs_and_their_losses_are_medians_over_the_runs():
         {"sp_resnet": {"session_strain": runs[:2], "session_pressure": [runs[2], failed]}, "tree": {"any": [failed]}}
     )
     assert lines == [
-        "- Training of SP-ResNet, 3 runs of 3 epochs: best epoch 3 (median; 2 to 3), with a validation loss of 0.400 "
+        "- Training of SP-ResNet, 3 runs of 3 epochs: best epoch 3 (median; 2 to 3), with a validation loss of 0.40 "
         "(after one epoch 2.50)."
     ]
 
