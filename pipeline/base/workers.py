@@ -68,9 +68,9 @@ def run(
     """Call `function(*arguments, report)` for every task in processes of one thread; yield (key, result).
 
     Results come as they finish. `bar` moves by one for every call of `report` in a task and, at a task's end,
-    by what is left of its `steps` (as of a training that diverged). An InputError of a task is raised here. Where one
-    process is enough, it is this one: to start another takes 3 s. `folders`: the new folder that a task makes, if it makes
-    one; what a lost process left of it is removed. A task whose process is killed, or gets no memory, starts again beside
+    by what is left of its `steps` (divergence). An InputError of a task is raised here. Where one process is
+    enough, it is this one: to start another takes 3 s. `folders`: the new folder that a task makes, if it makes one;
+    what a lost process left of it is removed. A task whose process is killed, or gets no memory, starts again beside
     one task fewer; InputError names it if that happens where it is alone.
     """
     processes = count()
