@@ -779,8 +779,7 @@ SAVED = {
         "filters": 2,
         "taps": 2,
         "units": 3,
-        "training": WHOLE["strain"]["models"]["lstm_highpass"]["training"]
-        | {"epochs": 1, "length": 9, "warm_up": 1},
+        "training": WHOLE["strain"]["models"]["lstm_highpass"]["training"] | {"epochs": 1, "length": 9, "warm_up": 1},
     },
 }
 

@@ -1,69 +1,186 @@
 """The search of learning rates: the same for every network, on validation windows alone."""
 
+import argparse
 import copy
+import math
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
 
-from pipeline.base import params
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
 from pipeline.commands import rates
 from pipeline.datasets import schemas
-from pipeline.datasets.windows import Dataset
 
 SMALL = {"channels": [4], "hidden": [16]}
+NAN = float("nan")
 
 
 @pytest.fixture
-def values():
+def values(tmp_path, monkeypatch):
+    """params.yaml with a small CNN of few epochs and three seeds, in a folder of its own and in this process."""
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
+    monkeypatch.setenv("WORKERS", "1")
     values = copy.deepcopy(params.load()) | {"device": "cpu"}
-    values["touch"]["models"]["cnn"] |= SMALL
+    monkeypatch.setattr(params, "load", lambda: values)
+    cnn = values["touch"]["models"]["cnn"]
+    cnn |= SMALL | {"training": cnn["training"] | {"epochs": 3, "batch_size": 32}}
+    values["touch"]["protocols"] = {"press": {"seeds": [4, 5, 6]}, "random_window": {"seeds": [0]}}
     return values
 
 
-def made(wrong: str) -> Dataset:
+def write_dataset(wrong: str) -> None:
     """Labels follow the windows; those of the part `wrong` are noise."""
     rng = np.random.default_rng(0)
-    part = np.repeat(["train", "validation", "test"], [256, 64, 64])
-    x = rng.uniform(0, 1000, (384, 8, 25)).astype(np.float32)
+    part = np.repeat(["train", "validation", "test"], [128, 32, 32])
+    x = rng.uniform(0, 1000, (192, 8, 25)).astype(np.float32)
     y = np.repeat(x[:, -1, :1] / 5, 400, axis=1)
-    y[part == wrong] += rng.uniform(0, 1e6, (int((part == wrong).sum()), 400))
-    column = pa.array(part).dictionary_encode().cast(schemas.NAME)
-    return Dataset(x, y, pa.table({schemas.split_column("press", 0): column}))
+    y[part == wrong] += rng.uniform(0, 1e6, (int((part == wrong).sum()), 400)).astype(np.float32)
+    names = pa.array(part).dictionary_encode().cast(schemas.NAME)
+    columns = {schemas.split_column("press", seed): names for seed in (4, 5, 6)}
+    columns |= {"x": schemas.lists(x.reshape(192, -1), pa.float32()), "y": schemas.lists(y, pa.float32())}
+    table = pa.table(columns)
+    schemas.write(paths.dataset("touch"), table.schema, [table])
 
 
-def test_rates_get_the_same_number_of_updates_and_do_not_read_the_test_part(values):
-    searched = [rates.search(values, "touch", "cnn", rate, 40, made("test")) for rate in (1e-5, 3e-3)]
-    rows = [dict(zip(rates.COLUMNS, row, strict=True)) for row in searched]
-    assert [row["updates"] for row in rows] == [40, 40] and [row["epochs"] for row in rows] == [10, 10]
+def nothing(*numbers) -> None:
+    """In place of a progress bar."""
+
+
+def test_only_the_rate_of_the_recipe_is_replaced_and_the_test_part_is_not_read(values):
+    write_dataset("test")
+    trained = [rates.train_run(values, "touch", "cnn", rate, 5, nothing) for rate in (1e-5, 1e-2)]
+    rows = [dict(zip(rates.COLUMNS, row, strict=True)) for row in trained]
+    for row in rows:
+        assert (row["model"], row["seed"], row["epochs"], row["batch_size"]) == ("cnn", 5, 3, 32)
     assert rows[1]["rmse_kpa"] < rows[0]["rmse_kpa"] < 1000
-    same = rates.search(values, "touch", "cnn", 3e-3, 40, made("nowhere"))
-    assert same[:7] == searched[1][:7]
+    write_dataset("nowhere")
+    assert rates.train_run(values, "touch", "cnn", 1e-2, 5, nothing)[:7] == trained[1][:7]
+    write_dataset("validation")
+    assert rates.train_run(values, "touch", "cnn", 1e-2, 5, nothing)[6] > 1e5
 
 
-def test_a_rate_that_diverges_is_said_and_the_lowest_named(values, tmp_path):
-    levels = {1e-3: 5.0, 1e-2: 4.0, 1e-1: float("nan")}
-    rows = [(model, rate, 64, 100, 5, 5, rmse, 2.0) for model in ("cnn", "lomp") for rate, rmse in levels.items()]
+def test_a_stream_is_trained_as_one(values, monkeypatch):
+    fitted = []
+    monkeypatch.setattr(
+        rates.tasks_windows, "fit", lambda *place, **how: fitted.append((place, how)) or (_ for _ in ()).throw(KeyError)
+    )
+    with pytest.raises(KeyError):
+        rates.train_run(values, "touch", "lomp_stream", 0.5, 4, nothing)
+    ((path, experiment, settings, protocol, seed, build), how), *_ = fitted
+    assert (path, experiment, protocol, seed) == (paths.dataset("touch"), "touch", "press", 4)
+    assert settings is values["touch"] and how == {"device": "cpu", "progress": nothing}
+    regressor = build(rates.tasks_windows.spec(settings))
+    assert regressor.streams and regressor.training.learning_rate == 0.5
+    assert regressor.training.epochs == settings["models"]["lomp_stream"]["training"]["epochs"]
+
+
+def test_the_command_trains_the_grid_at_the_first_seed_and_the_two_best_at_all(values):
+    write_dataset("nowhere")
+    values["touch"]["models"] = {"constant": {}, "cnn": values["touch"]["models"]["cnn"]}
+    rates.main(argparse.Namespace(experiment="touch"))
+    table = pd.read_csv(paths.REPORTS / "rates" / "touch.csv")
+    assert tuple(table.columns) == rates.COLUMNS and set(table["model"]) == {"cnn"}
+    grid = table[table.seed == 4].set_index("learning_rate")["rmse_kpa"]
+    places = [rates.place_of(tried) for tried in grid.index]
+    assert places == list(range(places[0], places[-1] + 1)) and set(range(-10, -6)) <= set(places)  # 2e-3 is -8
+    assert rates.beyond(dict(zip(places, grid, strict=True))) is None
+    best = set(grid.nsmallest(2).index)
+    for seed in (5, 6):
+        assert set(table[table.seed == seed]["learning_rate"]) == best
+    assert len(table) == len(grid) + 4
+    assert (paths.REPORTS / "rates" / "touch.md").read_text().startswith("# Learning rates")
+
+
+def made_up(values, monkeypatch, rmse):
+    """Rows of the search over cnn and lomp with errors `rmse(model, rate, seed)` in place of trainings."""
+
+    def train_run(values, experiment, model, rate, seed, report):
+        return (model, rate, seed, 64, 3, 2, rmse(model, rate, seed), 2.0)
+
+    monkeypatch.setattr(rates, "train_run", train_run)
+    for model, rate in (("cnn", 2e-3), ("lomp", 1e-2)):
+        values["touch"]["models"][model]["training"]["learning_rate"] = rate
+    return rates.search(values, "touch", ["cnn", "lomp"])
+
+
+def test_the_grid_goes_on_beyond_its_ends_until_the_lowest_error_is_inside(values, monkeypatch):
+    lowest_at = {"cnn": 1e-4, "lomp": 1e-1}
+
+    def rmse(model, rate, seed):
+        if rate > 0.3:
+            return NAN
+        far = math.log(rate / lowest_at[model])
+        return 5 + max(far, -2 * far) + seed / 100
+
+    rows = made_up(values, monkeypatch, rmse)
+    tried = {model: [row[1] for row in rows if row[0] == model and row[2] == 4] for model in lowest_at}
+    assert tried["cnn"] == [5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3]
+    assert tried["lomp"] == [2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1, 2e-1]
+    again = {(row[0], row[1]) for row in rows if row[2] in (5, 6)}
+    assert again == {("cnn", 1e-4), ("cnn", 2e-4), ("lomp", 1e-1), ("lomp", 2e-1)}
+    assert len(rows) == 14 + 8
+
+
+def test_the_mean_over_the_seeds_decides_and_what_diverged_is_named(values, monkeypatch, tmp_path):
+    levels = {5e-4: 6.0, 1e-3: 5.0, 2e-3: 4.0, 5e-3: NAN, 2e-2: 9.0, 1e-2: 8.0}
+
+    def rmse(model, rate, seed):
+        if model == "lomp":
+            return NAN
+        return levels[rate] + (3 if (rate, seed) == (2e-3, 6) else 0)  # mean 5 + 0, against 4 + 1
+
+    rows = made_up(values, monkeypatch, lambda *run: rmse(*run) + 0.1 * (run[1:] == (2e-3, 5)))
     rates.write(values, "touch", rows, tmp_path)
     text = (tmp_path / "touch.md").read_text()
-    set_to = values["touch"]["models"]["cnn"]["training"]["learning_rate"]
-    line = next(line for line in text.splitlines() if line.startswith("| CNN"))
-    assert [cell.strip() for cell in line.split("|")[2:-1]] == ["5.00", "4.00", "diverged", "0.01", f"{set_to:g}"]
-    assert "100 updates" in text and "12 s in all" in text
-    assert list(pd.read_csv(tmp_path / "touch.csv").columns) == list(rates.COLUMNS)
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
+    header, cnn, lomp = lines[0], lines[2], lines[3]
+    assert header == [
+        *("Network", "0.0005", "0.001", "0.002", "0.005", "0.01", "0.02"),
+        *("Mean of the two lowest", "Lowest at", "params.yaml has"),
+    ]
+    assert cnn == ["CNN", "6.00", "5.00", "4.00", "diverged", "-", "-", "0.001: 5.00; 0.002: 5.03", "0.001", "0.002"]
+    assert lomp == ["LoMP", "-", "-", "diverged", "diverged", "diverged", "diverged", "-", "none", "0.01"]
+    assert "Diverged: CNN at 0.005 (seed 4), LoMP at 0.002 (seed 4), " in text
+    assert "split `press`, seed 4" in text and "seeds 4, 5, 6" in text and "No test part was read" in text
+    assert "12 trainings, 24 s" in text
 
 
-def test_every_network_of_table_one_is_searched(values):
+def test_a_training_that_diverges_has_no_error(values):
+    write_dataset("nowhere")
+    values["touch"]["models"]["cnn"]["training"] |= {"epochs": 2}
+    table = schemas.read(paths.dataset("touch"))
+    y = schemas.matrix(table["y"]).copy()
+    y[130] = np.inf  # of the validation part
+    table = table.set_column(table.schema.get_field_index("y"), "y", schemas.lists(y, pa.float32()))
+    schemas.write(paths.dataset("touch"), table.schema, [table])
+    row = rates.train_run(values, "touch", "cnn", 1e-3, 4, nothing)
+    assert math.isnan(row[6]) and row[4:6] == (1, 0)
+
+
+def test_every_network_is_searched(values):
     networks = {name for name, block in values["touch"]["models"].items() if "training" in block}
-    assert networks - {"lomp_stream"} == set(rates.NETWORKS)
+    assert networks == set(rates.NETWORKS)
+    values["touch"]["models"] = {"constant": {}}
+    with pytest.raises(InputError, match="no network to train"):
+        rates.main(argparse.Namespace(experiment="touch"))
 
 
-def test_the_grid_goes_on_where_the_lowest_error_is_at_its_end():
-    assert [rates.rate(place) for place in (-9, -8, -7, -4, -3)] == [3e-5, 1e-4, 3e-4, 1e-2, 3e-2]
-    nan = float("nan")
+def test_without_a_dataset_the_command_that_makes_it_is_named(values):
+    with pytest.raises(InputError, match="python -m pipeline.stages.dataset touch"):
+        rates.main(argparse.Namespace(experiment="touch"))
+
+
+def test_places_of_the_grid():
+    assert [rates.rate(place) for place in (-10, -9, -8, -7, -6, 0)] == [5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 1.0]
+    assert [rates.place_of(rates.rate(place)) for place in range(-20, 4)] == list(range(-20, 4))
+    assert [rates.rate(rates.place_of(rate)) for rate in (3e-3, 3.3e-3, 8e-3, 9.9e-3)] == [2e-3, 5e-3, 1e-2, 1e-2]
     assert rates.beyond({-8: 1.0, -7: 2.0, -6: 3.0}) == -9
     assert rates.beyond({-8: 3.0, -7: 2.0, -6: 1.0}) == -5
-    assert rates.beyond({-8: 3.0, -7: 2.0, -6: nan}) is None  # what diverged is beyond the best
+    assert rates.beyond({-8: 3.0, -7: 2.0, -6: NAN}) is None  # what diverged is beyond the best
     assert rates.beyond({-8: 3.0, -7: 1.0, -6: 2.0}) is None
-    assert rates.beyond({-8: nan, -7: nan}) is None
+    assert rates.beyond({-8: NAN, -7: NAN}) is None
+    assert rates.two_lowest({1: 3.0, 2: NAN, 3: 1.0, 4: 2.0}) == [3, 4] and rates.two_lowest({1: NAN}) == []

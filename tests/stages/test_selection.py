@@ -11,7 +11,7 @@ from pipeline.base import params, paths
 from pipeline.base.blocks import AugmentedTraining, WindowTraining
 from pipeline.datasets import images, schemas, series
 from pipeline.learning.image_classifier import ImageClassifier
-from pipeline.learning.regressors import FitSummary, TorchRegressor
+from pipeline.learning.regressors import FitSummary, TorchRegressor, zero_linear
 from pipeline.learning.trained import Fitted
 from pipeline.logs import stag
 from pipeline.scoring import metrics
@@ -33,7 +33,7 @@ def linear(spec, *, training, **others) -> TorchRegressor:
     given = dict(training)
     make, block = (ImageClassifier, AugmentedTraining) if "flip" in given else (TorchRegressor, WindowTraining)
     return make(
-        lambda: nn.Sequential(nn.Flatten(), nn.Linear(spec.frames * spec.elements, spec.outputs)),
+        lambda: nn.Sequential(nn.Flatten(), zero_linear(spec.frames * spec.elements, spec.outputs)),
         spec,
         block(**given),
     )
