@@ -45,6 +45,7 @@ class TorchRegressor:
     """A network that maps normalised windows (n, frames, elements) to normalised maps (n, outputs)."""
 
     streams = False  # True: carries its state from window to window, see `models/lomp_stream.py`
+    largest_gradient = float("inf")  # norm that the gradient of an update is cut to, for normalised labels
     chunk = 1 << 30  # windows of a batch that go through the network at once; the gradients of a batch add up
 
     def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: ScheduledTraining):
@@ -101,6 +102,8 @@ class TorchRegressor:
                 for loss in losses:
                     loss.backward()
                     total = total + loss.detach()
+                if np.isfinite(self.largest_gradient):
+                    nn.utils.clip_grad_norm_(self.network.parameters(), self.largest_gradient)
                 optimiser.step()
                 return total
 
