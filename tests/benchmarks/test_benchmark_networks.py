@@ -42,7 +42,7 @@ def single_rmse(data: Dataset, predict) -> float:
 
 
 def test_lomp_latency(race, record, sizes):
-    ours, twin = (measure.lomp(5, max_epochs=1) for _ in range(2))
+    ours, twin = (measure.lomp(5, epochs=1) for _ in range(2))
     twin.network = peers.LoopedLomp(ours.network)
     x = np.random.default_rng(0).uniform(0, 500, (1, 8, 25)).astype(np.float32)
 
@@ -108,7 +108,7 @@ def test_lomp_stream(race, record, sizes, touch):
 @pytest.mark.parametrize("batch", ["large", "small"])
 def test_lomp_training(record, sizes, tmp_path, batch):
     """`large` is the batch that the target is set for, `small` the one of params.yaml."""
-    windows = sizes.windows if batch == "large" else measure.lomp(5, max_epochs=1).training.batch_size
+    windows = sizes.windows if batch == "large" else measure.lomp(5, epochs=1).training.batch_size
     tasks = ("lomp_updates", "lomp_updates_looped", "lomp_updates_stacked")
     seconds, *theirs = medians(tasks, tmp_path, windows)
     names = ("a loop over 25 modules", "stacked weights under autograd")
@@ -143,7 +143,7 @@ def test_strain_epoch(record, sizes, tmp_path):
 def fit_one_seed(samples: int, epochs: int, seed: int, report) -> float:
     """Train the strain LSTM in whatever process this is; returns the last training loss."""
     torch.set_num_threads(1)
-    model = measure.lstm(max_epochs=epochs)
+    model = measure.lstm(epochs=epochs)
     return model.fit([made.series(samples)], seed=seed, device="cpu", progress=report, base=None)[-1]["train_loss"]
 
 
