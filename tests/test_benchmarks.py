@@ -120,6 +120,7 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
     large = rows.row("large", what="a large thing", ours=1.5, most=2, **shared)
     rows.merge(tmp_path / "benchmarks.csv", [slow, large, rows.failed("broken", "full")])
     growth.write(tmp_path, [growth.Point("ingest", growth.DATA, n, "MB of log", 0.1 * n, 50.0) for n in (1, 4, 16)])
+    scale_cost.write(tmp_path / "benchmarks" / "scale_cost.csv", [])
     report.write(tmp_path)
     text = (tmp_path / "benchmarks" / "README.md").read_text().replace("\N{NO-BREAK SPACE}", " ")
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
@@ -128,6 +129,7 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
     assert any(line[0] == "broken" and "**failed**" in line for line in cells)
     assert ["ingest", "1, 4, 16 MB of log", "0.1, 0.4, 1.6", "50, 50, 50", "1.00", "0.00"] in cells
     assert "![Growth with data](data.png)" in text
+    assert "[scale_cost.csv](scale_cost.csv)\n\n" in text and "speedruns.csv" not in text
     assert all(f"- {name}: " in text for name in ("machine", "versions", "date"))
 
 
@@ -220,7 +222,7 @@ def test_former_weights_are_those_that_torch_draws():
     torch.nn.init.zeros_(lomp.readout[-1])
     drawn = former.drawn_anew(lomp, "lomp", seed=0)
     for weight, inputs in ((drawn.gate_state, 16), (drawn.readout[0], 32), (drawn.readout[1], 9)):
-        assert 0.8 < float(weight.abs().max()) * math.sqrt(inputs) <= 1
+        assert 0.8 < float(weight.detach().abs().max()) * math.sqrt(inputs) <= 1
     assert not any(isinstance(layer, torch.nn.BatchNorm2d) for layer in former.vgg(SPEC, [4] * 5, 0))
 
 
