@@ -6,8 +6,8 @@ On an otherwise idle machine, after `dvc repro`, half an hour on two cores:
 
 writes reports/benchmarks.csv, reports/growth.csv and the tables and charts in reports/benchmarks/. `-k NAME` measures
 some of the figures and keeps the others' rows; `--size tiny` tries the code in a few minutes and writes into a
-temporary folder; `--full-repro` also times the whole pipeline in a fresh clone. A figure that misses its target is a
-failed test, and `no` in its row.
+temporary folder; `--speedruns` also trains every network by the recipe before the present one, and `--full-repro` also
+times the whole pipeline in a fresh clone. A figure that misses its target is a failed test, and `no` in its row.
 """
 
 import os
@@ -38,11 +38,12 @@ class Sizes(NamedTuple):
     samples: int  # of the series
     windows: int  # of a LoMP batch
     images: int
+    updates: int  # of an epoch of each network, for the cost of the papers' scale
     growth: growth.Sizes
 
 
-FULL = Sizes("full", 15, 1000, 600_000, 200, 24_000, 256, 1000, growth.FULL)
-TINY = Sizes("tiny", 2, 4, 15_000, 2, 1500, 32, 64, growth.TINY)
+FULL = Sizes("full", 15, 1000, 600_000, 200, 24_000, 256, 1000, 24, growth.FULL)
+TINY = Sizes("tiny", 2, 4, 15_000, 2, 1500, 32, 64, 2, growth.TINY)
 
 
 def pytest_addoption(parser):
@@ -50,6 +51,7 @@ def pytest_addoption(parser):
     group.addoption("--size", choices=["full", "tiny"], default="full", help="tiny: only to try the code")
     group.addoption("--log-mb", type=float, help="size of the large log in MB (full: 1000)")
     group.addoption("--results", type=Path, help="folder of the results (full: reports, tiny: a temporary one)")
+    group.addoption("--speedruns", action="store_true", help="also train all networks by two recipes: most of an hour")
     group.addoption("--full-repro", action="store_true", help="also time `dvc repro` in a fresh clone: hours")
 
 

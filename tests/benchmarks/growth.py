@@ -16,9 +16,13 @@ DATA, ELEMENTS = "data", "elements"
 
 
 class Sizes(NamedTuple):
-    """What is measured: the smallest size of each kind, and by what it is multiplied."""
+    """What is measured: the smallest size of each kind, and by what it is multiplied; tasks of TENFOLD have one more.
+
+    The largest size is measured once, the others `repeats` times.
+    """
 
     factors: tuple[int, ...]
+    tenfold: int  # ten times the largest factor
     log_mb: float
     frames: int
     windows: int
@@ -26,14 +30,27 @@ class Sizes(NamedTuple):
     sides: tuple[int, ...]  # elements in a row of the array
     repeats: int
 
+    def factors_of(self, task: str) -> list[int]:
+        """Return the factors of a task."""
+        return [*self.factors, *([self.tenfold] if task in TENFOLD else [])]
 
-FULL = Sizes((1, 4, 16), 16, 60_000, 1000, 6000, (5, 10, 16), 3)
-TINY = Sizes((1, 2, 4), 1, 10_000, 16, 500, (2, 3), 1)
+    def repeats_of(self, task: str, factor: float) -> int:
+        """Return how often a task is measured at a factor."""
+        return 1 if task in TENFOLD and factor == self.tenfold else self.repeats
+
+
+FULL = Sizes((1, 4, 16), 160, 16, 60_000, 1000, 6000, (5, 10, 16), 3)
+TINY = Sizes((1, 2, 4), 6, 1, 10_000, 16, 500, (2, 3), 1)
+# What takes less than two minutes at ten times the largest size; an epoch of LoMP would take six.
+TENFOLD = ("ingest", "cnn_epoch", "lomp_predictions", "lstm_epochs")
+LARGEST_LOG_MB = 1280  # 20 hours: a recording is at most 28 long, and more data are more recordings
 
 LOOKS = {  # what is drawn, how, and what it is called
     "ingest": (style.VERMILION, "o", "-", "ingest"),
     "dataset": (style.BLUE, "s", "--", "window + dataset"),
     "lomp_epoch": (style.GREEN, "^", "-.", "an epoch of LoMP"),
+    "cnn_epoch": (style.ORANGE, "P", "-", "an epoch of the CNN"),
+    "lomp_predictions": (style.SKY, "v", "-", "LoMP on many windows"),
     "lstm_epochs": (style.PURPLE, "D", ":", "three epochs of the strain LSTM"),
     "lomp_epoch_elements": (style.GREEN, "^", "-.", "an epoch of LoMP, 512 windows"),
     "lomp_latency": (style.ORANGE, "v", "-", "100 predictions of LoMP"),

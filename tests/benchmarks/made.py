@@ -6,12 +6,15 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
+import pyarrow.parquet
 
+from pipeline import tasks
 from pipeline.base import params
 from pipeline.datasets import schemas
 from pipeline.datasets.series import Record
-from pipeline.experiments import touch
+from pipeline.experiments import glove, touch
 
+LOGS = Path("data", "own", "logs", "single")  # where measure.ingest looks for recordings
 ARRAY_HZ, LOAD_CELL_HZ, CNC_HZ = 200, 100, 50  # 1 GB of 5x5 counts lasts 16 hours; 28 are the most that ingest takes
 LINE_BYTES = 92  # of the array's log, about
 BETWEEN_FAULTS = 2500  # lines
@@ -78,6 +81,37 @@ def frames_file(path: Path, frames: int, settings: dict) -> Path:
 
     schemas.write(path, schema, parts())
     return path
+
+
+def dataset(folder: Path, experiment: str, values: dict) -> Path:
+    """Write the dataset of a small experiment on made frames, with the splits of params.yaml (`values`).
+
+    Returns its path. The frames have nothing to learn from: what a training costs does not depend on them.
+    """
+    settings, path = values[experiment], folder / "dataset.parquet"
+    if experiment == "touch":
+        frames = pyarrow.parquet.read_table(frames_file(folder / "frames.parquet", 15_000, settings))
+    else:
+        frames = glove_frames(objects=4, sessions=5, frames=6 * settings["window"]["stride"])
+    inputs = tasks.of(experiment).inputs(frames, settings)
+    tasks.write_dataset(path, experiment, inputs, settings, params.runs(values, experiment))
+    return path
+
+
+def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
+    """Return a frames table of the glove: so many frames of every session of every object, counts of noise."""
+    rng, count = np.random.default_rng(0), objects * sessions * frames
+    session = np.arange(count) // frames
+    columns = {
+        "condition": [f"object{number // sessions}" for number in session],
+        "recording": [f"session{number % sessions}" for number in session],
+        "segment": np.zeros(count, np.int16),
+        "t_s": np.arange(count) % frames / 10,
+        "gap_before": np.arange(count) % frames == 0,
+        "pressure": schemas.lists(rng.integers(0, 1000, (count, glove.PRESSURE_CELLS)).astype(np.int16), pa.int16()),
+        "strain": schemas.lists(rng.integers(0, 1000, (count, glove.STRAIN_CELLS)).astype(np.int16), pa.int16()),
+    }
+    return pa.table(columns).select(glove.SCHEMA.names).cast(glove.SCHEMA)
 
 
 def touch_settings() -> dict:

@@ -8,8 +8,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline import models
@@ -55,13 +54,13 @@ def read_log_pandas(folder: Path, _):
 
 
 def ingest(folder: Path, _):
-    """All logs in `folder`/logs to frames: the stage."""
+    """All logs in `folder`/data/own/logs to frames: the stage."""
     from benchmarks.made import touch_settings
 
     from pipeline.stages import ingest
 
     paths.ROOT = folder
-    settings = touch_settings() | {"source": "logs"}
+    settings = touch_settings() | {"source": "data/own/logs"}
     return lambda: ingest.ingest("touch", settings)
 
 
@@ -94,9 +93,17 @@ def dataset_pandas(folder: Path, _):
 
 def lomp_epoch(_, windows: float, side: int = 5):
     """An epoch of LoMP's training in batches as in params.yaml."""
+    return _epoch(lomp(side, epochs=1), windows, side)
+
+
+def cnn_epoch(_, windows: float):
+    """An epoch of the CNN's training in batches as in params.yaml."""
+    return _epoch(touch_network("cnn", 5, epochs=1), windows, 5)
+
+
+def _epoch(model, windows: float, side: int):
     import numpy as np
 
-    model = lomp(side, epochs=1)
     n, rng = int(windows), np.random.default_rng(0)
     x = rng.uniform(0, 500, (n, 8, side * side)).astype(np.float32)
     y = rng.uniform(0, 100, (n, 16 * side * side)).astype(np.float32)
@@ -117,6 +124,15 @@ def lomp_latency(_, side: float):
     for _ in range(5):
         model.predict(x)
     return lambda: [model.predict(x) for _ in range(100)]
+
+
+def lomp_predictions(_, windows: float):
+    """LoMP's maps of many windows, in one call."""
+    import numpy as np
+
+    model = lomp(5, epochs=1)
+    x = np.random.default_rng(0).uniform(0, 500, (int(windows), 8, 25)).astype(np.float32)
+    return lambda: model.predict(x)
 
 
 def lstm_epochs(_, samples: float):
@@ -151,7 +167,7 @@ def lomp_updates(_, windows: float):
     import torch
 
     model = lomp(5, epochs=UPDATES)
-    model.training = replace(model.training, batch_size=int(windows))
+    model.training = model.training.model_copy(update={"batch_size": int(windows)})
     optimiser = torch.optim.Adam(
         model.network.parameters(), fused=True
     )  # as pipeline/learning/regressors.py, and so `update`
@@ -238,8 +254,7 @@ def _images(count: float):
     from pipeline.base import params
     from pipeline.learning.image_classifier import spec_of
 
-    block = params.load()["glove"]["models"]["sp_resnet"]
-    block = block | {"training": block["training"] | {"epochs": 1}}
+    block = shortened(params.load()["glove"]["models"]["sp_resnet"], 1)
     rng = np.random.default_rng(0)
     x = rng.uniform(0, 255, (int(count), 1, 32 * 32)).astype(np.float32)
     return block, x, np.eye(16, dtype=np.float32)[rng.integers(0, 16, int(count))], spec_of(16)
@@ -247,13 +262,17 @@ def _images(count: float):
 
 def lomp(side: int, epochs: int):
     """The touch experiment's LoMP on an array of side x side elements."""
+    return touch_network("lomp", side, epochs)
+
+
+def touch_network(model: str, side: int, epochs: int):
+    """A network of the touch experiment on an array of side x side elements."""
     from benchmarks.made import touch_settings
 
     from pipeline.learning.regressors import Spec
 
-    block = touch_settings()["models"]["lomp"]
-    block = block | {"training": block["training"] | {"epochs": epochs}}
-    return models.build("lomp", Spec(8, side, side, 4 * side, 4 * side), block, "benchmark")
+    block = shortened(touch_settings()["models"][model], epochs)
+    return models.build(model, Spec(8, side, side, 4 * side, 4 * side), block, "benchmark")
 
 
 def lstm(epochs: int):
@@ -261,9 +280,15 @@ def lstm(epochs: int):
     from pipeline.base import params
     from pipeline.learning.regressors import Spec
 
-    block = params.load()["strain"]["models"]["lstm_direct"]
-    block = block | {"training": block["training"] | {"epochs": epochs}}
+    block = shortened(params.load()["strain"]["models"]["lstm_direct"], epochs)
     return models.build("lstm_direct", Spec(10, 1, 6, 1, 2), block, "benchmark")
+
+
+def shortened(block: Mapping, epochs: int) -> dict:
+    """A network's block of params.yaml with another number of epochs."""
+    training = block["training"]
+    key = "epochs" if "epochs" in training else "max_epochs"
+    return {**block, "training": {**training, key: epochs}}
 
 
 TASKS = {
@@ -271,6 +296,7 @@ TASKS = {
     for function in (
         *(read_log, read_log_pandas, ingest, dataset, dataset_pandas),
         *(lomp_epoch, lomp_epoch_elements, lomp_latency, lomp_updates, lomp_updates_looped, lomp_updates_stacked),
+        *(cnn_epoch, lomp_predictions),
         *(lstm_epochs, lstm_epochs_plain, sp_resnet_epoch, sp_resnet_epoch_plain),
     )
 }
@@ -289,7 +315,7 @@ def main() -> None:
     import pandas  # noqa: F401
     import pyarrow.parquet  # noqa: F401
 
-    if task.startswith(("lomp", "lstm", "sp_resnet")):
+    if task.startswith(("cnn", "lomp", "lstm", "sp_resnet")):
         import torch
 
         torch.set_num_threads(1)

@@ -1,4 +1,4 @@
-"""reports/benchmarks/README.md: what benchmarks.csv and growth.csv say, in tables."""
+"""reports/benchmarks/README.md: benchmarks.csv and growth.csv in tables, and links to the tables beside it."""
 
 import csv
 from pathlib import Path
@@ -9,6 +9,11 @@ from pipeline.base import files
 from pipeline.reporting.words.markdown import table
 
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
+TABLES = {  # in the folder of this report, each written by its benchmark
+    "speedruns.csv": "every training of the speed-runs",
+    "scale_cost.csv": "what the papers' scale would cost, by network",
+    "repro_stages.csv": "what each stage of a full run takes",
+}
 NO_BREAK = "\N{NO-BREAK SPACE}"  # a number stays with its unit
 
 
@@ -20,7 +25,10 @@ def write(folder: Path) -> None:
         parts += ["By `python -m pytest tests/benchmarks`; every figure and its peer's are medians of one run.\n"]
         for name in ("machine", "versions", "date"):
             parts.append(f"- {name}: {'; '.join(sorted({row[name] for row in rows}))}")
-        parts.append("- all columns: [benchmarks.csv](../benchmarks.csv)\n")
+        parts.append("- all columns: [benchmarks.csv](../benchmarks.csv)")
+        there = [name for name in TABLES if (folder / "benchmarks" / name).exists()]
+        parts += [f"- {TABLES[name]}: [{name}]({name})" for name in there]
+        parts.append("")
         parts += ["## Against what one would write first\n", table(*comparison(rows))]
     if points:
         parts += ["## Growth with the size\n", "All columns: [growth.csv](../growth.csv)\n", table(*exponents(points))]

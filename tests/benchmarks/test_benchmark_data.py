@@ -17,14 +17,14 @@ from pipeline.logs import parse
 
 @pytest.fixture(scope="module")
 def recording(sizes, tmp_path_factory):
-    """A folder with logs/single/run0/*.log, the array's log of the size asked for."""
+    """A folder with made.LOGS/run0/*.log, the array's log of the size asked for."""
     folder = tmp_path_factory.mktemp("recording")
-    made.recording(folder / "logs" / "single" / "run0", sizes.log_mb)
+    made.recording(folder / made.LOGS / "run0", sizes.log_mb)
     return folder
 
 
 def test_ingest(race, record, sizes, recording):
-    folder = recording / "logs" / "single" / "run0"
+    folder = recording / made.LOGS / "run0"
     path, fmt = folder / "array.log", touch.array_format(made.touch_settings())
     rows, rejects = parse.read_log(path, fmt)
     assert rows.num_rows + rejects.num_rows == sum(1 for _ in path.open("rb")) and rejects.num_rows > 3
@@ -55,7 +55,7 @@ def test_ingest(race, record, sizes, recording):
 
 def test_ingest_stage(record, sizes, recording):
     """The whole stage: three logs read, aligned, written as Parquet."""
-    folder = recording / "logs" / "single" / "run0"
+    folder = recording / made.LOGS / "run0"
     runs = [(measured("ingest", recording), measured("read_log_pandas", folder)) for _ in range(3)]
     ours, peer = (float(np.median([run[k]["seconds"] for run in runs])) for k in (0, 1))
     mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6

@@ -6,8 +6,10 @@ import re
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
+from benchmarks import repro_stages
 from builders.project import Project
 
 from pipeline.base import paths
@@ -77,29 +79,43 @@ def test_repro_one_setting(record, miniature):
 
 
 @pytest.fixture
-def clone(request, tmp_path):
-    """A fresh clone of the last commit, with the recorded data of this checkout."""
+def clone(request, sizes, tmp_path):
+    """A fresh clone of the last commit, with the recorded data of this checkout, and its environment.
+
+    At tiny size it is the pipeline at miniature scale.
+    """
     if not request.config.getoption("full_repro"):
         pytest.skip("takes hours; ask for it with --full-repro")
+    if sizes.name == "tiny":
+        project = Project(tmp_path)
+        return project.folder, project.environment
     subprocess.run(["git", "clone", "--quiet", str(paths.ROOT), str(tmp_path / "clone")], check=True)
     for source in paths.SOURCES.glob("*/*"):
         target = tmp_path / "clone" / source.relative_to(paths.ROOT)
         if not target.exists():
             target.symlink_to(source)
-    return tmp_path / "clone"
+    return tmp_path / "clone", clean_environment(tmp_path / "clone")
 
 
-def test_repro_full(clone, record):
-    began = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "dvc", "repro"], cwd=clone, env=clean_environment(clone), check=True)
-    minutes = (time.perf_counter() - began) / 60
-    cores = len(os.sched_getaffinity(0))
+def test_repro_full(clone, record, results):
+    cores = repro_stages.busy_of(Path("/proc/stat").read_text())[1]
+    table = repro_stages.rows(repro_stages.repro(*clone), cores)
+    repro_stages.write(results / "benchmarks" / "repro_stages.csv", table)
     record(
         "repro_full",
         what="`dvc repro` in a fresh clone, all experiments",
         unit="min",
-        ours=minutes,
-        most=75,
+        ours=sum(minutes for _, minutes, *_ in table),
+        most=60,
+        rounds=1,
+        threads=cores,
+    )
+    record(
+        "repro_idle_share",
+        what="the same: share of the core-seconds of all cores in which none of them worked",
+        unit="of 1",
+        ours=repro_stages.idle_share(table, cores),
+        most=0.1,
         rounds=1,
         threads=cores,
     )
