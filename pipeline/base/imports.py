@@ -26,7 +26,7 @@ def imported_names(file: str) -> frozenset[str]:
 
     Raises InputError for `from . import ...`, which does not name the room.
     """
-    return _names(file, (paths.ROOT / file).read_text(encoding="utf-8"))
+    return _names(file, (paths.CODE.parent / file).read_text(encoding="utf-8"))
 
 
 def imports(file: str) -> set[str]:
@@ -36,7 +36,8 @@ def imports(file: str) -> set[str]:
         steps = name.split(".") if name.split(".")[0] == "pipeline" else []
         for k in range(1, len(steps) + 1):
             place = "/".join(steps[:k])
-            files |= {other for other in (f"{place}.py", f"{place}/__init__.py") if (paths.ROOT / other).is_file()}
+            both = f"{place}.py", f"{place}/__init__.py"
+            files |= {other for other in both if (paths.CODE.parent / other).is_file()}
     return {other for other in files if Path(other).name != "__init__.py" or imported_names(other)}
 
 
@@ -65,7 +66,7 @@ def closure(
 
 def _files_of(name: str) -> list[str]:
     """Return the files of a room."""
-    return [path.relative_to(paths.ROOT).as_posix() for path in (paths.ROOT / "pipeline" / name).glob("*.py")]
+    return [path.relative_to(paths.CODE.parent).as_posix() for path in (paths.CODE / name).glob("*.py")]
 
 
 @cache

@@ -69,10 +69,10 @@ def run(
 
     Results come as they finish. `bar` moves by one for every call of `report` in a task and, at a task's end,
     by what is left of its `steps` (a training that diverged), one number for all tasks or one for each key. An
-    InputError of a task is raised here. Where one process is enough, it is this one: to start another takes 3 s. `folders`: the new
-    folder that a task makes, if it makes one; what a lost process left of it is removed. A task whose process is
-    killed, or gets no memory, starts again beside one task fewer; InputError names it if that happens where it is
-    alone.
+    InputError of a task is raised here. Where one process is enough, it is this one: to start another takes 3 s.
+    `folders`: the new folder that a task makes, if it makes one; what a lost process left of it is removed. A task
+    whose process is killed, or gets no memory, starts again beside one task fewer; InputError names it if that happens
+    where it is alone.
     """
     processes = count()
     steps = steps if isinstance(steps, Mapping) else dict.fromkeys(tasks, steps)

@@ -118,8 +118,8 @@ def _in_processes(
 ) -> Iterator[Read]:
     """Yield what `_read` returns of every recording, each read in a process; `write` gets their frames, in order.
 
-    The frames pass through files beside the table that is written, which are mapped into memory: so what the stage
-    holds does not grow with the number of recordings, and a cluster, which shares the folder, can read too.
+    The frames pass through files beside the table that is written: so what the stage holds does not grow with the
+    number of recordings, and a cluster, which shares the folder, can read too.
     """
     folder = paths.frames(experiment).with_suffix(".parts.unfinished")
     files.remove_folder(folder, inside=folder.parent)  # of a stage that was killed
@@ -133,9 +133,9 @@ def _in_processes(
             while left and left[0] in waiting:
                 path = left.popleft()
                 for part in sorted(targets[path].iterdir()):
-                    with pa.memory_map(str(part)) as source, pa.ipc.open_stream(source) as stream:
+                    with open(part, "rb") as file, pa.ipc.open_stream(file) as stream:
                         write(stream.read_all())
-                    part.unlink()  # what is mapped stays until it is written
+                    part.unlink()
                 yield waiting.pop(path)
     finally:
         files.remove_folder(folder, inside=folder.parent)
@@ -150,9 +150,9 @@ def read_to_files(experiment: str, path: Path, settings: dict, folder: Path, rep
     numbers = itertools.count()
 
     def keep(part: pa.Table) -> None:
-        with pa.OSFile(str(folder / f"{next(numbers):06d}.arrow"), "wb") as file:
-            with pa.ipc.new_stream(file, part.schema) as stream:
-                stream.write_table(part)
+        target = folder / f"{next(numbers):06d}.arrow"
+        with open(target, "wb") as file, pa.ipc.new_stream(file, part.schema) as stream:
+            stream.write_table(part)
 
     return _read(experiment, path, settings, keep)
 

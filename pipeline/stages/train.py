@@ -102,7 +102,7 @@ def _origin(values: Mapping, experiment: str, model: str) -> str:
         model = values[experiment]["model_zero"]
     elif params.transfers(model):
         inputs += sorted(paths.model_folder(experiment, paths.MODEL_ZERO).rglob("*.safetensors"))
-    inputs += [paths.ROOT / file for file in code(experiment, model)]
+    inputs += [paths.CODE.parent / file for file in code(experiment, model)]
     return runs.origin(settings, inputs)
 
 
@@ -110,7 +110,8 @@ def train(values: Mapping, experiment: str) -> None:
     """Train what is out of date of the models of an experiment in params.yaml (`values`); remove those not listed."""
     settings, listed = values[experiment], list(values[experiment]["models"])
     bases = {tasks.of(experiment).base(experiment, settings, protocol) for protocol in settings["protocols"]} - {None}
-    zeros = [paths.MODEL_ZERO] if bases else []
+    asks = any(model == settings["model_zero"] or params.transfers(model) for model in listed) if bases else False
+    zeros = [paths.MODEL_ZERO] if asks else []
     for names, protocols in ((zeros, bases), (listed, None)):
         runs.train_all(
             train_run, values, experiment, {name: _origin(values, experiment, name) for name in names}, protocols

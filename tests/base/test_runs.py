@@ -82,7 +82,7 @@ def test_all_models_are_trained_in_one_go_the_longest_first(values, train, capsy
     times = paths.training_times("touch", "tree").read_text().splitlines()
     assert times == ["protocol,seed,train_s", "press,0,10.0", "press,1,11.0", "random_window,0,10.0"]
     assert not any(paths.model_draft("touch", model).exists() for model in MODELS)
-    epochs = 3 * (1 + 1 + values["touch"]["models"]["cnn"]["training"]["max_epochs"])
+    epochs = 3 * (1 + 1 + values["touch"]["models"]["cnn"]["training"]["epochs"])
     assert f"train touch: 100%|██████████| {epochs}/{epochs}" in capsys.readouterr().err
 
 
