@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from benchmarks.measure import shortened
+from benchmarks.measure import shortened, warm_up
 from benchmarks.speedruns import former
 from torch.optim.optimizer import register_optimizer_step_post_hook
 from tqdm import tqdm
@@ -187,13 +187,6 @@ def train(
         raise RuntimeError(f"{network}, {recipe} recipe: no optimiser of torch made a step; count its updates anew")
     measured = len(fitted.history), timed.updates, timed.core_seconds, timed.error
     return Run(network, recipe, protocol, seed, *measured, UNITS[experiment])
-
-
-def warm_up() -> None:
-    """Make a process's first step of an optimiser, for which torch loads 2 s of its own code."""
-    layer = torch.nn.Linear(1, 1)
-    layer(torch.ones(1, 1)).sum().backward()
-    torch.optim.Adam(layer.parameters(), fused=True).step()
 
 
 def train_all(
