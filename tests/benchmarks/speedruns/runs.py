@@ -25,7 +25,7 @@ from torch.optim.optimizer import register_optimizer_step_post_hook
 from tqdm import tqdm
 
 from pipeline import models, tasks
-from pipeline.base import files, params, workers
+from pipeline.base import files, params, paths, workers
 from pipeline.datasets import schemas
 from pipeline.experiments import glove
 
@@ -297,7 +297,7 @@ def brief(values: dict) -> tuple[dict, dict]:
 def missing(experiment: str, network: str, path: Path, values: Mapping) -> str:
     """Say what is missing for the speed-runs of a network; empty where nothing is."""
     if not path.exists():
-        return f"{path} is not there: run `dvc repro dataset@{experiment}` first"
+        return f"{paths.shown(path)} is not there: run `dvc repro dataset@{experiment}` first"
     if network not in values[experiment]["models"]:
         return f"params.yaml, {experiment}.models: no {network}"
     wanted = [(protocol, seed) for protocol in PROTOCOLS[experiment] for seed in SEEDS]
