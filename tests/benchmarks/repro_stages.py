@@ -53,7 +53,7 @@ def watch(lines: Iterable[str], out: TextIO, sample: Callable[[str], Sample]) ->
     return [*samples, sample("")]
 
 
-def repro(folder: Path, environment: Mapping[str, str], out: TextIO = sys.stdout) -> list[Sample]:
+def repro(folder: Path, environment: Mapping[str, str], out: TextIO) -> list[Sample]:
     """Run `dvc repro` in a checkout and return its samples, see `watch`; CalledProcessError where it fails."""
     command = [sys.executable, "-m", "dvc", "repro"]
     unbuffered = {**environment, "PYTHONUNBUFFERED": "1"}  # else a pipe gets DVC's lines when it ends

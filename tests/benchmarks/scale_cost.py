@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from benchmarks.measure import shortened
-from benchmarks.speedruns.runs import steps_timed, warm_up
+from benchmarks.measure import shortened, warm_up
+from benchmarks.speedruns.runs import steps_timed
 from tqdm import tqdm
 
 from pipeline import models

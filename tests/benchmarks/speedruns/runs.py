@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from benchmarks.measure import shortened
+from benchmarks.measure import shortened, warm_up
 from benchmarks.speedruns import former
 from torch.optim.optimizer import register_optimizer_step_post_hook
 from tqdm import tqdm
 
 from pipeline import models, tasks
-from pipeline.base import files, params, workers
+from pipeline.base import files, params, paths, workers
 from pipeline.datasets import schemas
 from pipeline.experiments import glove
 
@@ -189,13 +189,6 @@ def train(
     return Run(network, recipe, protocol, seed, *measured, UNITS[experiment])
 
 
-def warm_up() -> None:
-    """Make a process's first step of an optimiser, for which torch loads 2 s of its own code."""
-    layer = torch.nn.Linear(1, 1)
-    layer(torch.ones(1, 1)).sum().backward()
-    torch.optim.Adam(layer.parameters(), fused=True).step()
-
-
 def train_all(
     path: Path, values: Mapping, experiment: str, network: str, seeds: Iterable[int], blocks: Mapping | None = None
 ) -> list[Run]:
@@ -304,7 +297,7 @@ def brief(values: dict) -> tuple[dict, dict]:
 def missing(experiment: str, network: str, path: Path, values: Mapping) -> str:
     """Say what is missing for the speed-runs of a network; empty where nothing is."""
     if not path.exists():
-        return f"{path} is not there: run `dvc repro dataset@{experiment}` first"
+        return f"{paths.shown(path)} is not there: run `dvc repro dataset@{experiment}` first"
     if network not in values[experiment]["models"]:
         return f"params.yaml, {experiment}.models: no {network}"
     wanted = [(protocol, seed) for protocol in PROTOCOLS[experiment] for seed in SEEDS]
