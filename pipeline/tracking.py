@@ -32,7 +32,7 @@ from ruamel.yaml.error import YAMLError
 
 from pipeline.base import paths, store
 from pipeline.base.errors import InputError, storage_error
-from pipeline.base.params import training_command
+from pipeline.base.params import run_settings, training_command
 from pipeline.datasets import fits
 from pipeline.scoring import results
 
@@ -244,7 +244,7 @@ def _read_run(
     if not any(path for pattern in MODEL_FILES for path in folder.glob(pattern)):
         holds = f"holds no model file ({' or '.join(MODEL_FILES)})"
         raise InputError(f"{paths.shown(folder)}: {holds}; run `{made_by}` again")
-    if fit["settings"] != settings["models"][model]:
+    if fit["settings"] != run_settings(params, experiment, model, protocol):
         raise InputError(
             f"{paths.shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
             "params.yaml; run `dvc repro`"
