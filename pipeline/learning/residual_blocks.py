@@ -70,15 +70,13 @@ class GlobalCoordinateAttention(nn.Module):
         if not 1 <= reduction <= channels:
             raise InputError(f"GCAM: reduction must be from 1 to the {channels} channels of a block, not {reduction!r}")
         narrow = channels // reduction
-        self.along_rows = nn.AdaptiveAvgPool2d((None, 1))
-        self.along_columns = nn.AdaptiveAvgPool2d((1, None))
         self.squeeze = nn.Sequential(nn.Conv2d(channels, narrow, 1), nn.BatchNorm2d(narrow), nn.Hardswish())
         self.row_weights = nn.Sequential(nn.Conv2d(narrow, channels, 1), nn.Sigmoid())
         self.column_weights = nn.Sequential(nn.Conv2d(narrow, channels, 1), nn.Sigmoid())
 
     def attention(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the weights of the rows (n, channels, rows, 1) and of the columns (n, channels, 1, cols) of maps x."""
-        means = torch.cat([self.along_rows(x), self.along_columns(x).transpose(2, 3)], 2)  # (n, c, rows + cols, 1)
+        means = torch.cat([x.mean(3, keepdim=True), x.mean(2)[..., None]], 2)  # (n, c, rows + cols, 1)
         rows, columns = self.squeeze(means).split(x.shape[2:], 2)
         return self.row_weights(rows), self.column_weights(columns.transpose(2, 3))
 
