@@ -16,6 +16,8 @@ from pipeline.learning import cost
 from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, batches
 
+QUIET = 0.3  # share of U's first weights that is left
+
 
 def build(
     spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: ScheduledTraining
@@ -26,7 +28,16 @@ def build(
 
     Differs from paper: not in the paper, whose LoMP starts every window from a zero state.
     """
-    return StreamingLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training)
+    make = maker(spec, hidden, readout, neighbours, alpha)
+
+    def with_quiet_messages() -> nn.Module:
+        network = make()
+        with torch.no_grad():  # as torch draws them, four messages make a state grow from frame to frame, past float32
+            network.message.mul_(QUIET)
+            network.message_bias.zero_()
+        return network
+
+    return StreamingLomp(with_quiet_messages, spec, training)
 
 
 class StreamingLomp(LompRegressor):
@@ -36,7 +47,7 @@ class StreamingLomp(LompRegressor):
     """
 
     streams = True
-    largest_gradient = 1e-3  # half of all are smaller; a state that grows from frame to frame has brought some of 1e15
+    largest_gradient = 1e-3  # about twice the usual norm
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
