@@ -24,6 +24,7 @@ VALUES = params.load()
 # Sizes of training, and of what is drawn from the training part, that a few windows are enough for.
 TINY = {"epochs": 2, "batch_size": 8, "streams": 4, "batch": 2, "centres": 16, "trees": 3}
 SAMPLES, WINDOWS, IMAGES, OBJECTS = 400, 24, 12, 4
+PRESS = 4  # windows that follow one another, as in a press of touch
 STOP_REASONS = {"completed", "closed_form"}
 # A read-out that lies transposed in memory until it is saved: other sums, which differ in their last bits.
 TRANSPOSED = ("lstm_transfer_ridge",)
@@ -48,11 +49,12 @@ def tiny(block: dict) -> dict:
 
 
 def given_windows(spec: Spec, count: int = WINDOWS) -> Given:
-    """Return windows of counts whose maps are mixtures of their last frames; each goes on from the one before."""
+    """Return windows of counts whose maps are mixtures of their last frames, in presses of PRESS windows."""
     rng = np.random.default_rng(0)
     x = rng.uniform(0, 1000, (count, spec.frames, spec.elements)).astype(np.float32)
     y = (x[:, -1] @ rng.uniform(0, 1, (spec.elements, spec.outputs))).astype(np.float32)
-    part = x, y, np.arange(count, dtype=np.int32) - 1
+    window = np.arange(count, dtype=np.int32)
+    part = x, y, np.where(window % PRESS, window - 1, -1)
     return Given(spec, (part, part), x)
 
 
