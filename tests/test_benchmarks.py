@@ -7,6 +7,7 @@ import math
 import re
 import subprocess
 import sys
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from benchmarks.speedruns import former, runs
 from benchmarks.test_benchmark_repro import FORBIDDEN, clean_environment
 
 from pipeline.base import params, paths
-from pipeline.datasets import images
+from pipeline.datasets import schemas
 from pipeline.experiments import touch
 from pipeline.learning import image_classifier, lomp_network
 from pipeline.learning.lstm import Lstm
@@ -264,17 +265,14 @@ def test_both_recipes_are_clocked_on_the_same_data(tmp_path, small_values, monke
 
 def test_the_former_recipe_sees_every_third_image(tmp_path, small_values):
     values, _ = small_values
-    window = values["glove"]["window"] | {"train_every": 1}
-    values["glove"] = values["glove"] | {"window": window}
-    thirds = []
-    for train_every in (1, runs.TRAIN_EVERY):
-        window["train_every"] = train_every
-        path = made.dataset(tmp_path / str(train_every), "glove", values)
-        pictures = images.read(path, "session_pressure", 0)
-        training = pictures.x[pictures.part == "train"]
-        thirds.append(training[runs.every_third(path, "session_pressure", 0)])
-        assert len(training) == 4 * 3 * 6 / train_every  # objects, sessions, images
-    assert np.array_equal(*thirds) and len(thirds[0]) == 24
+    path = made.dataset(tmp_path, "glove", values)
+    table = schemas.read(path, columns=["condition", "recording", "split_session_pressure_0"])
+    objects, sessions, part = (schemas.names(column) for column in table.columns)
+    training = np.flatnonzero(part == "train")
+    seen = training[runs.every_third(path, "session_pressure", 0)]
+    assert len(training) == 4 * 3 * 6  # objects, sessions, images
+    assert set(Counter(zip(objects[seen], sessions[seen], strict=True)).values()) == {2}
+    assert np.diff(seen)[::2].tolist() == [3] * 12
 
 
 def test_errors_of_maps_and_of_classes():

@@ -471,7 +471,7 @@ Glove = block(
         effects=block(session=bool, wander=bool, element_spread=bool, softness=bool, noise=bool, line_faults=bool),
     ),
     ingest=RejectLimit,
-    window=block(stride=whole(1), train_every=whole(1)),
+    window=block(stride=whole(1)),
     split=SplitInThree,
     protocols=block(
         session_pressure=Seeds,

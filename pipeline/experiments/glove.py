@@ -148,9 +148,7 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     """Return the part of each image, (n,); the same for the three datasets of one seed. frames: the chosen frames.
 
     `session`: whole sessions of every object, drawn by the seed; `random_frames`: frames, as the paper seems to
-    have done. Of each session's training images every `window.train_every`-th place is kept, the others are `unused`:
-    validation and test parts stay whole. Raises InputError for another name or an object with fewer sessions than
-    parts.
+    have done. Raises InputError for another name or an object with fewer sessions than parts.
     Differs from paper: it means 10 runs of a model, which differ in an unknown way; here a run is a seed, of the split
     and of the start. At laptop scale there are 3 by session and 1 on random frames; `tactile scale full` has 10.
     """
@@ -172,5 +170,4 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
         order = generator(seed, "glove", name, grasped).permutation(units)
         for part_name, group in zip(tactile.PARTS, tactile.shares(order, share), strict=True):
             part[inside & np.isin(sessions, group) if name == "session" else group] = part_name
-    part[(part == "train") & (places(frames) % settings["window"]["train_every"] > 0)] = "unused"
     return part

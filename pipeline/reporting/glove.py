@@ -70,8 +70,7 @@ def write(target: Path, settings: Mapping) -> None:
     (see `training.Schedule`); which frames are one input of figure 15, and how many sets of them an epoch has. STAG's
     code, whose figure it is, takes every frame as the first of one set, and the others from other clusters of its
     recording; here the images of a session are divided into sets, anew in every epoch, and an epoch sees as many images
-    as one of one frame. All training sessions' images are drawn from, also those that `glove.window.train_every` leaves
-    out.
+    as one of one frame.
     Differs from paper: figure 15 is of the STAG data set; on the glove, a session is one grasp.
     """
     accuracy = target / "accuracy"

@@ -91,15 +91,14 @@ def scores(
     """Train a network of `frames` input frames and score it on the test part; no row where no session has as many.
 
     x: images (n, 1, pixels); y: (n, classes); session: (n,) number of each image's session; part: (n,) 'train',
-    'validation', 'test', 'unused' (of training sessions, but left out where one image is an input) or another word.
-    An epoch sees as many images as one of the network of one frame: those of the part 'train'.
+    'validation', 'test' or another word. An epoch sees as many images as one of the network of one frame.
     """
-    drawn = np.flatnonzero(np.isin(part, ("train", "unused")))
+    drawn = np.flatnonzero(part == "train")
     fixed = {}
     for name in ("validation", "test"):
         rows = np.flatnonzero(part == name)
         fixed[name] = rows[fixed_sets(session[rows], frames)]
-    sets = int((part == "train").sum()) // frames
+    sets = len(drawn) // frames
     if min(len(fixed_sets(session[drawn], frames)), sets) < 2 or not all(map(len, fixed.values())):
         return []
     network = JoinedClassifier(single, frames)

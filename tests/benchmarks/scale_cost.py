@@ -54,9 +54,8 @@ def training_rows(values: Mapping, experiment: str) -> int:
         single = settings["simulate"]["single"]
         presses = single["points_per_side"] ** 2 * single["depths"] * single["repetitions"]
         return round(settings["split"]["train"] * TOUCH_WINDOWS_PER_PRESS * presses)
-    window = settings["window"]
     frames = len(OBJECTS) * settings["simulate"]["frames_per_object"]
-    return round(settings["split"]["train"] * frames / window["stride"] / window["train_every"])
+    return round(settings["split"]["train"] * frames / settings["window"]["stride"])
 
 
 def networks(values: Mapping, experiment: str) -> list[str]:

@@ -76,7 +76,7 @@ def test_the_validation_part_of_a_series_is_kept_from_training_and_the_test_part
 
 def test_the_papers_amounts_are_those_of_the_full_scale(values):
     calibrate.at_full_scale(values, "glove")
-    assert values["glove"]["window"] == {"stride": 1, "train_every": 1}
+    assert values["glove"]["window"] == {"stride": 1}
     assert values["touch"]["simulate"]["single"]["repetitions"] == 1, "of another experiment"
 
 

@@ -15,7 +15,7 @@ CELLS = glove.PRESSURE_CELLS + glove.STRAIN_CELLS
 @pytest.fixture(scope="module")
 def settings():
     return params.load()["glove"] | {
-        "window": {"stride": 1, "train_every": 1},
+        "window": {"stride": 1},
         "split": {"train": 0.5, "validation": 0.2},
     }
 
@@ -120,15 +120,6 @@ def test_shares_are_never_empty():
 def test_only_every_stride_th_frame_of_a_session_becomes_an_image(settings):
     chosen = glove.chosen(table(2, 2, 5), settings | {"window": {"stride": 2}})
     assert chosen.tolist() == [0, 2, 4, 5, 7, 9, 10, 12, 14, 15, 17, 19]
-
-
-def test_training_images_are_thinned_and_no_others(settings):
-    frames = table(2, 20, 5)
-    for protocol in ("session_combined", "random_frames_combined"):
-        whole, thin = (glove.split(frames, settings | {"window": {"train_every": k}}, protocol, 0) for k in (1, 3))
-        first = glove.places(frames) % 3 == 0
-        assert (thin == np.where((whole == "train") & ~first, "unused", whole)).all()
-        assert {"train", "unused"} < set(thin)
 
 
 def test_bad_lines_go_to_the_rejects_with_their_reason(settings, tmp_path):

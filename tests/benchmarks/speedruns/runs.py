@@ -142,8 +142,7 @@ def one_hot(y: np.ndarray) -> bool:
 def every_third(path: Path, protocol: str, seed: int) -> np.ndarray:
     """Return which training images of a run the former recipe saw, as numbers within the training part.
 
-    They are those that pipeline/experiments/glove.py's `split` keeps with `window.train_every` 3, which was the setting
-    then: of each session every third place. path: the glove's dataset, made with `train_every` 1 or 3.
+    They are every third place of each session. path: the glove's dataset.
     """
     column = schemas.split_column(protocol, seed)
     table = schemas.read(path, columns=["condition", "recording", column])
