@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 from benchmarks import growth, made, measure, peers, report, repro_stages, rows, scale_cost
-from benchmarks.speedruns import former, runs
+from benchmarks.speedruns import changes, former, runs
 from benchmarks.test_benchmark_repro import FORBIDDEN, clean_environment
 
 from pipeline.base import params, paths
@@ -23,7 +23,7 @@ from pipeline.learning import image_classifier, lomp_network
 from pipeline.learning.lstm import Lstm
 from pipeline.learning.regressors import Spec
 from pipeline.logs import parse
-from pipeline.models import esn
+from pipeline.models import esn, lomp_stream
 
 
 def test_stacked_peer_equals_lomp():
@@ -320,6 +320,48 @@ def test_a_speed_run_counts_only_where_the_target_is_reached(tmp_path):
     runs.write(path, good)
     runs.write(path, better := speedrun("rnn", 3.0, 10.0))
     assert runs.read(path) == [*better, *good]
+
+
+@pytest.fixture(scope="module")
+def datasets(tmp_path_factory):
+    """`datasets(experiment, values)` is a small dataset, made once."""
+    folder, known = tmp_path_factory.mktemp("datasets"), {}
+
+    def dataset(experiment: str, values: dict):
+        if experiment not in known:
+            known[experiment] = made.dataset(folder / experiment, experiment, values)
+        return known[experiment]
+
+    return dataset
+
+
+@pytest.mark.parametrize("number", range(len(changes.CHANGES)))
+def test_a_change_that_is_taken_back_gives_another_network_and_is_there_again_after_it(
+    datasets, small_values, number, monkeypatch
+):
+    monkeypatch.setattr(lomp_stream.StreamingLomp, "largest_gradient", 1e-6)  # small networks have small gradients
+    values, _ = small_values
+    change = changes.CHANGES[number]
+    experiment = next(name for name in runs.PROTOCOLS if change.network in values[name]["models"])
+    place, run = (datasets(experiment, values), values, experiment), (runs.PROTOCOLS[experiment][0], 0)
+    before = runs.train(*place, change.network, {}, runs.PRESENT, *run)
+    without = changes.train(*place, number, *run)
+    after = runs.train(*place, change.network, {}, runs.PRESENT, *run)
+    assert (without.network, without.recipe) == (change.network, change.what)
+    assert without.validation_error != before.validation_error == after.validation_error
+
+
+def test_gains_are_means_over_the_same_seeds(tmp_path):
+    present = speedrun("cnn", 3.0, 20.0)
+    without = [runs.Run("cnn", "a change", "press", 1, 3, 30, 30.0, 3.6, "kPa")]
+    (gain,) = changes.gains(without, [*present, runs.Run("cnn", "present", "press", 2, 3, 30, 1.0, 1.0, "kPa")])
+    assert gain == changes.Gain("cnn", "a change", 1, "kPa", 3.0, 3.6, 20.0, 30.0)
+    path = tmp_path / "changes.csv"
+    for rows_written in ([gain._replace(network="lomp")], [gain], [gain]):
+        changes.write(path, rows_written)
+    with open(path, newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert [line["network"] for line in lines] == ["cnn", "lomp"] and float(lines[0]["error_without"]) == 3.6
 
 
 def test_the_papers_scale_costs_what_its_amounts_say(tmp_path):

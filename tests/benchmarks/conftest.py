@@ -51,7 +51,7 @@ def pytest_addoption(parser):
     group.addoption("--size", choices=["full", "tiny"], default="full", help="tiny: only to try the code")
     group.addoption("--log-mb", type=float, help="size of the large log in MB (full: 1000)")
     group.addoption("--results", type=Path, help="folder of the results (full: reports, tiny: a temporary one)")
-    group.addoption("--speedruns", action="store_true", help="also train all networks by two recipes: most of an hour")
+    group.addoption("--speedruns", action="store_true", help="also train all networks by two recipes: an hour")
     group.addoption("--full-repro", action="store_true", help="also time `dvc repro` in a fresh clone: hours")
 
 

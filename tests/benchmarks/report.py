@@ -11,6 +11,7 @@ from pipeline.reporting.words.markdown import table
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
 TABLES = {  # in the folder of this report, each written by its benchmark
     "speedruns.csv": "every training of the speed-runs",
+    "changes.csv": "what each change of the recipes gains",
     "scale_cost.csv": "what the papers' scale would cost, by network",
     "repro_stages.csv": "what each stage of a full run takes",
 }

@@ -166,26 +166,45 @@ def train(
     path: the experiment's dataset; values: params.yaml; block: the network's block in former.yaml. `report` is for
     pipeline.base.workers and not called.
     """
+    present = values[experiment]["models"][network]
+
+    def build(spec):
+        if recipe == FORMER:
+            return former.build(network, spec, block, present)
+        return models.build(network, spec, present, f"{experiment}.models.{network}")
+
+    rows = every_third(path, protocol, seed) if recipe == FORMER and experiment == "glove" else None
+    measured = clock(path, values, experiment, build, protocol, seed, rows)
+    return Run(network, recipe, protocol, seed, *measured, UNITS[experiment])
+
+
+def clock(
+    path: Path,
+    values: Mapping,
+    experiment: str,
+    build: Callable,
+    protocol: str,
+    seed: int,
+    rows: np.ndarray | None = None,
+) -> tuple[int, int, float, float]:
+    """Train what `build(spec)` returns; return epochs, updates, core-seconds and the validation error, as in Run.
+
+    rows: as of Clocked. Raises RuntimeError where no optimiser of torch made a step.
+    """
     torch.set_num_threads(1)
     warm_up()
-    present = values[experiment]["models"][network]
     clocked: list[Clocked] = []
 
-    def build(spec) -> Clocked:
-        if recipe == FORMER:
-            rows = every_third(path, protocol, seed) if experiment == "glove" else None
-            clocked.append(Clocked(former.build(network, spec, block, present), rows))
-        else:
-            clocked.append(Clocked(models.build(network, spec, present, f"{experiment}.models.{network}")))
+    def build_clocked(spec) -> Clocked:
+        clocked.append(Clocked(build(spec), rows))
         return clocked[-1]
 
     place = path, experiment, values[experiment], protocol, seed
-    fitted = tasks.of(experiment).fit(*place, build, device="cpu", progress=None, base=None)
+    fitted = tasks.of(experiment).fit(*place, build_clocked, device="cpu", progress=None, base=None)
     (timed,) = clocked
     if not timed.updates:
-        raise RuntimeError(f"{network}, {recipe} recipe: no optimiser of torch made a step; count its updates anew")
-    measured = len(fitted.history), timed.updates, timed.core_seconds, timed.error
-    return Run(network, recipe, protocol, seed, *measured, UNITS[experiment])
+        raise RuntimeError(f"{experiment}, {protocol}: no optimiser of torch made a step; count its updates anew")
+    return len(fitted.history), timed.updates, timed.core_seconds, timed.error
 
 
 def train_all(
