@@ -108,8 +108,11 @@ def check_block(given, kind: type[blocks.Block], where: str) -> blocks.Block:
         faults = error.errors(include_url=False)
         fault = next((fault for fault in faults if fault["type"] == "extra_forbidden"), faults[0])
     *path, key = fault["loc"] or ("",)
-    if key == "[key]":
-        raise InputError(f"params.yaml, {_dotted(where, *path[:-1])}: expected text as a key, got {_shown(path[-1])}")
+    if key == "[key]":  # pydantic's name for the key of a mapping; that of a block comes as it is
+        *path, key = path
+        fault = fault | {"type": "invalid_key"}
+    if fault["type"] == "invalid_key":
+        raise InputError(f"params.yaml, {_dotted(where, *path)}: expected text as a key, got {_shown(key)}")
     inside = _dotted(where, *path) or "top level"
     if fault["type"] == "extra_forbidden":
         check_known([key], _at(kind, path).model_fields, inside)

@@ -8,7 +8,7 @@ carry no checksum: a torn line that still has the right number of columns, all i
 import os
 import re
 import unicodedata
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -272,11 +272,12 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
     n = len(time)
     keep = np.ones(n, dtype=bool)
     starts = [0]
-    drops = np.flatnonzero(time[1:] <= time[:-1]) + 1
+    # Lists: of 40,000 resets each asks three times for one place, which takes numpy 4 us and bisect 0.3 us.
+    drops, text_lines = (np.flatnonzero(time[1:] <= time[:-1]) + 1).tolist(), text_lines.tolist()
     last, at = 0, 1  # the last row kept, the first row not yet judged
     while at < n:
         if time[at] > time[last]:
-            following = np.searchsorted(drops, at, side="right")
+            following = bisect_right(drops, at)
             stop = drops[following] if following < len(drops) else n
             last, at = stop - 1, stop
             continue
@@ -285,7 +286,7 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
         before = kept[time[kept] >= time[at]]
         later = time[at : at + STRAY + 1] > time[last]
         after = int(np.argmax(later)) if later.any() else len(later)
-        banner = np.searchsorted(text_lines, line[at]) > np.searchsorted(text_lines, line[last])
+        banner = bisect_left(text_lines, int(line[at])) > bisect_left(text_lines, int(line[last]))
         if min(len(before), after) > STRAY or (banner and after >= 3):
             starts.append(at)
             last, at = at, at + 1

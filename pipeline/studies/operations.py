@@ -8,6 +8,8 @@ average pool of fixed size 1 for each output; all else nothing. `counting` count
 import torch
 from torch import nn
 
+from pipeline.learning.residual_blocks import GlobalCoordinateAttention
+
 
 def operations(network: nn.Module, shape: tuple[int, int, int]) -> int:
     """Multiply-accumulates, as above, for one image of `shape` (channels, rows, cols)."""
@@ -44,6 +46,12 @@ def _adaptive_pool(_, x: torch.Tensor, output: torch.Tensor) -> int:
     return x.numel() + output.numel()  # outputs x (window + 1)
 
 
+def _attention_pools(_, x: torch.Tensor, __) -> int:
+    """Count the means of rows and of columns as two adaptive pools; the layers inside count themselves."""
+    n, channels, rows, columns = x.shape
+    return 2 * x.numel() + n * channels * (rows + columns)
+
+
 def _fixed_pool(_, __, output: torch.Tensor) -> int:
     return output.numel()
 
@@ -54,4 +62,5 @@ _COUNTS = {
     nn.BatchNorm2d: _normalisation,
     nn.AdaptiveAvgPool2d: _adaptive_pool,
     nn.AvgPool2d: _fixed_pool,
+    GlobalCoordinateAttention: _attention_pools,
 }

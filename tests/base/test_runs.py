@@ -22,6 +22,7 @@ class Stopped(Exception):
 def values(tmp_path, monkeypatch):
     """params.yaml with three runs of MODELS for touch, in a copy of the code, without any data but a stand-in."""
     monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "CODE", tmp_path / "pipeline")
     monkeypatch.setenv("WORKERS", "1")
     shutil.copytree(ROOT / "pipeline", tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
     for experiment in ("touch", "strain"):

@@ -178,12 +178,10 @@ def lomp_updates(_, windows: float):
 
     model = lomp(5, epochs=UPDATES)
     model.training = model.training.model_copy(update={"batch_size": int(windows)})
-    optimiser = torch.optim.Adam(
-        model.network.parameters(), fused=True
-    )  # as pipeline/learning/regressors.py, and so `update`
+    optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as pipeline/learning/regressors.py
     x, y = _batch(windows)
 
-    def update(losses) -> torch.Tensor:
+    def update(losses, done: float) -> torch.Tensor:
         optimiser.zero_grad()
         for loss in losses:
             loss.backward()

@@ -265,7 +265,7 @@ def test_the_report_has_the_verdict_of_the_claims_on_double_touch(
     root, settings, undrawn, monkeypatch, levels, verdict
 ):
     """The committed models, most of which this file's reports leave out."""
-    settings["models"] = dict.fromkeys(load()["touch"]["models"], {})
+    settings["models"] = load()["touch"]["models"]
     write_touch(settings)
 
     def changed(scores):
