@@ -23,7 +23,7 @@ from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.learning.image_classifier import ImageClassifier, augmented
 from pipeline.learning.lomp_network import Lomp
 from pipeline.learning.regressors import Spec, input_scale
-from pipeline.models.lomp_stream import streams
+from pipeline.models.lomp_stream import StreamingLomp, streams
 
 SETTINGS = Path(__file__).with_name("former.yaml")
 SMALLEST_GAIN = 0.01  # of the validation loss: half a percent of the error; less in an epoch is noise, not progress
@@ -233,6 +233,7 @@ class FormerStreams(FormerRegressor):
     """A network that hands its state on from window to window; parts are (x, y, previous) as in models/lomp_stream."""
 
     streams = True
+    maps = StreamingLomp._maps  # which windows of a batch go through the network together is no part of a recipe
 
     def losses(self, train: tuple, order: torch.Generator) -> Iterator[torch.Tensor]:
         """Yield the loss of each update: the windows that the streams of a batch have at one time."""
@@ -249,14 +250,6 @@ class FormerStreams(FormerRegressor):
             for windows, some in self.maps(x, chains[start : start + LARGEST_BATCH]):
                 maps[windows] = some
         return maps
-
-    def maps(self, x: torch.Tensor, chains: list[list[int]]) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
-        """Yield (windows, their maps): the first window of every stream, then the second of longer streams ..."""
-        longest_first, state = sorted(chains, key=len, reverse=True), None
-        for turn in range(len(longest_first[0])):
-            windows = torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn])
-            maps, state = self.network.go_on(x[windows], None if state is None else state[:, : len(windows)])
-            yield windows, maps
 
 
 class FormerClassifier(FormerRegressor):
