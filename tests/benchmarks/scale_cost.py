@@ -28,13 +28,16 @@ CHAIN = 4  # windows of a press that follow one another without overlap, as at f
 
 
 class Cost(NamedTuple):
-    """What one network's trainings take at full scale; an epoch has `rows` windows or images."""
+    """What one network's trainings take at full scale; an epoch has `rows` windows or images, those of rest included.
+
+    epochs: of all runs together.
+    """
 
     experiment: str
     network: str
     rows: int
-    epochs: int
     runs: int
+    epochs: int
     ms_per_row: float
     core_hours: float
 
@@ -61,11 +64,6 @@ def training_rows(values: Mapping, experiment: str) -> int:
 def networks(values: Mapping, experiment: str) -> list[str]:
     """Return the models of an experiment that train in epochs."""
     return [name for name, block in values[experiment]["models"].items() if "training" in block]
-
-
-def epochs_of(block: Mapping) -> int:
-    """Return the epochs of a network's block: all of them, where training may stop before."""
-    return block["training"].get("epochs", block["training"].get("max_epochs"))
 
 
 def seconds_per_row(
@@ -112,9 +110,9 @@ def costs(values: Mapping, experiment: str, updates: int) -> list[Cost]:
 
 def cost(values: Mapping, experiment: str, network: str, seconds: float) -> Cost:
     """Return the cost of a network whose training takes so many seconds per row and epoch."""
-    rows, epochs = training_rows(values, experiment), epochs_of(values[experiment]["models"][network])
-    runs = len(params.runs(values, experiment))
-    return Cost(experiment, network, rows, epochs, runs, seconds * 1e3, seconds * rows * epochs * runs / 3600)
+    rows, runs = training_rows(values, experiment), params.runs(values, experiment)
+    epochs = sum(params.epochs(params.run_settings(values, experiment, network, protocol)) for protocol, _ in runs)
+    return Cost(experiment, network, rows, len(runs), epochs, seconds * 1e3, seconds * rows * epochs / 3600)
 
 
 def write(path: Path, table: Iterable[Cost]) -> None:
