@@ -61,8 +61,8 @@ def main() -> None:
         )
     trained = [model for model in MODELS if model in blocks]
     runs = [(experiment, m, frames, s) for m in trained for frames in settings["numbers"] for s in settings["seeds"]]
-    epochs = max((blocks[model]["training"]["epochs"] for model in trained), default=0)
-    with tqdm(total=epochs * len(runs), desc=f"frames {experiment}", unit="epoch") as bar:
+    epochs = {run: run[2] * params.epochs(blocks[run[1]]) for run in runs}
+    with tqdm(total=sum(epochs.values()), desc=f"frames {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs)) if runs else {}
     absent = sorted({frames for (_, _, frames, _), scores in rows.items() if not scores})
     if absent:

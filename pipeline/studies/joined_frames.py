@@ -38,7 +38,8 @@ class JoinedFrames(nn.Module):
 class JoinedClassifier(ImageClassifier):
     """A network from sets of `frames` images to a score per class; windows x are (n, frames, SIDE * SIDE).
 
-    `single`: the model of one image, whose settings it takes over. With one frame nothing is joined.
+    `single`: the model of one image, whose settings it takes over, with `frames` times the epochs: with as many as of
+    one image every set would be seen too seldom to train on. With one frame nothing is joined.
     """
 
     def __init__(self, single: ImageClassifier, frames: int):
@@ -46,7 +47,8 @@ class JoinedClassifier(ImageClassifier):
             _, network = single.make_network()  # after the layer that gives a window its rows and columns
             return network if frames == 1 else JoinedFrames(network, frames)
 
-        super().__init__(joined, single.spec._replace(frames=frames), single.training)
+        training = single.training.model_copy(update={"epochs": frames * single.training.epochs})
+        super().__init__(joined, single.spec._replace(frames=frames), training)
 
     def fit(
         self,
@@ -91,7 +93,8 @@ def scores(
     """Train a network of `frames` input frames and score it on the test part; no row where no session has as many.
 
     x: images (n, 1, pixels); y: (n, classes); session: (n,) number of each image's session; part: (n,) 'train',
-    'validation', 'test' or another word. An epoch sees as many images as one of the network of one frame.
+    'validation', 'test' or another word. An epoch sees as many images as one of the network of one frame, and there are
+    `frames` times as many epochs.
     """
     drawn = np.flatnonzero(part == "train")
     fixed = {}

@@ -87,8 +87,8 @@ def main() -> None:
             for seed in settings["seeds"]
             for frames in numbers
         }
-        epochs = max(values["glove"]["models"][model]["training"]["epochs"] for model in MODELS)
-        with tqdm(total=epochs * len(runs), desc="train STAG", unit="epoch") as bar:
+        epochs = {run: run[2] * params.epochs(values["glove"]["models"][run[0]]) for run in runs}
+        with tqdm(total=sum(epochs.values()), desc="train STAG", unit="epoch") as bar:
             rows = dict(workers.run(train_run, runs, bar, steps=epochs))
     files.write_csv(paths.stag("glove"), COLUMNS, (row for key in sorted(rows) for row in rows[key]))
 

@@ -70,6 +70,7 @@ def test_one_frame_is_the_network_of_the_tables_and_more_add_the_1x1_convolution
     assert one(x[:, :1]).shape == (3, 2)
     four = joined_frames.JoinedClassifier(alone, 4)
     assert four.network(x).shape == (3, 2)
+    assert four.training.epochs == 4 * alone.training.epochs
     assert four.parameters() - alone.parameters() == 4 * 128 * 128 + 128
     assert four.macs() > 3.9 * alone.macs()
 
