@@ -114,8 +114,8 @@ def test_an_epoch_sees_as_many_images_as_that_of_one_frame_and_only_those_of_tra
     rows = joined_frames.scores(*place, seed=0, device="cpu", progress=None)
     assert [row[0] for row in rows] == list(classification.METRICS) and {row[-1] for row in rows} == {4}  # sets of two
     train = int((part == "train").sum())
-    assert [len(batch) for batch in seen] == [4] * (2 * train // 4), "two epochs, batches of 4 images"
-    for k in range(2):
+    assert [len(batch) for batch in seen] == [4] * (4 * train // 4), "twice two epochs, batches of 4 images"
+    for k in range(4):
         epoch = sum(seen[k * train // 4 : (k + 1) * train // 4], [])
         assert len(set(epoch)) == len(epoch) == train
         pairs = np.array(epoch).reshape(-1, 2)
@@ -134,7 +134,8 @@ def test_frames_are_joined_in_the_training_of_one_image(monkeypatch):
     monkeypatch.setattr(image_classifier.ImageClassifier, "train_on", noted)
     x, y, session, part = grasps()
     train, validation = part == "train", part == "validation"
-    alone, joined = single(batch_size=4), joined_frames.JoinedClassifier(single(batch_size=4), 2)
+    alone = single(batch_size=4, epochs=2)
+    joined = joined_frames.JoinedClassifier(single(batch_size=4, epochs=1), 2)  # for twice the epochs
     rows = frame_sets.fixed_sets(session[validation], 2)
     sets = x[validation][rows, 0], y[validation][rows[:, 0]]
     given = x[train], y[train], session[train]
