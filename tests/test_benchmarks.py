@@ -366,13 +366,16 @@ def test_gains_are_means_over_the_same_seeds(tmp_path):
 
 def test_the_papers_scale_costs_what_its_amounts_say(tmp_path):
     values = scale_cost.at_full_scale(tmp_path)
-    assert scale_cost.training_rows(values, "touch") == round(0.8 * 331_000)
-    assert scale_cost.training_rows(values, "glove") == round(0.8 * 16 * 950)
+    assert scale_cost.training_rows(values, "touch", "lomp_stream") == round(0.8 * 331_000)
+    assert scale_cost.training_rows(values, "glove", "sp_resnet") == round(0.8 * 16 * 950)
+    values["touch"]["models"]["cnn"]["training"]["rest_share"] = 0.5
+    seen = scale_cost.training_rows(values, "touch", "cnn")
+    assert seen == pytest.approx(264_800 * (0.753 + 0.5 * 0.247), abs=1)
     values["touch"]["models"]["cnn"]["training"]["epochs"] = 3
     values["touch"]["protocols"]["random_window"]["passes"] = 2
     cost = scale_cost.cost(values, "touch", "cnn", seconds=1e-3)
     assert cost.runs == 10 and cost.epochs == 5 * 3 + 5 * 2 * 3
-    assert cost.core_hours == pytest.approx(1e-3 * 264_800 * 45 / 3600)
+    assert cost.core_hours == pytest.approx(1e-3 * seen * 45 / 3600)
     assert params.load() == params.load(paths.PARAMS)  # of the checkout, as it was
 
 

@@ -24,11 +24,12 @@ from pipeline.tasks import windows
 
 EXPERIMENTS = ("touch", "glove")
 TOUCH_WINDOWS_PER_PRESS = 33.1  # one every 5 frames of a press and the rest beside it: 66,152 of 2000 presses
+TOUCHED = 0.753  # of the training windows of the laptop scale, which lie every 40 frames of the same recordings
 CHAIN = 4  # windows of a press that follow one another without overlap, as at full scale
 
 
 class Cost(NamedTuple):
-    """What one network's trainings take at full scale; an epoch has `rows` windows or images, those of rest included.
+    """What one network's trainings take at full scale; an epoch has `rows` windows or images, of rest those it draws.
 
     epochs: of all runs together.
     """
@@ -50,13 +51,15 @@ def at_full_scale(folder: Path) -> dict:
     return params.load(copy)
 
 
-def training_rows(values: Mapping, experiment: str) -> int:
-    """Return the number of training windows or images of one run; values: as of params.yaml."""
+def training_rows(values: Mapping, experiment: str, network: str) -> int:
+    """Return the number of training windows or images of an epoch; values: as of params.yaml."""
     settings = values[experiment]
     if experiment == "touch":
         single = settings["simulate"]["single"]
         presses = single["points_per_side"] ** 2 * single["depths"] * single["repetitions"]
-        return round(settings["split"]["train"] * TOUCH_WINDOWS_PER_PRESS * presses)
+        rest_share = settings["models"][network]["training"].get("rest_share", 1.0)
+        seen = TOUCHED + rest_share * (1 - TOUCHED)
+        return round(settings["split"]["train"] * TOUCH_WINDOWS_PER_PRESS * presses * seen)
     frames = len(OBJECTS) * settings["simulate"]["frames_per_object"]
     return round(settings["split"]["train"] * frames / settings["window"]["stride"])
 
@@ -110,7 +113,7 @@ def costs(values: Mapping, experiment: str, updates: int) -> list[Cost]:
 
 def cost(values: Mapping, experiment: str, network: str, seconds: float) -> Cost:
     """Return the cost of a network whose training takes so many seconds per row and epoch."""
-    rows, runs = training_rows(values, experiment), params.runs(values, experiment)
+    rows, runs = training_rows(values, experiment, network), params.runs(values, experiment)
     epochs = sum(params.epochs(params.run_settings(values, experiment, network, protocol)) for protocol, _ in runs)
     return Cost(experiment, network, rows, len(runs), epochs, seconds * 1e3, seconds * rows * epochs / 3600)
 

@@ -22,7 +22,7 @@ def test_scale_cost(record, sizes, costs, experiment):
     record(
         f"scale_cost_{experiment}",
         what=f"{experiment}: all trainings of {len(own)} networks at the papers' scale, {own[0].runs} runs of "
-        f"{own[0].rows} rows each; most, {largest.core_hours:.3g} core-h, by {largest.network}",
+        f"up to {max(cost.rows for cost in own)} rows; most, {largest.core_hours:.3g} core-h, by {largest.network}",
         unit="core-h",
         ours=sum(cost.core_hours for cost in own),
         most=MOST[experiment],
