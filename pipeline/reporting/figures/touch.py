@@ -292,10 +292,12 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
         slide = slide[windows.press[slide] == windows.press[slide[0]]]
         gaps = np.flatnonzero(np.diff(windows.t_s[slide]) > 2 * np.median(np.diff(windows.t_s[slide])))
         slide = slide[: gaps[0] + 1] if len(gaps) else slide  # one slide of two fingers
-        picked = slide[np.linspace(0, len(slide) - 1, INSTANTS + 2).round().astype(int)[1:-1]]
+        places = np.linspace(0, len(slide) - 1, INSTANTS + 2).round().astype(int)[1:-1]
+        picked = slide[np.unique(places)]  # a short slide has fewer windows than there are panels
         since = windows.t_s[picked] - windows.t_s[slide[0]]
         for name, source in [("measured", windows.truth), *((model_name(m), maps[m]) for m in lomp if m in maps)]:
-            panels.append([(f"(c) slide, {s:.2f} s\n{name}", source[w], w) for s, w in zip(since, picked, strict=True)])
+            row = [(f"(c) slide, {s:.2f} s\n{name}", source[w], w) for s, w in zip(since, picked, strict=True)]
+            panels.append((row + [None] * INSTANTS)[:INSTANTS])
     sensor = settings["sensor"]
     width, height = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
     figure, axes = plt.subplots(len(panels), INSTANTS, figsize=(2.6 * INSTANTS + 1, 2.75 * len(panels)), squeeze=False)
