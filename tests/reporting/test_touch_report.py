@@ -39,7 +39,7 @@ def settings():
     block = load()["touch"]
     block |= {"sensor": SENSOR, "label": LABEL, "latency": LATENCY}
     block["window"] = block["window"] | {"frames": FRAMES}
-    block["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}}
+    block["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0], "passes": 2}}
     block["models"] = {"constant": {}, "linear": {}, "rnn": TRAINING, "lomp": TRAINING}
     block["yardstick"] = block["yardstick"] | {"model": "rnn", "protocol": "press", "published": 0.25}
     block["ablation"] = {
