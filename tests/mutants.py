@@ -184,6 +184,13 @@ MUTANTS = [
         "models/test_lomp_stream.py::test_the_rate_of_every_update_rises_and_falls_to_zero",
     ),
     Mutant(
+        "state-of-streams-grows-without-end",
+        "pipeline/models/lomp_stream.py",
+        "            state = state.clamp(max=LARGEST_STATE)\n",
+        "",
+        "models/test_lomp_stream.py::test_a_state_that_grows_is_cut",
+    ),
+    Mutant(
         "rate-of-images-is-set-once-an-epoch",
         "pipeline/learning/image_classifier.py",
         "schedule.at((epoch + (first + len(batch) / 2) / len(examples)) / training.epochs)",

@@ -3,6 +3,10 @@
 Its equations and the network are in pipeline/learning/lomp_network.py. The state is zero where a press begins and is
 carried through the press's windows in order of time. Training does the same: a batch is `batch_size` presses side by
 side, with an update after each window and no gradient through the state that the window starts from.
+
+Messages can make states grow from frame to frame without end where more is pressed than in any training press: of 400
+sums of two validation presses, four times as slow, 1 to 3, in each of three trained networks. So a state is cut to
+LARGEST_STATE where it is carried on: after a window, or after a frame that came alone.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,6 +21,7 @@ from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, batches
 
 QUIET = 0.3  # share of U's first weights that is left
+LARGEST_STATE = 10.0  # a state that is carried on is cut to it; those of trained networks reach 7 to 9
 
 
 def build(
@@ -90,11 +95,13 @@ class StreamingLomp(LompRegressor):
         if self.state is not None and self.state.shape[1] != len(frame):
             self.state = None
         if len(frame) == 1:
-            maps, self.state = self.one_row(np.asarray(frame, np.float32), self.state)
+            maps, state = self.one_row(np.asarray(frame, np.float32), self.state)
+            self.state = np.minimum(state, LARGEST_STATE)
             return maps
         x = (torch.from_numpy(np.array(frame, dtype=np.float32)) - self.input_mean) / self.input_spread
         with torch.no_grad():
-            maps, self.state = self.network.go_on(x[:, None], self.state)
+            maps, state = self.network.go_on(x[:, None], self.state)
+            self.state = state.clamp(max=LARGEST_STATE)
             return (maps * self.output_scale).numpy()
 
     def macs(self) -> int:
@@ -115,6 +122,7 @@ class StreamingLomp(LompRegressor):
             windows = torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn], device=x.device)
             maps, state = self.network.go_on(x[windows], None if state is None else state[:, : len(windows)])
             yield windows, maps
+            state = state.clamp(max=LARGEST_STATE)
 
 
 def streams(previous: np.ndarray) -> list[list[int]]:

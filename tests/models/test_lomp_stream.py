@@ -93,6 +93,23 @@ def test_a_stream_starts_at_zero():
     assert not model.predict(x, previous).any() and not model.step(x[:1, 0]).any() and not model.step(x[:3, 0]).any()
 
 
+@pytest.mark.parametrize("side_by_side", [1, 3])
+def test_a_state_that_grows_is_cut(side_by_side):
+    """P of twice the identity doubles a state with every frame: after 200 frames, past float32."""
+    model = build(BLOCK | {"alpha": 0.0})
+    with torch.no_grad():
+        model.network.update[:] = 2 * torch.eye(8)
+        torch.nn.init.normal_(model.network.readout[-1])
+    frames = np.ones((200, side_by_side, 4), np.float32)
+    maps = [model.step(frame) for frame in frames]
+    assert np.isfinite(maps).all() and float(model.state.max()) == lomp_stream.LARGEST_STATE
+    windows = np.ones((50, 4, 4), np.float32)
+    predicted = model.predict(windows, np.arange(50) - 1)
+    assert np.isfinite(predicted).all()
+    np.testing.assert_array_equal(predicted[-1], predicted[-2])  # as far as it goes
+    assert not np.isfinite(model.predict(windows.reshape(1, 200, 4))).all()  # the state within a window is not cut
+
+
 def test_gradients_after_a_carried_state_are_those_of_plain_autograd():
     torch.manual_seed(0)
     network = lomp.maker(Spec(3, 2, 2, 2, 2), 3, [4], 4, 0.3)().double()
