@@ -5,8 +5,9 @@ carried through the press's windows in order of time. Training does the same: a 
 side, with an update after each window and no gradient through the state that the window starts from.
 
 Messages can make states grow from frame to frame without end where more is pressed than in any training press: of 400
-sums of two validation presses, four times as slow, 1 to 3, in each of three trained networks. So a state is cut to
-LARGEST_STATE where it is carried on: after a window, or after a frame that came alone.
+sums of two validation presses, four times as slow, 1 to 3, in each of three trained networks. So a trained network's
+state is cut to LARGEST_STATE where it is carried on: after a window, or after a frame that came alone. Cut in training,
+too, the validation error is 1 to 4 % larger in each of three seeds.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,7 +22,7 @@ from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, batches
 
 QUIET = 0.3  # share of U's first weights that is left
-LARGEST_STATE = 10.0  # a state that is carried on is cut to it; those of trained networks reach 7 to 9
+LARGEST_STATE = 10.0  # states of trained networks reach 7 to 9 on validation windows
 
 
 def build(
@@ -122,7 +123,7 @@ class StreamingLomp(LompRegressor):
             windows = torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn], device=x.device)
             maps, state = self.network.go_on(x[windows], None if state is None else state[:, : len(windows)])
             yield windows, maps
-            state = state.clamp(max=LARGEST_STATE)
+            state = state if self.network.training else state.clamp(max=LARGEST_STATE)
 
 
 def streams(previous: np.ndarray) -> list[list[int]]:
