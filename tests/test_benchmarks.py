@@ -14,6 +14,7 @@ import pytest
 import torch
 from benchmarks import growth, made, measure, peers, report, repro_stages, rows, scale_cost
 from benchmarks.speedruns import changes, former, runs
+from benchmarks.test_benchmark_data import check_equal
 from benchmarks.test_benchmark_repro import FORBIDDEN, clean_environment
 
 from pipeline.base import params, paths
@@ -162,6 +163,15 @@ def test_presses_of_made_frames_can_be_told_apart(tmp_path):
     windows = windowing.windows_of(frames, settings["window"])
     presses = windows["press"].to_numpy()
     assert 15 < len(np.unique(presses)) < 35 and all(a <= b for a, b in itertools.pairwise(presses))
+
+
+def test_the_dataset_of_pandas_equals_ours(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(sys, "argv", sys.argv)
+    made.frames_file(paths.frames("touch"), 3000, made.touch_settings())
+    measure.dataset(tmp_path, None)()
+    measure.dataset_pandas(tmp_path, None)()
+    check_equal(tmp_path)
 
 
 SPEC = Spec(3, 2, 2, 4, 4)

@@ -194,6 +194,8 @@ def dataset(frames_file: Path, target: Path, settings: dict, runs: list[tuple[st
     as ours but hold other presses; all other columns are ours.
     """
     window, label, sensor = settings["window"], settings["label"], settings["sensor"]
+    step = window["frame_step"]
+    span = (window["frames"] - 1) * step + 1
     frames = pd.read_parquet(frames_file)
     rows, press_count, passed = [], 0, dict.fromkeys(window["sliding"], 0)
     for (condition, recording), group in frames.groupby(["condition", "recording"], sort=False, observed=True):
@@ -208,15 +210,15 @@ def dataset(frames_file: Path, target: Path, settings: dict, runs: list[tuple[st
         v = np.stack(group["v"].to_list())
         for _, own in pd.Series(range(len(group))).groupby(piece.to_numpy()):
             own = own.to_numpy()
-            for first in range(0, len(own) - window["frames"] + 1):
+            for first in range(0, len(own) - span + 1):
                 apart, sliding = first % window["stride"] == 0, False
-                if condition in passed:
+                if condition in passed and first % step == 0:
                     stretch, share = passed[condition] // window["frames"], window["sliding"][condition]
                     sliding = int((stretch + 1) * share) > int(stretch * share)
                     passed[condition] += 1
                 if not (apart or sliding):
                     continue
-                chosen = own[first : first + window["frames"]]
+                chosen = own[first : first + span : step]
                 last = group.iloc[chosen[-1]]
                 rows.append(
                     {
