@@ -41,11 +41,11 @@ def test_ingest(race, record, sizes, recording):
     peer_is = "pandas.read_csv, no checks"
     record("ingest_read", what=what, peer_is=peer_is, ours=seconds, peer=peer, least_ratio=2, **shared)
     alone = f"{peer_is}, one thread (as before pandas 3.1)"
-    record("ingest_read_one_thread", what="the same", peer_is=alone, ours=seconds, peer=single, **shared)
+    record("ingest_read_one_thread", what=what, peer_is=alone, ours=seconds, peer=single, **shared)
     disk = seconds_to_read(path)
     record(
         "ingest_disk",
-        what=f"the same; the ratio is the share of the disk's {mb / disk:.0f} MB/s",
+        what=f"{what}; the ratio is the share of the disk's {mb / disk:.0f} MB/s",
         peer_is="reading the file from the disk, nothing else",
         ours=seconds,
         peer=disk,
