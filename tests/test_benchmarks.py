@@ -159,7 +159,7 @@ def test_presses_of_made_frames_can_be_told_apart(tmp_path):
     from pipeline.datasets import windowing
 
     settings = made.touch_settings()
-    frames = pyarrow.parquet.read_table(made.frames_file(tmp_path / "frames.parquet", 1000, settings))
+    frames = pyarrow.parquet.read_table(made.frames_file(tmp_path / "frames.parquet", 4000, settings))
     windows = windowing.windows_of(frames, settings["window"])
     presses = windows["press"].to_numpy()
     assert 15 < len(np.unique(presses)) < 35 and all(a <= b for a, b in itertools.pairwise(presses))
@@ -168,6 +168,7 @@ def test_presses_of_made_frames_can_be_told_apart(tmp_path):
 def test_the_dataset_of_pandas_equals_ours(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(sys, "argv", sys.argv)
+    monkeypatch.setattr(params, "load", params.load)
     made.frames_file(paths.frames("touch"), 3000, made.touch_settings())
     measure.dataset(tmp_path, None)()
     measure.dataset_pandas(tmp_path, None)()

@@ -1,6 +1,7 @@
 """Inputs of any size: a recording's logs with faults in them, a frames table, a strain series."""
 
 import itertools
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from pipeline import tasks
-from pipeline.base import params
+from pipeline.base import params, paths
+from pipeline.commands.scale import set_values
 from pipeline.datasets import schemas
 from pipeline.datasets.series import Record
 from pipeline.experiments import glove, touch
@@ -18,6 +20,7 @@ LOGS = Path("data", "own", "logs", "single")  # where measure.ingest looks for r
 ARRAY_HZ, LOAD_CELL_HZ, CNC_HZ = 200, 100, 50  # 1 GB of 5x5 counts lasts 16 hours; 28 are the most that ingest takes
 LINE_BYTES = 92  # of the array's log, about
 BETWEEN_FAULTS = 2500  # lines
+SLOWER = 4  # times: a press of a frames table and its rest last as long as the scene's, 3.5 s
 
 
 def recording(folder: Path, megabytes: float) -> Path:
@@ -64,7 +67,8 @@ def frames_file(path: Path, frames: int, settings: dict) -> Path:
         for number, first in enumerate(range(0, frames, 10_000)):
             n = min(10_000, frames - first)
             t = np.arange(n) / 50
-            knots, heights = _presses(t[-1], seed=number)
+            knots, heights = _presses(t[-1] / SLOWER, seed=number)
+            knots *= SLOWER
             which = np.searchsorted(knots[::4], t)
             x, y = (rng.uniform(0, side, which.max() + 1)[which, None] for _ in "xy")
             yield schemas.frame_rows(
@@ -112,6 +116,14 @@ def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
         "strain": schemas.lists(rng.integers(0, 1000, (count, glove.STRAIN_CELLS)).astype(np.int16), pa.int16()),
     }
     return pa.table(columns).select(glove.SCHEMA.names).cast(glove.SCHEMA)
+
+
+def at_full_scale(folder: Path) -> dict:
+    """Return params.yaml with scales/full.yaml applied; a copy in `folder` is what is changed."""
+    copy = folder / paths.PARAMS.name
+    shutil.copy(paths.PARAMS, copy)
+    set_values(params.parsed(paths.FULL_SCALE), copy)
+    return params.load(copy)
 
 
 def touch_settings() -> dict:

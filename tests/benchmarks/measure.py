@@ -65,9 +65,14 @@ def ingest(folder: Path, _):
 
 
 def dataset(folder: Path, _):
-    """Frames to windows to a dataset: both stages."""
+    """Frames to windows to a dataset: both stages, with the papers' amounts of windows and splits."""
+    from benchmarks.made import at_full_scale
+
+    from pipeline.base import params
     from pipeline.stages import dataset, window
 
+    values = at_full_scale(folder)
+    params.load = lambda *_: values  # in this process, which ends with the task
     paths.ROOT = folder
 
     def run():
@@ -82,13 +87,15 @@ def dataset(folder: Path, _):
 def dataset_pandas(folder: Path, _):
     """The same with pandas and numpy."""
     from benchmarks import peers
-    from benchmarks.made import touch_settings
+    from benchmarks.made import at_full_scale
 
     from pipeline.base import params
 
-    settings, runs = touch_settings(), params.runs(params.load(), "touch")
+    values = at_full_scale(folder)
     paths.ROOT = folder
-    return lambda: peers.dataset(paths.frames("touch"), folder / "peer.parquet", settings, runs)
+    return lambda: peers.dataset(
+        paths.frames("touch"), folder / "peer.parquet", values["touch"], params.runs(values, "touch")
+    )
 
 
 def lomp_epoch(_, windows: float, side: int = 5):

@@ -4,20 +4,19 @@ Counted are the trainings of the tables' networks, all protocols and seeds, with
 not the ablations, the augmentation, the ladders of sizes, the stress tests, nor models without epochs.
 """
 
-import shutil
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
+from benchmarks.made import at_full_scale
 from benchmarks.measure import shortened, warm_up
 from benchmarks.speedruns.runs import steps_timed
 from tqdm import tqdm
 
 from pipeline import models
 from pipeline.base import files, params, paths, workers
-from pipeline.commands.scale import set_values
 from pipeline.learning import image_classifier
 from pipeline.scenes.glove import OBJECTS
 from pipeline.tasks import windows
@@ -41,14 +40,6 @@ class Cost(NamedTuple):
     epochs: int
     ms_per_row: float
     core_hours: float
-
-
-def at_full_scale(folder: Path) -> dict:
-    """Return params.yaml with scales/full.yaml applied; a copy in `folder` is what is changed."""
-    copy = folder / paths.PARAMS.name
-    shutil.copy(paths.PARAMS, copy)
-    set_values(params.parsed(paths.FULL_SCALE), copy)
-    return params.load(copy)
 
 
 def training_rows(values: Mapping, experiment: str, network: str) -> int:

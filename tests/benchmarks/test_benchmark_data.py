@@ -81,7 +81,7 @@ def test_dataset(record, sizes, tmp_path, monkeypatch):
     rows = pyarrow.parquet.ParquetFile(paths.dataset("touch")).metadata.num_rows
     record(
         "dataset",
-        what=f"window + dataset, both stages with their files: {sizes.frames} frames to {rows} windows",
+        what=f"window + dataset, both stages with their files: {sizes.frames} frames to {rows} windows, all of a press",
         peer_is="pandas and numpy, a loop over presses and windows",
         unit="s",
         ours=seconds,
