@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from benchmarks.made import at_full_scale
 from benchmarks.measure import shortened, warm_up
 from benchmarks.speedruns.runs import steps_timed
 from tqdm import tqdm
 
 from pipeline import models
-from pipeline.base import files, params, paths, workers
+from pipeline.base import files, params, workers
 from pipeline.learning import image_classifier
 from pipeline.scenes.glove import OBJECTS
 from pipeline.tasks import windows

@@ -29,10 +29,11 @@ def test_ingest(race, record, sizes, recording):
     rows, rejects = parse.read_log(path, fmt)
     assert rows.num_rows + rejects.num_rows == sum(1 for _ in path.open("rb")) and rejects.num_rows > 3
     del rows, rejects
-    seconds, peer, single = race(
+    seconds, peer, single, limit = race(
         lambda: parse.read_log(path, fmt),
         lambda: peers.read_log(path, fmt.names),
         lambda: peers.read_log(path, fmt.names, threads=1),
+        lambda: peers.parse_log(path, fmt.names),
         rounds=3,
     )
     mb, threads = path.stat().st_size / 1e6, os.cpu_count()
@@ -42,6 +43,8 @@ def test_ingest(race, record, sizes, recording):
     record("ingest_read", what=what, peer_is=peer_is, ours=seconds, peer=peer, least_ratio=2, **shared)
     alone = f"{peer_is}, one thread (as before pandas 3.1)"
     record("ingest_read_one_thread", what=what, peer_is=alone, ours=seconds, peer=single, **shared)
+    parser = "pyarrow alone, which ours parses with, in pieces on all cores, no checks: the limit"
+    record("ingest_read_limit", what=what, peer_is=parser, ours=seconds, peer=limit, **shared)
     disk = seconds_to_read(path)
     record(
         "ingest_disk",
