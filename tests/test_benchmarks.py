@@ -269,6 +269,7 @@ def test_both_recipes_are_clocked_on_the_same_data(tmp_path, small_values, monke
     assert [(run.recipe, run.protocol, run.seed, run.epochs) for run in made_runs] == [
         ("former", "press", 0, 2),
         ("present", "press", 0, 2),
+        ("shortened", "press", 0, 2),
     ]
     assert all(run.updates >= 2 and run.core_seconds > 0 and run.unit == "kPa" for run in made_runs)
     assert all(0 < run.validation_error < 100 for run in made_runs)
@@ -331,6 +332,15 @@ def test_a_speed_run_counts_only_where_the_target_is_reached(tmp_path):
     runs.write(path, good)
     runs.write(path, better := speedrun("rnn", 3.0, 10.0))
     assert runs.read(path) == [*better, *good]
+
+
+def test_a_shortened_training_is_what_reaching_the_target_costs():
+    made_runs = speedrun("rnn", 3.0, 60.0)
+    sooner = [run._replace(recipe="shortened", core_seconds=20.0, validation_error=4.02) for run in made_runs[1::2]]
+    row = rows.row("speedrun_rnn", size="full", **runs.figures("rnn", [*made_runs, *sooner]))
+    assert row.ratio == 3.0 and "4.02 in 30 updates, 3 with the epochs of params.yaml" in row.what
+    late = [run._replace(validation_error=4.05) for run in sooner]
+    assert not runs.outcome([*made_runs, *late]).reached
 
 
 @pytest.fixture(scope="module")
