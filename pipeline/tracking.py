@@ -256,6 +256,7 @@ def _read_run(
         "parameters": str(fit["parameters"]),
         "macs": "not counted" if fit["macs"] is None else str(fit["macs"]),
         "stop_reason": str(fit["stop_reason"]),
+        "precision": fit["precision"] or "not chosen",
     }
     metrics = metrics | {name: float(fit[name]) for name in ("best_epoch", "epochs")}
     curves = {}

@@ -68,11 +68,16 @@ LearningRate = real(1e-9, 10)
 
 
 class ScheduledTraining(Block):
-    """A set number of epochs over which the learning rate rises and falls to zero, see `training.Schedule`."""
+    """A set number of epochs over which the learning rate rises and falls to zero, see `training.Schedule`.
+
+    `precision` of products in training: bfloat16 where the device has instructions for it, else float32 (the default).
+    Sums, weights and all predictions are float32.
+    """
 
     learning_rate: LearningRate  # the highest
     batch_size: whole(1)
     epochs: whole(1)
+    precision: Literal["float32", "bfloat16"] = "float32"
 
 
 class WindowTraining(ScheduledTraining):

@@ -7,19 +7,20 @@ from pathlib import Path
 from pipeline.base import files, paths
 from pipeline.base.errors import InputError
 
-KEYS = ("stop_reason", "best_epoch", "epochs", "parameters", "macs", "settings")
+KEYS = ("stop_reason", "best_epoch", "epochs", "parameters", "macs", "precision", "settings")
 
 
 def write(folder: Path, model, history: Sequence[Mapping], settings: Mapping) -> None:
     """Write both files of a fitted model.
 
     history: one dictionary per epoch, losses in the label's unit squared (images: cross-entropy); settings: the
-    model's block of params.yaml.
+    model's block of params.yaml. `precision` is that of products in training, null for a model that cannot choose it.
     """
     columns = list(history[0])
     files.write_csv(folder / "history.csv", columns, ([epoch[name] for name in columns] for epoch in history))
     summary = model.summary.stop_reason, model.summary.best_epoch, len(history)
-    fit = dict(zip(KEYS, (*summary, model.parameters(), model.macs(), settings), strict=True))
+    counts = model.parameters(), model.macs(), getattr(model, "precision", None)
+    fit = dict(zip(KEYS, (*summary, *counts, settings), strict=True))
     files.write_text(folder / "fit.json", json.dumps(fit, indent=1) + "\n")
 
 

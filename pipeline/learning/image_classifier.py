@@ -12,7 +12,16 @@ from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows, batches
-from pipeline.learning.training import Epoch, Progress, Schedule, device_of, new_network, run_epochs
+from pipeline.learning.training import (
+    Epoch,
+    Progress,
+    Schedule,
+    device_of,
+    new_network,
+    precision_on,
+    products_in,
+    run_epochs,
+)
 
 LARGEST_SHIFT = 2.0  # pixels; a glove sits so differently on a hand: pads are 3 pixels wide
 LARGEST_TURN = 10.0  # degrees
@@ -92,6 +101,7 @@ class ImageClassifier(TorchRegressor):
         each alone. A batch holds `batch_size` images, so that an epoch has as many updates for any number of frames.
         """
         training, place, frames = self.training, device_of(device), self.spec.frames
+        self.precision = precision_on(place, training.precision)
         network = self.network = new_network(self.make_network, seed).to(place)
         optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
         (x, y), (x_validation, y_validation) = (self._normalised(part, place) for part in (train, validation))
@@ -106,7 +116,9 @@ class ImageClassifier(TorchRegressor):
                 schedule.at((epoch + (first + len(batch) / 2) / len(examples)) / training.epochs)
                 numbers = batch.to(place)
                 images = augmented(x[numbers.flatten()].view(-1, 1, SIDE, SIDE), training, order)
-                loss = nn.functional.cross_entropy(network(images.view(len(batch), frames, -1)), y[numbers[:, 0]])
+                with products_in(self.precision, place):
+                    scores = network(images.view(len(batch), frames, -1))
+                loss = nn.functional.cross_entropy(scores.float(), y[numbers[:, 0]])
                 optimiser.zero_grad()
                 loss.backward()
                 optimiser.step()

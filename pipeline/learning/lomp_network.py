@@ -107,10 +107,10 @@ class Lomp(nn.Module):
 
         state: the state before the first frame, None for zero; no gradient goes into `state`.
         """
-        elements_first = x.permute(1, 2, 0).unsqueeze(3).contiguous()  # (frames, cells, n, 1)
-        both = _Recurrence.apply(
-            elements_first,
-            state,
+        place = x.device.type
+        precision = torch.get_autocast_dtype(place) if torch.is_autocast_enabled(place) else x.dtype
+        elements_first = x.to(precision).permute(1, 2, 0).unsqueeze(3).contiguous()  # (frames, cells, n, 1)
+        weights = (
             self.gate_input,
             self.gate_input_bias + self.gate_state_bias,
             self.gate_state,
@@ -123,6 +123,11 @@ class Lomp(nn.Module):
             self.update,
             self.update_bias,
             self.neighbours,
+        )
+        both = _Recurrence.apply(
+            elements_first,
+            state,
+            *(weight.to(precision) for weight in weights),
             self.alpha,
             self._buffers_for(elements_first),
         )  # (cells, n, 2 hidden)

@@ -11,7 +11,18 @@ from torch import nn
 from pipeline.base.blocks import ScheduledTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import cost, weights
-from pipeline.learning.training import BETAS, Epoch, FitSummary, Progress, Schedule, device_of, new_network, run_epochs
+from pipeline.learning.training import (
+    BETAS,
+    Epoch,
+    FitSummary,
+    Progress,
+    Schedule,
+    device_of,
+    new_network,
+    precision_on,
+    products_in,
+    run_epochs,
+)
 
 NORMALISATION = ("input_mean", "input_spread", "output_scale")  # constants saved beside the weights
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
@@ -53,6 +64,7 @@ class TorchRegressor:
         self.spec = spec
         self.training = training
         self.summary: FitSummary | None = None
+        self.precision: str | None = None  # of products in the last fit
         self.network = new_network(make_network, 0).eval()
         self._set_normalisation(torch.zeros(spec.elements), torch.ones(spec.elements), torch.ones(()))
 
@@ -83,6 +95,7 @@ class TorchRegressor:
         check_windows(self.spec, train, "training")
         check_windows(self.spec, validation, "validation")
         place = device_of(device)
+        self.precision = precision_on(place, self.training.precision)
         mean, spread = input_scale(train[0])
         output_scale = float(np.abs(train[1]).max()) or 1.0
         self._set_normalisation(
@@ -130,11 +143,15 @@ class TorchRegressor:
         windows = self._of_an_epoch(y, order).to(x.device)
         for first, batch in batches(windows, self.training.batch_size):
             losses = (
-                nn.functional.mse_loss(self.network(x[rows]), y[rows]) * (len(rows) / len(batch))
-                for rows in batch.split(self.chunk)
+                self._training_loss(x[rows], y[rows]) * (len(rows) / len(batch)) for rows in batch.split(self.chunk)
             )
             total += update(losses, (first + len(batch) / 2) / len(windows)) * len(batch)
         return float(total) / len(windows)
+
+    def _training_loss(self, x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+        with products_in(self.precision, x.device):
+            maps = self.network(x)
+        return nn.functional.mse_loss(maps.float(), y)
 
     def _of_an_epoch(self, y: torch.Tensor, order: torch.Generator) -> torch.Tensor:
         """Return numbers of windows in random order: all that have a touch and a share of the others.

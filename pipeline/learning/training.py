@@ -1,6 +1,7 @@
 """Train a network: the one loop that the epochs of all networks go through."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from torch import nn
 
 BETAS = (0.9, 0.95)  # of Adam: averages over the last 20 squared gradients, as there are few updates
 RISE = 0.1  # share of the updates over which the learning rate rises
+BFLOAT16_INSTRUCTIONS = ("avx512_bf16", "amx_bf16", "sve_bf16")  # of processors, as torch names them
 
 Progress = Callable[[int, int, float, float], None] | None  # (epoch, epochs, training loss, validation loss)
 
@@ -40,6 +42,23 @@ def device_of(name: str) -> torch.device:
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     return torch.device(name)
+
+
+def precision_on(place: torch.device, asked: str) -> str:
+    """Return the precision of products on `place`: the one asked for, or float32 where it cannot be had.
+
+    bfloat16 is had where there are instructions for it: elsewhere it would be slower than float32, and as coarse.
+    """
+    if place.type == "cuda":
+        has_bfloat16 = torch.cuda.is_bf16_supported(including_emulation=False)
+    else:
+        has_bfloat16 = any(torch.cpu.get_capabilities().get(name) for name in BFLOAT16_INSTRUCTIONS)
+    return asked if has_bfloat16 else "float32"
+
+
+def products_in(precision: str, place: torch.device) -> AbstractContextManager:
+    """Return the context of a network's forward pass in training: weights stay float32, products are in `precision`."""
+    return torch.autocast(place.type, torch.bfloat16, enabled=precision == "bfloat16")
 
 
 def history_row(epoch: int, losses: Epoch) -> dict:

@@ -20,6 +20,7 @@ from pipeline.base.blocks import Neighbours, Number, ScheduledTraining, Width, W
 from pipeline.learning import cost
 from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, batches
+from pipeline.learning.training import products_in
 
 QUIET = 0.3  # share of U's first weights that is left
 LARGEST_STATE = 10.0  # states of trained networks reach 7 to 9 on validation windows
@@ -69,7 +70,7 @@ class StreamingLomp(LompRegressor):
         for _, batch in batches(torch.randperm(len(chains), generator=order), self.training.batch_size):
             for windows, maps in self._maps(x, [chains[k] for k in batch.tolist()]):
                 done = (seen + len(windows) / 2) / len(x)
-                total += update([nn.functional.mse_loss(maps, y[windows])], done) * len(windows)
+                total += update([nn.functional.mse_loss(maps.float(), y[windows])], done) * len(windows)
                 seen += len(windows)
         return float(total) / len(x)
 
@@ -121,7 +122,8 @@ class StreamingLomp(LompRegressor):
         longest_first, state = sorted(chains, key=len, reverse=True), None
         for turn in range(len(longest_first[0])):
             windows = torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn], device=x.device)
-            maps, state = self.network.go_on(x[windows], None if state is None else state[:, : len(windows)])
+            with products_in(self.precision if self.network.training else "float32", x.device):
+                maps, state = self.network.go_on(x[windows], None if state is None else state[:, : len(windows)])
             yield windows, maps
             state = state if self.network.training else state.clamp(max=LARGEST_STATE)
 

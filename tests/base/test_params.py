@@ -116,6 +116,7 @@ IMPOSSIBLE = [
         "learning_rate: .* from 1e-09 to 10",
     ),
     (("models", "cnn", "training"), NETWORK["training"] | {"rest_share": 1.5}, "rest_share: .* from 1e-06 to 1"),
+    (("models", "cnn", "training"), NETWORK["training"] | {"precision": "float16"}, "one of float32, bfloat16"),
     (("models", "cnn", "training"), NETWORK["training"] | {"epochs": 0}, "epochs: .* whole number from 1"),
     (("models", "cnn", "training"), NETWORK["training"] | {"batch_size": 8.5}, "batch_size: .* whole number from 1"),
     (("models", "cnn", "training"), NETWORK["training"] | {"learning_rate": "fast"}, "learning_rate: .* a number"),

@@ -34,7 +34,7 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
             }
             pd.DataFrame(history).to_csv(folder / "history.csv", index=False)
             fit = {"stop_reason": "closed_form", "best_epoch": len(epochs), "epochs": len(epochs), "parameters": 17}
-            (folder / "fit.json").write_text(json.dumps(fit | {"macs": None, "settings": block}))
+            (folder / "fit.json").write_text(json.dumps(fit | {"macs": None, "precision": None, "settings": block}))
             (folder / "model.skops").write_bytes(f"{model} {protocol} {seed} {made_from}".encode())
             value = 8.5 + seed + block.get("min_samples_leaf", 0) / 100
             scores.append(("touch", protocol, condition, model, seed, "rmse", "kPa", value, 40))

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 import torch
 from benchmarks.peers import LoopedLomp
+from torch import nn
 
 from pipeline.base.blocks import WindowTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import lomp_network, lomp_prediction
 from pipeline.learning.regressors import Spec
+from pipeline.learning.training import products_in
 from pipeline.models import lomp, lomp_stream
 
 TRAINING = WindowTraining(learning_rate=1e-3, batch_size=16, epochs=1, rest_share=1.0)
@@ -80,6 +82,23 @@ def test_gradients_are_slopes():
                 weight -= sign * step * direction
         slope = (losses[0] - losses[1]) / (2 * step)
         assert slope == pytest.approx(float((weight.grad * direction).sum()), rel=1e-6, abs=1e-8), name
+
+
+def test_products_in_bfloat16_give_the_same_gradients_but_for_rounding():
+    stacked = network(Spec(8, 5, 5, 20, 20), hidden=16, readout=[8])
+    nn.init.normal_(stacked.readout[-1], std=0.1)
+    x, y = torch.randn(16, 8, 25), torch.rand(16, 400)
+    gradients = []
+    for precision in ("float32", "bfloat16"):
+        stacked.zero_grad()
+        with products_in(precision, x.device):
+            maps = stacked(x)
+        assert maps.dtype == getattr(torch, precision)
+        nn.functional.mse_loss(maps.float(), y).backward()
+        gradients.append([weight.grad.clone() for weight in stacked.parameters()])
+    for (name, _), exact, rounded in zip(stacked.named_parameters(), *gradients, strict=True):
+        assert rounded.dtype == torch.float32
+        assert 0 < (rounded - exact).norm() < 0.05 * exact.norm(), name
 
 
 def test_a_batch_does_not_see_the_one_before():

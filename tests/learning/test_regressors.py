@@ -126,6 +126,30 @@ def test_a_last_layer_that_starts_at_zero_answers_zero():
     assert (layer.in_features, layer.out_features) == (6, 4) and layer.weight.requires_grad and layer.bias.requires_grad
 
 
+@pytest.fixture
+def processor(monkeypatch):
+    """Gives the processor instructions for bfloat16 or takes them away; without them torch computes it all the same."""
+    return lambda has: monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": has})
+
+
+def trained(precision, *parts):
+    model = regressor(epochs=3, precision=precision)
+    model.fit(*parts, seed=0, device="cpu")
+    return model, model.network[1].weight.detach()
+
+
+def test_a_processor_without_bfloat16_trains_as_in_float32(processor):
+    parts = windows(), windows(seed=1)
+    processor(False)
+    (model, without), (_, expected) = trained("bfloat16", *parts), trained("float32", *parts)
+    assert model.precision == "float32" and torch.equal(without, expected)
+    processor(True)
+    model, rounded = trained("bfloat16", *parts)
+    assert model.precision == "bfloat16" and rounded.dtype == torch.float32
+    assert 0 < (rounded - expected).abs().max() < 0.02 * expected.abs().max()
+    assert model.predict(parts[0][0]).dtype == np.float32
+
+
 class _BreaksDown(nn.Module):
     """Answers NaN from its third training step on."""
 

@@ -6,7 +6,17 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.learning.training import RISE, Epoch, Schedule, device_of, rate_at, run_epochs
+from pipeline.learning.training import (
+    BFLOAT16_INSTRUCTIONS,
+    RISE,
+    Epoch,
+    Schedule,
+    device_of,
+    precision_on,
+    products_in,
+    rate_at,
+    run_epochs,
+)
 
 
 class Counter(nn.Module):
@@ -79,3 +89,20 @@ def test_a_schedule_sets_the_rate_of_all_weights():
 def test_devices():
     assert device_of("cpu").type == "cpu"
     assert device_of("auto").type == ("cuda" if torch.cuda.is_available() else "cpu")
+
+
+@pytest.mark.parametrize("instructions", BFLOAT16_INSTRUCTIONS)
+def test_bfloat16_is_had_where_the_processor_has_instructions_for_it(instructions, monkeypatch):
+    cpu = torch.device("cpu")
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx2": True, instructions: True})
+    assert (precision_on(cpu, "bfloat16"), precision_on(cpu, "float32")) == ("bfloat16", "float32")
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx2": True, instructions: False})
+    assert precision_on(cpu, "bfloat16") == "float32"
+
+
+def test_products_are_in_the_precision_asked_for_and_weights_in_float32():
+    layer, x = nn.Linear(3, 2), torch.ones(4, 3)
+    for precision, expected in (("float32", torch.float32), ("bfloat16", torch.bfloat16)):
+        with products_in(precision, torch.device("cpu")):
+            product = layer(x)
+        assert product.dtype == expected and layer.weight.dtype == torch.float32

@@ -110,7 +110,8 @@ def write_fit(experiment, model, protocol, seed, block):
     history = {"epoch": range(1, epochs + 1), "train_loss": 3.0, "validation_loss": 4.0, "learning_rate": 1e-3}
     pd.DataFrame(history).to_csv(folder / "history.csv", index=False)
     reason = "completed" if "training" in block else "closed_form"
-    fit = {"stop_reason": reason, "best_epoch": 1, "epochs": epochs, "parameters": 17, "macs": 5, "settings": {}}
+    fit = {"stop_reason": reason, "best_epoch": 1, "epochs": epochs, "parameters": 17}
+    fit |= {"macs": 5, "precision": None, "settings": {}}
     (folder / "fit.json").write_text(json.dumps(fit))
 
 

@@ -85,7 +85,15 @@ def root(tmp_path, monkeypatch):
             folder = paths.run_folder("touch", model, "press", seed)
             folder.mkdir(parents=True)
             reason = "diverged" if (model, seed) == ("linear", 1) else "closed_form"
-            fit = {"stop_reason": reason, "best_epoch": 1, "epochs": 1, "parameters": 1, "macs": 1, "settings": {}}
+            fit = {
+                "stop_reason": reason,
+                "best_epoch": 1,
+                "epochs": 1,
+                "parameters": 1,
+                "macs": 1,
+                "precision": None,
+                "settings": {},
+            }
             (folder / "fit.json").write_text(json.dumps(fit))
             (folder / "history.csv").write_text("epoch,train_loss,validation_loss\n1,1,1\n")
             worse = 12 if (model, seed) == ("lomp", 0) else own["noise"][0]

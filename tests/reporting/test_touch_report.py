@@ -161,6 +161,7 @@ def write_fit(experiment, model, protocol, seed, block):
         "epochs": epochs,
         "parameters": 17,
         "macs": 5,
+        "precision": None,
         "settings": block,
     }
     (folder / "fit.json").write_text(json.dumps(fit))
