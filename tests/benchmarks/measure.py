@@ -183,8 +183,11 @@ def lomp_updates(_, windows: float):
     """UPDATES updates of LoMP, a batch of `windows` each."""
     import torch
 
+    from pipeline.learning.training import precision_on
+
     model = lomp(5, epochs=UPDATES)
     model.training = model.training.model_copy(update={"batch_size": int(windows)})
+    model.precision = precision_on(torch.device("cpu"), model.training.precision)
     optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as pipeline/learning/regressors.py
     x, y = _batch(windows)
 

@@ -15,6 +15,7 @@ from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec, TorchRegressor
 from pipeline.learning.series_regressors import spec_of as spec_of_series
+from pipeline.learning.training import precision_on
 from pipeline.models import esn, lstm_transfer_ridge
 from pipeline.tasks import windows as tasks_windows
 
@@ -113,12 +114,13 @@ def test_lomp_training(record, sizes, tmp_path, batch):
     tasks = ("lomp_updates", "lomp_updates_looped", "lomp_updates_stacked")
     seconds, *theirs = medians(tasks, tmp_path, windows)
     names = ("a loop over 25 modules", "stacked weights under autograd")
+    precision = precision_on(torch.device("cpu"), measure.lomp(5, epochs=1).training.precision)
     for name, peer, peer_is in zip(("loop", "stacked"), theirs, names, strict=True):
         faster = peer == min(theirs)
         record(
             f"lomp_training_{batch}_{name}",
-            what=f"LoMP, one update, {windows} windows, in a worker process",
-            peer_is=peer_is + (", the faster one" if faster else ""),
+            what=f"LoMP, one update, {windows} windows, in a worker process, products in {precision}",
+            peer_is=peer_is + (", the faster one" if faster else "") + ", float32",
             unit="ms",
             ours=seconds / measure.UPDATES * 1e3,
             peer=peer / measure.UPDATES * 1e3,

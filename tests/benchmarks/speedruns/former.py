@@ -233,6 +233,7 @@ class FormerStreams(FormerRegressor):
     """A network that hands its state on from window to window; parts are (x, y, previous) as in models/lomp_stream."""
 
     streams = True
+    precision = "float32"
     maps = StreamingLomp._maps  # which windows of a batch go through the network together is no part of a recipe
 
     def losses(self, train: tuple, order: torch.Generator) -> Iterator[torch.Tensor]:
