@@ -89,8 +89,8 @@ def frame_rows(
     """
     n = len(t_s)
     columns = {
-        "condition": [condition] * n,
-        "recording": [recording] * n,
+        "condition": repeated(condition, n),
+        "recording": repeated(recording, n),
         "segment": segment,
         "t_s": t_s,
         "gap_before": gaps_before(t_s, segment) if gap_before is None else gap_before,
@@ -101,6 +101,11 @@ def frame_rows(
         padded[:, : values.shape[1]] = values
         columns[name] = lists(padded, schema.field(name).type.value_type)
     return pa.table(columns).select(schema.names).cast(schema)
+
+
+def repeated(name: str, n: int) -> pa.DictionaryArray:
+    """Return a column that has the same name in all of its n rows."""
+    return pa.DictionaryArray.from_arrays(np.zeros(n, np.int32), [name])
 
 
 GROUP_ROWS = 8192  # written and read at once: 13 MB of maps, which stay in the cache

@@ -148,11 +148,12 @@ def _ground_truth(
         cell, cnc = f"load_cell{suffix}.log", f"cnc{suffix}.log"
         force = rows[cell]["fz_n"].to_numpy()
         place = _matrix(rows[cnc], ["x_mm", "y_mm"])
+        cell_s, cnc_s = (alignment.longest_interval_s(time[name]) for name in (cell, cnc))
         for first in range(0, len(at), 4 * PART):
             block = slice(first, first + 4 * PART)
-            truth["force_n"][block, k], in_cell = alignment.interpolated(at[block], time[cell], force)
+            truth["force_n"][block, k], in_cell = alignment.interpolated(at[block], time[cell], force, longest_s=cell_s)
             # Further touches are held by hand: their cnc log tells the operator each place until the next one.
-            there, in_cnc = alignment.interpolated(at[block], time[cnc], place, held=k > 0)
+            there, in_cnc = alignment.interpolated(at[block], time[cnc], place, held=k > 0, longest_s=cnc_s)
             truth["x_mm"][block, k], truth["y_mm"][block, k] = there.T
             known[block] &= in_cell & in_cnc
     return truth, known

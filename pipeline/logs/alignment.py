@@ -20,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from pipeline.base.errors import InputError
 
@@ -104,13 +105,18 @@ def joined(pieces: list[Signal], clocks: list[Clock | None]) -> Signal:
     return Signal(*(np.concatenate(column) for column in zip(*placed, strict=True)))
 
 
+def longest_interval_s(time_s: np.ndarray) -> float:
+    """Return the longest time in s between two samples at `time_s` (n,) that is no hole: `HOLE` median intervals."""
+    return HOLE * float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+
+
 def interpolated(
-    at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray, held: bool = False
+    at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray, held: bool = False, longest_s: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Interpolate `values` (n,) or (n, columns), known at `time_s` (n,), at the times `at_s` (m,).
 
     Returns the values, (m,) or (m, columns), and where they are known, (m,) bool: not outside the span of `time_s`
-    (nowhere, if that is one sample), and not in holes of more than `HOLE` median intervals.
+    (nowhere, if that is one sample), and not in holes of more than `longest_s`, the `longest_interval_s` if None.
     held: each value stays until the next one (targets shown to an operator), so values are known from the first on.
     """
     after = np.searchsorted(time_s, at_s, side="right")
@@ -120,7 +126,8 @@ def interpolated(
     if len(time_s) < 2:
         return np.full((len(at_s), *values.shape[1:]), np.nan), np.zeros(len(at_s), dtype=bool)
     width = time_s[inside] - time_s[inside - 1]
-    known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (width <= HOLE * np.median(np.diff(time_s)))
+    longest_s = longest_interval_s(time_s) if longest_s is None else longest_s
+    known = (at_s >= time_s[0]) & (at_s <= time_s[-1]) & (width <= longest_s)
     part = (at_s - time_s[inside - 1]) / width
     if values.ndim == 2:
         part = part[:, None]
@@ -264,14 +271,15 @@ def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple
 
     Both signals have zero mean and are zero outside their span, so a small overlap cannot win.
     """
-    from scipy.signal import correlate  # the import takes 0.3 s, which only ingest has to spend
-
     levels = []
     for signal in (against, piece):
         grid = np.arange(signal.time_s[0], signal.time_s[-1] + ROUGH_S, ROUGH_S)
         levels.append(np.interp(grid, signal.time_s, signal.value))
-    products = correlate(levels[0] - levels[0].mean(), levels[1] - levels[1].mean(), method="fft")
-    lags = (np.arange(len(products)) - (len(levels[1]) - 1)) * ROUGH_S + against.time_s[0] - piece.time_s[0]
+    count = len(levels[0]) + len(levels[1]) - 1
+    size = next_fast_len(count, real=True)
+    first, second = levels[0] - levels[0].mean(), levels[1] - levels[1].mean()
+    products = irfft(rfft(first, size) * rfft(second[::-1], size), size)[:count]
+    lags = (np.arange(count) - (len(levels[1]) - 1)) * ROUGH_S + against.time_s[0] - piece.time_s[0]
     possible = (lags >= low) & (lags <= high)
     if not possible.any():
         return (low + high) / 2, None
