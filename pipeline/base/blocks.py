@@ -242,6 +242,7 @@ Touch = block(
     simulate=block(
         seed=whole(0, 2**31),
         specimen=whole(0, 2**31),
+        specimens=whole(1, 1000),
         single=block(points_per_side=whole(1), depths=whole(1), repetitions=whole(1), presses_per_recording=whole(2)),
         double=block(recordings=whole(1), presses_per_recording=whole(2)),
         demonstrations=block(repetitions=whole(1)),
@@ -448,6 +449,7 @@ Glove = block(
     simulate=block(
         seed=whole(0, 2**31),
         specimen=whole(0, 2**31),
+        specimens=whole(1, 1000),
         sessions=whole(1),
         frames_per_object=whole(1),
         frame_hz=RateHz,
