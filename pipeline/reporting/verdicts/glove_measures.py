@@ -134,10 +134,11 @@ def training(e: Evidence, experiment: str = "glove") -> str:
     epochs = settings["models"]["sp_resnet"]["training"]["epochs"]
     fits = [fit for protocol in protocols.values() for fit in e.fits(experiment, "sp_resnet", protocol)]
     last = sum(fit.best_epoch == fit.epochs for fit in fits)
+    glove = "another glove, " if settings.get("source") == "simulated" else ""
     return (
-        f"Each of the {len(settings['protocols'][protocols['combined']]['seeds'])} seeds has other test grasps and "
-        f"another start. Training takes {epochs} epochs (the paper: 50), over which the learning rate falls to zero; "
-        f"for SP-ResNet, the last epoch was the best in {last} of {len(fits)} runs."
+        f"Each of the {len(settings['protocols'][protocols['combined']]['seeds'])} seeds has {glove}other test grasps "
+        f"and another start. Training takes {epochs} epochs (the paper: 50), over which the learning rate falls to "
+        f"zero; for SP-ResNet, the last epoch was the best in {last} of {len(fits)} runs."
     )
 
 
