@@ -9,12 +9,16 @@ from pipeline.reporting.verdicts import glove as glove_verdicts
 from pipeline.reporting.verdicts import strain as strain_verdicts
 from pipeline.reporting.verdicts import touch as touch_verdicts
 from pipeline.reporting.verdicts.rules import (
+    AGREEMENT,
+    BAND,
+    CONTRADICTED,
     EXPERIMENTS,
-    NOT_REPRODUCED,
-    NOT_TESTABLE,
+    NUMBER,
     PAPERS,
-    REPRODUCED,
+    SENTENCE,
     TOLERANCE,
+    UNDECIDED,
+    VERDICTS,
     Claim,
     Evidence,
     Judgement,
@@ -22,25 +26,18 @@ from pipeline.reporting.verdicts.rules import (
 from pipeline.reporting.words.markdown import number, size, table
 
 RULES = (
-    ("direction", "the whole 95 % interval of the difference, paired by seed, lies on the claimed side of 0"),
-    ("several directions", "every one of them is; the weakest is shown"),
-    ("number", f"our mean is within {100 * TOLERANCE:.0f} % of the published one, whatever the interval"),
-    ("no difference, no increase", "the whole interval lies inside, or below, the margin that is named"),
+    ("direction", "the difference, paired by seed, is on the claimed side of 0, or of the limit that is named"),
+    ("several directions", "every one of them is; contradicted, if one is not; the weakest is shown"),
+    ("order", f"more than {100 * AGREEMENT:.0f} % of the pairs come in the printed order"),
+    (
+        "number",
+        f"our error is within {100 * BAND:.0f} % of the printed one (of a precision of 95 %, the error is 5 points)",
+    ),
+    ("no difference, no increase", "the value is inside, or below, the margin that is named"),
     ("count", "equal at the precision that is printed"),
     ("measured time", f"the ratio of medians is more than {100 * TOLERANCE:.0f} % on the claimed side of 1"),
 )
-VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
-COUNTED = (*VERDICTS, "of not reproduced: undecided")  # columns of a table of counts
-
-
-def is_undecided(verdict: str, reason: str) -> bool:
-    """Tell whether a claim is not reproduced for want of runs alone."""
-    return verdict == NOT_REPRODUCED and "undecided" in reason and "contradicted" not in reason
-
-
-def kind(printed: bool) -> str:
-    """Return the kind of a claim; printed: whether it repeats a number of a table."""
-    return "number of a table" if printed else "sentence"
+COUNTED = (SENTENCE, NUMBER)  # kinds
 
 
 def value_text(value: float, unit: str) -> str:
@@ -59,16 +56,15 @@ def ours_text(ours: float, low: float, high: float, unit: str) -> str:
 def count_rows(claims: pd.DataFrame, by: Sequence[str]) -> list[list[str]]:
     """Return the rows of a table of counts, the last one of all claims together.
 
-    claims: rows of claims.csv; by: paper, data, kind or some of them. Each row has the names of its group, a count per
-    verdict, how many of those not reproduced are undecided, and the number of claims.
+    claims: rows of claims.csv, of which those of the kinds COUNTED are; by: paper, data, kind or some of them. Each row
+    has the names of its group, a count per verdict, and the number of claims.
     """
-    claims = claims.assign(paper=claims["paper"].map(PAPERS), kind=claims["printed"].map(kind))
+    claims = claims[claims["kind"].isin(COUNTED)].assign(paper=lambda table: table["paper"].map(PAPERS))
     groups = [*claims.groupby(list(by), sort=False), (["All", *[""] * (len(by) - 1)], claims)]
     rows = []
     for names, group in groups:
         verdicts = list(group["verdict"])
-        undecided = sum(map(is_undecided, verdicts, group["reason"]))
-        rows.append([*names, *map(str, (*map(verdicts.count, VERDICTS), undecided, len(verdicts)))])
+        rows.append([*names, *map(str, (*map(verdicts.count, VERDICTS), len(verdicts)))])
     return rows
 
 
@@ -106,19 +102,20 @@ def rows(verdicts: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
     """Return claims.csv."""
     return pd.DataFrame(
         {
+            "id": claim.id,
             "claim": claim.text,
             "paper": claim.paper,
             "section": claim.section,
             "data": claim.data,
+            "kind": claim.kind,
             "published": claim.published,
             "ours": judged.ours,
             "low": judged.low,
             "high": judged.high,
-            "verdict": judged.verdict,
-            "reason": judged.reason,
-            "key": claim.key,
-            "printed": int(claim.printed),
             "unit": claim.unit,
+            "verdict": judged.verdict,
+            "compatible": {None: "", True: "yes", False: "no"}[judged.compatible],
+            "reason": judged.reason,
             "over": judged.over,
             "measured": int(claim.measured),
         }
@@ -126,44 +123,56 @@ def rows(verdicts: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
     )
 
 
+def reason_text(judged: Judgement) -> str:
+    """Return a verdict's reason, with what its interval is over where that is not seeds."""
+    over = "" if judged.over.endswith(" seeds") else judged.over
+    compatible = {None: "", True: "compatible with the paper", False: "not compatible with the paper"}
+    return "; ".join(filter(None, [judged.reason, over, compatible[judged.compatible]]))
+
+
 def text(verdicts: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
     """Write claims.md."""
     lines = [
         "# A verdict on every claim\n",
         "Every sentence of the papers that can be true or false of numbers, in our words, and every number of their "
-        "tables. Reproduced means:\n",
+        "tables. A rule asks where our 95 % interval lies: all of it where the claim says, `reproduced`; all of it "
+        "elsewhere, `contradicted`; partly here, partly there, `undecided`: so few runs cannot tell. By kind of "
+        "claim:\n",
         *(f"- {kind}: {rule}." for kind, rule in RULES),
         "\nIn a claim that compares, the number is the difference, in the claimed direction, unless brackets say what "
-        "it is. Intervals are 95 % t intervals over seeds unless the reason names something else, and are not widened "
-        "for the number of claims. With three seeds they are wide: `undecided` means that so few runs cannot tell. A "
-        "claim whose runs failed, or whose recordings are not there, is not testable. Rows marked * rest on measured "
-        "times and differ between runs and machines.\n",
+        "it is. Intervals are t intervals over seeds unless the reason names something else, and are not widened for "
+        "the number of claims. A paper printed single numbers: a difference is `compatible` where our interval "
+        "includes the printed one. A claim whose runs failed, or whose recordings are not there, is `not testable`. "
+        "Not counted are counts of operations and parameters, claims that hold by construction of a scene, and the "
+        "numbers that a scene was tuned to (`calibrated`). Rows marked * rest on measured times and differ between "
+        "runs and machines.\n",
         "## Counts\n",
-        table(["Paper", "Data", "Kind", *COUNTED, "claims"], count_rows(rows(verdicts), ["paper", "data", "kind"])),
+        table(["Paper", "Data", "Kind", *VERDICTS, "claims"], count_rows(rows(verdicts), ["paper", "data", "kind"])),
     ]
     for paper, title in PAPERS.items():
         of_paper = [(claim, judged) for claim, judged in verdicts if claim.paper == paper]
         lines.append(f"## {title}\n")
-        header = ["Claim", "Section", "Data", "Published", "Ours", "Unit", "Verdict", "Reason"]
+        header = ["Claim", "Section", "Data", "Kind", "Published", "Ours", "Unit", "Verdict", "Reason"]
         cells = [
             [
                 claim.text + (" *" if claim.measured else ""),
                 claim.section,
                 claim.data,
+                claim.kind,
                 value_text(claim.published, claim.unit),
                 ours_text(*judged[:3], claim.unit),
                 claim.unit,
                 judged.verdict,
-                "; ".join(filter(None, [judged.reason, "" if judged.over.endswith(" seeds") else judged.over])),
+                reason_text(judged),
             ]
             for claim, judged in of_paper
         ]
         lines.append(table(header, cells))
         missed: dict[str, list[str]] = {}
         for claim, judged in of_paper:
-            if judged.verdict == NOT_REPRODUCED:
+            if judged.verdict in (CONTRADICTED, UNDECIDED):
                 mark = " [recorded]" if claim.data == "recorded" else ""
-                head = f"**{claim.text.rstrip('.')}**{mark} ({judged.reason})"
+                head = f"**{claim.text.rstrip('.')}**{mark} ({judged.verdict}; {judged.reason})"
                 missed.setdefault(claim.explained(evidence), []).append(head)
         if missed:
             lines.append(f"### {title}: what was tried where a claim is not reproduced\n")

@@ -257,7 +257,7 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
     ("levels", "verdict"),
     [
         ({"lomp": 1.0, "cnn": 2.0}, "reproduced (weakest: LoMP below CNN)"),
-        ({"lomp": 3.0, "cnn": 2.0}, "not reproduced (7 of 8 hold; contradicted: LoMP below CNN)"),
+        ({"lomp": 3.0, "cnn": 2.0}, "contradicted (7 of 8 hold; contradicted: LoMP below CNN)"),
         ({"lomp": np.nan}, "not testable (failed runs: LoMP (press, double), 1 of 2)"),
     ],
 )
@@ -509,8 +509,8 @@ def test_the_streaming_model_is_beside_the_papers_models_not_among_them():
 @pytest.mark.parametrize(
     ("judge", "published", "line"),
     [
-        (lambda e: positive(pd.Series([1.0, 2.0])), 1.5, "- A: 1.50 [-4.85, 7.85] kPa (paper: 1.50): not reproduced "
-         "(undecided: the interval includes 0)."),
+        (lambda e: positive(pd.Series([1.0, 2.0])), 1.5, "- A: 1.50 [-4.85, 7.85] kPa (paper: 1.50): undecided "
+         "(the interval includes 0)."),
         (lambda e: positive(pd.Series([2.0, 2.0])), np.nan, "- A: 2.00 [2.00, 2.00] kPa: reproduced."),
         (untestable("nobody knows"), 1.5, "- A: not testable (nobody knows)."),
     ],

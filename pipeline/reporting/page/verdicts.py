@@ -8,25 +8,37 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page.hypertext import Pages, cell, folded, read, sections, table
-from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED
+from pipeline.reporting.verdicts.rules import (
+    CALIBRATED,
+    CONTRADICTED,
+    NOT_TESTABLE,
+    PAPERS,
+    REPRODUCED,
+    UNDECIDED,
+    VERDICTS,
+)
 from pipeline.scoring.results import read_csv
 
-SIGNS = {REPRODUCED: ("yes", "✓"), NOT_REPRODUCED: ("no", "✗"), NOT_TESTABLE: ("open", "–")}  # CSS class, sign
-COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason", "unit"]
+SIGNS = {  # CSS class, sign
+    REPRODUCED: ("yes", "✓"),
+    CONTRADICTED: ("no", "✗"),
+    UNDECIDED: ("unclear", "?"),
+    NOT_TESTABLE: ("open", "–"),
+    CALIBRATED: ("open", "="),
+}
+COLUMNS = ["claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason", "unit"]
 
 
-def badge(verdict: str, reason: str = "") -> str:
+def badge(verdict: str) -> str:
     """Return a verdict in a colour and, for those who do not see it, a sign and the word."""
     style, sign = SIGNS[verdict]
-    unclear = claim_text.is_undecided(verdict, reason)
-    style, words = (f"{style} unclear", f"{verdict}: undecided") if unclear else (style, verdict)
-    return f'<span class="badge {style}"><span aria-hidden="true">{sign}\u00a0</span>{escape(words)}</span>'
+    return f'<span class="badge {style}"><span aria-hidden="true">{sign}\u00a0</span>{escape(verdict)}</span>'
 
 
 def read_claims() -> pd.DataFrame:
     """Read claims.csv. Raises InputError for a paper or a verdict that nobody knows."""
     path, made_by = paths.REPORTS / "claims.csv", "python -m pipeline.stages.judge"
-    claims = read_csv(path, [*COLUMNS, "printed", "measured"], made_by)
+    claims = read_csv(path, [*COLUMNS, "measured"], made_by)
     claims["reason"] = claims["reason"].astype(object).where(claims["reason"].notna(), "")
     for column, known in (("paper", PAPERS), ("verdict", SIGNS)):
         unknown = sorted(set(claims[column].astype(str)) - set(known))
@@ -37,7 +49,7 @@ def read_claims() -> pd.DataFrame:
 
 def count_table(claims: pd.DataFrame) -> str:
     """Return a table of verdicts by paper and data."""
-    header = ["Paper", "Data", *claim_text.COUNTED, "Claims"]
+    header = ["Paper", "Data", *VERDICTS, "Claims"]
     lines = [({}, list(map(cell, row))) for row in claim_text.count_rows(claims, ["paper", "data"])]
     lines[-1][0]["class"] = "total"
     return table("Verdicts by paper and data", header, lines)
@@ -48,10 +60,10 @@ def claim_table(claims: pd.DataFrame) -> str:
     header = ["Verdict", "Claim", "Paper", "Section", "Data", "Published", "Ours [95 % interval]", "Unit", "Reason"]
     lines = []
     for row in claims.itertuples():
-        kind = claim_text.kind(row.printed)
-        attributes = {"data-paper": row.paper, "data-verdict": row.verdict, "data-data": row.data, "data-kind": kind}
+        filtered_by = {"paper": row.paper, "verdict": row.verdict, "data": row.data, "kind": row.kind}
+        attributes = {f"data-{name}": value for name, value in filtered_by.items()}
         cells = [
-            cell(badge(row.verdict, row.reason), html=True),
+            cell(badge(row.verdict), html=True),
             cell(row.claim + (" *" if row.measured else "")),
             *map(cell, (PAPERS[row.paper], str(row.section), row.data)),
             cell(claim_text.value_text(row.published, row.unit), row.published),
@@ -68,7 +80,7 @@ def filters(claims: pd.DataFrame) -> str:
         "paper": {key: PAPERS[key] for key in claims["paper"].unique()},
         "verdict": {verdict: verdict for verdict in SIGNS},
         "data": {key: key for key in claims["data"].unique()},
-        "kind": {kind: kind for kind in map(claim_text.kind, (False, True))},
+        "kind": {key: key for key in claims["kind"].unique()},
     }
     selects = []
     for name, words in choices.items():
@@ -84,12 +96,11 @@ def filters(claims: pd.DataFrame) -> str:
 def section(pages: Pages) -> str:
     """Return the section: how many claims came out, every claim, the rules, and what was tried."""
     claims, text = read_claims(), read("claims.md")
-    unclear = sum(map(claim_text.is_undecided, claims["verdict"], claims["reason"]))
-    tiles = ""
-    for verdict, (style, _) in SIGNS.items():
-        note = f" {unclear} of them undecided: so few runs cannot tell" if unclear and verdict == NOT_REPRODUCED else ""
-        count = int((claims["verdict"] == verdict).sum())
-        tiles += f'<li class="{style}"><strong>{count}</strong> {badge(verdict)}{note}</li>'
+    counted = claims[claims["kind"].isin(claim_text.COUNTED)]["verdict"]
+    tiles = "".join(
+        f'<li class="{SIGNS[verdict][0]}"><strong>{int((counted == verdict).sum())}</strong> {badge(verdict)}</li>'
+        for verdict in VERDICTS
+    )
     rules = pages.render(sections(text)[0][1], "", 2, "Rules")
     tried = "".join(
         folded(heading, pages.render(sections(body)[0][1], "", 3, heading))

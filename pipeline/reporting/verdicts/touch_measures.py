@@ -190,11 +190,6 @@ def time_ratio(e: Evidence, one: str, other: str) -> float:
     return e.latency("touch", one) / e.latency("touch", other)
 
 
-def measured_ratio(e: Evidence, one: str, other: str) -> pd.Series:
-    """Return the ratio of two median times as the rules take it: one value."""
-    return pd.Series([time_ratio(e, one, other)])
-
-
 # What was tried where a claim is not reproduced.
 
 

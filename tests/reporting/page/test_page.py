@@ -19,6 +19,7 @@ from builders.project import ROOT
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.reporting.page import charts, hypertext, provenance, sections, verdicts
+from pipeline.reporting.verdicts import rules
 from pipeline.stages import page
 
 ABSENT = "glove_recorded"
@@ -26,10 +27,22 @@ EVIL = '<script>alert("x")</script> & <b>'
 CLAIMS = [
     # claim, paper, data, published, ours, low, high, verdict, reason, printed, unit
     ("LoMP is below the others.", "lomp", "simulated", 4.5, 2.2, 2.1, 2.3, "reproduced", "", 0, "kPa"),
-    ("Linear has 8.68 kPa.", "lomp", "simulated", 8.68, 12.5, 12.0, 13.0, "not reproduced", "contradicted", 1, "kPa"),
-    ("It has 50 weights.", "latent", "recorded", 50, 11450, None, None, "reproduced", "", 1, "count"),
-    (EVIL, "latent", "simulated", None, None, None, None, "not testable", f"because {EVIL}", 0, "mm"),
-    ("Attention helps.", "sp_resnet", "simulated", 0.5, -3.0, -9, 3, "not reproduced", "undecided: 0 is in it", 0, "%"),
+    (
+        "Linear has 8.68 kPa.",
+        "lomp",
+        "simulated",
+        8.68,
+        12.5,
+        12.0,
+        13.0,
+        "contradicted",
+        "the band is 15 %",
+        "number",
+        "kPa",
+    ),
+    ("It has 50 weights.", "latent", "recorded", 50, 11450, None, None, "reproduced", "", "number", "count"),
+    (EVIL, "latent", "simulated", None, None, None, None, "not testable", f"because {EVIL}", "sentence", "mm"),
+    ("Attention helps.", "sp_resnet", "simulated", 0.5, -3.0, -9, 3, "undecided", "0 is in it", "sentence", "%"),
 ]
 
 
@@ -82,7 +95,7 @@ def write_experiment(reports: Path, name: str) -> None:
 
 
 def write_claims(reports: Path, rows: list) -> None:
-    columns = ["claim", "paper", "data", "published", "ours", "low", "high", "verdict", "reason", "printed", "unit"]
+    columns = ["claim", "paper", "data", "published", "ours", "low", "high", "verdict", "reason", "kind", "unit"]
     pd.DataFrame(rows, columns=columns).assign(section="IV", measured=0).to_csv(reports / "claims.csv", index=False)
 
 
@@ -217,7 +230,7 @@ def test_a_link_to_nothing_is_an_error(reports):
 def test_the_page_follows_the_claims(reports):
     before = sections.build(params.load())
     assert sections.build(params.load()) == before
-    write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:7], "not testable", "runs failed", 0, "kPa")])
+    write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:7], "not testable", "runs failed", "sentence", "kPa")])
     after = sections.build(params.load())
     assert "<strong>2</strong> " + verdicts.badge("reproduced") in before
     assert "<strong>1</strong> " + verdicts.badge("reproduced") in after and "runs failed" in after
@@ -226,10 +239,13 @@ def test_the_page_follows_the_claims(reports):
         sections.build(params.load())
 
 
-def test_undecided_is_told_from_contradicted():
-    assert "undecided" in verdicts.badge("not reproduced", "undecided: the interval includes 0")
-    assert "undecided" not in verdicts.badge("not reproduced", "contradicted: A; undecided: B")
-    assert "undecided" not in verdicts.badge("reproduced")
+def test_every_verdict_has_a_look_of_its_own():
+    known = (*rules.VERDICTS, rules.CALIBRATED)
+    badges = {verdict: verdicts.badge(verdict) for verdict in known}
+    assert all(verdict in badge for verdict, badge in badges.items()) and len(set(badges.values())) == len(known)
+    assert (
+        len({badge.split("nbsp")[0].split("aria")[0] for badge in badges.values()}) == 4
+    )  # calibrated as not testable
 
 
 def test_scale_and_versions_are_named(reports):
