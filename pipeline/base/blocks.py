@@ -192,6 +192,7 @@ class Latency(Block):
     threads: whole(1, 1024)
     warm_up: whole(0)
     calls: whole(1)
+    rounds: whole(1, 1000)  # in each of which all models are timed in turn
 
 
 class LineFaults(Block):

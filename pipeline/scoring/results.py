@@ -108,7 +108,19 @@ class Scores:
 def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
     """Read latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
     path, made_by = paths.latency(experiment), f"python -m pipeline.stages.latency {experiment}"
-    wanted = ["model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes"]
+    wanted = [
+        "model",
+        "batch",
+        "threads",
+        "p50_ms",
+        "p50_low_ms",
+        "p50_high_ms",
+        "p95_ms",
+        "params",
+        "macs",
+        "train_s",
+        "size_bytes",
+    ]
     rows = {(row["model"], row["batch"]): row for row in read_csv(path, wanted, made_by).to_dict("records")}
     for model in settings["models"]:
         for batch in settings["latency"]["batches"]:

@@ -66,6 +66,8 @@ def speed_rows() -> pd.DataFrame:
             failed = int(panel == "double" and model == "lomp")
             row = {"panel": panel, "model": model, "measure": "RMSE (kPa)", "error": 12.0 - 3 * place, "runs": 3}
             row |= {"low": 11.5 - 3 * place, "high": 12.5 - 3 * place, "failed": failed, "batch": 1, "large_batch": 256}
+            row |= {"p50_low_ms": 0.009 * 8**place, "p50_high_ms": 0.011 * 8**place}
+            row |= {"train_low_s": 0.09 * 30**place, "train_high_s": 0.11 * 30**place}
             row |= {"p50_ms": 0.01 * 8**place, "p95_ms": 0.02 * 8**place, "predictions_per_s": 1e6 / 8**place}
             row |= {"train_s": 0.1 * 30**place, "params": 10**place, "macs": 10.0**place, "size_bytes": 600}
             rows.append(row | {"speed_front": int(model != "linear"), "training_front": int(model != "linear")})
