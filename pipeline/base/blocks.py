@@ -209,7 +209,14 @@ class RejectLimit(Block):
 
 class Stress(Block):
     protocols: distinct(Text)
+    usable: dict[Text, Positive]  # protocol -> the largest error that is, in the unit of the experiment's error
     perturbations: Annotated[dict[Text, distinct(Number)], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _usable_for_each(self) -> "Stress":
+        if set(self.usable) != set(self.protocols):
+            raise ValueError(f"usable should have these keys: {', '.join(self.protocols)}")
+        return self
 
     @model_validator(mode="after")
     def _no_zero(self) -> "Stress":

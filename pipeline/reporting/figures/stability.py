@@ -5,10 +5,11 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import BLACK, model_style
-from pipeline.reporting.verdicts.stability import FLOOR
+from pipeline.reporting.verdicts.stability import FLOOR, ranking
 from pipeline.scoring.results import Estimate
 
 COLUMNS = 4
@@ -52,6 +53,30 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
     columns = min(len(names), 150 // (max(map(len, names)) + 8))
     figure.legend(lines.values(), names, loc="outside lower center", ncols=columns)
     style.save(figure, path)
+
+
+def heat_map(path: Path, judged: pd.DataFrame, title: str) -> bool:
+    """Draw the relative error of every model (rows, the best first) under every perturbation (columns) of a condition.
+
+    judged: rows of FAILURES of one condition. Nothing is drawn, and False returned, where no model can be ranked.
+    """
+    order = list(ranking(judged).index)
+    if not order:
+        return False
+    table = judged.pivot(index="model", columns="perturbation", values="relative")
+    table = table.loc[order, list(dict.fromkeys(judged["perturbation"]))]
+    figure, ax = plt.subplots(figsize=(2.6 + 0.75 * table.shape[1], 1.6 + 0.34 * len(table)), layout="constrained")
+    image = ax.imshow(table, cmap="cividis", vmin=0, vmax=1, aspect="auto")
+    for row, column in np.ndindex(table.shape):
+        value = table.iloc[row, column]
+        text = f"{value:.2f}" if value < 10 else ">10"
+        ax.text(column, row, text, ha="center", va="center", fontsize=8, color="white" if value < 0.55 else BLACK)
+    ax.set_xticks(range(table.shape[1]), [name.replace("_", " ") for name in table.columns], rotation=40, ha="right")
+    ax.set_yticks(range(len(table)), [model_style(model).label for model in order])
+    ax.set_title(f"{title}: error over the constant model's", fontsize=10)
+    figure.colorbar(image, ax=ax, extend="max", label="relative error (1: no better)")
+    style.save(figure, path)
+    return True
 
 
 def _limit(ax: plt.Axes, panels: list[Panel]) -> str:
