@@ -6,6 +6,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.colors import LogNorm
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import BLACK, model_style
@@ -14,6 +15,7 @@ from pipeline.scoring.results import Estimate
 
 COLUMNS = 4
 LONG = 5.0  # an error that spans more than this factor is drawn on a logarithmic axis
+FACTOR = 4.0  # that the colours of a heat map reach from 1, in both directions
 HIGHEST = 10.0  # times the constant model's error: what is above leaves the panel
 
 Panel = tuple[str, str, Mapping[str, Mapping[float, Estimate]]]  # title, severity's unit, model -> severity -> error
@@ -66,15 +68,17 @@ def heat_map(path: Path, judged: pd.DataFrame, title: str) -> bool:
     table = judged.pivot(index="model", columns="perturbation", values="relative")
     table = table.loc[order, list(dict.fromkeys(judged["perturbation"]))]
     figure, ax = plt.subplots(figsize=(2.6 + 0.75 * table.shape[1], 1.6 + 0.34 * len(table)), layout="constrained")
-    image = ax.imshow(table, cmap="cividis", vmin=0, vmax=1, aspect="auto")
+    image = ax.imshow(table, cmap="RdYlBu_r", norm=LogNorm(1 / FACTOR, FACTOR), aspect="auto")
     for row, column in np.ndindex(table.shape):
         value = table.iloc[row, column]
-        text = f"{value:.2f}" if value < 10 else ">10"
-        ax.text(column, row, text, ha="center", va="center", fontsize=8, color="white" if value < 0.55 else BLACK)
+        ax.text(column, row, f"{value:.2f}" if value < 10 else ">10", ha="center", va="center", fontsize=8, color=BLACK)
+    ax.grid(False)
     ax.set_xticks(range(table.shape[1]), [name.replace("_", " ") for name in table.columns], rotation=40, ha="right")
     ax.set_yticks(range(len(table)), [model_style(model).label for model in order])
     ax.set_title(f"{title}: error over the constant model's", fontsize=10)
-    figure.colorbar(image, ax=ax, extend="max", label="relative error (1: no better)")
+    bar = figure.colorbar(image, ax=ax, extend="both", label="relative error, log scale (1: no better)")
+    bar.set_ticks([1 / FACTOR, 0.5, 1, 2, FACTOR], labels=["1/4", "1/2", "1", "2", "4"])
+    bar.minorticks_off()
     style.save(figure, path)
     return True
 
