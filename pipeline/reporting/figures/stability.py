@@ -16,6 +16,7 @@ from pipeline.scoring.results import Estimate
 COLUMNS = 4
 LONG = 5.0  # an error that spans more than this factor is drawn on a logarithmic axis
 FACTOR = 4.0  # that the colours of a heat map reach from 1, in both directions
+READABLE = 2.9  # factor from 1 up to which black is read on them
 HIGHEST = 10.0  # times the constant model's error: what is above leaves the panel
 
 Panel = tuple[str, str, Mapping[str, Mapping[float, Estimate]]]  # title, severity's unit, model -> severity -> error
@@ -71,7 +72,10 @@ def heat_map(path: Path, judged: pd.DataFrame, title: str) -> bool:
     image = ax.imshow(table, cmap="RdYlBu_r", norm=LogNorm(1 / FACTOR, FACTOR), aspect="auto")
     for row, column in np.ndindex(table.shape):
         value = table.iloc[row, column]
-        ax.text(column, row, f"{value:.2f}" if value < 10 else ">10", ha="center", va="center", fontsize=8, color=BLACK)
+        colour = BLACK if 1 / READABLE < value < READABLE else "white"
+        ax.text(
+            column, row, f"{value:.2f}" if value < 10 else ">10", ha="center", va="center", fontsize=8, color=colour
+        )
     ax.grid(False)
     ax.set_xticks(range(table.shape[1]), [name.replace("_", " ") for name in table.columns], rotation=40, ha="right")
     ax.set_yticks(range(len(table)), [model_style(model).label for model in order])
