@@ -114,6 +114,7 @@ def rows(verdicts: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
             "high": judged.high,
             "unit": claim.unit,
             "verdict": judged.verdict,
+            "strict": judged.strict,
             "compatible": {None: "", True: "yes", False: "no"}[judged.compatible],
             "reason": judged.reason,
             "over": judged.over,
@@ -142,17 +143,18 @@ def text(verdicts: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
         "\nIn a claim that compares, the number is the difference, in the claimed direction, unless brackets say what "
         "it is. Intervals are t intervals over seeds unless the reason names something else, and are not widened for "
         "the number of claims. A paper printed single numbers: a difference is `compatible` where our interval "
-        "includes the printed one. A claim whose runs failed, or whose recordings are not there, is `not testable`. "
-        "Not counted are counts of operations and parameters, claims that hold by construction of a scene, and the "
-        "numbers that a scene was tuned to (`calibrated`). Rows marked * rest on measured times and differ between "
-        "runs and machines.\n",
+        "includes the printed one. A printed number is judged on the split that the paper used, as far as its text "
+        "says; `strict` is the verdict on the stricter one, where nothing is on two sides. A claim whose runs failed, "
+        "or whose recordings are not there, is `not testable`. Not counted are counts of operations and parameters, "
+        "claims that hold by construction of a scene, and the numbers that a scene was tuned to (`calibrated`). Rows "
+        "marked * rest on measured times and differ between runs and machines.\n",
         "## Counts\n",
         table(["Paper", "Data", "Kind", *VERDICTS, "claims"], count_rows(rows(verdicts), ["paper", "data", "kind"])),
     ]
     for paper, title in PAPERS.items():
         of_paper = [(claim, judged) for claim, judged in verdicts if claim.paper == paper]
         lines.append(f"## {title}\n")
-        header = ["Claim", "Section", "Data", "Kind", "Published", "Ours", "Unit", "Verdict", "Reason"]
+        header = ["Claim", "Section", "Data", "Kind", "Published", "Ours", "Unit", "Verdict", "Strict", "Reason"]
         cells = [
             [
                 claim.text + (" *" if claim.measured else ""),
@@ -163,6 +165,7 @@ def text(verdicts: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
                 ours_text(*judged[:3], claim.unit),
                 claim.unit,
                 judged.verdict,
+                judged.strict or "-",
                 reason_text(judged),
             ]
             for claim, judged in of_paper

@@ -21,6 +21,9 @@ A rule asks where the interval lies: all of it where the claim says it is, `repr
 `not testable`: a run of it failed or is missing, one run has no interval, the recordings are not there, or it needs
 what this project does not have. The numbers that a scene was tuned to are `calibrated`, whatever they are.
 
+A printed number is judged on the split that the paper used, as far as its text says; beside it stands the verdict on
+the stricter one, where nothing is on two sides.
+
 A paper printed single numbers. So besides its sign, a difference is `compatible` where our interval includes the
 printed difference.
 """
@@ -69,6 +72,7 @@ class Judgement(NamedTuple):
     reason: str
     over: str  # what the interval is over; empty where there is none
     compatible: bool | None = None  # whether the interval includes the published difference; None: there is none
+    strict: str = ""  # the verdict on the stricter split, of a printed number that has one
 
 
 class Evidence:
@@ -181,6 +185,7 @@ class Claim:
     published: float = np.nan
     data: str = "simulated"  # or recorded
     kind: str = SENTENCE
+    strict: Judge | None = None  # on the stricter split, where the paper's own has neighbours on both sides
     measured: bool = False  # rests on measured times: differs between runs and machines
     # The paragraph on what was tried to find the reason: printed only where the claim is not reproduced.
     why: Callable[[Evidence], str] | None = None
@@ -192,10 +197,10 @@ class Claim:
 
     def judged(self, evidence: Evidence) -> Judgement:
         """Return the verdict, which is `not testable` where something that it needs is missing."""
-        try:
-            judged = self.judge(evidence)
-        except NotTestable as error:
-            return Judgement(np.nan, np.nan, np.nan, NOT_TESTABLE, str(error), "")
+        strict = testable(self.strict, evidence).verdict if self.strict else ""
+        judged = testable(self.judge, evidence)._replace(strict=strict)
+        if judged.verdict == NOT_TESTABLE:
+            return judged
         if self.kind == CALIBRATION:
             return judged._replace(verdict=CALIBRATED)
         if self.kind == SENTENCE and np.isfinite([self.published, judged.low, judged.high]).all():
@@ -210,6 +215,14 @@ class Claim:
             return self.why(evidence)
         except NotTestable as error:
             return f"What was found cannot be repeated here: {error}."
+
+
+def testable(judge: Judge, evidence: Evidence) -> Judgement:
+    """Return what a judge says, which is `not testable` where something that it needs is missing."""
+    try:
+        return judge(evidence)
+    except NotTestable as error:
+        return Judgement(np.nan, np.nan, np.nan, NOT_TESTABLE, str(error), "")
 
 
 def complete(values: pd.Series, who: str) -> pd.Series:
@@ -371,11 +384,17 @@ def printed_claim(
     values: Callable[[Evidence], pd.Series],
     published: float,
     best: float = 0.0,
-    kind: str = NUMBER,
+    strict: Callable[[Evidence], pd.Series] | None = None,
     **more,
 ) -> Claim:
-    """Return the claim that repeats a number of a table; values: our number, by seed; more: further fields of Claim."""
-    return Claim(paper, key, section, unit, text, near(values, published, best), published, kind=kind, **more)
+    """Return the claim that repeats a number of a table.
+
+    values: our number, by seed, on the split that the paper used; strict: on the stricter one; more: further fields of
+    Claim.
+    """
+    judge = near(values, published, best)
+    stricter = near(strict, published, best) if strict else None
+    return Claim(paper, key, section, unit, text, judge, published, kind=NUMBER, strict=stricter, **more)
 
 
 def calibration_claim(paper: str, section: str, text: str, published: float) -> Claim:

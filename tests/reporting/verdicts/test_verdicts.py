@@ -15,6 +15,9 @@ from pipeline.reporting.verdicts.rules import CONTRADICTED, NOT_TESTABLE, REPROD
 from pipeline.scoring import glove_results, published, results
 
 VALUES = params.load()
+for block in ("touch", "glove"):  # as many runs on the paper's split as on the main one
+    for protocol in VALUES[block]["protocols"].values():
+        protocol["seeds"] = [0, 1, 2]
 EXPERIMENTS = VALUES["experiments"]
 CLAIMS = {one.key: one for one in claims_report.all_claims()}
 JITTER = (0.01, -0.02, 0.01, 0.015, -0.015)
@@ -365,6 +368,17 @@ def test_a_difference_is_compatible_where_the_interval_includes_the_printed_one(
     assert number.judged(Evidence(VALUES)).compatible is None
 
 
+def test_a_printed_number_is_judged_on_the_papers_split_and_beside_it_on_the_stricter_one():
+    for easy, hard, verdicts in ((8.7, 12.0, (REPRODUCED, CONTRADICTED)), (6.0, 8.7, (CONTRADICTED, REPRODUCED))):
+        level = {"random_window": easy, "press": hard}
+        given = {("scores", "touch"): Scores("touch", lambda protocol, *_, level=level: level[protocol])}
+        found = judged("rmse-single-linear", given)
+        assert (found.verdict, found.strict) == verdicts
+    level = {"random_window": np.nan, "press": 8.7}
+    given = {("scores", "touch"): Scores("touch", lambda protocol, *_: level[protocol])}
+    assert judged("rmse-single-linear", given)[3] == NOT_TESTABLE and judged("rmse-single-linear", given).strict
+
+
 def test_what_a_scene_was_tuned_to_is_no_result():
     keys = [key for key in CLAIMS if CLAIMS[key].kind == rules.CALIBRATION]
     claims = [one for one in claims_report.all_claims() if one.kind == rules.CALIBRATION]
@@ -393,7 +407,11 @@ def test_absent_recordings_and_missing_runs_are_not_testable(tmp_path, monkeypat
     paths.scores("touch").write_text(header + "touch,press,single,linear,0,rmse,kPa,8.7,1\n")
     given = {("absent", "touch"): None}
     found = CLAIMS["rmse-single-linear"].judged(Evidence(VALUES, given))
-    assert found.verdict == NOT_TESTABLE and "no row for protocol press" in found.reason and "seed 1" in found.reason
+    assert (
+        found.verdict == NOT_TESTABLE
+        and "no row for protocol random_window" in found.reason
+        and "seed 0" in found.reason
+    )
 
 
 class Unread(Exception):
@@ -461,9 +479,9 @@ def test_a_paragraph_is_printed_only_where_a_claim_is_not_reproduced():
     assert f"**Sentence bad** {told}\n- **Sentence worse** {told}\n\nComputed" in text
     assert "No reason was looked for" in text and "nobody knows" in text
     rows = claims_report.rows(found)
-    assert list(rows.columns)[:13] == [
+    assert list(rows.columns)[:14] == [
         "id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "unit", "verdict",
-        "compatible",
+        "strict", "compatible",
     ]  # fmt: skip
     assert list(rows["verdict"]) == [REPRODUCED, *[CONTRADICTED] * 3, NOT_TESTABLE]
     tried = [one for one in text.splitlines() if one.startswith("| LoMP")]
