@@ -251,7 +251,7 @@ def test_lomp_of_params_yaml_has_the_published_size():
     assert model.parameters() == 2_741_712
 
 
-@pytest.mark.parametrize("scale", ["laptop", "full"])
+@pytest.mark.parametrize("scale", ["laptop", "paper"])
 def test_scales_set_values_that_params_yaml_accepts(scale, tmp_path):
     copy = tmp_path / "params.yaml"
     copy.write_text((ROOT / "params.yaml").read_text())

@@ -386,7 +386,7 @@ def test_gains_are_means_over_the_same_seeds(tmp_path):
 
 
 def test_the_papers_scale_costs_what_its_amounts_say(tmp_path):
-    values = made.at_full_scale(tmp_path)
+    values = made.at_paper_scale(tmp_path)
     assert scale_cost.training_rows(values, "touch", "lomp_stream") == round(0.8 * 331_000)
     assert scale_cost.training_rows(values, "glove", "sp_resnet") == round(0.8 * 16 * 950)
     values["touch"]["models"]["cnn"]["training"]["rest_share"] = 0.5

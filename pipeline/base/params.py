@@ -224,12 +224,12 @@ def _kind(argument: ast.arg, path: Path):
     return getattr(blocks, name)
 
 
-def full_scale(experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
-    """Return (keys, value) of every setting of scales/full.yaml below an experiment, less those of absent models.
+def paper_scale(experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
+    """Return (keys, value) of every setting of scales/paper.yaml below an experiment, less those of absent models.
 
     settings: the experiment's block of params.yaml.
     """
-    scale = [(dotted.split("."), value) for dotted, value in parsed(paths.FULL_SCALE).items()]
+    scale = [(dotted.split("."), value) for dotted, value in parsed(paths.PAPER_SCALE).items()]
     below = [(keys, value) for (name, *keys), value in scale if name == experiment]
     return [(keys, value) for keys, value in below if keys[0] != "models" or keys[1] in settings["models"]]
 

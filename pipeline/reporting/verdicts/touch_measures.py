@@ -218,7 +218,7 @@ def amount(e: Evidence) -> str:
     presses = single["points_per_side"] ** 2 * single["depths"] * single["repetitions"]
     return (
         f"the array is pressed {presses:,} times here, 10,000 times in the paper; whether more presses help was not "
-        "tried (the full scale has them)"
+        "tried (the paper scale has them)"
     )
 
 
