@@ -1,22 +1,24 @@
-"""Judge every claim of the three papers.
+"""Judge every claim of the three papers, or those that the data of one experiment can tell.
 
 Writes reports/claims.csv, one row per claim in full precision, and reports/claims.md, which says the same to people
 and, for each claim that is not reproduced, what was tried to find the reason.
-Usage: python -m pipeline.stages.judge
+Usage: python -m pipeline.stages.judge [EXPERIMENT]
 """
 
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
 from pipeline.reporting.claims import VERDICTS, all_claims, on_own_logs, rows, text
-from pipeline.reporting.verdicts.rules import Evidence
+from pipeline.reporting.verdicts.rules import EXPERIMENTS, Evidence
 
 
 def main() -> None:
-    """Judge all claims by the files that the stages wrote."""
-    arguments.parse(__doc__)
+    """Judge the claims by the files that the stages wrote; of one experiment, what was not run is not testable."""
+    chosen = arguments.parse(__doc__, experiment=(*EXPERIMENTS.values(), None)).experiment
     values = params.load()
-    evidence = Evidence(values)
+    evidence = Evidence(values, partial=bool(chosen))
     claims = [on_own_logs(claim, values) for claim in all_claims()]
+    if chosen:
+        claims = [claim for claim in claims if EXPERIMENTS[claim.paper] == chosen and claim.data == "simulated"]
     verdicts = [(claim, claim.judged(evidence)) for claim in claims]
     files.write_table(paths.REPORTS / "claims.csv", rows(verdicts))
     files.write_text(paths.REPORTS / "claims.md", text(verdicts, evidence))

@@ -80,17 +80,23 @@ class Evidence:
 
     values: params.yaml, as `params.load` gives it. given: content that takes the place of a file, under the name of
     the method and its arguments, as in {("scores", "touch"): scores}, where scores is anything with
-    `runs(protocol, condition, model, metric)` -> one value per seed of `values`, NaN for a failed run.
+    `runs(protocol, condition, model, metric)` -> one value per seed of `values`, NaN for a failed run. partial: not
+    every stage was run, so that a missing file makes a claim not testable and is no error.
     """
 
-    def __init__(self, values: Mapping, given: Mapping[Hashable, object] | None = None):
-        self.values = values
+    def __init__(self, values: Mapping, given: Mapping[Hashable, object] | None = None, partial: bool = False):
+        self.values, self.partial = values, partial
         self._known = dict(given or {})
 
     def once(self, key: Hashable, read: Callable[[], object]) -> object:
         """Return the content known under `key`; the first time, that is the answer of `read`."""
         if key not in self._known:
-            self._known[key] = read()
+            try:
+                self._known[key] = read()
+            except InputError as error:
+                if self.partial:
+                    raise NotTestable(str(error)) from error
+                raise
         return self._known[key]
 
     def require(self, experiment: str, *models: str) -> None:
