@@ -512,7 +512,7 @@ def test_the_streaming_model_is_beside_the_papers_models_not_among_them():
     [
         (lambda e: positive(pd.Series([1.0, 2.0])), 1.5, "- A: 1.50 [-4.85, 7.85] kPa (paper: 1.50): undecided "
          "(the interval includes 0)."),
-        (lambda e: positive(pd.Series([2.0, 2.0])), np.nan, "- A: 2.00 [2.00, 2.00] kPa: reproduced."),
+        (lambda e: positive(pd.Series([2.0, 2.0001])), np.nan, "- A: 2.00 [2.00, 2.00] kPa: reproduced."),
         (untestable("nobody knows"), 1.5, "- A: not testable (nobody knows)."),
     ],
 )  # fmt: skip

@@ -90,9 +90,12 @@ def second_best(experiment: str) -> Judge:
 
     def judge(e: Evidence) -> Judgement:
         over = pd.DataFrame({m: above(e, m, "sp_resnet", "combined", experiment) for m in NETWORKS if m != "sp_resnet"})
-        judged = within(1.0 + (over.dropna() > 0).sum(axis=1), HALF_A_PLACE, around=2.0)
-        better = [model_name(model) for model in over if over[model].mean() > 0]
-        return judged._replace(reason=f"above it by their means: {', '.join(better) or 'none'}")
+        places, better = 1.0 + (over.dropna() > 0).sum(axis=1), [m for m in over if over[m].mean() > 0]
+        reason = f"above it by their means: {', '.join(map(model_name, better)) or 'none'}"
+        if len(places) > 1 and places.nunique() == 1:
+            verdict = REPRODUCED if places.iloc[0] == 2 else CONTRADICTED
+            return Judgement(places.iloc[0], np.nan, np.nan, verdict, f"in every run; {reason}", f"{len(places)} seeds")
+        return within(places, HALF_A_PLACE, around=2.0)._replace(reason=reason)
 
     return judge
 

@@ -240,11 +240,16 @@ def complete(values: pd.Series, who: str) -> pd.Series:
     return values
 
 
-def interval(values: pd.Series) -> results.Estimate:
-    """Return mean and interval of differences paired by their index; pairs with one side missing are left out."""
-    mean = estimate(values.dropna())
+def interval(values: pd.Series, scale: str = results.PLAIN, trials: int = 0) -> results.Estimate:
+    """Return mean and interval of values or of differences paired by their index; pairs with one side are left out.
+
+    scale, trials: as of results.estimate.
+    """
+    mean = estimate(values.dropna(), scale, trials)
     if mean.runs < 2:
         raise NotTestable("one run has no interval" if mean.runs else "there are no values to compare")
+    if np.isnan(mean.low):
+        raise NotTestable(f"all {mean.runs} runs have one value, {mean.mean:.4g}, which tells nothing of their spread")
     return mean
 
 
@@ -272,9 +277,11 @@ def verdict_of(low: float, high: float, limit: float) -> str:
     return REPRODUCED if low > limit else CONTRADICTED if high < limit else UNDECIDED
 
 
-def positive(values: pd.Series, over: str = "seeds", above: float = 0.0) -> Judgement:
-    """Judge a direction: the mean is above `above`."""
-    mean = interval(values)
+def positive(
+    values: pd.Series, over: str = "seeds", above: float = 0.0, scale: str = results.PLAIN, trials: int = 0
+) -> Judgement:
+    """Judge a direction: the mean is above `above`; scale, trials: as of results.estimate."""
+    mean = interval(values, scale, trials)
     verdict = verdict_of(mean.low, mean.high, above)
     reasons = {UNDECIDED: f"the interval includes {above:g}", CONTRADICTED: f"the interval is below {above:g}"}
     reason = reasons.get(verdict, f"needs more than {above:g}" if above else "")
@@ -303,7 +310,7 @@ def ordered(pairs: Mapping[str, pd.Series]) -> Judgement:
     """Judge an order: the share of pairs, each a difference by seed that is above 0 in the printed order."""
     gaps = pd.DataFrame(pairs).dropna()
     by_mean, certain = int((gaps.mean() > 0).sum()), sum(interval(gap).low > 0 for gap in pairs.values())
-    judged = positive((gaps > 0).mean(axis=1), above=AGREEMENT)
+    judged = positive((gaps > 0).mean(axis=1), above=AGREEMENT, scale=results.SHARE, trials=len(pairs))
     reason = f"{by_mean} of {len(pairs)} pairs are in the paper's order by their means, {certain} for certain"
     return judged._replace(reason=f"{reason}; {judged.reason}")
 

@@ -55,6 +55,7 @@ from pipeline.reporting.verdicts.touch_measures import (
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number as digits
 from pipeline.scoring.published import rmse, time_ms
+from pipeline.scoring.results import R2, SHARE
 
 HALF_WAY_MM = 1.5  # to the next of 400 places 3 mm apart: a place that is further off is nearer to another one
 REST = tuple(model for model in MODELS if model != "lomp")
@@ -88,7 +89,7 @@ def below(one: str, other: str) -> str:
 
 def recognised(condition: str) -> Judge:
     """Return the judge of: LoMP's peaks are the touches in more than half of the windows."""
-    return lambda e: positive(score(e, "lomp", condition, "touches_found"), above=MOST)
+    return lambda e: positive(score(e, "lomp", condition, "touches_found"), above=MOST, scale=SHARE)
 
 
 def measured_ratio(one: str, other: str) -> Judge:
@@ -219,7 +220,7 @@ def demonstration_claims() -> list[Claim]:
         ),
         claim("recognised-tape", "IV-E, Fig. 8d", "1",
             "LoMP shows the pattern of a rolled tape: it explains more than half of the variance (R2).",
-            lambda e: positive(score(e, "lomp", "tape", "r2"), above=MOST), why=why_touches("tape")),
+            lambda e: positive(score(e, "lomp", "tape", "r2"), above=MOST, scale=R2), why=why_touches("tape")),
         claim("tape-tilt", "IV-E, Fig. 8d", "1",
             "LoMP's map of the tape is tilted to the side that is pressed harder, the left.",
             lambda e: positive(tilt(e)), why=why_tape),
