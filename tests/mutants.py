@@ -412,8 +412,8 @@ MUTANTS = [
     Mutant(
         "hand-held-touch-moves-between-places",
         "pipeline/experiments/touch.py",
-        "place, held=k > 0)",
-        "place, held=False)",
+        "place, held=k > 0, longest_s=cnc_s)",
+        "place, held=False, longest_s=cnc_s)",
         "stages/test_touch_ingest.py",
     ),
     Mutant(
