@@ -7,7 +7,7 @@ the power fails) or to DVC alone (as when memory is short). After each one, ever
 the hash that it has in a quiet run; at the end, everything must, and MLflow must hold every run once.
 
 DVC does not write dvc.lock at once: a kill in that moment leaves a part of it, which the next `dvc repro` refuses. What
-README.md says for this case is done then (delete dvc.lock: what was made comes from DVC's cache), and said.
+docs/own_sensor.md says for this case is done then (delete dvc.lock: what was made comes from DVC's cache), and said.
 """
 
 import os

@@ -454,8 +454,8 @@ MUTANTS = [
     ),
     Mutant(
         "ablation-without-seed",
-        "pipeline/stability/changed_scene.py",
-        "scene[name] + seed for name",
+        "pipeline/datasets/specimens.py",
+        "scene[name] + specimen for name",
         "scene[name] for name",
         "reporting/verdicts/test_physics_verdicts.py::test_settings_switch_one_effect_and_move_the_seed",
     ),
@@ -568,8 +568,8 @@ MUTANTS = [
     Mutant(
         "ddof-0",
         "pipeline/scoring/results.py",
-        "good.std(ddof=1)",
-        "good.std(ddof=0)",
+        "seen.std(ddof=1)",
+        "seen.std(ddof=0)",
         "reporting/test_touch_report.py::test_estimate_and_numbers",
     ),
     Mutant(
@@ -580,11 +580,11 @@ MUTANTS = [
         "reporting/test_touch_report.py::test_estimate_and_numbers",
     ),
     Mutant(
-        "standard-deviation-for-standard-error",
+        "size-is-enough-by-its-mean",
         "pipeline/reporting/verdicts/sizes.py",
-        "runs.std(ddof=1) / np.sqrt(len(runs))",
-        "runs.std(ddof=1)",
-        "studies/test_sizes.py::test_smallest_within_one_standard_error_of_the_best",
+        "excess.high <= MARGIN",
+        "excess.mean <= MARGIN",
+        "studies/test_sizes.py",
     ),
     Mutant(
         "interval-of-pairs-without-root",
@@ -609,17 +609,17 @@ MUTANTS = [
         "stability/test_perturbations.py",
     ),
     Mutant(
-        "failure-at-three-times-the-clean-error",
+        "failure-at-three-times-what-is-usable",
         "pipeline/reporting/verdicts/stability.py",
-        "TIMES = 2.0 ",
-        "TIMES = 3.0 ",
+        "if seeds.mean > usable:",
+        "if seeds.mean > 3 * usable:",
         "reporting/test_stability_report.py",
     ),
     Mutant(
-        "growth-of-the-truth-dropped",
+        "relative-error-with-the-clean-one",
         "pipeline/reporting/verdicts/stability.py",
-        "TIMES * clean * growth:",
-        "TIMES * clean:",
+        "for severity in errors if severity != 0]",
+        "for severity in errors]",
         "reporting/test_stability_report.py",
     ),
     # Verdicts.
@@ -633,8 +633,8 @@ MUTANTS = [
     Mutant(
         "undecided-is-reproduced",
         "pipeline/reporting/verdicts/rules.py",
-        'return "" if low > 0 else',
-        'return "" if high > 0 else',
+        "return REPRODUCED if low > limit else",
+        "return REPRODUCED if high > limit else",
         CLAIMS,
     ),
     Mutant(
@@ -661,15 +661,15 @@ MUTANTS = [
     Mutant(
         "margin-of-lomp-like-rnn-0.5",
         "pipeline/reporting/verdicts/touch.py",
-        'score(e, "rnn") - 1, 0.1)',
-        'score(e, "rnn") - 1, 0.5)',
+        'score(e, "rnn"), TOLERANCE, around=1.0)',
+        'score(e, "rnn"), 0.5, around=1.0)',
         CLAIMS,
     ),
     Mutant(
         "margin-of-places-3-mm",
         "pipeline/reporting/verdicts/touch.py",
-        "lambda e, m: HALF_WAY_MM - score(",
-        "lambda e, m: 2 * HALF_WAY_MM - score(",
+        "for m in LEARNED}, HALF_WAY_MM)",
+        "for m in LEARNED}, 2 * HALF_WAY_MM)",
         CLAIMS,
     ),
     Mutant(
@@ -696,8 +696,8 @@ MUTANTS = [
     Mutant(
         "growth-reversed",
         "pipeline/reporting/verdicts/touch_measures.py",
-        'return score(e, model, "double") / score(e, model)',
-        'return score(e, model) / score(e, model, "double")',
+        'return score(e, model, "double", protocol=protocol) / score(e, model, protocol=protocol)',
+        'return score(e, model, protocol=protocol) / score(e, model, "double", protocol=protocol)',
         CLAIMS,
     ),
     Mutant(

@@ -23,7 +23,8 @@ ROOT = Path(__file__).resolve().parent.parent
 VALUES = params.load()
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CODE = sorted((ROOT / "pipeline").rglob("*.py"))
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "data").rglob("README.md")), *sorted((ROOT / "reports").rglob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS += [*sorted((ROOT / "data").rglob("README.md")), *sorted((ROOT / "reports").rglob("*.md"))]
 # A command ends with its line, its quotes, a comment behind it, or where the next one starts.
 END = r"(?=[`\"\n#;,)]|\s\s|\.\s|\.$| && | again| says | first| with |$)"
 MODULE = re.compile(r"python -m (?P<name>pipeline\.[\w.{}<>]*[\w}>])(?P<arguments>.*?)" + END)
@@ -217,7 +218,7 @@ def test_the_installed_command_is_that_of_the_room():
         "`python -m pipeline.stages.train`",
         "`python -m pipeline.base.files`",
         "`python -m pipeline.commands.fetch velostat_recorded`",
-        "tactile scale fulll && dvc repro",
+        "tactile scale paperr && dvc repro",
         "run `dvc repro train_touch@lomp` again",
         "dvc repro render@tuch      # a comment",
         "dvc repro render_touch && dvc repro rendr",

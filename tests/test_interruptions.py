@@ -267,7 +267,7 @@ def test_the_documented_recovery_from_a_cut_rwlock(one_stage, size):
     repro = [sys.executable, "-m", "dvc", "repro"]
     refused = subprocess.run(repro, **dvc)
     assert refused.returncode != 0 and "Unable to read RWLock-file '.dvc/tmp/rwlock'" in refused.stdout
-    (command,) = set(re.findall(r"`(rm [^`]*rwlock)`", (ROOT / "README.md").read_text()))
+    (command,) = set(re.findall(r"`(rm [^`]*rwlock)`", (ROOT / "docs" / "own_sensor.md").read_text()))
     subprocess.run(command, shell=True, check=True, **dvc)
     again = subprocess.run(repro, **dvc)
     assert again.returncode == 0 and (folder / "out").read_text() == "done", again.stdout

@@ -39,6 +39,7 @@ def found(folder: Path) -> pd.DataFrame:
     stress = stress[stress["model"].isin(CLOSED) & (stress["seed"] == 0) & (stress["severity"] != 0)]
     stress["metric"] = stress["perturbation"] + " " + stress["severity"].map("{:g}".format) + " " + stress["metric"]
     claims = pd.read_csv(reports / "claims.csv")
+    claims["key"] = claims["id"].str.split("/").str[1]
     claims = claims[claims["key"].isin(CLAIMS) & (claims["data"] == "simulated")]
     claims = claims.rename(columns={"key": "metric", "paper": "experiment", "ours": "value"})
     claims = claims.assign(table="claims", protocol="", condition="", model="constant", seed=0, n=1)

@@ -123,7 +123,7 @@ def test_trusted_types_are_named_one_by_one():
 def test_analytics_are_off_and_the_documented_server_listens_on_loopback():
     config = (ROOT / ".dvc" / "config").read_text()
     assert re.search(r"analytics\s*=\s*false", config)
-    servers = re.findall(r"mlflow (?:ui|server)[^`]*?(?=\n```)", (ROOT / "README.md").read_text())
+    servers = re.findall(r"mlflow (?:ui|server)[^`]*?(?=\n```)", (ROOT / "docs" / "runs.md").read_text())
     assert servers and all("--host 127.0.0.1" in command for command in servers)
     assert "MLFLOW_DISABLE_TELEMETRY" in (ROOT / "pipeline" / "tracking.py").read_text()
 

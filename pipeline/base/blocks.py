@@ -20,6 +20,21 @@ def block(*bases: type[Block], **kinds: Any) -> type[Block]:
     return create_model("Block", __base__=bases or Block, **{name: (kind, ...) for name, kind in kinds.items()})
 
 
+class SomeOf(Block):
+    """A block that has one of its settings or more."""
+
+    @model_validator(mode="after")
+    def _any(self) -> "SomeOf":
+        if not self.model_fields_set:
+            raise ValueError(f"should have one of these keys or more: {', '.join(type(self).model_fields)}")
+        return self
+
+
+def some_of(**kinds: Any) -> type[Block]:
+    """Return a block of which some settings may be absent: protocols, of which an experiment can be run with some."""
+    return create_model("Block", __base__=SomeOf, **{name: (kind, None) for name, kind in kinds.items()})
+
+
 def whole(low: int, high: int = 1_000_000) -> Any:
     """Return the kind of whole numbers from `low` to `high`."""
     return Annotated[int, Field(ge=low, le=high)]
@@ -71,7 +86,7 @@ class ScheduledTraining(Block):
     """A set number of epochs over which the learning rate rises and falls to zero, see `training.Schedule`.
 
     `precision` of products in training: bfloat16 where the device has instructions for it, else float32 (the default).
-    Sums, weights and all predictions are float32.
+    What comes out of such products is bfloat16, too; weights, the optimiser's sums and all predictions are float32.
     """
 
     learning_rate: LearningRate  # the highest
@@ -192,6 +207,7 @@ class Latency(Block):
     threads: whole(1, 1024)
     warm_up: whole(0)
     calls: whole(1)
+    rounds: whole(1, 1000)  # in each of which all models are timed in turn
 
 
 class LineFaults(Block):
@@ -208,7 +224,14 @@ class RejectLimit(Block):
 
 class Stress(Block):
     protocols: distinct(Text)
+    usable: dict[Text, Positive]  # protocol -> the largest error that is, in the unit of the experiment's error
     perturbations: Annotated[dict[Text, distinct(Number)], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _usable_for_each(self) -> "Stress":
+        if set(self.usable) != set(self.protocols):
+            raise ValueError(f"usable should have these keys: {', '.join(self.protocols)}")
+        return self
 
     @model_validator(mode="after")
     def _no_zero(self) -> "Stress":
@@ -242,6 +265,7 @@ Touch = block(
     simulate=block(
         seed=whole(0, 2**31),
         specimen=whole(0, 2**31),
+        specimens=whole(1, 1000),
         single=block(points_per_side=whole(1), depths=whole(1), repetitions=whole(1), presses_per_recording=whole(2)),
         double=block(recordings=whole(1), presses_per_recording=whole(2)),
         demonstrations=block(repetitions=whole(1)),
@@ -307,7 +331,7 @@ Touch = block(
     window=block(Window, sliding=block(single=Fraction)),
     label=block(tip_radius_mm=Positive, map_rows=whole(1, 1024), map_cols=whole(1, 1024)),
     split=block(SplitInThree, seed=Seed),
-    protocols=block(press=Seeds, random_window=block(Seeds, passes=whole(1, 1000))),
+    protocols=some_of(press=Seeds, random_window=block(Seeds, passes=whole(1, 1000))),
     models=Models,
     ablation=dict[Text, AblationRow],
     latency=Latency,
@@ -448,6 +472,7 @@ Glove = block(
     simulate=block(
         seed=whole(0, 2**31),
         specimen=whole(0, 2**31),
+        specimens=whole(1, 1000),
         sessions=whole(1),
         frames_per_object=whole(1),
         frame_hz=RateHz,
@@ -478,7 +503,7 @@ Glove = block(
     ingest=RejectLimit,
     window=block(stride=whole(1)),
     split=SplitInThree,
-    protocols=block(
+    protocols=some_of(
         session_pressure=Seeds,
         session_strain=Seeds,
         session_combined=Seeds,

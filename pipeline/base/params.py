@@ -18,6 +18,7 @@ from pipeline.base import blocks, paths
 from pipeline.base.errors import InputError
 
 DEEPEST = 20  # blocks and lists inside each other; params.yaml has 8. The parser in C crashes at some 30,000
+SCALES = ("laptop", "paper")  # files of scales/
 MODEL_KEY = re.compile(r"[a-z][a-z0-9_]*")  # a key becomes a file's, a folder's and a stage's name
 
 
@@ -224,14 +225,33 @@ def _kind(argument: ast.arg, path: Path):
     return getattr(blocks, name)
 
 
-def full_scale(experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
-    """Return (keys, value) of every setting of scales/full.yaml below an experiment, less those of absent models.
+def scale_settings(name: str, experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
+    """Return (keys, value) of every setting of a scale (a file of scales/) below an experiment, of what it has.
+
+    A model or protocol that is not among its own has no settings.
 
     settings: the experiment's block of params.yaml.
     """
-    scale = [(dotted.split("."), value) for dotted, value in parsed(paths.FULL_SCALE).items()]
-    below = [(keys, value) for (name, *keys), value in scale if name == experiment]
-    return [(keys, value) for keys, value in below if keys[0] != "models" or keys[1] in settings["models"]]
+    scale = [(dotted.split("."), value) for dotted, value in parsed(paths.SCALES / f"{name}.yaml").items()]
+    below = [(keys, value) for (block, *keys), value in scale if block == experiment]
+    chosen = ("models", "protocols")
+    return [(keys, value) for keys, value in below if keys[0] not in chosen or keys[1] in settings[keys[0]]]
+
+
+def scale_of(experiment: str, settings: Mapping) -> str:
+    """Return the scale that an experiment's settings are of: laptop, paper, both where they are the same, or other.
+
+    settings: the experiment's block of params.yaml. What only a study of it reads is not looked at.
+    """
+    names = [
+        name
+        for name in SCALES
+        if all(
+            functools.reduce(lambda block, key: block[key], keys, settings) == value
+            for keys, value in scale_settings(name, experiment, settings)
+        )
+    ]
+    return "both" if len(names) > 1 else names[0] if names else "other"
 
 
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:

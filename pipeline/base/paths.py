@@ -12,7 +12,7 @@ EXPERIMENTS = CODE / "experiments"  # one file per experiment
 MODELS = CODE / "models"  # one file per row of a table
 SOURCES = ROOT / "data" / "sources"
 REPORTS = ROOT / "reports"
-FULL_SCALE = ROOT / "scales" / "full.yaml"  # the papers' amounts of data, epochs and runs
+SCALES = ROOT / "scales"  # amounts of data, epochs and runs: laptop.yaml, paper.yaml
 
 
 def shown(path: Path) -> str:

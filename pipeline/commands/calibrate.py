@@ -2,8 +2,8 @@
 
 The yardstick of an experiment (params.yaml, `<experiment>.yardstick`) is the error of one model over that of another,
 which does not depend on the scale of errors. For every value of the knob the scene is simulated at the scale of
-params.yaml (`--full`: the papers'), both models are trained, and the ratio is taken on the validation part; test parts
-are not read. Nothing is changed: write the value you choose into params.yaml.
+params.yaml (`--paper-scale`: the papers'), both models are trained, and the ratio is taken on the validation part; test
+parts are not read. Nothing is changed: write the value you choose into params.yaml.
 """
 
 import argparse
@@ -30,13 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("values", nargs="*", type=float, help="values of the knob (0.5 to 2 times that of params.yaml)")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0], help="of scene, split and training (0)")
     parser.add_argument(
-        "--full", action="store_true", help="with the papers' amounts of data, those of scales/full.yaml"
+        "--paper-scale", action="store_true", help="with the papers' amounts of data, those of scales/paper.yaml"
     )
 
 
-def at_full_scale(values: Mapping, experiment: str) -> None:
-    """Set the experiment's block of params.yaml, in place, to the values of scales/full.yaml."""
-    for (*keys, last), value in params.full_scale(experiment, values[experiment]):
+def at_paper_scale(values: Mapping, experiment: str) -> None:
+    """Set the experiment's block of params.yaml, in place, to the values of scales/paper.yaml."""
+    for (*keys, last), value in params.scale_settings("paper", experiment, values[experiment]):
         reduce(getitem, keys, values[experiment])[last] = value
 
 
@@ -87,8 +87,8 @@ def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> 
 def main(given: argparse.Namespace) -> None:
     """Print one line per value of the knob and seed, and the value whose mean ratio is nearest to the published one."""
     values = params.load()
-    if given.full:
-        at_full_scale(values, given.experiment)
+    if given.paper_scale:
+        at_paper_scale(values, given.experiment)
     settings = values[given.experiment]
     chosen = settings["yardstick"]
     if settings["source"] != "simulated":

@@ -1,4 +1,4 @@
-"""What people run by hand: check, fetch, record logs; fit the film, calibrate a scene, search rates, set the scale.
+"""What people run by hand: check, fetch, record logs; fit the film, calibrate a scene, search rates, run another scale.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
 `main(given)` runs it with the arguments given. `--help` behind a command says more.
@@ -7,7 +7,18 @@ Each command of `tactile` is a module of this room: its `add_arguments(parser)` 
 import argparse
 
 from pipeline.base.errors import run_stage
-from pipeline.commands import calibrate, check, fetch, fit_material, fit_strain, rates, record, scale
+from pipeline.commands import (
+    calibrate,
+    check,
+    fetch,
+    fit_material,
+    fit_strain,
+    longer,
+    paper_scale,
+    rates,
+    record,
+    scale,
+)
 
 COMMANDS = {
     "check": check,
@@ -17,7 +28,9 @@ COMMANDS = {
     "fit-strain": fit_strain,
     "calibrate": calibrate,
     "rates": rates,
+    "longer": longer,
     "scale": scale,
+    "paper-scale": paper_scale,
 }
 
 

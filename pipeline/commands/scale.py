@@ -56,13 +56,13 @@ def _flow(value):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the name of the scale to the parser of this command."""
-    known = sorted(path.stem for path in (paths.ROOT / "scales").glob("*.yaml"))
+    known = sorted(path.stem for path in paths.SCALES.glob("*.yaml"))
     parser.add_argument("name", choices=known, help="a file of the folder scales")
 
 
 def main(given: argparse.Namespace) -> None:
     """Apply the scale named on the command line."""
-    values = params.parsed(paths.ROOT / "scales" / f"{given.name}.yaml")
+    values = params.parsed(paths.SCALES / f"{given.name}.yaml")
     set_values(values, paths.PARAMS)
     params.load()
     print(f"params.yaml: {len(values)} values set to the {given.name} scale; run `dvc repro`")

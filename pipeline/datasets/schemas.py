@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute
 import pyarrow.parquet
 
 from pipeline.base import files
@@ -139,10 +140,14 @@ def write(path: Path, schema: pa.Schema, parts: Iterable[pa.Table]) -> None:
             write_part(part)
 
 
-def read(path: Path, columns: Sequence[str] = ()) -> pa.Table:
-    """Return a Parquet file of another stage, or these columns of it; InputError where it is damaged or lacks one."""
+def read(path: Path, columns: Sequence[str] = (), where: pyarrow.compute.Expression | None = None) -> pa.Table:
+    """Return a Parquet file of another stage, or these columns and the rows `where` something holds of it.
+
+    Raises InputError where the file is damaged or lacks a column.
+    """
     try:
-        return having(pyarrow.parquet.read_table(path, columns=list(columns) or None), columns, path)
+        table = pyarrow.parquet.read_table(path, columns=list(columns) or None, filters=where)
+        return having(table, columns, path)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # UnicodeDecodeError: names are decoded when used
         raise InputError(f"{path}: damaged ({str(error)[:200]}); delete it and run `dvc repro`") from error
 

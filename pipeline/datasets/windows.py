@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
@@ -36,12 +37,13 @@ class Dataset(NamedTuple):
         return place[self.rows["previous"].to_numpy()[rows]]
 
 
-def read_dataset(path: Path, frames: int) -> Dataset:
+def read_dataset(path: Path, frames: int, run: tuple[str, int] | None = None) -> Dataset:
     """Read a dataset that the stage `dataset` wrote; `frames`: number of frames in a window.
 
+    run: protocol and seed of the one run whose windows are wanted, without those unused in it; None: all windows.
     Raises InputError where the file is damaged or lacks x or y.
     """
-    table = schemas.having(schemas.read(path), ("x", "y"), path)
+    table = schemas.having(_of_run(path, *run) if run else schemas.read(path), ("x", "y"), path)
     for name, parts in (("x", frames), ("y", 1)):
         kind = table[name].type
         if not pa.types.is_fixed_size_list(kind) or kind.list_size % parts or table[name].null_count:
@@ -49,4 +51,19 @@ def read_dataset(path: Path, frames: int) -> Dataset:
                 f"{path}: column '{name}' is not what the stage dataset writes; delete it and run `dvc repro`"
             )
     x = schemas.matrix(table["x"]).astype(np.float32)
-    return Dataset(x.reshape(len(x), frames, -1), schemas.matrix(table["y"]), table.drop_columns(["x", "y"]))
+    return Dataset(
+        x.reshape(len(x), frames, x.shape[1] // frames), schemas.matrix(table["y"]), table.drop_columns(["x", "y"])
+    )
+
+
+def _of_run(path: Path, protocol: str, seed: int) -> pa.Table:
+    """Read the rows that are used in one run; `previous` counts these."""
+    column = schemas.split_column(protocol, seed)
+    used = schemas.names(schemas.read(path, columns=[column])[column]) != "unused"
+    table = schemas.read(path, where=pc.field(column) != "unused")
+    if "previous" not in table.column_names:
+        return table
+    place = np.append(np.where(used, np.cumsum(used) - 1, -1), -1)  # the last entry is for windows without one before
+    previous = place[table["previous"].to_numpy()]
+    at = table.schema.get_field_index("previous")
+    return table.set_column(at, table.schema.field(at), pa.array(previous.astype(np.int32)))

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from pipeline.base.errors import InputError
 from pipeline.datasets import images as tactile
-from pipeline.datasets import schemas
+from pipeline.datasets import schemas, specimens
 from pipeline.datasets.seeding import generator
 from pipeline.logs import parse
 from pipeline.logs.parse import Column, Format
@@ -97,8 +97,7 @@ def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
     """Return the row numbers of the frames that become images: every `window.stride`-th frame of each session.
 
     Differs from paper: it uses all 950 frames of an object. At laptop scale every 10th of a session becomes an image,
-    95 of an object, so that neighbours in a random split are 1 s apart and less alike, and of the training part every
-    third of these is used; `tactile scale full` takes all.
+    95 of an object, so that neighbours in a random split are 1 s apart and less alike; `tactile scale paper` takes all.
     """
     return np.flatnonzero(places(frames) % settings["window"]["stride"] == 0)
 
@@ -148,18 +147,20 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     """Return the part of each image, (n,); the same for the three datasets of one seed. frames: the chosen frames.
 
     `session`: whole sessions of every object, drawn by the seed; `random_frames`: frames, as the paper seems to
-    have done. Raises InputError for another name or an object with fewer sessions than parts.
-    Differs from paper: it means 10 runs of a model, which differ in an unknown way; here a run is a seed, of the split
-    and of the start. At laptop scale there are 3 by session and 1 on random frames; `tactile scale full` has 10.
+    have done. Images of other gloves than the seed's are unused. Raises InputError for another name or an object with
+    fewer sessions than parts.
+    Differs from paper: it means 10 runs of a model, which differ in an unknown way; here a run is a seed, of the glove,
+    the split and the start. At laptop scale there is 1 on each split.
     """
     name = tactile.split_name(protocol)
     if name not in SPLITS:
         raise InputError(f"params.yaml, glove.protocols: no split '{name}'; there are {', '.join(SPLITS)}")
     share = settings["split"]
     objects, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
-    part = np.empty(frames.num_rows, dtype=object)
+    here = specimens.of_seed(sessions, seed)
+    part = np.full(frames.num_rows, "unused", dtype=object)
     for grasped in np.unique(objects):
-        inside = objects == grasped
+        inside = here & (objects == grasped)
         known = np.unique(sessions[inside])
         if len(known) < len(tactile.PARTS):
             raise InputError(

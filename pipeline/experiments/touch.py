@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from pipeline.base.errors import InputError
 from pipeline.datasets import labels as labels_kpa
-from pipeline.datasets import schemas
+from pipeline.datasets import schemas, specimens
 from pipeline.datasets.seeding import generator
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
@@ -316,17 +316,19 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
     Only single touches are divided, 8:1:1, anew for every seed. `press` divides presses, whose windows are those
     `touch.window.stride` apart. `random_window` divides windows that slide frame by frame and overlap, as the paper
     did, so that test windows hold frames that were trained on. All other conditions are test data: models never see
-    more than one touch (section IV-A); of these, both protocols test the windows that are apart.
-    Differs from paper: every seed draws another split, so that an interval over seeds covers the choice of
-    presses; the paper has one split and no interval.
+    more than one touch (section IV-A); of these, both protocols test the windows that are apart. Windows of other
+    arrays than the seed's are unused.
+    Differs from paper: every seed has another array, other presses and another split, so that an interval over seeds
+    covers all of these; the paper has one of each and no interval.
 
     Differs from paper: `random_window` takes a share of the sliding windows (`touch.window.sliding`; 1 is the paper's),
     in stretches of windows that all overlap, so that training takes minutes and a test window still has neighbours in
     the training part. The conditions of test data, and `press`, take the windows `touch.window.stride` frames apart.
     """
     single = schemas.names(windows["condition"]) == "single"
-    by_press, apart = protocol == "press", windows["apart"].to_numpy()
-    divided = single & (apart if by_press else windows["sliding"].to_numpy())
+    here = specimens.of_seed(schemas.names(windows["recording"]), seed)
+    by_press, apart = protocol == "press", here & windows["apart"].to_numpy()
+    divided = single & (apart if by_press else here & windows["sliding"].to_numpy())
     unit = windows["press"].to_numpy() if by_press else np.arange(windows.num_rows)
     units = np.unique(unit[divided])
     shares = settings["split"]

@@ -12,16 +12,7 @@ from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows, batches
-from pipeline.learning.training import (
-    Epoch,
-    Progress,
-    Schedule,
-    device_of,
-    new_network,
-    precision_on,
-    products_in,
-    run_epochs,
-)
+from pipeline.learning.training import Epoch, Progress, Schedule, run_epochs
 
 LARGEST_SHIFT = 2.0  # pixels; a glove sits so differently on a hand: pads are 3 pixels wide
 LARGEST_TURN = 10.0  # degrees
@@ -100,9 +91,8 @@ class ImageClassifier(TorchRegressor):
         pixels), y (n, classes); validation: x (k, frames, pixels), y (k, classes); order: draws what alters the images,
         each alone. A batch holds `batch_size` images, so that an epoch has as many updates for any number of frames.
         """
-        training, place, frames = self.training, device_of(device), self.spec.frames
-        self.precision = precision_on(place, training.precision)
-        network = self.network = new_network(self.make_network, seed).to(place)
+        training, place, frames = self.training, self._begin(seed, device), self.spec.frames
+        network = self.network
         optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
         (x, y), (x_validation, y_validation) = (self._normalised(part, place) for part in (train, validation))
         schedule, size = Schedule(optimiser, training.learning_rate), max(1, training.batch_size // frames)
@@ -116,9 +106,8 @@ class ImageClassifier(TorchRegressor):
                 schedule.at((epoch + (first + len(batch) / 2) / len(examples)) / training.epochs)
                 numbers = batch.to(place)
                 images = augmented(x[numbers.flatten()].view(-1, 1, SIDE, SIDE), training, order)
-                with products_in(self.precision, place):
-                    scores = network(images.view(len(batch), frames, -1))
-                loss = nn.functional.cross_entropy(scores.float(), y[numbers[:, 0]])
+                scores = self._trained_output(images.view(len(batch), frames, -1))
+                loss = nn.functional.cross_entropy(scores, y[numbers[:, 0]])
                 optimiser.zero_grad()
                 loss.backward()
                 optimiser.step()

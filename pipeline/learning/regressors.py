@@ -94,14 +94,12 @@ class TorchRegressor:
         """
         check_windows(self.spec, train, "training")
         check_windows(self.spec, validation, "validation")
-        place = device_of(device)
-        self.precision = precision_on(place, self.training.precision)
+        place = self._begin(seed, device)
         mean, spread = input_scale(train[0])
         output_scale = float(np.abs(train[1]).max()) or 1.0
         self._set_normalisation(
             torch.from_numpy(mean), torch.from_numpy(spread), torch.tensor(output_scale, dtype=torch.float32)
         )
-        self.network = new_network(self.make_network, seed).to(place)
         parts = self._normalised(train, place), self._normalised(validation, place)
         optimiser = torch.optim.Adam(self.network.parameters(), lr=self.training.learning_rate, betas=BETAS, fused=True)
         order, epochs = torch.Generator().manual_seed(seed), self.training.epochs
@@ -143,15 +141,23 @@ class TorchRegressor:
         windows = self._of_an_epoch(y, order).to(x.device)
         for first, batch in batches(windows, self.training.batch_size):
             losses = (
-                self._training_loss(x[rows], y[rows]) * (len(rows) / len(batch)) for rows in batch.split(self.chunk)
+                nn.functional.mse_loss(self._trained_output(x[rows]), y[rows]) * (len(rows) / len(batch))
+                for rows in batch.split(self.chunk)
             )
             total += update(losses, (first + len(batch) / 2) / len(windows)) * len(batch)
         return float(total) / len(windows)
 
-    def _training_loss(self, x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+    def _begin(self, seed: int, device: str) -> torch.device:
+        """Draw the network's first weights, choose the precision of its products; return the device of both."""
+        place = device_of(device)
+        self.precision = precision_on(place, self.training.precision)
+        self.network = new_network(self.make_network, seed).to(place)
+        return place
+
+    def _trained_output(self, x: torch.Tensor) -> torch.Tensor:
+        """Return the network's output for normalised x in training, its products in `precision`, itself float32."""
         with products_in(self.precision, x.device):
-            maps = self.network(x)
-        return nn.functional.mse_loss(maps.float(), y)
+            return self.network(x).float()
 
     def _of_an_epoch(self, y: torch.Tensor, order: torch.Generator) -> torch.Tensor:
         """Return numbers of windows in random order: all that have a touch and a share of the others.

@@ -1,46 +1,54 @@
-"""Write the claims of all papers with their verdicts: claims.csv, claims.md, and their lines on the page."""
+"""Write the claims of all papers with their verdicts: claims.csv, claims_by_scale.csv, claims.md, and their sentences.
 
-from collections.abc import Iterable, Mapping, Sequence
+A claim is judged by the present run, which params.yaml sets, and by the run at the papers' scale, whose claims.csv lies
+in reports/paper_scale. The verdict that is shown first, and counted, is that of the papers' scale where it is known.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import pandas as pd
 
+from pipeline.base import params, paths
 from pipeline.reporting.verdicts import glove as glove_verdicts
 from pipeline.reporting.verdicts import strain as strain_verdicts
 from pipeline.reporting.verdicts import touch as touch_verdicts
 from pipeline.reporting.verdicts.rules import (
+    AGREEMENT,
+    BAND,
+    CONTRADICTED,
     EXPERIMENTS,
-    NOT_REPRODUCED,
     NOT_TESTABLE,
+    NUMBER,
     PAPERS,
-    REPRODUCED,
+    RECORDED_EXPERIMENTS,
+    SENTENCE,
     TOLERANCE,
+    UNDECIDED,
+    VERDICTS,
     Claim,
     Evidence,
     Judgement,
 )
 from pipeline.reporting.words.markdown import number, size, table
+from pipeline.scoring.results import read_csv
 
 RULES = (
-    ("direction", "the whole 95 % interval of the difference, paired by seed, lies on the claimed side of 0"),
-    ("several directions", "every one of them is; the weakest is shown"),
-    ("number", f"our mean is within {100 * TOLERANCE:.0f} % of the published one, whatever the interval"),
-    ("no difference, no increase", "the whole interval lies inside, or below, the margin that is named"),
+    ("direction", "the difference, paired by seed, is on the claimed side of 0, or of the limit that is named"),
+    ("several directions", "every one of them is; contradicted, if one is not; the weakest is shown"),
+    ("order", f"more than {100 * AGREEMENT:.0f} % of the pairs come in the printed order"),
+    (
+        "number",
+        f"our error is within {100 * BAND:.0f} % of the printed one (of a precision of 95 %, the error is 5 points)",
+    ),
+    ("no difference, no increase", "the value is inside, or below, the margin that is named"),
     ("count", "equal at the precision that is printed"),
     ("measured time", f"the ratio of medians is more than {100 * TOLERANCE:.0f} % on the claimed side of 1"),
 )
-VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
-COUNTED = (*VERDICTS, "of not reproduced: undecided")  # columns of a table of counts
-
-
-def is_undecided(verdict: str, reason: str) -> bool:
-    """Tell whether a claim is not reproduced for want of runs alone."""
-    return verdict == NOT_REPRODUCED and "undecided" in reason and "contradicted" not in reason
-
-
-def kind(printed: bool) -> str:
-    """Return the kind of a claim; printed: whether it repeats a number of a table."""
-    return "number of a table" if printed else "sentence"
+COUNTED = (SENTENCE, NUMBER)  # kinds
+PAPER = "paper"  # a scale
+RECORDED = "recorded"  # data; its claims come before those of simulated data
+BY_SCALE = {"present_verdict": "Present run", "paper_scale_verdict": "Papers' scale", "recorded_verdict": "Recorded"}
 
 
 def value_text(value: float, unit: str) -> str:
@@ -57,19 +65,66 @@ def ours_text(ours: float, low: float, high: float, unit: str) -> str:
 
 
 def count_rows(claims: pd.DataFrame, by: Sequence[str]) -> list[list[str]]:
-    """Return the rows of a table of counts, the last one of all claims together.
+    """Return the rows of a table of counts: of recorded and of simulated data, each with a sum, and of all claims.
 
-    claims: rows of claims.csv; by: paper, data, kind or some of them. Each row has the names of its group, a count per
-    verdict, how many of those not reproduced are undecided, and the number of claims.
+    claims: rows as of claims.csv, of which those of the kinds COUNTED are; by: `paper`, `kind` or both. Each row has
+    the data, the names of its group, a count per verdict, and the number of claims.
     """
-    claims = claims.assign(paper=claims["paper"].map(PAPERS), kind=claims["printed"].map(kind))
-    groups = [*claims.groupby(list(by), sort=False), (["All", *[""] * (len(by) - 1)], claims)]
+    claims = claims[claims["kind"].isin(COUNTED)].assign(paper=lambda table: table["paper"].map(PAPERS))
+    groups = []
+    for data, of_data in claims.groupby("data"):
+        groups += [([data, *names], group) for names, group in of_data.groupby(list(by), sort=False)]
+        groups.append(([data, "all", *[""] * (len(by) - 1)], of_data))
+    groups.append((["all", *[""] * len(by)], claims))
     rows = []
     for names, group in groups:
         verdicts = list(group["verdict"])
-        undecided = sum(map(is_undecided, verdicts, group["reason"]))
-        rows.append([*names, *map(str, (*map(verdicts.count, VERDICTS), undecided, len(verdicts)))])
+        rows.append([*names, *map(str, (*map(verdicts.count, VERDICTS), len(verdicts)))])
     return rows
+
+
+def read_paper_scale() -> pd.DataFrame:
+    """Read claims.csv of the run at the papers' scale; no row where there was none."""
+    path = paths.REPORTS / "paper_scale" / "claims.csv"
+    if not path.exists():
+        return pd.DataFrame(columns=["id", "verdict"])
+    table = read_csv(path, ["id", "verdict"], "tactile paper-scale")
+    for name in table.select_dtypes(exclude="number"):
+        table[name] = table[name].astype(object).where(table[name].notna(), "")
+    return table
+
+
+def by_scale(claims: pd.DataFrame, paper_scale: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per claim, as in claims.csv, with the verdict that is shown first and its numbers and scale.
+
+    claims, paper_scale: rows of claims.csv of the present run and of the one at the papers' scale. Further columns are
+    those of BY_SCALE: the verdict of the present run, that of the papers' scale, and that of the same claim on recorded
+    data; "" where there is none.
+    """
+    claims, there = claims.set_index("id"), paper_scale.set_index("id")
+    there = there.loc[[id_ for id_ in claims.index if id_ in there.index]]
+    rows = claims.copy()
+    tested_there = there[there["verdict"] != NOT_TESTABLE]
+    columns = [column for column in claims.columns if column in there.columns]
+    rows.loc[tested_there.index, columns] = tested_there[columns]
+    simulated = claims["data"] != RECORDED
+    rows["present_verdict"] = claims["verdict"].where(simulated, "")
+    rows["paper_scale_verdict"] = claims["verdict"].where(simulated & claims["scale"].isin([PAPER, "both"]), "")
+    rows.loc[there.index, "paper_scale_verdict"] = there["verdict"]
+    rows["recorded_verdict"] = [rows["verdict"].get(f"{id_}/{RECORDED}", "") for id_ in rows.index]
+    rows.loc[~simulated, "recorded_verdict"] = rows["verdict"][~simulated]
+    return rows.reset_index()
+
+
+def changed_by_scale(rows: pd.DataFrame) -> str:
+    """Say how many claims have another verdict at the papers' scale than in the present run; rows: of `by_scale`."""
+    judged = rows[
+        rows["kind"].isin(COUNTED) & (rows["scale"] == PAPER) & ~rows["present_verdict"].isin(["", NOT_TESTABLE])
+    ]
+    if judged.empty:
+        return "No claim was judged at both scales yet."
+    changed = int((judged["present_verdict"] != judged["paper_scale_verdict"]).sum())
+    return f"Of {len(judged)} claims that were judged at both scales, {changed} have another verdict at the papers'."
 
 
 def claim_sentences(claims: Iterable[Claim], keys: Iterable[str], evidence: Evidence) -> list[str]:
@@ -102,69 +157,102 @@ def on_own_logs(claim: Claim, values: Mapping) -> Claim:
     return replace(claim, data="recorded", why=None)  # what was tried was tried on the simulated scene
 
 
-def rows(verdicts: list[tuple[Claim, Judgement]]) -> pd.DataFrame:
-    """Return claims.csv."""
+def experiment_of(claim: Claim, values: Mapping) -> str:
+    """Return the experiment whose results a claim is about; values: params.yaml."""
+    simulated = EXPERIMENTS[claim.paper]
+    own_logs = values[simulated]["source"] != "simulated"
+    return simulated if claim.data != RECORDED or own_logs else RECORDED_EXPERIMENTS[claim.paper]
+
+
+def rows(verdicts: list[tuple[Claim, Judgement]], values: Mapping) -> pd.DataFrame:
+    """Return claims.csv; values: params.yaml."""
+    experiments = [experiment_of(claim, values) for claim, _ in verdicts]
+    scales = {name: params.scale_of(name, values[name]) for name in set(experiments)}
     return pd.DataFrame(
         {
+            "id": claim.id,
             "claim": claim.text,
             "paper": claim.paper,
             "section": claim.section,
             "data": claim.data,
+            "kind": claim.kind,
             "published": claim.published,
             "ours": judged.ours,
             "low": judged.low,
             "high": judged.high,
-            "verdict": judged.verdict,
-            "reason": judged.reason,
-            "key": claim.key,
-            "printed": int(claim.printed),
             "unit": claim.unit,
+            "verdict": judged.verdict,
+            "strict": judged.strict,
+            "compatible": {None: "", True: "yes", False: "no"}[judged.compatible],
+            "reason": judged.reason,
             "over": judged.over,
             "measured": int(claim.measured),
+            "scale": scales[experiment],
         }
-        for claim, judged in verdicts
+        for (claim, judged), experiment in zip(verdicts, experiments, strict=True)
     )
 
 
-def text(verdicts: list[tuple[Claim, Judgement]], evidence: Evidence) -> str:
-    """Write claims.md."""
+def reason_text(reason: str, over: str, compatible: str) -> str:
+    """Return a verdict's reason, with what its interval is over where that is not seeds, from columns of claims.csv."""
+    over = "" if over.endswith(" seeds") else over
+    words = {"": "", "yes": "compatible with the paper", "no": "not compatible with the paper"}
+    return "; ".join(filter(None, [reason, over, words[compatible]]))
+
+
+def text(claims: pd.DataFrame, tried: Callable[[str], str]) -> str:
+    """Write claims.md.
+
+    claims: rows of `by_scale`; tried: gives the paragraph on what was tried for a claim, by its id.
+    """
     lines = [
         "# A verdict on every claim\n",
         "Every sentence of the papers that can be true or false of numbers, in our words, and every number of their "
-        "tables. Reproduced means:\n",
+        "tables. A rule asks where our 95 % interval lies: all of it where the claim says, `reproduced`; all of it "
+        "elsewhere, `contradicted`; partly here, partly there, `undecided`: so few runs cannot tell. By kind of "
+        "claim:\n",
         *(f"- {kind}: {rule}." for kind, rule in RULES),
         "\nIn a claim that compares, the number is the difference, in the claimed direction, unless brackets say what "
-        "it is. Intervals are 95 % t intervals over seeds unless the reason names something else, and are not widened "
-        "for the number of claims. With three seeds they are wide: `undecided` means that so few runs cannot tell. A "
-        "claim whose runs failed, or whose recordings are not there, is not testable. Rows marked * rest on measured "
-        "times and differ between runs and machines.\n",
+        "it is. Intervals are t intervals over seeds unless the reason names something else, and are not widened for "
+        "the number of claims. A paper printed single numbers: a difference is `compatible` where our interval "
+        "includes the printed one. A printed number is judged on the split that the paper used, as far as its text "
+        "says; `strict` is the verdict on the stricter one, where nothing is on two sides. A claim whose runs failed, "
+        "or whose recordings are not there, is `not testable`. Not counted are counts of operations and parameters, "
+        "claims that hold by construction of a scene, and the numbers that a scene was tuned to (`calibrated`). Rows "
+        "marked * rest on measured times and differ between runs and machines.\n",
+        "Verdict, number and reason are those of the run at the papers' scale where it could test a claim, else of "
+        "the present run; strain has as much data at both. Beside them stand the verdicts of both, and of the same "
+        f"claim on recorded data. {changed_by_scale(claims)}\n",
         "## Counts\n",
-        table(["Paper", "Data", "Kind", *COUNTED, "claims"], count_rows(rows(verdicts), ["paper", "data", "kind"])),
+        table(["Data", "Paper", "Kind", *VERDICTS, "claims"], count_rows(claims, ["paper", "kind"])),
     ]
+    claims = claims.sort_values("data", kind="stable")
     for paper, title in PAPERS.items():
-        of_paper = [(claim, judged) for claim, judged in verdicts if claim.paper == paper]
+        of_paper = claims[claims["paper"] == paper]
         lines.append(f"## {title}\n")
-        header = ["Claim", "Section", "Data", "Published", "Ours", "Unit", "Verdict", "Reason"]
+        header = ["Claim", "Section", "Data", "Kind", "Published", "Ours", "Unit", "Verdict", *BY_SCALE.values()]
         cells = [
             [
-                claim.text + (" *" if claim.measured else ""),
-                claim.section,
-                claim.data,
-                value_text(claim.published, claim.unit),
-                ours_text(*judged[:3], claim.unit),
-                claim.unit,
-                judged.verdict,
-                "; ".join(filter(None, [judged.reason, "" if judged.over.endswith(" seeds") else judged.over])),
+                row.claim + (" *" if row.measured else ""),
+                row.section,
+                row.data,
+                row.kind,
+                value_text(row.published, row.unit),
+                ours_text(row.ours, row.low, row.high, row.unit),
+                row.unit,
+                row.verdict,
+                *(getattr(row, column) or "-" for column in BY_SCALE),
+                row.strict or "-",
+                reason_text(row.reason, row.over, row.compatible),
             ]
-            for claim, judged in of_paper
+            for row in of_paper.itertuples()
         ]
-        lines.append(table(header, cells))
+        lines.append(table([*header, "Strict", "Reason"], cells))
         missed: dict[str, list[str]] = {}
-        for claim, judged in of_paper:
-            if judged.verdict == NOT_REPRODUCED:
-                mark = " [recorded]" if claim.data == "recorded" else ""
-                head = f"**{claim.text.rstrip('.')}**{mark} ({judged.reason})"
-                missed.setdefault(claim.explained(evidence), []).append(head)
+        for row in of_paper[of_paper["verdict"].isin([CONTRADICTED, UNDECIDED])].itertuples():
+            mark = " [recorded]" if row.data == RECORDED else ""
+            head = f"**{row.claim.rstrip('.')}**{mark} ({row.verdict}; {row.reason})"
+            missed.setdefault(tried(row.id), []).append(head)
         if missed:
             lines.append(f"### {title}: what was tried where a claim is not reproduced\n")
         for why, heads in missed.items():

@@ -74,10 +74,10 @@ def experiment_differences(experiment: str, settings: Mapping) -> list[tuple[str
 def amounts(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
     """Return the values of params.yaml that are not the papers': (file, text); settings: the experiment's block.
 
-    The papers' amounts of data, epochs and runs are the values of scales/full.yaml.
+    The papers' amounts of data, epochs and runs are the values of scales/paper.yaml.
     """
     differences = []
-    for keys, papers in params.full_scale(experiment, settings):
+    for keys, papers in params.scale_settings("paper", experiment, settings):
         ours = reduce(getitem, keys, settings)
         if ours != papers:
             name = ".".join([experiment, *keys])

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.datasets.images import MODALITIES, modality
-from pipeline.reporting import experiment
+from pipeline.reporting import experiment, sentences
 from pipeline.reporting.words import markdown
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import interval, number, size
@@ -44,8 +44,8 @@ def table_one(scores: Scores, settings: Mapping, counts: pd.DataFrame) -> str:
     seeds = len(settings["protocols"][protocols[MODALITIES[0]]]["seeds"])
     text = [
         "# Table 1: precision on three datasets of tactile images\n",
-        "Ours: mean [95 % t interval] over seeds, each of which draws another split and another start; higher is "
-        "better. Published: the paper's one number. Macro precision: mean over objects of the share of images given "
+        f"Ours: mean [95 % t interval] over seeds, {sentences.replicates(settings, 'glove')}; higher is better. "
+        "Published: the paper's one number. Macro precision: mean over objects of the share of images given "
         "that name that are it; accuracy: share of images named rightly. The paper writes `precision` without saying "
         "which. An interval may pass 100 %. `Constant (mean)` answers with the most frequent object.\n",
         "**The paper's split is not stated.** It speaks of 950 frames in a row of each object; frames at random seem "

@@ -14,6 +14,12 @@ from pipeline.scoring.results import Estimate, Fit, Scores, estimate
 MARK = re.compile(r"Differs from paper:\s*(.*)")
 
 
+def replicates(settings: Mapping, specimen: str) -> str:
+    """Say what differs between seeds; specimen: what a scene has several of, such as an array."""
+    simulated = f"another {specimen}, other motions and noise, " if settings["source"] == "simulated" else ""
+    return f"each with {simulated}another split and another start"
+
+
 def yardstick(
     scores: Scores, settings: Mapping, rest: str, others: Mapping[str, tuple[Mapping, float]] | None = None
 ) -> str:

@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline.base import files
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
-from pipeline.reporting.verdicts.sizes import NAMES, SCALES, SHORTER, Reference, error_of, label, unit_of
+from pipeline.reporting.verdicts.sizes import NAMES, SCALES, SHORTER, UNCLEAR, Reference, error_of, label, unit_of
 from pipeline.reporting.words import markdown
 from pipeline.scoring import ladders
 from pipeline.scoring.results import Estimate
@@ -16,12 +16,12 @@ from pipeline.scoring.results import Estimate
 INTRODUCTION = """# How small a model each scene needs
 
 Each of the papers' models at several sizes; everything else stays the same within a ladder. The smallest size is
-enough if its mean test error is at most the best size's mean plus one standard error of that mean. Runs of a ladder
-differ in the seed, and with it in the start and, for touch and glove, in the split. Values are mean [95 % t interval];
-lower is better. A size with a failed run is never chosen. A size that falls short does so after this training: a
-longer one might lift it. The errors are those of the test part: they decide what is said here and are used for nothing
-else. All numbers: [rightsize.csv](../rightsize.csv) (for the glove it has macro precision as a fraction, of which more
-is better; here it is 1 - macro precision in %).
+enough if its test error is certainly at most 5 % above the best size's: the whole interval of the ratio, paired by
+seed. Sizes whose interval has both sides of that are not told apart. Runs of a ladder differ in the seed, and with it
+in all that a seed draws. Values are mean [95 % t interval]; lower is better. A size with a failed run is never chosen.
+A size that falls short does so after this training: a longer one might lift it. The errors are those of the test part:
+they decide what is said here and are used for nothing else. All numbers: [rightsize.csv](../rightsize.csv) (for the
+glove it has macro precision as a fraction, of which more is better; here it is 1 - macro precision in %).
 """
 
 
@@ -51,6 +51,12 @@ def shown_error(row: pd.Series) -> str:
     return markdown.interval(Estimate(value, min(ends), max(ends), row["runs"], row["failed"]), digits(value))
 
 
+def excess_text(row: pd.Series) -> str:
+    """Return the error over the best size's of one row of JUDGED, in %."""
+    mean, low, high = (100 * row[name] for name in ("excess", "excess_low", "excess_high"))
+    return f"{mean:+.1f} % [{low:.1f}, {high:.1f}]"
+
+
 def digits(error: float) -> int:
     """Return the decimals of an error in its unit."""
     return 3 if error < 1 else 2
@@ -73,21 +79,24 @@ def finding(ladder: pd.DataFrame) -> str:
     if best["size"] != small["size"]:
         text += f", the best ({best['size']:g}) {shown_error(best)} {unit}"
     elif best["size"] == ladder["size"].max():
-        text += ", the best and the largest of the ladder"
+        text += ", the best and the largest: the ladder is too short to say that more does not help"
     else:
         text += ", the best"
+    unclear = ladder[(ladder["verdict"] == UNCLEAR) & (ladder["size"] < small["size"])]
+    if len(unclear):
+        sizes = ", ".join(f"{row['size']:g} ({excess_text(row)})" for _, row in unclear.iterrows())
+        text += f"; smaller and not told apart from within 5 %: {sizes}"
     published = ladder[ladder["size"] == scale.published]
     if published.empty:
         return f"{text}. The published {scale.published:g} is not in this ladder."
     paper = published.iloc[0]
     if paper["size"] == small["size"]:
-        return f"{text}. That is the published size: nothing smaller is enough."
+        return f"{text}. That is the published size: nothing smaller is certainly enough."
     if paper["size"] < small["size"]:
         above = error_of(paper["value"], metric) / error_of(best["value"], metric) - 1
         return (
             f"{text}. The published {scale.published:g} has {small['params'] / paper['params']:.3g} times fewer "
-            f"parameters; by this rule they are too few: {shown_error(paper)} {unit}, {100 * above:.0f} % above the "
-            "best."
+            f"parameters and is {paper['verdict']}: {shown_error(paper)} {unit}, {100 * above:.0f} % above the best."
         )
     if family == "window":
         ratio = f"{scale.published / small['size']:.3g} times as many frames"

@@ -6,22 +6,25 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
-from pipeline.reporting.words.labels import FRONTS, model_name
+from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name
 from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring.results import Estimate, Scores, read_training_times
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
 
 
-def pareto(time: Sequence[float], error: Sequence[float]) -> np.ndarray:
-    """Return the Pareto front as (n,) bool: points that no other one equals in both values and beats in one.
+def pareto(time: Sequence[tuple[float, float]], error: Sequence[float]) -> np.ndarray:
+    """Return the Pareto front as (n,) bool: points that no other one equals in time and error and beats in one of them.
 
-    Lower is better. Equal points are on the front together; a point with a value that is not finite never is.
+    Lower is better. time: (n, 2), the lowest and the highest that was measured; times that overlap are equal. Equal
+    points are on the front together; a point with a value that is not finite never is.
     """
-    points = np.column_stack([time, error]).astype(float)
-    as_good = (points[None] <= points[:, None]).all(axis=2)  # (n, n): the second axis is who beats the first
-    better = (points[None] < points[:, None]).any(axis=2)
-    return np.isfinite(points).all(axis=1) & ~(as_good & better).any(axis=1)
+    low, high = np.asarray(time, dtype=float).reshape(-1, 2).T
+    error = np.asarray(error, dtype=float)
+    known = np.isfinite([low, high, error]).all(axis=0)
+    faster, slower = high[None] < low[:, None], low[None] > high[:, None]  # (n, n): is the second than the first?
+    beaten = known[None] & ~slower & (error[None] <= error[:, None]) & (faster | (error[None] < error[:, None]))
+    return known & ~beaten.any(axis=1)
 
 
 def error_of(scores: Scores, protocol: str, condition: str, model: str, metric: str) -> Estimate:
@@ -43,6 +46,7 @@ def speed_table(
 
     panels: title -> (protocol, condition); measure: (metric, its name and unit as an axis shows it). `p50_ms`,
     `p95_ms`: of one call at `batch`; `predictions_per_s`: at `large_batch`; `train_s`: median over the panel's seeds.
+    `p50_low_ms` to `p50_high_ms` and `train_low_s` to `train_high_s`: smallest and largest median of a round, and seed.
     """
     (metric, name), batches = measure, settings["latency"]["batches"]
     rows = []
@@ -53,9 +57,10 @@ def speed_table(
             row = {"panel": panel, "protocol": protocol, "condition": condition, "model": model, "measure": name}
             row |= dict(zip(ESTIMATE, error_of(scores, protocol, condition, model, metric), strict=True))
             row |= {"threads": single["threads"], "batch": batches[0]}
-            row |= {key: single[key] for key in ("p50_ms", "p95_ms")}
+            row |= {key: single[key] for key in ("p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")}
             row |= {"large_batch": batches[-1], "predictions_per_s": 1e3 * batches[-1] / large["p50_ms"]}
-            row |= {"train_s": float(np.median(times)) if times else np.nan}
+            spread = (float(of(times)) if times else np.nan for of in (np.median, np.min, np.max))
+            row |= dict(zip(("train_s", "train_low_s", "train_high_s"), spread, strict=True))
             rows.append(row | {key: single[key] for key in ("params", "macs", "size_bytes")})
             for key in FRONTS:
                 if not 0 < rows[-1][key] < np.inf:
@@ -68,7 +73,7 @@ def speed_table(
         for _, panel in table.groupby("panel"):
             # A model with a failed run is not judged by its other runs.
             error = panel["error"].where(panel["failed"] == 0)
-            table.loc[panel.index, column] = pareto(panel[key], error).astype(int)
+            table.loc[panel.index, column] = pareto(panel[SPREAD[key]], error).astype(int)
     return table
 
 
@@ -82,23 +87,25 @@ def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
         first = by_panel.iloc[0]
         errors = (Estimate(*values) for values in by_panel[ESTIMATE].itertuples(index=False))
         row = [model_name(model), *(interval(error, digits) for error in errors)]
-        row += [f"{first['p50_ms']:.3f} / {first['p95_ms']:.3f}", f"{first['predictions_per_s']:,.0f}"]
+        low, high = (f"{first[name]:.3f}" for name in SPREAD["p50_ms"])
+        row += [f"{first['p50_ms']:.3f} [{low}, {high}] / {first['p95_ms']:.3f}"]
+        row += [f"{first['predictions_per_s']:,.0f}"]
         row.append(" / ".join(_seconds(time) for time in by_panel.drop_duplicates("protocol")["train_s"]))
         row += [size(first[key]) for key in ("params", "macs", "size_bytes")]
         rows.append([*row, *(_fronts(by_panel, column) for column in FRONTS.values())])
     names = " / ".join(protocols).replace("_", " ")
     training = f"Training (s): {names}" if len(protocols) > 1 else "Training (s)"
     header = ["Model", *(f"{panel}: {measure}" for panel in panels)]
-    header += [f"batch {batch}: median / 95 % (ms)", f"predictions a second, batch {large}", training]
+    header += [f"batch {batch}: median [of rounds] / 95 % (ms)", f"predictions a second, batch {large}", training]
     header += ["Trained parameters", "MACs", "File (bytes)", "front of time", "front of training time"]
     lines = [
         "# Speed against accuracy\n",
-        f"Error on test data: mean [95 % t interval] over seeds. Times: median and 95th percentile of {calls} "
-        f"predictions (of batches a tenth as many) on {threads} CPU {'thread' if threads == 1 else 'threads'}; "
-        "training: median over the seeds of a split. Times differ from run to run and from machine to machine: "
-        "differences of a few percent mean nothing. MACs (multiply-accumulates) are of one prediction. On a Pareto "
-        "front are the models that no other one equals in time and mean error and beats in one of them; a model with "
-        "a failed run never is.\n",
+        f"Error on test data: mean [95 % t interval] over seeds. Times: median [lowest and highest median of a round] "
+        f"and 95th percentile of {calls} predictions (of batches a tenth as many) on {threads} CPU "
+        f"{'thread' if threads == 1 else 'threads'}, all models in turn in every round; training: median over the "
+        "seeds of a split. Times differ from run to run and from machine to machine. MACs (multiply-accumulates) are "
+        "of one prediction. On a Pareto front are the models that no other one equals in time and mean error and beats "
+        "in one of them, times that overlap being equal; a model with a failed run never is.\n",
         "Charts: [time of a prediction](tradeoff.png), [training time](training.png). In them, an arrowhead is an "
         "interval that leaves the axis, a cross at the top edge a model with a failed run.\n",
         *([f"{note}\n"] if note else []),

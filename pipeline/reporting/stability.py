@@ -57,7 +57,8 @@ def write(values: Mapping, folder: Path) -> None:
             raise InputError(f"params.yaml, stress: there is no block '{experiment}'; add one")
         settings = values[experiment]
         table = stability_verdicts.read(experiment, settings, values["stress"][experiment])
-        failures.append(stability_verdicts.failures(table, experiment))
+        judged = stability_verdicts.failures(table, experiment, values["stress"][experiment]["usable"])
+        failures.append(judged)
         trainings.append(stability_verdicts.training_failures(experiment, settings))
         _, error, unit = ERRORS[experiment]
         ylabel = error if unit == "1" else f"{error} ({unit})"
@@ -65,6 +66,10 @@ def write(values: Mapping, folder: Path) -> None:
         for name, title, panels_of_figure in panels(table, experiment):
             stability_figures.small_multiples(folder / name, panels_of_figure, title, ylabel)
             pictures[experiment].append(name)
+        for place, rows in judged.groupby(["protocol", "condition"], sort=False):
+            name = "_".join([experiment, *words(*place), "heat_map"]) + ".png"
+            if stability_figures.heat_map(folder / name, rows, heading(experiment, *place)):
+                pictures[experiment].append(name)
     judged = pd.concat(failures, ignore_index=True) if failures else pd.DataFrame(columns=FAILURES)
     trained = pd.concat(trainings, ignore_index=True) if trainings else pd.DataFrame(columns=TRAININGS)
     files.write_table(folder / "failures.csv", judged)
@@ -99,14 +104,15 @@ def failure_text(failures: pd.DataFrame) -> str:
     """Return failures.md: a table per experiment and condition, with a row per perturbation and a column per model."""
     parts = [
         "# Where the models fail\n",
-        "The first severity at which a model's error is above twice its clean error, or worse than that of the "
-        "constant model (floor); 0 (floor): no better than the constant model before anything is perturbed.\n",
+        "The first severity at which a model's error is above what is usable (`stress` of params.yaml), or worse than "
+        "that of the constant model (floor); 0: so before anything is perturbed. In brackets the relative error: over "
+        "that of the constant model, mean over the perturbed severities.\n",
     ]
     for place, rows in failures.groupby(["experiment", "protocol", "condition"], sort=False):
         models = list(dict.fromkeys(rows["model"]))
         lines = []
         for perturbation, judged in rows.groupby("perturbation", sort=False):
-            cells = {row.model: cell(row) for row in judged.itertuples()}
+            cells = {row.model: f"{cell(row)} [{row.relative:.2f}]" for row in judged.itertuples()}
             lines.append([perturbation, *(cells[model] for model in models)])
         parts.append(f"## {heading(*place)}\n")
         parts.append(markdown.table(["perturbation", *map(model_name, models)], lines))
@@ -145,10 +151,11 @@ def findings(
     """
     parts = [
         "# Stability: trained models where methods fail\n",
-        "Every model as it was trained, on test data that is perturbed step by step. It fails at the first severity at "
-        "which its error is above twice its clean error or worse than the constant model's; severities are explained "
-        "in [failures.md](failures.md). The rule compares a model with itself: one that is not much better than the "
-        "constant model on clean data has little to lose, so who is best under stress is named, too. "
+        "Every model as it was trained, on test data that is perturbed step by step. Models are ranked by their "
+        "relative error: over the constant model's under the same perturbation, mean over severities and "
+        "perturbations; 1 is no better than the constant model. A model fails at the first severity at which its error "
+        "is above what is usable (`stress` of params.yaml: a value in kPa, N, mm or share of images that a user would "
+        "set) or worse than the constant model's; severities are explained in [failures.md](failures.md). "
         "[Trainings that failed](training.md).\n",
     ]
     for experiment in dict.fromkeys([*failures["experiment"], *absent]):
@@ -178,7 +185,11 @@ def sentences(judged: pd.DataFrame) -> list[str]:
         lines.append(f"Failed in training, not judged: {names(broken)}.")
     bad = [model for model, rows in judged.groupby("model", sort=False) if (rows["step"] == 0).all()]
     if bad:
-        lines.append(f"No better than a constant before anything is perturbed, not judged: {names(bad)}.")
+        lines.append(f"Not usable, or no better than a constant, before anything is perturbed: {names(bad)}.")
+    order = stability_verdicts.ranking(judged)
+    if len(order):
+        ranked = ", ".join(f"{model_name(model)} {value:.2f}" for model, value in order.items())
+        lines.append(f"Relative error, the lowest first: {ranked}.")
     sound = judged[~judged["model"].isin([*broken, *bad])]
     if sound.empty:
         return lines

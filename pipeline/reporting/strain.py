@@ -19,7 +19,7 @@ from pipeline.reporting.verdicts.strain_measures import LATENT, TASKS
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring.published import latent
-from pipeline.scoring.results import Scores, estimate, read_fit, read_predictions, read_training_times
+from pipeline.scoring.results import R2, Scores, estimate, read_fit, read_predictions, read_training_times
 from pipeline.scoring.strain_results import TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
 
 WORDS = {"task_0": "xyz, what model-0 is trained on", "task_1": "z, 10 mm", "task_2": "xy, 140 x 80 mm"}
@@ -239,7 +239,7 @@ def drift_sentences(drift: pd.DataFrame) -> list[str]:
     """Return how well time and drift can be read from the latent space and from the raw voltages."""
     lines = []
     for (task, target), rows in drift.groupby(["protocol", "target"], sort=True):
-        r2 = rows.groupby("input", sort=False)["value"].apply(estimate)
+        r2 = rows.groupby("input", sort=False)["value"].apply(estimate, scale=R2)
         raw = next(name for name in r2.index if name.startswith("raw"))
         lines.append(
             f"- Drift-free, {task.replace('_', ' ')}: {target} can be read from model-0's latent space with R2 "

@@ -107,7 +107,7 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
     others = [name for name in conditions if name not in both]
     text = ["# Table I: accuracy\n"]
     text.append(
-        "Ours: mean [95 % t interval] over seeds, each of which draws another split and another start. "
+        f"Ours: mean [95 % t interval] over seeds, {sentences.replicates(settings, 'array')}. "
         "Published: the paper's one number. The models are fitted to single touches only.\n"
     )
     text.append(

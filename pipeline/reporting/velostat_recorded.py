@@ -77,7 +77,7 @@ def score_text(scores: Scores, settings: Mapping, groups: Sequence[str]) -> str:
     text = [
         "# Recorded Velostat taxel: force from the reading\n",
         "Fitted on the first repetition (exp1), tested on the second (exp2). Mean [95 % t interval] over seeds; "
-        "the split is the same for every seed, so a model without random start has an interval of zero width.\n",
+        "the split is the same for every seed, so a model without random start has no interval.\n",
     ]
     ways = {
         "each recording fitted alone": [place for place in places(settings, groups) if place[0] != POOLED],

@@ -44,8 +44,8 @@ object from the middle of the palm, towards the fingers (thumb: the other way ro
    grasp, so that a cell's share has a factor of its own (`seat_spread`).
 5. Velostat: the static law fitted to the recorded taxel (pipeline/scenes/material.py); its memory of 0.04 s is shorter
    than a frame's 0.1 s and left out. A bent joint presses wires into the film: G = G_rest (1 + gain angle / 90 deg).
-   Every cell has its own gain (`element_spread`), the same in all sessions: `specimen` numbers the glove, `seed` what
-   is done with it.
+   Every cell has its own gain (`element_spread`), the same in all sessions: `specimen` numbers the first of
+   `specimens` gloves, `seed` what is done with it.
 6. Circuit: virtual ground, so without crosstalk. Equations 1 and 2 of the paper: ADC = 1024 R_ref / (R + R_ref).
 
 A session is one grasp. Between sessions, placement on the palm, tilt, margin, shares, the cloth's folds and the fit of
@@ -78,6 +78,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
+from pipeline.datasets import specimens
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout
 from pipeline.scenes.faults import Fault, inject
@@ -186,7 +187,11 @@ class Hold(NamedTuple):
 def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
     """Return all recordings, and the function that gives the log of one (`logs_of`); settings: the block `glove`."""
     scene = scene_of(settings)
-    sessions = [f"session{number:02d}" for number in range(scene["sessions"])]
+    sessions = [
+        specimens.named(specimen, f"session{number:02d}")
+        for specimen in range(scene["specimens"])
+        for number in range(scene["sessions"])
+    ]
     recordings = [Recording(name, session) for name in OBJECTS for session in sessions]
     return recordings, functools.partial(logs_of, settings=scene)
 
@@ -207,8 +212,9 @@ def logs_of(recording: Recording, settings: Mapping) -> dict[str, tuple[list[str
 
     settings: the block glove.simulate with the sensor (`scene_of`).
     """
-    names = (settings["seed"], recording.condition, recording.name)
     frames = frames_per_session(settings)
+    settings = specimens.drawn(settings, specimens.number(recording.name))
+    names = (settings["seed"], recording.condition, recording.name)
     thing = OBJECTS[recording.condition]
     siemens = conductances(thing, held(frames, settings, generator(*names, "hold"), thing), settings)
     t_us = np.round((np.arange(frames) + 1) * 1e6 / settings["frame_hz"]).astype(np.int64)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.datasets import specimens
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove
 
@@ -19,18 +20,19 @@ def session(settings: Mapping, name: str, recording: str, change: str, severity:
 
     settings: the block `glove` of params.yaml. Severity 0 is the log itself before its line faults. By change:
 
-    * specimen: the glove that comes `severity` numbers after the scene's, spread even where training's is not.
+    * specimen: a glove of the same make that no seed trains on, spread even where training's is not.
     * shift: the object lies `severity` mm nearer to the fingers than the hand wants it to.
     * turn: the object's axis lies `severity` degrees further turned on the palm.
     * grip: the margin of the grip over the slip force, times 2^severity.
     """
-    scene = glove.scene_of(settings)
+    every, number = glove.scene_of(settings), specimens.number(recording)
+    scene = specimens.drawn(every, number)
     names = (scene["seed"], name, recording)
     thing, film = glove.OBJECTS[name], scene
     hold = glove.held(glove.frames_per_session(scene), scene, generator(*names, "hold"), thing)
     if change == "specimen":
         effects = scene["effects"] | ({"element_spread": True} if severity else {})
-        film = scene | {"specimen": scene["specimen"] + round(severity), "effects": effects}
+        film = scene | {"specimen": scene["specimen"] + every["specimens"] * round(severity), "effects": effects}
     elif change == "shift":
         hold = hold._replace(along=hold.along + severity)
     elif change == "turn":

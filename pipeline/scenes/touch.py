@@ -8,7 +8,7 @@ Motion. `touch_motion.py`. Contact. `touch_contact.py`. Velostat. `material.py`,
 taxel under a load cell. Circuit. `readout.py`, exact for the read-out of figure 2c of the LoMP paper; the elements are
 read one after the other (`read_us`: 13 cycles of the ADC's 125 kHz clock and the call, Arduino's analogRead).
 Two seeds: `specimen` draws the array (how the film differs from place to place), `seed` all else, so that runs with the
-same motions or with the same array can be compared.
+same motions or with the same array can be compared. There are `specimens` arrays, each with motions of its own.
 
 Differs from paper: the array is simulated. The tip's radius is not given there: 5 mm keeps 400 kPa within the 40 N of
 the recordings that the material was fitted to. The resistances of figure 2b are not printed as numbers either, and the
@@ -22,6 +22,7 @@ from collections.abc import Callable, Mapping, Set
 
 import numpy as np
 
+from pipeline.datasets import specimens
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout
 from pipeline.scenes.faults import Fault, inject
@@ -42,20 +43,24 @@ MILLIMETRE_PER_PRESSURE_ROOT = 0.03  # 400 kPa at 1.6 mm depth: scales z in the 
 def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
     """Return all recordings, and the function that gives the logs of one (`logs_of`); settings: the block `touch`."""
     scene, sensor, radius = settings["simulate"], settings["sensor"], settings["label"]["tip_radius_mm"]
-    recordings = [
-        *single_recordings(scene, sensor, radius),
-        *double_recordings(scene, sensor, radius),
-        *demonstration_recordings(scene, sensor, radius),
-    ]
-    # Resets strike the first recordings; the others show the array undisturbed.
-    resets = {recording.name for recording in recordings[: scene["faults"]["resets"]]}
+    recordings, resets = [], set()
+    for specimen in range(scene["specimens"]):
+        of_specimen = specimens.drawn(scene, specimen)
+        planned = [
+            recording._replace(name=specimens.named(specimen, recording.name))
+            for make in (single_recordings, double_recordings, demonstration_recordings)
+            for recording in make(of_specimen, sensor, radius)
+        ]
+        # Resets strike the first recordings of an array; the others show the array undisturbed.
+        resets |= {recording.name for recording in planned[: scene["faults"]["resets"]]}
+        recordings += planned
     return recordings, functools.partial(_planned_logs, settings=scene, sensor=sensor, resets=resets)
 
 
 def _planned_logs(recording: Recording, settings: Mapping, sensor: Mapping, resets: Set[str]) -> dict:
     """Return the logs of one recording of a plan; resets: the names of the single recordings with a reset."""
     reset = recording.condition == "single" and recording.name in resets
-    return logs_of(recording, settings, sensor, reset)
+    return logs_of(recording, specimens.drawn(settings, specimens.number(recording.name)), sensor, reset)
 
 
 def array_voltage(loads: Loads, settings: Mapping, sensor: Mapping) -> np.ndarray:

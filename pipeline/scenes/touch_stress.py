@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.datasets import specimens
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import touch, touch_motion
 from pipeline.scenes.touch_contact import steady, tip_area_m2
@@ -51,14 +52,16 @@ def varied(settings: Mapping, perturbation: str, severity: float) -> dict:
 
 
 def plan(
-    settings: Mapping, condition: str, perturbation: str, severity: float
+    settings: Mapping, condition: str, perturbation: str, severity: float, specimen: int
 ) -> tuple[list[Recording], Callable[[Recording], dict]]:
     """Return the perturbed recordings of one condition, and the function that gives the logs of one, as `touch.plan`.
 
-    settings: the block `touch` as params.yaml has it. specimen: severity 1, 2, ... are arrays of the same make with
-    places that differ, even where those of training do not, at the same presses.
+    settings: the block `touch` as params.yaml has it; specimen: the array that was trained on. The perturbation
+    `specimen` takes arrays of the same make that no seed trains on, with places that differ, even where those of
+    training do not, at the same presses.
     """
     changed = varied(settings, perturbation, severity)
+    changed = changed | {"simulate": specimens.drawn(changed["simulate"], specimen)}
     scene, sensor, radius = changed["simulate"], changed["sensor"], changed["label"]["tip_radius_mm"]
     if condition == "double":
         recordings = touch_motion.double_recordings(scene, sensor, radius)
@@ -71,7 +74,9 @@ def plan(
     read_out = scene
     if perturbation == "specimen":
         effects = scene["effects"] | ({"places": True} if severity else {})
-        read_out = scene | {"specimen": scene["specimen"] + int(severity), "effects": effects}
+        unknown = scene["specimen"] + settings["simulate"]["specimens"] * int(severity)
+        read_out = scene | {"specimen": unknown, "effects": effects}
+    recordings = [each._replace(name=specimens.named(specimen, each.name)) for each in recordings]
     return recordings, lambda recording: touch.logs_of(recording, read_out, sensor, reset=False)
 
 

@@ -1,6 +1,6 @@
 """Read scores, fits, times and predictions for the reports. A missing file or row is an error, no gap."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,13 +8,23 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
-from scipy.special import stdtrit
+from scipy.special import betaincinv, expit, logit, stdtrit
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import fits, schemas
 
 CONFIDENCE = 0.95
+SAME = 1e-12  # relative: runs closer to one another have one value
+PLAIN, SHARE, R2 = "", "share", "r2"  # scales of values
+EDGE = 1e-3  # a share nearer to a bound counts as this far from it: one test item in a thousand
+SHARES = ("accuracy", "macro_precision", "touches_found")  # metrics from 0 to 1
+# Scale -> the function that its values are near a normal distribution by, and its inverse.
+SCALES: dict[str, tuple[Callable, Callable]] = {
+    PLAIN: (np.asarray, float),
+    SHARE: (lambda share: logit(np.clip(share, EDGE, 1 - EDGE)), expit),
+    R2: (lambda r2: np.log(np.maximum(1 - r2, EDGE)), lambda missing: 1 - np.exp(missing)),
+}
 MISSING = ("", "nan")  # how the stages write a value that there is not
 
 
@@ -32,18 +42,41 @@ class Estimate(NamedTuple):
         return self._replace(mean=100 * self.mean, low=100 * self.low, high=100 * self.high)
 
 
-def estimate(values: Sequence[float]) -> Estimate:
-    """Return mean and 95 % t interval of one value per run; a run has failed where its value is not finite."""
+def estimate(values: Sequence[float], scale: str = "", trials: int = 0) -> Estimate:
+    """Return mean and 95 % interval of one value per run; a run has failed where its value is not finite.
+
+    scale: PLAIN, for a t interval of the values; SHARE (0 to 1) or R2 (up to 1), for one of their logits, or of the
+    logarithms of what is missing to 1, turned back, so that it stays inside the bounds. Runs that all have one value
+    tell nothing of their spread: they have no interval, but for shares of `trials`, and for shares at a bound, as of as
+    many trials as there are runs (`binomial`).
+    """
     values = np.asarray(values, dtype=float)
     good = values[np.isfinite(values)]
     n, failed = len(good), len(values) - len(good)
     if n == 0:
         return Estimate(np.nan, np.nan, np.nan, 0, failed)
     mean = float(good.mean())
-    if n == 1:
-        return Estimate(mean, np.nan, np.nan, 1, failed)
-    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * good.std(ddof=1) / np.sqrt(n))
-    return Estimate(mean, mean - half, mean + half, n, failed)
+    if n == 1 or np.ptp(good) <= SAME * np.abs(good).max():
+        known = n > 1 and scale == SHARE and (trials or mean in (0.0, 1.0))
+        return Estimate(mean, *(binomial(mean, trials or n) if known else (np.nan, np.nan)), n, failed)
+    there, back = SCALES[scale]
+    seen = there(good)
+    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * seen.std(ddof=1) / np.sqrt(n))
+    low, high = sorted(float(back(seen.mean() + side * half)) for side in (-1, 1))
+    return Estimate(mean, min(low, mean), max(high, mean), n, failed)
+
+
+def binomial(share: float, trials: int) -> tuple[float, float]:
+    """Return the exact 95 % interval of a share of so many trials (Clopper and Pearson 1934)."""
+    hits, tail = share * trials, (1 - CONFIDENCE) / 2
+    low = float(betaincinv(hits, trials - hits + 1, tail)) if share > 0 else 0.0
+    high = float(betaincinv(hits + 1, trials - hits, 1 - tail)) if share < 1 else 1.0
+    return low, high
+
+
+def scale_of(metric: str) -> str:
+    """Return the scale of a metric's values, for `estimate`."""
+    return SHARE if metric in SHARES else R2 if "r2" in metric else PLAIN
 
 
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
@@ -102,13 +135,25 @@ class Scores:
 
     def estimate(self, protocol: str, condition: str, model: str, metric: str) -> Estimate:
         """Return mean and interval over the seeds of one protocol."""
-        return estimate(self.runs(protocol, condition, model, metric))
+        return estimate(self.runs(protocol, condition, model, metric), scale_of(metric))
 
 
 def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
     """Read latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
     path, made_by = paths.latency(experiment), f"python -m pipeline.stages.latency {experiment}"
-    wanted = ["model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs", "train_s", "size_bytes"]
+    wanted = [
+        "model",
+        "batch",
+        "threads",
+        "p50_ms",
+        "p50_low_ms",
+        "p50_high_ms",
+        "p95_ms",
+        "params",
+        "macs",
+        "train_s",
+        "size_bytes",
+    ]
     rows = {(row["model"], row["batch"]): row for row in read_csv(path, wanted, made_by).to_dict("records")}
     for model in settings["models"]:
         for batch in settings["latency"]["batches"]:

@@ -13,7 +13,7 @@ import pyarrow as pa
 from pipeline import experiments, models, scenes, tasks
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.datasets import images, schemas, series
+from pipeline.datasets import images, schemas, series, specimens
 from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Trained
 from pipeline.scoring import classification, metrics
@@ -47,10 +47,8 @@ def settings_of(values: Mapping, experiment: str, changes: Mapping, where: str) 
 
 
 def drawn(settings: Mapping, seed: int) -> dict:
-    """Return the settings of the scene that a seed draws: another specimen, and other motions, noise and faults."""
-    scene = settings["simulate"]
-    moved = {name: scene[name] + seed for name in ("seed", "specimen") if name in scene}
-    return {**settings, "simulate": scene | moved}
+    """Return the settings of the scene that a seed draws: one other specimen, and other motions, noise and faults."""
+    return {**settings, "simulate": specimens.drawn(settings["simulate"], seed) | {"specimens": 1}}
 
 
 def _merged(block: Mapping, changes: Mapping) -> dict:

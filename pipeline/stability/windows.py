@@ -37,11 +37,12 @@ ROUNDING = 1e-4  # relative: other processors sum in another order
 
 
 class Case(NamedTuple):
-    """One perturbed scene in one condition."""
+    """One perturbed scene in one condition, of the specimen that a seed trains on."""
 
     condition: str
     perturbation: str
     severity: float
+    specimen: int
 
 
 def prepare(values: Mapping, experiment: str) -> None:
@@ -63,14 +64,16 @@ def scene_cases(values: Mapping, experiment: str) -> list[Case]:
     params.check_known(asked, (*READINGS, *known), f"stress.{experiment}.perturbations")
     if values[experiment].get("source") != "simulated":
         return []
-    cases = [
-        Case(condition, name, severity)
+    protocols, arrays = values["stress"][experiment]["protocols"], values[experiment]["simulate"]["specimens"]
+    trained_on = {seed % arrays for name in protocols for seed in values[experiment]["protocols"][name]["seeds"]}
+    scenes_of_each = [
+        (condition, name, severity)
         for name, severities in asked.items()
         for condition in known.get(name, ())
         for severity in severities
     ]
-    anew = [Case("single_anew", UNCHANGED, 0)] if any(case.condition == "single_anew" for case in cases) else []
-    return anew + cases
+    anew = [("single_anew", UNCHANGED, 0)] if any(scene[0] == "single_anew" for scene in scenes_of_each) else []
+    return [Case(*scene, specimen) for specimen in sorted(trained_on) for scene in anew + scenes_of_each]
 
 
 def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[], None]) -> None:
@@ -109,7 +112,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
         for seed in settings["protocols"][protocol]["seeds"]:
             run = tasks.load(values, experiment, model, protocol, seed, spec)
             rows_of_run = _readings_rows(experiment, values, data, protocol, seed, run.model)
-            rows_of_run += _scene_rows(experiment, settings, perturbed_scenes, run.model)
+            rows_of_run += _scene_rows(experiment, settings, seed, perturbed_scenes, run.model)
             if run.failed:
                 rows_of_run = [(*row[:5], float("nan"), row[6]) for row in rows_of_run]
             for condition in experiments.module(experiment).STRESSED:
@@ -181,16 +184,21 @@ def _readings_rows(experiment: str, values: Mapping, data: Dataset, protocol: st
     return rows
 
 
-def _scene_rows(experiment: str, settings: Mapping, perturbed_scenes: Mapping[Case, Dataset], model) -> list:
-    """Return rows as `_readings_rows`, of the perturbed scenes."""
+def _scene_rows(
+    experiment: str, settings: Mapping, seed: int, perturbed_scenes: Mapping[Case, Dataset], model
+) -> list[tuple]:
+    """Return rows as `_readings_rows`, of the perturbed scenes of the seed's specimen."""
     rows, module = [], experiments.module(experiment)
     for case, data in perturbed_scenes.items():
+        if case.specimen != seed % settings["simulate"]["specimens"]:
+            continue
         varied = touch_stress.varied(settings, case.perturbation, case.severity)
         predicted = tasks_windows.predict(model, data.x, data, np.arange(len(data.x)))
         scores = tasks_windows.score(module, data.y, predicted, varied)
-        rows += [(*case, *row) for row in scores if row[0] in REPORTED]
+        rows += [(*case[:3], *row) for row in scores if row[0] in REPORTED]
     return rows
 
 
 def _scene_file(experiment: str, case: Case) -> Path:
-    return paths.stress_scenes(experiment) / f"{case.condition}-{case.perturbation}-{case.severity:g}.parquet"
+    name = f"{case.condition}-{case.perturbation}-{case.severity:g}-{case.specimen}.parquet"
+    return paths.stress_scenes(experiment) / name

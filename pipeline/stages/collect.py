@@ -1,5 +1,6 @@
 """Collect scores, latencies and stress of all experiments in one file each, in full precision.
 
+Each row of scores.csv says the scale of its experiment (`params.scale_of`).
 Usage: python -m pipeline.stages.collect
 """
 
@@ -15,15 +16,18 @@ from pipeline.base.errors import InputError, run_stage
 STRESS = ("experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition")
 
 
-def collect(parts: list[Path], target: Path, first: Sequence[str] = ()) -> None:
+def collect(parts: list[Path], target: Path, first: Sequence[str] = (), scales: Sequence[str] = ()) -> None:
     """Write the rows of all `parts` (CSV files with one header) to `target`, digit for digit.
 
-    `first`: columns that come first, in this order, the others after them as they are.
+    first: columns that come first, in this order, the others after them as they are. scales: the last column, `scale`,
+    of each part; none where there are no scales.
     """
     tables = [pd.read_csv(paths.require(part, "dvc repro"), dtype=str, keep_default_na=False) for part in parts]
     for part, table in zip(parts, tables, strict=True):
         if list(table.columns) != list(tables[0].columns):
             raise InputError(f"{part}: its columns differ from those of {parts[0]}; run `dvc repro` again")
+    if scales:
+        tables = [table.assign(scale=scale) for table, scale in zip(tables, scales, strict=True)]
     together = pd.concat(tables)
     order = [*first, *(column for column in together.columns if column not in first)]
     files.write_table(target, together[order])
@@ -32,8 +36,10 @@ def collect(parts: list[Path], target: Path, first: Sequence[str] = ()) -> None:
 def main() -> None:
     """Collect every experiment of params.yaml."""
     arguments.parse(__doc__)
-    experiments = params.load()["experiments"]
-    collect([paths.scores(name) for name in experiments], paths.REPORTS / "scores.csv")
+    values = params.load()
+    experiments = values["experiments"]
+    scales = [params.scale_of(name, values[name]) for name in experiments]
+    collect([paths.scores(name) for name in experiments], paths.REPORTS / "scores.csv", scales=scales)
     collect([paths.latency(name) for name in experiments], paths.REPORTS / "latency.csv")
     collect([paths.stress(name) for name in experiments], paths.REPORTS / "stress.csv", STRESS)
 

@@ -1,7 +1,8 @@
 """Measure how long a prediction takes, and what the model weighs. Runs alone, on one thread.
 
 A prediction is the answer to one window or image, or, on series and streams, to the next sample or frame with the state
-carried along.
+carried along. All models are timed in turn, round after round, so that what else the machine does meets all of them;
+`p50_low_ms` and `p50_high_ms` are the lowest and the highest median of a round.
 Usage: python -m pipeline.stages.latency EXPERIMENT
 """
 
@@ -26,6 +27,8 @@ COLUMNS = (
     "batch",
     "threads",
     "p50_ms",
+    "p50_low_ms",
+    "p50_high_ms",
     "p95_ms",
     "params",
     "macs",
@@ -35,13 +38,13 @@ COLUMNS = (
 
 
 def prediction_times(predict, x: np.ndarray, batch: int, settings: dict) -> np.ndarray:
-    """Milliseconds of each of `settings.calls` predictions of one window after `settings.warm_up` of them.
+    """Milliseconds of each of a round's share of `settings.calls` predictions after `settings.warm_up` of them.
 
     Of larger batches FEWER times less of both. x: (n, frames, elements); every call gets the next windows, as a
     stream would.
     """
     fewer = FEWER if batch > 1 else 1
-    warm_up, calls = -(-settings["warm_up"] // fewer), -(-settings["calls"] // fewer)
+    warm_up, calls = -(-settings["warm_up"] // fewer), -(-settings["calls"] // (fewer * settings["rounds"]))
     starts = [(k * batch) % max(1, len(x) - batch + 1) for k in range(warm_up + calls)]
     taken = []
     for start in starts:
@@ -77,17 +80,24 @@ def main() -> None:
         spec, x = task.stream(experiment, values[experiment], protocol, seed)
         if len(x) < max(settings["batches"]):  # a tiny dataset: the time does not depend on the values
             x = np.resize(x, (max(settings["batches"]), *x.shape[1:]))
-        for model in tqdm(values[experiment]["models"], desc=f"latency {experiment}", unit="model"):
+        models = {
+            model: tasks.load(values, experiment, model, protocol, seed, spec).model
+            for model in values[experiment]["models"]
+        }
+        timed = {model: task.timed(regressor, x) for model, regressor in models.items()}
+        times = {(model, batch): [] for model in models for batch in settings["batches"]}
+        with threadpool_limits(settings["threads"]):
+            turns = [key for _ in range(settings["rounds"]) for key in times]
+            for model, batch in tqdm(turns, desc=f"latency {experiment}", unit="model"):
+                times[model, batch].append(prediction_times(*timed[model], batch, settings))
+        for (model, batch), of_rounds in times.items():
+            medians = [np.median(taken) for taken in of_rounds]
+            p50, p95 = np.percentile(np.concatenate(of_rounds), [50, 95])
             folder = paths.run_folder(experiment, model, protocol, seed)
-            regressor = tasks.load(values, experiment, model, protocol, seed, spec).model
-            predict, inputs = task.timed(regressor, x)
             size = sum(file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json"))
-            with threadpool_limits(settings["threads"]):
-                for batch in settings["batches"]:
-                    times = prediction_times(predict, inputs, batch, settings)
-                    p50, p95 = np.percentile(times, [50, 95])
-                    costs = (regressor.parameters(), regressor.macs(), training_seconds(experiment, model, protocol))
-                    rows.append((experiment, model, batch, settings["threads"], p50, p95, *costs, size))
+            costs = models[model].parameters(), models[model].macs(), training_seconds(experiment, model, protocol)
+            key = (experiment, model, batch, settings["threads"])
+            rows.append((*key, p50, min(medians), max(medians), p95, *costs, size))
     files.write_csv(paths.latency(experiment), COLUMNS, rows)
 
 

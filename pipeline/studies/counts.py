@@ -75,7 +75,7 @@ def _row(
     equal = all(
         (Decimal(ours) / unit).quantize(printed) == printed for ours, (printed, unit) in zip(counts, paper, strict=True)
     )
-    return (*row, *(int(printed * unit) for printed, unit in paper), "reproduced" if equal else "not reproduced", note)
+    return (*row, *(int(printed * unit) for printed, unit in paper), "reproduced" if equal else "contradicted", note)
 
 
 def main() -> None:

@@ -61,7 +61,7 @@ def fit(
 ) -> Fitted:
     """Return a model fitted to the training windows of one run. Raises InputError where a part has no window."""
     regressor = build(spec(settings))
-    data = read_dataset(path, settings["window"]["frames"])
+    data = read_dataset(path, settings["window"]["frames"], (protocol, seed))
     part = data.part(protocol, seed)
     train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
     for name, windows in (("train", train), ("validation", validation)):

@@ -17,7 +17,7 @@ import pyarrow as pa
 from sklearn.tree import DecisionTreeClassifier
 
 from pipeline.base import paths
-from pipeline.datasets import schemas
+from pipeline.datasets import schemas, specimens
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove, glove_recorded
 
@@ -114,10 +114,12 @@ def recorded(settings: Mapping) -> pd.DataFrame:
 def simulated(settings: Mapping) -> pd.DataFrame:
     """Return the statistics of the scene's grasps, as `recorded`; raises InputError where its logs have not been read.
 
-    Angles are what the mean of a joint's film shows by the scene's own law; the empty hand is no grasp.
+    Angles are what the mean of a joint's film shows by the scene's own law; the empty hand is no grasp, and the grasps
+    are of one glove, as those of the recordings are of one hand.
     """
     table = schemas.read(paths.require(paths.frames("glove"), "python -m pipeline.stages.ingest glove"))
-    table = table.filter(pa.array(schemas.names(table["condition"]) != "empty_hand"))
+    of_one = specimens.of_seed(schemas.names(table["recording"]), 0)
+    table = table.filter(pa.array(of_one & (schemas.names(table["condition"]) != "empty_hand")))
     block = settings["glove"]
     ohm, film = block["sensor"]["reference_ohm"], block["simulate"]["film"]
     cells = glove.conductance(schemas.matrix(table["pressure"]), ohm)

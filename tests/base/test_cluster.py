@@ -335,8 +335,8 @@ def test_a_wrong_setting_is_one_sentence(given, monkeypatch):
 
 
 def test_the_documented_commands_listen_to_nobody_else():
-    """README's commands with loopback for HOST: every port that they open, their dashboards' too, is loopback's."""
-    lines = [line.partition("#")[0] for line in (ROOT / "README.md").read_text().splitlines()]
+    """Documented commands with loopback for HOST: every port that they open, their dashboards' too, is loopback's."""
+    lines = [line.partition("#")[0] for line in (ROOT / "docs" / "runs.md").read_text().splitlines()]
     commands = [line.split() for line in lines if line.startswith("dask ")]
     assert [command[1] for command in commands] == ["scheduler", "worker"]
     with socket.create_server(("127.0.0.1", 0)) as free:

@@ -118,11 +118,11 @@ def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
     return pa.table(columns).select(glove.SCHEMA.names).cast(glove.SCHEMA)
 
 
-def at_full_scale(folder: Path) -> dict:
-    """Return params.yaml with scales/full.yaml applied; a copy in `folder` is what is changed."""
+def at_paper_scale(folder: Path) -> dict:
+    """Return params.yaml with scales/paper.yaml applied; a copy in `folder` is what is changed."""
     copy = folder / paths.PARAMS.name
     shutil.copy(paths.PARAMS, copy)
-    set_values(params.parsed(paths.FULL_SCALE), copy)
+    set_values(params.parsed(paths.SCALES / "paper.yaml"), copy)
     return params.load(copy)
 
 

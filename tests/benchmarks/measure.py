@@ -66,12 +66,12 @@ def ingest(folder: Path, _):
 
 def dataset(folder: Path, _):
     """Frames to windows to a dataset: both stages, with the papers' amounts of windows and splits."""
-    from benchmarks.made import at_full_scale
+    from benchmarks.made import at_paper_scale
 
     from pipeline.base import params
     from pipeline.stages import dataset, window
 
-    values = at_full_scale(folder)
+    values = at_paper_scale(folder)
     params.load = lambda *_: values  # in this process, which ends with the task
     paths.ROOT = folder
 
@@ -87,11 +87,11 @@ def dataset(folder: Path, _):
 def dataset_pandas(folder: Path, _):
     """The same with pandas and numpy."""
     from benchmarks import peers
-    from benchmarks.made import at_full_scale
+    from benchmarks.made import at_paper_scale
 
     from pipeline.base import params
 
-    values = at_full_scale(folder)
+    values = at_paper_scale(folder)
     paths.ROOT = folder
     return lambda: peers.dataset(
         paths.frames("touch"), folder / "peer.parquet", values["touch"], params.runs(values, "touch")

@@ -1,6 +1,6 @@
 """What the papers' scale would cost now: core-hours of every network's trainings, from updates that are timed here.
 
-Counted are the trainings of the tables' networks, all protocols and seeds, with scales/full.yaml over params.yaml;
+Counted are the trainings of the tables' networks, all protocols and seeds, with scales/paper.yaml over params.yaml;
 not the ablations, the augmentation, the ladders of sizes, the stress tests, nor models without epochs.
 """
 
@@ -23,11 +23,11 @@ from pipeline.tasks import windows
 EXPERIMENTS = ("touch", "glove")
 TOUCH_WINDOWS_PER_PRESS = 33.1  # one every 5 frames of a press and the rest beside it: 66,152 of 2000 presses
 TOUCHED = 0.753  # of the training windows of the laptop scale, which lie every 40 frames of the same recordings
-CHAIN = 4  # windows of a press that follow one another without overlap, as at full scale
+CHAIN = 4  # windows of a press that follow one another without overlap, as at paper scale
 
 
 class Cost(NamedTuple):
-    """What one network's trainings take at full scale; an epoch has `rows` windows or images, of rest those it draws.
+    """What one network's trainings take at paper scale; an epoch has `rows` windows or images, of rest those it draws.
 
     epochs: of all runs together.
     """

@@ -1,7 +1,6 @@
 """The search of learning rates: the same for every network, on validation windows alone."""
 
 import argparse
-import copy
 import math
 
 import numpy as np
@@ -9,48 +8,19 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from pipeline.base import params, paths
+from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.commands import rates
 from pipeline.datasets import schemas
 
-SMALL = {"channels": [4], "hidden": [16]}
 NAN = float("nan")
-
-
-@pytest.fixture
-def values(tmp_path, monkeypatch):
-    """params.yaml with a small CNN of few epochs and three seeds, in a folder of its own and in this process."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
-    monkeypatch.setenv("WORKERS", "1")
-    values = copy.deepcopy(params.load()) | {"device": "cpu"}
-    monkeypatch.setattr(params, "load", lambda: values)
-    cnn = values["touch"]["models"]["cnn"]
-    cnn |= SMALL | {"training": cnn["training"] | {"epochs": 3, "batch_size": 32}}
-    values["touch"]["protocols"] = {"press": {"seeds": [4, 5, 6]}, "random_window": {"seeds": [0]}}
-    return values
-
-
-def write_dataset(wrong: str) -> None:
-    """Labels follow the windows; those of the part `wrong` are noise."""
-    rng = np.random.default_rng(0)
-    part = np.repeat(["train", "validation", "test"], [128, 32, 32])
-    x = rng.uniform(0, 1000, (192, 8, 25)).astype(np.float32)
-    y = np.repeat(x[:, -1, :1] / 5, 400, axis=1)
-    y[part == wrong] += rng.uniform(0, 1e6, (int((part == wrong).sum()), 400)).astype(np.float32)
-    names = pa.array(part).dictionary_encode().cast(schemas.NAME)
-    columns = {schemas.split_column("press", seed): names for seed in (4, 5, 6)}
-    columns |= {"x": schemas.lists(x.reshape(192, -1), pa.float32()), "y": schemas.lists(y, pa.float32())}
-    table = pa.table(columns)
-    schemas.write(paths.dataset("touch"), table.schema, [table])
 
 
 def nothing(*numbers) -> None:
     """In place of a progress bar."""
 
 
-def test_only_the_rate_of_the_recipe_is_replaced_and_the_test_part_is_not_read(values):
+def test_only_the_rate_of_the_recipe_is_replaced_and_the_test_part_is_not_read(values, write_dataset):
     write_dataset("test")
     trained = [rates.train_run(values, "touch", "cnn", rate, 5, nothing) for rate in (1e-5, 1e-2)]
     rows = [dict(zip(rates.COLUMNS, row, strict=True)) for row in trained]
@@ -78,7 +48,7 @@ def test_a_stream_is_trained_as_one(values, monkeypatch):
     assert regressor.training.epochs == settings["models"]["lomp_stream"]["training"]["epochs"]
 
 
-def test_the_command_trains_the_grid_at_the_first_seed_and_the_two_best_at_all(values):
+def test_the_command_trains_the_grid_at_the_first_seed_and_the_two_best_at_all(values, write_dataset):
     write_dataset("nowhere")
     values["touch"]["models"] = {"constant": {}, "cnn": values["touch"]["models"]["cnn"]}
     rates.main(argparse.Namespace(experiment="touch"))
@@ -149,7 +119,7 @@ def test_the_mean_over_the_seeds_decides_and_what_diverged_is_named(values, monk
     assert "12 trainings, 24 s" in text
 
 
-def test_a_training_that_diverges_has_no_error(values):
+def test_a_training_that_diverges_has_no_error(values, write_dataset):
     write_dataset("nowhere")
     values["touch"]["models"]["cnn"]["training"] |= {"epochs": 2}
     table = schemas.read(paths.dataset("touch"))

@@ -64,6 +64,7 @@ def test_only_single_touches_are_trained_on(settings, protocol):
     windows = pa.table(
         {
             "condition": pa.array(conditions).dictionary_encode(),
+            "recording": pa.array(["run000"] * n).dictionary_encode(),
             "press": pa.array(np.arange(n, dtype=np.int32)),
             "apart": pa.array(np.full(n, True)),
             "sliding": pa.array(np.full(n, True)),
@@ -72,6 +73,25 @@ def test_only_single_touches_are_trained_on(settings, protocol):
     part = touch.split(windows, settings, protocol, 0)
     assert (part[40:] == "test").all()
     assert [int((part == name).sum()) for name in ("train", "validation", "test")] == [32, 4, 54]
+
+
+@pytest.mark.parametrize("protocol", ["press", "random_window"])
+def test_a_seed_sees_the_windows_of_its_own_array(settings, protocol):
+    n = 60
+    windows = pa.table(
+        {
+            "condition": pa.array((["single"] * 20 + ["double"] * 10) * 2).dictionary_encode(),
+            "recording": pa.array(["specimen0-run000"] * 30 + ["specimen1-run000"] * 30).dictionary_encode(),
+            "press": pa.array(np.arange(n, dtype=np.int32)),
+            "apart": pa.array(np.full(n, True)),
+            "sliding": pa.array(np.full(n, True)),
+        }
+    )
+    for seed in range(3):
+        part = touch.split(windows, settings, protocol, seed)
+        used = part.reshape(2, 30)[seed % 2]
+        assert (part.reshape(2, 30)[1 - seed % 2] == "unused").all() and (used[20:] == "test").all()
+        assert [int((used[:20] == name).sum()) for name in ("train", "validation", "test")] == [16, 2, 2]
 
 
 def test_recorded_split_tests_on_the_other_repetition():

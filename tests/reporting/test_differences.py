@@ -40,7 +40,7 @@ def test_every_mark_in_the_code_is_in_a_report():
 
 @pytest.mark.parametrize("experiment", ["touch", "glove"])
 def test_every_amount_below_the_papers_scale_is_in_its_report(experiment):
-    full = {k: v for k, v in params.parsed(paths.FULL_SCALE).items() if k.partition(".")[0] == experiment}
+    full = {k: v for k, v in params.parsed(paths.SCALES / "paper.yaml").items() if k.partition(".")[0] == experiment}
     texts = [text for _, text in amounts(experiment, VALUES[experiment])]
     assert texts and all(text.split("`")[1] in full for text in texts)
     block, *keys, last = next(iter(full)).split(".")

@@ -28,33 +28,42 @@ def errors(values: list[float], levels: list[float]) -> dict[float, Estimate]:
     return dict(zip(levels, (level([value]) for value in values), strict=True))
 
 
-def test_a_model_fails_above_twice_its_clean_error():
-    found = stability_verdicts.verdict(errors([2, 3.9, 4.1, 9], [0, 1, 2, 3]), errors([10] * 4, [0, 1, 2, 3]))
-    assert found[:4] == (2, 2, 2, 4.1) and found.reason == "above twice its clean error"
+USABLE = 4.0
 
 
-def test_a_model_fails_where_a_constant_is_better():
-    found = stability_verdicts.verdict(errors([8, 11], [0, 1]), errors([10, 10], [0, 1]))
-    assert (found.severity, found.reason) == (1, "worse than constant")
-    bad = stability_verdicts.verdict(errors([12, 13], [0, 1]), errors([10, 10], [0, 1]))
+def test_a_model_fails_above_what_is_usable():
+    found = stability_verdicts.verdict(errors([2, 3.9, 4.1, 9], [0, 1, 2, 3]), errors([10] * 4, [0, 1, 2, 3]), USABLE)
+    assert found[:4] == (2, 2, 2, 4.1) and found.reason == "not usable"
+    bad = stability_verdicts.verdict(errors([5, 6], [0, 1]), errors([10, 10], [0, 1]), USABLE)
     assert (bad.severity, bad.step) == (0, 0)
 
 
+def test_a_model_fails_where_a_constant_is_better():
+    found = stability_verdicts.verdict(errors([2, 3.5], [0, 1]), errors([3, 3], [0, 1]), USABLE)
+    assert (found.severity, found.reason) == (1, "worse than constant")
+
+
 def test_a_model_that_stays_below_both_holds():
-    found = stability_verdicts.verdict(errors([2, 4], [0, 1]), errors([10, 10], [0, 1]))
+    found = stability_verdicts.verdict(errors([2, 4], [0, 1]), errors([10, 10], [0, 1]), USABLE)
     assert found.reason == HOLDS and np.isnan(found.severity)
-    assert stability_verdicts.verdict(errors([2, 4.1], [0, 1]), None).severity == 1  # without `constant`
+    assert stability_verdicts.verdict(errors([2, 4.1], [0, 1]), None, USABLE).severity == 1  # without `constant`
 
 
-def test_where_the_truth_grows_the_allowance_grows_with_it():
-    harder = errors([10, 20], [0, 1])
-    assert stability_verdicts.verdict(errors([2, 7.9], [0, 1]), harder).reason == HOLDS
-    assert stability_verdicts.verdict(errors([2, 8.1], [0, 1]), harder).severity == 1
+def test_the_relative_error_leaves_the_clean_one_out():
+    own, floor = errors([1, 4, 6], [0, 1, 2]), errors([10, 10, 20], [0, 1, 2])
+    assert stability_verdicts.relative(own, floor) == pytest.approx((0.4 + 0.3) / 2)
+    assert np.isnan(stability_verdicts.relative(own, None))
+
+
+def test_models_are_ranked_by_their_relative_error_over_all_perturbations():
+    rows = [("good", 0.2), ("good", 0.4), ("poor", 0.9), ("poor", 0.1), ("failed", np.nan), ("failed", 0.1)]
+    judged = pd.DataFrame(rows, columns=["model", "relative"])
+    assert stability_verdicts.ranking(judged).to_dict() == pytest.approx({"good": 0.3, "poor": 0.5})
 
 
 def test_a_failed_training_is_no_holding_model():
     own = {0: level([2, np.nan]), 1: level([2, np.nan])}
-    assert stability_verdicts.verdict(own, None).reason == FAILED
+    assert stability_verdicts.verdict(own, None, USABLE).reason == FAILED
 
 
 def test_severities_are_walked_outwards_from_0_or_as_listed():
@@ -68,7 +77,7 @@ def root(tmp_path, monkeypatch):
     values = params.load()
     values["experiments"] = ["touch", "velostat_recorded"]
     values["touch"] |= {"models": MODELS, "protocols": {"press": {"seeds": [0, 1]}}}
-    values["stress"]["touch"]["protocols"] = ["press"]
+    values["stress"]["touch"] |= {"protocols": ["press"], "usable": {"press": 5.5}}
     text = json.dumps(values)
     monkeypatch.setattr(params, "load", lambda: json.loads(text))
     monkeypatch.setattr(paths, "ROOT", tmp_path)
@@ -119,18 +128,21 @@ def test_the_report_says_who_fails_where(root):
     table = pd.read_csv(folder / "failures.csv").set_index(["perturbation", "model"])
     assert table.loc[("noise", "linear"), "fails_at"] == 0.2 and table.loc[("noise", "lomp"), "verdict"] == HOLDS
     assert table.loc[("press_speed", "linear"), "verdict"] == "worse than constant"
-    assert table.loc[("press_speed", "lomp"), "fails_at"] == -1
+    assert table.loc[("press_speed", "lomp"), "verdict"] == HOLDS
+    assert table.loc[("noise", "linear"), "relative"] == pytest.approx(0.6, abs=0.001)
     assert "constant" not in table.index.get_level_values("model")
     text = (folder / "README.md").read_text()
     assert "`noise`: first Linear (0.2); LoMP holds up to 0.2; lowest RMSE at 0.2: LoMP (3.9 kPa)." in text
-    assert "`press_speed`: first LoMP (-1); last Linear (1); lowest RMSE at 1: LoMP (2 kPa)." in text
+    assert "`press_speed`: first Linear (1); LoMP holds up to 1; lowest RMSE at 1: LoMP (2 kPa)." in text
+    assert "- Relative error, the lowest first: LoMP 0.35, Linear 0.65.\n" in text
     assert "`distance`: all hold up to 12; lowest RMSE at 12: LoMP (3 kPa)." in text
     assert "## velostat_recorded: not run\n\nNo logs." in text
     assert "1 of 6 runs diverged, 0 left no usable weights" in text
     assert "1 of 6 clean scores are worse than the constant model's, most of LoMP in touch (1)" in text
-    assert "1 (floor)" in (folder / "failures.md").read_text()
+    assert "1 (floor) [0.70]" in (folder / "failures.md").read_text()
     pictures = {path.name for path in folder.glob("*.png")}
-    assert pictures == {"touch_press_single.png", "touch_press_double.png"}
+    heat_maps = {"touch_press_single_heat_map.png", "touch_press_several_heat_map.png"}
+    assert pictures == {"touch_press_single.png", "touch_press_double.png"} | heat_maps
     assert all(name in text for name in pictures)
 
 
@@ -146,7 +158,7 @@ def test_the_report_is_the_same_in_every_run(root):
 @pytest.mark.slow
 def test_a_failed_run_is_named(root, monkeypatch):
     legends = []
-    monkeypatch.setattr(style, "save", lambda figure, path: legends.append(figure.legends[0].get_texts()))
+    monkeypatch.setattr(style, "save", lambda figure, path: legends.extend(own.get_texts() for own in figure.legends))
     table = pd.read_csv(paths.stress("touch"))
     table.loc[(table.model == "linear") & (table.seed == 1), "value"] = np.nan
     table.to_csv(paths.stress("touch"), index=False)

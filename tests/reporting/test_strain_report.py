@@ -91,7 +91,7 @@ def test_drift_is_said_of_the_latent_space_and_of_the_voltages():
     drift = pd.DataFrame(rows, columns=["protocol", "input", "target", "seed", "metric", "unit", "value"])
     (line,) = strain_report.drift_sentences(drift)
     words = (
-        "true drift can be read from model-0's latent space with R2 0.61 [0.48, 0.74], from the raw voltages with 0.20"
+        "true drift can be read from model-0's latent space with R2 0.61 [0.46, 0.72], from the raw voltages with 0.20"
     )
     assert words in line
 

@@ -13,7 +13,7 @@ QUIET = {"session": False, "wander": False, "element_spread": False, "noise": Fa
 @pytest.fixture(scope="module")
 def settings():
     block = params.load()["glove"]
-    simulate = block["simulate"] | {"sessions": 2, "frames_per_object": 20}
+    simulate = block["simulate"] | {"specimens": 2, "sessions": 2, "frames_per_object": 20}
     return block | {"simulate": simulate}
 
 
@@ -168,7 +168,7 @@ def test_softness_spreads_pressure(settings):
 
 def test_every_object_and_session_gives_a_log_of_the_documented_format(settings, tmp_path):
     recordings, logs_of = glove.plan(settings)
-    assert len(recordings) == 32
+    assert len(recordings) == 16 * 2 * 2
     again = {r: logs_of(r)["scanner.log"][0] for r in glove.plan(settings)[0]}
     for recording in recordings:
         lines, _ = logs_of(recording)["scanner.log"]
@@ -176,8 +176,18 @@ def test_every_object_and_session_gives_a_log_of_the_documented_format(settings,
         folder = tmp_path / recording.condition / recording.name
         folder.mkdir(parents=True)
         (folder / "scanner.log").write_text("\n".join(lines) + "\n")
-    frames, rejects, _ = experiment.read_recording(tmp_path / "can" / "session00", settings)
+    frames, rejects, _ = experiment.read_recording(tmp_path / "can" / "specimen0-session00", settings)
     assert frames.num_rows + rejects.num_rows >= 9
+
+
+def test_another_glove_has_other_gains_and_other_grasps(settings):
+    quiet = scene(settings, session=False, wander=False, noise=False, line_faults=False)
+    names = "specimen0-session00", "specimen0-session01", "specimen1-session00"
+    once, again, other = (glove.logs_of(glove.Recording("can", name), quiet)["scanner.log"][0][0] for name in names)
+    assert once == again != other
+    moved = scene(settings, element_spread=False, noise=False, line_faults=False)
+    grasps = [glove.logs_of(glove.Recording("can", name), moved)["scanner.log"][0][0] for name in names]
+    assert len(set(grasps)) == 3
 
 
 @pytest.mark.parametrize("effect", ["session", "wander", "element_spread", "softness", "noise", "line_faults"])

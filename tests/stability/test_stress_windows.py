@@ -25,6 +25,7 @@ def small() -> dict:
     block = values["touch"]
     block["simulate"]["single"] = {"points_per_side": 5, "depths": 2, "repetitions": 1, "presses_per_recording": 50}
     block["simulate"]["double"] = {"recordings": 1, "presses_per_recording": 10}
+    block["simulate"]["specimens"] = 2
     block["protocols"] = {"press": {"seeds": [0, 1]}}
     block["models"] = {"constant": {}, "linear": {}}
     values["stress"]["touch"] = {"protocols": ["press"], "perturbations": PERTURBATIONS}
@@ -157,7 +158,9 @@ def test_recordings_that_are_absent_leave_a_header(project, monkeypatch):
 
 def test_own_logs_have_no_scene_to_perturb():
     values = small()
-    assert len(stress_windows.scene_cases(values, "touch")) == 7  # 2 x 2 variations, 2 layouts, the single touches
+    cases = stress_windows.scene_cases(values, "touch")
+    assert len(cases) == 14  # of each of two arrays 2 x 2 variations, 2 layouts, the single touches
+    assert sorted(case.specimen for case in cases) == [0] * 7 + [1] * 7
     values["touch"]["source"] = "data/own"
     assert stress_windows.scene_cases(values, "touch") == []
 
@@ -183,16 +186,19 @@ def settings():
     return small()["touch"]
 
 
-def first(settings, condition, perturbation, severity):
-    recordings, logs_of = touch_stress.plan(settings, condition, perturbation, severity)
+def first(settings, condition, perturbation, severity, specimen=0):
+    recordings, logs_of = touch_stress.plan(settings, condition, perturbation, severity, specimen)
     return recordings[0], logs_of(recordings[0])
 
 
-def test_unchanged_double_recordings_are_the_experiments_own(settings):
+@pytest.mark.parametrize("specimen", [0, 1])
+def test_unchanged_double_recordings_are_the_experiments_own(settings, specimen):
     recordings, logs_of = touch.plan(settings)
-    own = next(recording for recording in recordings if recording.condition == "double")
+    double = [recording for recording in recordings if recording.condition == "double"]
+    assert [recording.name for recording in double] == ["specimen0-run000", "specimen1-run000"]
     for perturbation in ("peak_pressure", "press_speed", "tip_radius", "specimen"):
-        assert first(settings, "double", perturbation, 0)[1] == logs_of(own)
+        assert first(settings, "double", perturbation, 0, specimen)[1] == logs_of(double[specimen])
+    assert logs_of(double[0])["array.log"] != logs_of(double[1])["array.log"]
 
 
 @pytest.mark.parametrize("condition", ["double", "single_anew"])
@@ -247,4 +253,4 @@ def test_two_touches_are_as_far_apart_as_asked(settings, distance):
 )
 def test_impossible_scenes_are_refused(settings, perturbation, severity, sentence):
     with pytest.raises(InputError, match=sentence):
-        touch_stress.plan(settings, "several", perturbation, severity)
+        touch_stress.plan(settings, "several", perturbation, severity, 0)

@@ -13,7 +13,7 @@ from pipeline.base import params, paths
 from pipeline.stages import latency
 from pipeline.tasks import windows
 
-SETTINGS = {"warm_up": 3, "calls": 4}
+SETTINGS = {"warm_up": 3, "calls": 4, "rounds": 1}
 
 
 class Clock:
@@ -54,7 +54,7 @@ def test_calls_of_the_warm_up_are_made_and_not_counted(clock, batch, warm_up, ca
 def test_every_call_gets_the_next_windows_from_the_start_again_at_the_end(clock):
     seen = []
     x = np.arange(5.0)[:, None]
-    latency.prediction_times(slow_at_first(clock, 0, seen), x, 1, {"warm_up": 2, "calls": 5})
+    latency.prediction_times(slow_at_first(clock, 0, seen), x, 1, {"warm_up": 2, "calls": 10, "rounds": 2})
     assert [float(windows[0, 0]) for windows in seen] == [0, 1, 2, 3, 4, 0, 1]
 
 

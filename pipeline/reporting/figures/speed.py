@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocato
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.words.labels import FRONTS
+from pipeline.reporting.words.labels import FRONTS, SPREAD
 
 NAME_WIDTH = 19  # characters of a line of a model's name
 REACHES = (4, 9, 15, 22, 30, 40, 52, 66, 82)  # px from a marker's edge to its name
@@ -117,6 +117,8 @@ def _points(ax: plt.Axes, rows: pd.DataFrame, time: str) -> list[tuple[str, floa
             points.append((name, at, np.nan, 50.0))
             continue
         height = max(line.error, least)
+        measured = [getattr(line, name) for name in SPREAD[time]]
+        ax.plot(measured, (height, height), color=look.color, linewidth=1.3, zorder=2)
         if line.runs > 1:
             _interval(ax, at, max(line.low, least / 1e3), max(line.high, height), look.color)
         on = getattr(line, FRONTS[time])

@@ -5,14 +5,18 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
+from matplotlib.colors import LogNorm
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import BLACK, model_style
-from pipeline.reporting.verdicts.stability import FLOOR
+from pipeline.reporting.verdicts.stability import FLOOR, ranking
 from pipeline.scoring.results import Estimate
 
 COLUMNS = 4
 LONG = 5.0  # an error that spans more than this factor is drawn on a logarithmic axis
+FACTOR = 4.0  # that the colours of a heat map reach from 1, in both directions
+READABLE = 2.9  # factor from 1 up to which black is read on them
 HIGHEST = 10.0  # times the constant model's error: what is above leaves the panel
 
 Panel = tuple[str, str, Mapping[str, Mapping[float, Estimate]]]  # title, severity's unit, model -> severity -> error
@@ -52,6 +56,35 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
     columns = min(len(names), 150 // (max(map(len, names)) + 8))
     figure.legend(lines.values(), names, loc="outside lower center", ncols=columns)
     style.save(figure, path)
+
+
+def heat_map(path: Path, judged: pd.DataFrame, title: str) -> bool:
+    """Draw the relative error of every model (rows, the best first) under every perturbation (columns) of a condition.
+
+    judged: rows of FAILURES of one condition. Nothing is drawn, and False returned, where no model can be ranked.
+    """
+    order = list(ranking(judged).index)
+    if not order:
+        return False
+    table = judged.pivot(index="model", columns="perturbation", values="relative")
+    table = table.loc[order, list(dict.fromkeys(judged["perturbation"]))]
+    figure, ax = plt.subplots(figsize=(2.6 + 0.75 * table.shape[1], 1.6 + 0.34 * len(table)), layout="constrained")
+    image = ax.imshow(table, cmap="RdYlBu_r", norm=LogNorm(1 / FACTOR, FACTOR), aspect="auto")
+    for row, column in np.ndindex(table.shape):
+        value = table.iloc[row, column]
+        colour = BLACK if 1 / READABLE < value < READABLE else "white"
+        ax.text(
+            column, row, f"{value:.2f}" if value < 10 else ">10", ha="center", va="center", fontsize=8, color=colour
+        )
+    ax.grid(False)
+    ax.set_xticks(range(table.shape[1]), [name.replace("_", " ") for name in table.columns], rotation=40, ha="right")
+    ax.set_yticks(range(len(table)), [model_style(model).label for model in order])
+    ax.set_title(f"{title}: error over the constant model's", fontsize=10)
+    bar = figure.colorbar(image, ax=ax, extend="both", label="relative error, log scale (1: no better)")
+    bar.set_ticks([1 / FACTOR, 0.5, 1, 2, FACTOR], labels=["1/4", "1/2", "1", "2", "4"])
+    bar.minorticks_off()
+    style.save(figure, path)
+    return True
 
 
 def _limit(ax: plt.Axes, panels: list[Panel]) -> str:

@@ -7,14 +7,15 @@ script to it. Markers and colours are those of the figures.
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from math import ceil, floor, log10
+from itertools import chain
+from math import ceil, floor, isfinite, log10
 
 import pandas as pd
 from matplotlib.markers import MarkerStyle
 
 from pipeline.reporting.figures.style import model_style
 from pipeline.reporting.speed import ESTIMATE
-from pipeline.reporting.words.labels import FRONTS, model_name
+from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
 
@@ -22,7 +23,8 @@ WIDTH, HEIGHT = 380, 300  # of a chart's coordinates
 LEFT, RIGHT, TOP, BOTTOM = 46, 14, 12, 42  # px around the axes
 RADIUS = 6.5  # px of a marker
 COSTS = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s", "params", "macs", "size_bytes")
-COLUMNS = ("panel", "model", "measure", *ESTIMATE, *COSTS, *FRONTS.values())  # that the charts need
+# Columns that the charts need.
+COLUMNS = ("panel", "model", "measure", *ESTIMATE, *COSTS, *chain(*SPREAD.values()), *FRONTS.values())
 AXES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}
 
 
@@ -101,8 +103,10 @@ def chart(rows: pd.DataFrame, time: str, name: str) -> str:
             drawn = f'<path class="failed" d="M{at - 5} {TOP}l10 10m0 -10l-10 10"/>'
         else:
             drawn = marker(row["model"], at, y(row["error"]), row[FRONTS[time]] == 1)
-            if row["runs"] > 1:
+            if isfinite(row["low"]):
                 drawn = f'<path class="interval" d="M{at} {y(row["low"])}V{y(row["high"])}"/>{drawn}'
+            low, high = (x(row[name]) for name in SPREAD[time])
+            drawn = f'<path class="interval" d="M{low} {y(row["error"])}H{high}"/>{drawn}'
         parts.append(
             f'<g class="point" tabindex="0" role="img" data-model="{escape(row["model"])}" aria-label="{words}">'
             f"<title>{words}</title>{drawn}</g>"

@@ -15,10 +15,16 @@ from pipeline.scoring.results import read_csv
 
 NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "twins", "claims")
 PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "matplotlib")  # of those that make numbers
+SCALE_WORDS = {
+    "laptop": "<strong>laptop</strong>",
+    "paper": "<strong>that of the papers</strong>",
+    "both": "the same on a laptop and at the papers'",
+    "other": "own settings, none of <code>scales/</code>",
+}
 
 
 def data_of(experiment: str, values: Mapping) -> str:
-    """Say where an experiment's numbers come from, and how often they were drawn; HTML."""
+    """Say where an experiment's numbers come from, at which scale, and how often they were drawn; HTML."""
     settings = values[experiment]
     source = settings.get("source")
     if source is None:
@@ -31,7 +37,8 @@ def data_of(experiment: str, values: Mapping) -> str:
         data = f"simulated by <code>pipeline/scenes/{experiment}.py</code>"
     else:
         data = f"your own logs, <code>{escape(str(source))}</code>"
-    return f"Data: {data}. Models: {len(settings['models'])}. Seeds: {seeds_of(settings)}."
+    scale = SCALE_WORDS[params.scale_of(experiment, settings)]
+    return f"Data: {data}. Scale: {scale}. Models: {len(settings['models'])}. Seeds: {seeds_of(settings)}."
 
 
 def seeds_of(settings: Mapping) -> str:
@@ -40,20 +47,6 @@ def seeds_of(settings: Mapping) -> str:
     for protocol, block in settings["protocols"].items():
         groups.setdefault(len(block["seeds"]), []).append(f"<code>{escape(protocol)}</code>")
     return "; ".join(f"{count} for {', '.join(names)}" for count, names in groups.items())
-
-
-def scale_of(values: Mapping) -> str:
-    """Return the name of the committed scale whose values params.yaml has, or say that there is none."""
-    for path in sorted((paths.ROOT / "scales").glob("*.yaml")):
-        if all(_at(values, dotted) == value for dotted, value in params.parsed(path).items()):
-            return path.stem
-    return "none of scales/: own settings"
-
-
-def _at(values: Mapping, dotted: str):
-    for key in dotted.split("."):
-        values = values.get(key) if isinstance(values, Mapping) else None
-    return values
 
 
 def versions() -> dict[str, str]:
@@ -88,10 +81,9 @@ def section(values: Mapping) -> str:
     links = ", ".join(f'<a href="{name}.csv">{name}.csv</a>' for name in NUMBERS)
     return (
         '<section id="provenance"><h2>Scale and provenance</h2>'
-        f"<p>Scale: <strong>{escape(scale_of(values))}</strong>; all settings and seeds are in "
-        '<a href="../params.yaml">params.yaml</a>. This page has no date and no commit, so that equal numbers give '
-        "an equal page: <code>git log -1 -- reports</code> names the commit, <code>dvc.lock</code> the hash of every "
-        f"input and output, MLflow the runs.</p>{data}{pinned}"
+        '<p>All settings and seeds are in <a href="../params.yaml">params.yaml</a>. This page has no date '
+        "and no commit, so that equal numbers give an equal page: <code>git log -1 -- reports</code> names the commit, "
+        f"<code>dvc.lock</code> the hash of every input and output, MLflow the runs.</p>{data}{pinned}"
         f"{folded('Operations and parameters beside the printed ones', table('Counts', header, lines))}"
         f"<p>All numbers, in full precision: {links}.</p></section>"
     )

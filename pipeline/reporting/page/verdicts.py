@@ -8,58 +8,76 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page.hypertext import Pages, cell, folded, read, sections, table
-from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, PAPERS, REPRODUCED
+from pipeline.reporting.verdicts.rules import (
+    CALIBRATED,
+    CONTRADICTED,
+    NOT_TESTABLE,
+    PAPERS,
+    REPRODUCED,
+    UNDECIDED,
+    VERDICTS,
+)
 from pipeline.scoring.results import read_csv
 
-SIGNS = {REPRODUCED: ("yes", "✓"), NOT_REPRODUCED: ("no", "✗"), NOT_TESTABLE: ("open", "–")}  # CSS class, sign
-COLUMNS = ["claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason", "unit"]
+SIGNS = {  # CSS class, sign
+    REPRODUCED: ("yes", "✓"),
+    CONTRADICTED: ("no", "✗"),
+    UNDECIDED: ("unclear", "?"),
+    NOT_TESTABLE: ("open", "–"),
+    CALIBRATED: ("open", "="),
+}
+COLUMNS = ["claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason", "unit"]
+COLUMNS += ["measured", *claim_text.BY_SCALE]
 
 
-def badge(verdict: str, reason: str = "") -> str:
+def badge(verdict: str) -> str:
     """Return a verdict in a colour and, for those who do not see it, a sign and the word."""
     style, sign = SIGNS[verdict]
-    unclear = claim_text.is_undecided(verdict, reason)
-    style, words = (f"{style} unclear", f"{verdict}: undecided") if unclear else (style, verdict)
-    return f'<span class="badge {style}"><span aria-hidden="true">{sign}\u00a0</span>{escape(words)}</span>'
+    return f'<span class="badge {style}"><span aria-hidden="true">{sign}\u00a0</span>{escape(verdict)}</span>'
 
 
 def read_claims() -> pd.DataFrame:
-    """Read claims.csv. Raises InputError for a paper or a verdict that nobody knows."""
-    path, made_by = paths.REPORTS / "claims.csv", "python -m pipeline.stages.judge"
-    claims = read_csv(path, [*COLUMNS, "printed", "measured"], made_by)
-    claims["reason"] = claims["reason"].astype(object).where(claims["reason"].notna(), "")
+    """Read claims_by_scale.csv, recorded data first. Raises InputError for a paper or a verdict that nobody knows."""
+    path, made_by = paths.REPORTS / "claims_by_scale.csv", "python -m pipeline.stages.judge"
+    claims = read_csv(path, COLUMNS, made_by)
+    for column in ("reason", *claim_text.BY_SCALE):
+        claims[column] = claims[column].astype(object).where(claims[column].notna(), "")
     for column, known in (("paper", PAPERS), ("verdict", SIGNS)):
         unknown = sorted(set(claims[column].astype(str)) - set(known))
         if unknown:
-            raise InputError(f"reports/claims.csv: {column} '{unknown[0]}' is unknown; run `{made_by}` again")
-    return claims
+            raise InputError(f"reports/{path.name}: {column} '{unknown[0]}' is unknown; run `{made_by}` again")
+    return claims.sort_values("data", kind="stable")
 
 
 def count_table(claims: pd.DataFrame) -> str:
-    """Return a table of verdicts by paper and data."""
-    header = ["Paper", "Data", *claim_text.COUNTED, "Claims"]
-    lines = [({}, list(map(cell, row))) for row in claim_text.count_rows(claims, ["paper", "data"])]
-    lines[-1][0]["class"] = "total"
-    return table("Verdicts by paper and data", header, lines)
+    """Return a table of verdicts by data and paper."""
+    header = ["Data", "Paper", *VERDICTS, "Claims"]
+    lines = [
+        ({"class": "total"} if "all" in row[:2] else {}, list(map(cell, row)))
+        for row in claim_text.count_rows(claims, ["paper"])
+    ]
+    return table("Verdicts by data and paper", header, lines)
 
 
 def claim_table(claims: pd.DataFrame) -> str:
     """Return a table of every claim with its verdict; a row's attributes are what the filter asks for."""
-    header = ["Verdict", "Claim", "Paper", "Section", "Data", "Published", "Ours [95 % interval]", "Unit", "Reason"]
+    header = ["Verdict", "Claim", "Paper", "Section", "Data", "Published", "Ours [95 % interval]", "Unit"]
     lines = []
     for row in claims.itertuples():
-        kind = claim_text.kind(row.printed)
-        attributes = {"data-paper": row.paper, "data-verdict": row.verdict, "data-data": row.data, "data-kind": kind}
+        filtered_by = {"paper": row.paper, "verdict": row.verdict, "data": row.data, "kind": row.kind}
+        attributes = {f"data-{name}": value for name, value in filtered_by.items()}
         cells = [
-            cell(badge(row.verdict, row.reason), html=True),
+            cell(badge(row.verdict), html=True),
             cell(row.claim + (" *" if row.measured else "")),
             *map(cell, (PAPERS[row.paper], str(row.section), row.data)),
             cell(claim_text.value_text(row.published, row.unit), row.published),
             cell(claim_text.ours_text(row.ours, row.low, row.high, row.unit), row.ours),
-            *map(cell, (row.unit, row.reason)),
+            cell(row.unit),
+            *(cell(getattr(row, column) or "-") for column in claim_text.BY_SCALE),
+            cell(row.reason),
         ]
         lines.append((attributes, cells))
-    return table("Every claim", header, lines)
+    return table("Every claim", [*header, *claim_text.BY_SCALE.values(), "Reason"], lines)
 
 
 def filters(claims: pd.DataFrame) -> str:
@@ -68,7 +86,7 @@ def filters(claims: pd.DataFrame) -> str:
         "paper": {key: PAPERS[key] for key in claims["paper"].unique()},
         "verdict": {verdict: verdict for verdict in SIGNS},
         "data": {key: key for key in claims["data"].unique()},
-        "kind": {kind: kind for kind in map(claim_text.kind, (False, True))},
+        "kind": {key: key for key in claims["kind"].unique()},
     }
     selects = []
     for name, words in choices.items():
@@ -84,12 +102,15 @@ def filters(claims: pd.DataFrame) -> str:
 def section(pages: Pages) -> str:
     """Return the section: how many claims came out, every claim, the rules, and what was tried."""
     claims, text = read_claims(), read("claims.md")
-    unclear = sum(map(claim_text.is_undecided, claims["verdict"], claims["reason"]))
+    counted = claims[claims["kind"].isin(claim_text.COUNTED)]
     tiles = ""
-    for verdict, (style, _) in SIGNS.items():
-        note = f" {unclear} of them undecided: so few runs cannot tell" if unclear and verdict == NOT_REPRODUCED else ""
-        count = int((claims["verdict"] == verdict).sum())
-        tiles += f'<li class="{style}"><strong>{count}</strong> {badge(verdict)}{note}</li>'
+    for data, of_data in counted.groupby("data"):
+        numbers = "".join(
+            f'<li class="{SIGNS[verdict][0]}"><strong>{int((of_data["verdict"] == verdict).sum())}</strong> '
+            f"{badge(verdict)}</li>"
+            for verdict in VERDICTS
+        )
+        tiles += f'<h3>On {escape(data)} data</h3><ul class="tiles">{numbers}</ul>'
     rules = pages.render(sections(text)[0][1], "", 2, "Rules")
     tried = "".join(
         folded(heading, pages.render(sections(body)[0][1], "", 3, heading))
@@ -97,7 +118,7 @@ def section(pages: Pages) -> str:
         if heading
     )
     return (
-        f'<section id="verdicts"><h2>A verdict on every claim</h2><ul class="tiles">{tiles}</ul>{count_table(claims)}'
+        f'<section id="verdicts"><h2>A verdict on every claim</h2>{tiles}{count_table(claims)}'
         f'{folded("The rules", rules)}<h3 id="claims">Every claim</h3>{filters(claims)}{claim_table(claims)}'
         f"<h3>Where a claim is not reproduced</h3>{tried}</section>"
     )

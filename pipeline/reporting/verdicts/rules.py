@@ -1,20 +1,31 @@
 """Judge the claims of the papers: the rules, the claim that names one, and the evidence that the rules read.
 
-Nothing else in this project says whether a claim is reproduced. There is one rule for each kind of claim. An interval
-is the 95 % t interval of one value per seed (or of what `over` names); where two models are compared, the values are
-differences paired by seed, whose split they share. Intervals are not widened for the number of claims.
+Nothing else in this project says whether a claim is reproduced. There are four verdicts, and one rule for each kind of
+claim. An interval is the 95 % t interval of one value per seed (or of what `over` names); where two models are
+compared, the values are differences paired by seed, whose data they share. Intervals are not widened for the number of
+claims.
 
-* direction (`positive`): "A is above B". Reproduced if the whole interval of A - B is above 0. Otherwise not
-  reproduced: `contradicted` if all of it is below 0, `undecided` if it includes 0.
-* several directions (`all_positive`): reproduced if every one of them is. The weakest is shown.
-* number (`number`): reproduced if our mean is within TOLERANCE of the published value. Whether the interval includes
-  that value is said and does not count: the less is known, the more would be reproduced.
-* no difference (`within`), no increase (`at_most`): reproduced if the interval lies inside, or below, a margin.
-* count (`count`): reproduced if equal to the published one, at the precision that is printed.
-* measured time (`slower`): a ratio of medians without an interval. Reproduced if it is above 1 + TOLERANCE.
+A rule asks where the interval lies: all of it where the claim says it is, `reproduced`; all of it elsewhere,
+`contradicted`; on both sides of the limit, `undecided`. So the less is known, the fewer claims are either of the first.
 
-Not testable: a run of it failed or is missing, one run has no interval, the recordings are not there, or it needs
-what this project does not have.
+* direction (`positive`): "A is above B". The limit of A - B is 0, or what the claim names.
+* several directions (`all_positive`): reproduced if every one of them is, contradicted if one is. The weakest is shown.
+* order (`ordered`): the share of pairs that come in the printed order. The limit is AGREEMENT.
+* number (`number`): our value lies within BAND of the printed one, on the scale of errors: of 95 % right, the band is
+  a share of the 5 % wrong.
+* no difference (`within`), no increase (`at_most`): the limits are those of a margin.
+* count (`count`): equal to the published one, at the precision that is printed, or not.
+* measured time (`slower`): a ratio of medians without an interval. Reproduced if it is above 1 + TOLERANCE, undecided
+  within TOLERANCE of 1.
+
+`not testable`: a run of it failed or is missing, one run has no interval, the recordings are not there, or it needs
+what this project does not have. The numbers that a scene was tuned to are `calibrated`, whatever they are.
+
+A printed number is judged on the split that the paper used, as far as its text says; beside it stands the verdict on
+the stricter one, where nothing is on two sides.
+
+A paper printed single numbers. So besides its sign, a difference is `compatible` where our interval includes the
+printed difference.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
@@ -28,16 +39,23 @@ from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.reporting.words import markdown
 from pipeline.reporting.words.labels import model_name
-from pipeline.scoring import results
+from pipeline.scoring import classification, results
 from pipeline.scoring.glove_results import read_augmentation, read_counts, read_stag
 from pipeline.scoring.published import METHODS
 from pipeline.scoring.results import estimate
 from pipeline.scoring.strain_results import read_study
 
-REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
-TOLERANCE = 0.1  # of the published value
+REPRODUCED, CONTRADICTED, UNDECIDED, NOT_TESTABLE = "reproduced", "contradicted", "undecided", "not testable"
+VERDICTS = (REPRODUCED, CONTRADICTED, UNDECIDED, NOT_TESTABLE)
+CALIBRATED = "calibrated"
+SENTENCE, NUMBER = "sentence", "number"  # kinds of claims; these two are counted
+COUNT, CONSTRUCTION, CALIBRATION = "count", "by construction", "calibration"
+TOLERANCE = 0.1  # of a ratio of 1: less is no difference
+BAND = 0.15  # of a printed error: what our error may differ by
+AGREEMENT = 0.8  # share of pairs in the printed order
 SHOWN = 3  # names in a reason
 EXPERIMENTS = {"lomp": "touch", "latent": "strain", "sp_resnet": "glove"}  # what each paper's simulated data are
+RECORDED_EXPERIMENTS = {"lomp": "velostat_recorded", "latent": "strain_recorded", "sp_resnet": "glove_recorded"}
 PAPERS = {"lomp": "LoMP (touch)", "latent": "Drift-free latent space (strain)", "sp_resnet": "SP-ResNet (glove)"}
 
 
@@ -54,6 +72,8 @@ class Judgement(NamedTuple):
     verdict: str
     reason: str
     over: str  # what the interval is over; empty where there is none
+    compatible: bool | None = None  # whether the interval includes the published difference; None: there is none
+    strict: str = ""  # the verdict on the stricter split, of a printed number that has one
 
 
 class Evidence:
@@ -61,17 +81,23 @@ class Evidence:
 
     values: params.yaml, as `params.load` gives it. given: content that takes the place of a file, under the name of
     the method and its arguments, as in {("scores", "touch"): scores}, where scores is anything with
-    `runs(protocol, condition, model, metric)` -> one value per seed of `values`, NaN for a failed run.
+    `runs(protocol, condition, model, metric)` -> one value per seed of `values`, NaN for a failed run. partial: not
+    every stage was run, so that a missing file makes a claim not testable and is no error.
     """
 
-    def __init__(self, values: Mapping, given: Mapping[Hashable, object] | None = None):
-        self.values = values
+    def __init__(self, values: Mapping, given: Mapping[Hashable, object] | None = None, partial: bool = False):
+        self.values, self.partial = values, partial
         self._known = dict(given or {})
 
     def once(self, key: Hashable, read: Callable[[], object]) -> object:
         """Return the content known under `key`; the first time, that is the answer of `read`."""
         if key not in self._known:
-            self._known[key] = read()
+            try:
+                self._known[key] = read()
+            except InputError as error:
+                if self.partial:
+                    raise NotTestable(str(error)) from error
+                raise
         return self._known[key]
 
     def require(self, experiment: str, *models: str) -> None:
@@ -165,17 +191,28 @@ class Claim:
     judge: Judge
     published: float = np.nan
     data: str = "simulated"  # or recorded
-    printed: bool = False  # repeats a number of a table, rather than being a sentence
+    kind: str = SENTENCE
+    strict: Judge | None = None  # on the stricter split, where the paper's own has neighbours on both sides
     measured: bool = False  # rests on measured times: differs between runs and machines
     # The paragraph on what was tried to find the reason: printed only where the claim is not reproduced.
     why: Callable[[Evidence], str] | None = None
 
+    @property
+    def id(self) -> str:
+        """Return the claim's name in all files, the same from run to run."""
+        return f"{self.paper}/{self.key}" + ("/recorded" if self.data == "recorded" else "")
+
     def judged(self, evidence: Evidence) -> Judgement:
         """Return the verdict, which is `not testable` where something that it needs is missing."""
-        try:
-            return self.judge(evidence)
-        except NotTestable as error:
-            return Judgement(np.nan, np.nan, np.nan, NOT_TESTABLE, str(error), "")
+        strict = testable(self.strict, evidence).verdict if self.strict else ""
+        judged = testable(self.judge, evidence)._replace(strict=strict)
+        if judged.verdict == NOT_TESTABLE:
+            return judged
+        if self.kind == CALIBRATION:
+            return judged._replace(verdict=CALIBRATED)
+        if self.kind == SENTENCE and np.isfinite([self.published, judged.low, judged.high]).all():
+            return judged._replace(compatible=bool(judged.low <= self.published <= judged.high))
+        return judged
 
     def explained(self, evidence: Evidence) -> str:
         """Return the paragraph on a claim that is not reproduced."""
@@ -187,6 +224,14 @@ class Claim:
             return f"What was found cannot be repeated here: {error}."
 
 
+def testable(judge: Judge, evidence: Evidence) -> Judgement:
+    """Return what a judge says, which is `not testable` where something that it needs is missing."""
+    try:
+        return judge(evidence)
+    except NotTestable as error:
+        return Judgement(np.nan, np.nan, np.nan, NOT_TESTABLE, str(error), "")
+
+
 def complete(values: pd.Series, who: str) -> pd.Series:
     """Return `values`, none of which failed. Raises NotTestable otherwise."""
     if failed := int((~np.isfinite(values)).sum()):
@@ -196,11 +241,16 @@ def complete(values: pd.Series, who: str) -> pd.Series:
     return values
 
 
-def interval(values: pd.Series) -> results.Estimate:
-    """Return mean and interval of differences paired by their index; pairs with one side missing are left out."""
-    mean = estimate(values.dropna())
+def interval(values: pd.Series, scale: str = results.PLAIN, trials: int = 0) -> results.Estimate:
+    """Return mean and interval of values or of differences paired by their index; pairs with one side are left out.
+
+    scale, trials: as of results.estimate.
+    """
+    mean = estimate(values.dropna(), scale, trials)
     if mean.runs < 2:
         raise NotTestable("one run has no interval" if mean.runs else "there are no values to compare")
+    if np.isnan(mean.low):
+        raise NotTestable(f"all {mean.runs} runs have one value, {mean.mean:.4g}, which tells nothing of their spread")
     return mean
 
 
@@ -209,9 +259,9 @@ def each(models: Iterable[str], text: Callable[[str], str]) -> str:
     return ", ".join(f"{model_name(model)} {text(model)}" for model in models)
 
 
-def summary(values: pd.Series, digits: int = 2) -> str:
-    """Return mean and interval of one value per seed as text."""
-    return markdown.interval(estimate(values), digits)
+def summary(values: pd.Series, digits: int = 2, scale: str = results.PLAIN) -> str:
+    """Return mean and interval of one value per seed as text; scale: as of results.estimate."""
+    return markdown.interval(estimate(values, scale), digits)
 
 
 def untestable(reason: str) -> Judge:
@@ -223,92 +273,115 @@ def untestable(reason: str) -> Judge:
     return judge
 
 
-def side(low: float, high: float) -> str:
-    """Return which side of 0 an interval lies on, for a claim that it is above."""
-    return "" if low > 0 else "contradicted" if high < 0 else "undecided"
+def verdict_of(low: float, high: float, limit: float) -> str:
+    """Return the verdict of an interval on the claim that a value is above a limit."""
+    return REPRODUCED if low > limit else CONTRADICTED if high < limit else UNDECIDED
 
 
-def positive(values: pd.Series, over: str = "seeds") -> Judgement:
-    """Judge a direction: the mean is above 0."""
-    mean = interval(values)
-    word = side(mean.low, mean.high)
-    reason = {"": "", "undecided": "undecided: the interval includes 0", "contradicted": "contradicted"}[word]
-    return Judgement(*mean[:3], NOT_REPRODUCED if word else REPRODUCED, reason, f"{mean.runs} {over}")
+def positive(
+    values: pd.Series, over: str = "seeds", above: float = 0.0, scale: str = results.PLAIN, trials: int = 0
+) -> Judgement:
+    """Judge a direction: the mean is above `above`; scale, trials: as of results.estimate."""
+    mean = interval(values, scale, trials)
+    verdict = verdict_of(mean.low, mean.high, above)
+    reasons = {UNDECIDED: f"the interval includes {above:g}", CONTRADICTED: f"the interval is below {above:g}"}
+    reason = reasons.get(verdict, f"needs more than {above:g}" if above else "")
+    return Judgement(*mean[:3], verdict, reason, f"{mean.runs} {over}")
 
 
 def all_positive(values: Mapping[str, pd.Series], over: str = "seeds") -> Judgement:
     """Judge several directions, each by its name: every mean is above 0."""
     means = {name: interval(by_seed) for name, by_seed in values.items()}
     weakest = min(means, key=lambda name: means[name].low)
-    sides = {name: side(mean.low, mean.high) for name, mean in means.items()}
-    wrong = [name for name, word in sides.items() if word]
+    verdicts = {name: verdict_of(mean.low, mean.high, 0.0) for name, mean in means.items()}
+    verdict = next(each for each in (CONTRADICTED, UNDECIDED, REPRODUCED) if each in verdicts.values())
     reason = f"weakest: {weakest}"
-    if wrong:
-        reason = f"{len(means) - len(wrong)} of {len(means)} hold"
-        for word in ("undecided", "contradicted"):
-            names = [name for name, side_of in sides.items() if side_of == word]
+    if verdict != REPRODUCED:
+        reason = f"{list(verdicts.values()).count(REPRODUCED)} of {len(means)} hold"
+        for word in (UNDECIDED, CONTRADICTED):
+            names = [name for name, verdict_of_one in verdicts.items() if verdict_of_one == word]
             more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
             if names:
                 reason = f"{reason}; {word}: {', '.join(names[:SHOWN])}{more}"
     mean = means[weakest]
-    return Judgement(*mean[:3], NOT_REPRODUCED if wrong else REPRODUCED, reason, f"{mean.runs} {over}")
-
-
-def number(values: pd.Series, published: float, over: str = "seeds") -> Judgement:
-    """Judge a number: the mean is within TOLERANCE of the published value."""
-    mean = estimate(values.dropna())
-    if not mean.runs:
-        raise NotTestable("there are no values to compare")
-    off = mean.mean / published - 1
-    reason = f"{100 * off:+.0f} % from the published value"
-    if mean.runs > 1:
-        reason += ", which the interval " + ("includes" if mean.low <= published <= mean.high else "excludes")
-    verdict = REPRODUCED if abs(off) <= TOLERANCE else NOT_REPRODUCED
-    return Judgement(*mean[:3], verdict, reason, f"{mean.runs} {over}" if mean.runs > 1 else "")
-
-
-def at_most(values: pd.Series, margin: float, over: str = "seeds") -> Judgement:
-    """Judge that nothing increases: the whole interval is below the margin."""
-    mean = interval(values)
-    reason, verdict = f"margin {margin:g}", REPRODUCED
-    if not mean.high < margin:
-        verdict = NOT_REPRODUCED
-        reason = f"{'contradicted' if mean.low > margin else 'undecided'}: the margin is {margin:g}"
     return Judgement(*mean[:3], verdict, reason, f"{mean.runs} {over}")
 
 
-def within(values: pd.Series, margin: float, over: str = "seeds") -> Judgement:
-    """Judge that nothing differs: the whole interval lies between -margin and margin."""
+def ordered(pairs: Mapping[str, pd.Series]) -> Judgement:
+    """Judge an order: the share of pairs, each a difference by seed that is above 0 in the printed order."""
+    gaps = pd.DataFrame(pairs).dropna()
+    by_mean, certain = int((gaps.mean() > 0).sum()), sum(interval(gap).low > 0 for gap in pairs.values())
+    judged = positive((gaps > 0).mean(axis=1), above=AGREEMENT, scale=results.SHARE, trials=len(pairs))
+    reason = f"{by_mean} of {len(pairs)} pairs are in the paper's order by their means, {certain} for certain"
+    return judged._replace(reason=f"{reason}; {judged.reason}")
+
+
+def number(values: pd.Series, published: float, over: str = "seeds", best: float = 0.0) -> Judgement:
+    """Judge a number: it lies within BAND of the published one; best: the value of no error, such as 100 %."""
     mean = interval(values)
-    reason, verdict = f"margin {margin:g}", REPRODUCED
-    if not -margin < mean.low <= mean.high < margin:
-        verdict = NOT_REPRODUCED
-        apart = mean.low > margin or mean.high < -margin
-        reason = f"{'contradicted' if apart else 'undecided'}: the margin is {margin:g}"
+    band = BAND * abs(published - best)
+    verdict = UNDECIDED
+    if published - band <= mean.low and mean.high <= published + band:
+        verdict = REPRODUCED
+    elif mean.high < published - band or mean.low > published + band:
+        verdict = CONTRADICTED
+    off = (mean.mean - best) / (published - best) - 1
+    reason = f"{'error ' if best else ''}{100 * off:+.0f} % from the published one; the band is {100 * BAND:.0f} %"
     return Judgement(*mean[:3], verdict, reason, f"{mean.runs} {over}")
+
+
+def measured_number(value: float, published: float) -> Judgement:
+    """Judge a measured number without an interval: it is within BAND of the published one, or not."""
+    off = value / published - 1
+    verdict = REPRODUCED if abs(off) <= BAND else CONTRADICTED
+    reason = f"{100 * off:+.0f} % from the published one; the band is {100 * BAND:.0f} %; one measurement, no interval"
+    return Judgement(value, np.nan, np.nan, verdict, reason, "")
+
+
+def at_most(values: pd.Series, margin: float, over: str = "seeds", scale: str = results.PLAIN) -> Judgement:
+    """Judge that nothing increases: the whole interval is below the margin; scale: as of results.estimate."""
+    mean = interval(values, scale)
+    return Judgement(*mean[:3], verdict_of(-mean.high, -mean.low, -margin), f"margin {margin:g}", f"{mean.runs} {over}")
+
+
+def all_at_most(values: Mapping[str, pd.Series], limit: float) -> Judgement:
+    """Judge that several values, each by its name, are all below a limit; the largest is shown."""
+    judged = all_positive({name: limit - by_seed for name, by_seed in values.items()})
+    ours, low, high = (limit - value for value in (judged.ours, judged.high, judged.low))
+    return judged._replace(ours=ours, low=low, high=high, reason=f"limit {limit:g}; {judged.reason}")
+
+
+def within(values: pd.Series, margin: float, over: str = "seeds", around: float = 0.0) -> Judgement:
+    """Judge that nothing differs: the whole interval is nearer than the margin to `around`."""
+    mean = interval(values)
+    low, high, verdict = mean.low - around, mean.high - around, UNDECIDED
+    if -margin < low <= high < margin:
+        verdict = REPRODUCED
+    elif low > margin or high < -margin:
+        verdict = CONTRADICTED
+    return Judgement(*mean[:3], verdict, f"margin {margin:g} around {around:g}", f"{mean.runs} {over}")
 
 
 def count(ours: float, published: float, equal: bool | None = None) -> Judgement:
     """Judge a count: equal to the published one; `equal`: whether it is, where the paper printed a rounded number."""
     same = ours == published if equal is None else equal
     reason = "" if same else f"{100 * (ours / published - 1):+.1f} % from the published count"
-    return Judgement(float(ours), np.nan, np.nan, REPRODUCED if same else NOT_REPRODUCED, reason, "")
+    return Judgement(float(ours), np.nan, np.nan, REPRODUCED if same else CONTRADICTED, reason, "")
 
 
 def slower(ratios: Mapping[str, float]) -> Judgement:
     """Judge measured times: every ratio, each by its name, is above 1 + TOLERANCE; the smallest is shown."""
     wrong = [name for name, ratio in ratios.items() if not ratio > 1 + TOLERANCE]
-    close = all(abs(ratios[name] - 1) <= TOLERANCE for name in wrong)
-    reason = "one measurement, no interval"
+    verdict, reason = REPRODUCED, "one measurement, no interval"
     if wrong:
-        reason = f"{'undecided, too close' if close else 'contradicted'}: not {', '.join(wrong)}; {reason}"
-    smallest = min(ratios.values())
-    return Judgement(smallest, np.nan, np.nan, NOT_REPRODUCED if wrong else REPRODUCED, reason, "")
+        verdict = UNDECIDED if all(abs(ratios[name] - 1) <= TOLERANCE for name in wrong) else CONTRADICTED
+        reason = f"{'too close' if verdict == UNDECIDED else 'not'}: {', '.join(wrong)}; {reason}"
+    return Judgement(min(ratios.values()), np.nan, np.nan, verdict, reason, "")
 
 
-def near(values: Callable[[Evidence], pd.Series], published: float) -> Judge:
-    """Return the judge of a number."""
-    return lambda evidence: number(values(evidence), published)
+def near(values: Callable[[Evidence], pd.Series], published: float, best: float = 0.0) -> Judge:
+    """Return the judge of a number; best: the value of no error."""
+    return lambda evidence: number(values(evidence), published, best=best)
 
 
 def all_of(models: Iterable[str], values: Callable[[Evidence, str], pd.Series]) -> Judge:
@@ -324,7 +397,31 @@ def printed_claim(
     text: str,
     values: Callable[[Evidence], pd.Series],
     published: float,
+    best: float = 0.0,
+    strict: Callable[[Evidence], pd.Series] | None = None,
     **more,
 ) -> Claim:
-    """Return the claim that repeats a number of a table; values: our number, by seed; more: further fields of Claim."""
-    return Claim(paper, key, section, unit, text, near(values, published), published, printed=True, **more)
+    """Return the claim that repeats a number of a table.
+
+    values: our number, by seed, on the split that the paper used; strict: on the stricter one; more: further fields of
+    Claim.
+    """
+    judge = near(values, published, best)
+    stricter = near(strict, published, best) if strict else None
+    return Claim(paper, key, section, unit, text, judge, published, kind=NUMBER, strict=stricter, **more)
+
+
+def calibration_claim(paper: str, section: str, text: str, published: float) -> Claim:
+    """Return the claim on the one ratio of errors that the paper's scene was tuned to."""
+    experiment = EXPERIMENTS[paper]
+
+    def judge(e: Evidence) -> Judgement:
+        chosen = e.values[experiment]["yardstick"]
+        place = chosen["protocol"], chosen["condition"]
+        errors = [e.runs(experiment, *place, chosen[role], chosen["metric"]) for role in ("model", "over")]
+        model, over = (1 - error for error in errors) if chosen["metric"] in classification.METRICS else errors
+        mean = estimate(model / over)
+        reason = f"{experiment}.{chosen['knob']} was set by it, on validation parts"
+        return Judgement(*mean[:3], CALIBRATED, reason, f"{mean.runs} seeds" if mean.runs > 1 else "")
+
+    return Claim(paper, f"calibration-{experiment}", section, "1", text, judge, published, kind=CALIBRATION)

@@ -1,7 +1,7 @@
-"""Judge which size of a ladder is enough: the smallest within one standard error of the best.
+"""Judge which size of a ladder is enough: the smallest that is certainly within MARGIN of the best.
 
-The rule is of its own, as in the choice of a model by cross-validation: it asks for no evidence that two sizes differ
-(the 95 % intervals of verdicts/rules.py), and takes the smaller one until there is some.
+The excess of a size is its error over that of the best size, less 1, paired by seed. A size is enough where the whole
+95 % t interval of its excess is below MARGIN, too small where all of it is above, and not told apart otherwise.
 """
 
 import itertools
@@ -13,10 +13,13 @@ import pandas as pd
 
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import complete, ladders
-from pipeline.scoring.results import Scores, estimate, read_csv
+from pipeline.scoring.results import Estimate, Scores, estimate, read_csv, scale_of
 
 LADDER = ["experiment", "condition", "family"]
 JUDGED = [*LADDER, "size", "params", "metric", "unit", "value", "low", "high", "chosen", "runs", "failed", "macs"]
+JUDGED += ["excess", "excess_low", "excess_high", "verdict"]
+MARGIN = 0.05  # of the best error: less makes no difference in use
+BEST, ENOUGH, TOO_SMALL, UNCLEAR, FAILED = "best", "enough", "too small", "not told apart", "failed"
 HIGHER = ("accuracy", "macro_precision", "r2")  # metrics of which more is better
 NAMES = {"rmse": "RMSE", "error": "mean", "macro_precision": "1 - macro precision"}
 
@@ -75,36 +78,47 @@ def unit_of(metric: str, unit: str) -> str:
     return "%" if metric in HIGHER else unit
 
 
-def smallest(errors: Mapping[float, Sequence[float]]) -> float | None:
-    """Return the smallest size whose mean error is at most the best mean plus the standard error of that mean.
+def excesses(errors: Mapping[float, Sequence[float]]) -> dict[float, Estimate]:
+    """Return size -> error over the best size's, less 1: mean over the runs, paired, with its interval.
 
-    errors: size -> one error per run, NaN for a failed run. A size with a failed run is neither the best nor enough.
-    One run has no standard error: then the best alone is enough. None where every size has a failed run.
+    errors: size -> one error per run, all in the same order of runs, NaN for a failed run. A size with a failed run is
+    left out; the best has the smallest mean, and an excess of 0 without an interval.
     """
     sound = {size: np.asarray(values, float) for size, values in errors.items() if np.isfinite(values).all()}
     if not sound:
-        return None
-    means = {size: values.mean() for size, values in sound.items()}
-    best = min(means, key=means.get)
-    runs = sound[best]
-    limit = means[best] + (runs.std(ddof=1) / np.sqrt(len(runs)) if len(runs) > 1 else 0.0)
-    return min(size for size in means if means[size] <= limit)
+        return {}
+    best = min(sound, key=lambda size: sound[size].mean())
+    return {size: estimate(values / sound[best] - 1) for size, values in sound.items()}
+
+
+def verdict(excess: Estimate | None) -> str:
+    """Return what the excess of a size says of it; None: a run of it failed."""
+    if excess is None:
+        return FAILED
+    if excess.mean == 0:
+        return BEST
+    if np.isnan(excess.low):
+        return UNCLEAR
+    return ENOUGH if excess.high <= MARGIN else TOO_SMALL if excess.low > MARGIN else UNCLEAR
 
 
 def judge(runs: pd.DataFrame) -> pd.DataFrame:
     """Return JUDGED, one row per size: mean, 95 % t interval, and `chosen`, 1 for the smallest that is enough.
 
-    runs: ladders.COLUMNS, one row per run. The column `runs` of the result counts those that did not fail.
+    runs: ladders.COLUMNS, one row per run. The column `runs` of the result counts those that did not fail. The best
+    size is enough, too.
     """
     rows = []
-    for (*ladder, metric), own in runs.groupby([*LADDER, "metric"], sort=False):
+    for (*ladder, metric), own in runs.sort_values("seed").groupby([*LADDER, "metric"], sort=False):
         sizes = dict(list(own.groupby("size")))
-        sign = -1 if metric in HIGHER else 1
-        enough = smallest({size: sign * part["value"].to_numpy() for size, part in sizes.items()})
+        excess = excesses({size: error_of(part["value"].to_numpy(), metric) for size, part in sizes.items()})
+        verdicts = {size: verdict(excess.get(size)) for size in sizes}
+        enough = min((size for size, word in verdicts.items() if word in (BEST, ENOUGH)), default=None)
         for size, part in sizes.items():
-            first, mean = part.iloc[0], estimate(part["value"])
+            first, mean = part.iloc[0], estimate(part["value"], scale_of(metric))
+            over = excess[size][:3] if size in excess else (np.nan,) * 3
             rows.append((*ladder, size, first["params"], metric, first["unit"], *mean[:3], int(size == enough)))
-            rows[-1] += (mean.runs, mean.failed, first["macs"])
+            rows[-1] += (mean.runs, mean.failed, first["macs"], *over, verdicts[size])
     return pd.DataFrame(rows, columns=JUDGED)
 
 

@@ -1,10 +1,12 @@
-"""Judge at which severity of a perturbation each trained model fails, and count the trainings that failed.
+"""Judge at which severity of a perturbation each trained model fails, rank the models, and count failed trainings.
 
-A model fails at the first severity at which its error, the mean over the seeds, is above twice its clean error, or
-above that of the model `constant` under the same perturbation. Where the perturbation changes the truth itself, such
-as presses twice as hard, the twofold is of the clean error times the growth of the constant model's error. The clean
-error is that at severity 0; a perturbation without unperturbed version has its first level as reference. Severities
-are walked from the smallest change, whatever its sign, to the largest.
+A model fails at the first severity at which its error, the mean over the seeds, is above what a user could work with
+(`stress.<experiment>.usable` of params.yaml), or above that of the model `constant` under the same perturbation. So a
+model is never compared with itself: one that is bad on clean data has no advantage. Severities are walked from the
+smallest change, whatever its sign, to the largest.
+
+Models are ranked by their relative error: the error over that of `constant`, mean over the perturbed severities, then
+over perturbations. 1 is no better than a constant map, place or name.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,8 +21,7 @@ from pipeline.scoring import complete, results
 from pipeline.scoring.results import Estimate
 
 FLOOR = "constant"
-TIMES = 2.0  # the clean error: beyond, a model has failed
-HOLDS, WORSE, FAILED = "holds", "worse than constant", "failed in training"
+HOLDS, WORSE, UNUSABLE, FAILED = "holds", "worse than constant", "not usable", "failed in training"
 # Experiment -> the metric of stress.csv that stands for the error, the name of the error, and its unit.
 ERRORS = {
     "touch": ("rmse", "RMSE", "kPa"),
@@ -32,7 +33,7 @@ ERRORS = {
 }
 PLACE = ["protocol", "condition", "perturbation"]
 LAST = ["last_severity", "last_error"]  # of the walk
-FAILURES = ["experiment", *PLACE, "model", "fails_at", "step", "clean", "error", "verdict", *LAST]
+FAILURES = ["experiment", *PLACE, "model", "fails_at", "step", "clean", "error", "verdict", *LAST, "relative"]
 TRAININGS = ["experiment", "model", "runs", "diverged", "no_usable_epoch", "scores", "nan", "worse_than_constant"]
 
 
@@ -101,31 +102,47 @@ def curves(table: pd.DataFrame) -> dict[tuple, dict[str, dict[float, Estimate]]]
     return by_place
 
 
-def verdict(errors: Mapping[float, Estimate], floor: Mapping[float, Estimate] | None) -> Verdict:
+def verdict(errors: Mapping[float, Estimate], floor: Mapping[float, Estimate] | None, usable: float) -> Verdict:
     """Judge where a model with `errors` by severity fails; floor: those of `constant`, if it is among the models."""
-    first = next(iter(errors))
-    clean = errors[first].mean
+    clean = next(iter(errors.values())).mean
     if not all(np.isfinite(seeds.mean) and not seeds.failed for seeds in errors.values()):
         return Verdict(np.nan, np.nan, clean, np.nan, FAILED)
     for step, (severity, seeds) in enumerate(errors.items()):
-        growth = max(1.0, floor[severity].mean / floor[first].mean) if floor and floor[first].mean > 0 else 1.0
         if floor and seeds.mean > floor[severity].mean:
             return Verdict(severity, step, clean, seeds.mean, WORSE)
-        if seeds.mean > TIMES * clean * growth:
-            return Verdict(severity, step, clean, seeds.mean, "above twice its clean error")
+        if seeds.mean > usable:
+            return Verdict(severity, step, clean, seeds.mean, UNUSABLE)
     return Verdict(np.nan, np.nan, clean, seeds.mean, HOLDS)
 
 
-def failures(table: pd.DataFrame, experiment: str) -> pd.DataFrame:
-    """Judge every condition, perturbation and model but `constant`: one row of FAILURES each."""
+def relative(errors: Mapping[float, Estimate], floor: Mapping[float, Estimate] | None) -> float:
+    """Return the error over that of `constant`, mean over the perturbed severities; NaN where one is not known."""
+    if not floor:
+        return np.nan
+    perturbed = [severity for severity in errors if severity != 0]
+    return float(np.mean([errors[severity].mean / floor[severity].mean for severity in perturbed]))
+
+
+def failures(table: pd.DataFrame, experiment: str, usable: Mapping[str, float]) -> pd.DataFrame:
+    """Judge every condition, perturbation and model but `constant`: one row of FAILURES each.
+
+    usable: protocol -> the largest error that is.
+    """
     rows = []
     for place, models in curves(table).items():
+        floor = models.get(FLOOR)
         for model, errors in models.items():
             if model != FLOOR:
-                last = list(errors)[-1]
-                judged = verdict(errors, models.get(FLOOR))
-                rows.append((experiment, *place, model, *judged, last, errors[last].mean))
+                last, judged = list(errors)[-1], verdict(errors, floor, usable[place[0]])
+                ends = last, errors[last].mean, relative(errors, floor)
+                rows.append((experiment, *place, model, *judged, *ends))
     return pd.DataFrame(rows, columns=FAILURES)
+
+
+def ranking(judged: pd.DataFrame) -> pd.Series:
+    """Return model -> relative error, mean over perturbations, the lowest first; judged: FAILURES of one condition."""
+    sound = judged.groupby("model")["relative"].filter(lambda values: values.notna().all()).index
+    return judged.loc[sound].groupby("model", sort=False)["relative"].mean().sort_values(kind="stable")
 
 
 def training_failures(experiment: str, settings: Mapping) -> pd.DataFrame:

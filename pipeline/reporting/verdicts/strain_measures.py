@@ -8,6 +8,7 @@ from pipeline.reporting.verdicts.rules import Evidence, NotTestable, complete, e
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number as digits
 from pipeline.scoring.published import latent
+from pipeline.scoring.results import R2
 from pipeline.scoring.strain_results import errors_by_time
 
 TASKS = ("task_1", "task_2")
@@ -215,7 +216,7 @@ def why_drift(task: str):
         parts = []
         for target in sorted(drift[drift["protocol"] == task]["target"].unique()):
             raw, states = decoded(e, task, target, False), decoded(e, task, target, True)
-            parts.append(f"{target}: {summary(states)} (raw voltages: {summary(raw)})")
+            parts.append(f"{target}: {summary(states, scale=R2)} (raw voltages: {summary(raw, scale=R2)})")
         age = each(("lstm_direct", "lstm_transfer"), lambda m: " to ".join(map(digits, by_age(e, m, task))))
         return (
             f"R2 of a linear decoder on held-out blocks of time, {name_of(task)}: {'; '.join(parts)}. Nothing in the "

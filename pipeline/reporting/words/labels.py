@@ -1,6 +1,7 @@
 """Name models and columns as the reports do."""
 
 FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
+SPREAD = {"p50_ms": ["p50_low_ms", "p50_high_ms"], "train_s": ["train_low_s", "train_high_s"]}  # -> its least and most
 LABELS = {
     "constant": "Constant (mean)",
     "linear": "Linear",

@@ -1,5 +1,6 @@
 """A verdict must follow from the numbers, whatever they are: altered scores turn it."""
 
+import zlib
 from functools import partial
 
 import numpy as np
@@ -11,13 +12,23 @@ from pipeline.base import params, paths
 from pipeline.datasets.images import MODALITIES
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting.verdicts import glove_measures, rules, strain_measures, touch_measures
-from pipeline.reporting.verdicts.rules import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, Claim, Evidence
+from pipeline.reporting.verdicts.rules import CONTRADICTED, NOT_TESTABLE, REPRODUCED, UNDECIDED, Claim, Evidence
 from pipeline.scoring import glove_results, published, results
 
 VALUES = params.load()
+for block in ("touch", "glove", "glove_recorded"):  # as many runs of each protocol and study: one has no interval
+    for protocol in VALUES[block]["protocols"].values():
+        protocol["seeds"] = [0, 1, 2]
+for study in ("augmentation", "input_frames"):
+    VALUES["glove"][study]["seeds"] = [0, 1, 2]
 EXPERIMENTS = VALUES["experiments"]
 CLAIMS = {one.key: one for one in claims_report.all_claims()}
 JITTER = (0.01, -0.02, 0.01, 0.015, -0.015)
+
+
+def own(k: int, *names: str) -> float:
+    """A jitter of run k that no other model, protocol or condition has: two that had the same would not differ."""
+    return 1e-6 * k * (zlib.crc32(" ".join(names).encode()) % 97 + 1)
 
 
 class Scores:
@@ -32,7 +43,9 @@ class Scores:
         size = len(self.protocols[protocol]["seeds"])
         # The model's name moves its jitter, so that differences of two models spread too.
         turn = len(model) + len(condition)
-        return [float(values[k] * (1 + JITTER[(k + turn) % 5])) for k in range(size)]
+        return [
+            float(values[k] * (1 + JITTER[(k + turn) % 5] + own(k, protocol, condition, model))) for k in range(size)
+        ]
 
 
 def judged(key, given):
@@ -62,19 +75,19 @@ def touch(**changed):
         ("lomp-best-double", {"poly_double": 3.0}, "contradicted: LoMP below Polynomial"),
         ("lomp-best-double", {"rbf_double": 5.05}, "undecided: LoMP below RBF-Net"),
         ("learning-single", {"cnn_single": 9.0}, "contradicted"),
-        ("rmse-single-linear", {"linear_single": 12.0}, "+39 % from the published value"),
+        ("rmse-single-linear", {"linear_single": 12.0}, "+39 % from the published one"),
         ("rnn-lowest", {"rnn_single": 2.6}, "contradicted"),
         ("conventional-double", {"rnn_double": 10.0}, "RNN"),
         ("vgg-overfits", {"vgg_double": 8.0}, "contradicted"),
         ("cnn-two-peaks", {"cnn_found": 0.1}, "CNN"),
-        ("recognised-three", {"lomp_found": 0.3}, "contradicted"),
+        ("recognised-three", {"lomp_found": 0.3}, "is below 0.5"),
         ("growth-global", {"rnn_double": 3.0}, "RNN"),
     ],
 )
 def test_touch_verdicts_turn_with_the_scores(key, changed, reason):
     assert judged(key, touch()).verdict == REPRODUCED
     turned = judged(key, touch(**changed))
-    assert turned.verdict == NOT_REPRODUCED and reason in turned.reason
+    assert turned.verdict == (UNDECIDED if "undecided" in reason else CONTRADICTED) and reason in turned.reason
     failed = judged(key, touch(**{next(iter(changed)): [np.nan, 1.0, 1.0, 1.0, 1.0]}))
     assert failed.verdict == NOT_TESTABLE and failed.reason.startswith("failed runs: ") and "1 of 3" in failed.reason
     assert np.isnan(failed.ours)
@@ -106,13 +119,13 @@ def strain(**changed):
 )
 def test_strain_verdicts_turn_with_the_scores(key, changed):
     assert judged(key, strain()).verdict == REPRODUCED
-    assert judged(key, strain(**changed)).verdict == NOT_REPRODUCED
+    assert judged(key, strain(**changed)).verdict == CONTRADICTED
     assert judged(key, strain(**{name: [np.nan] * 5 for name in changed})).verdict == NOT_TESTABLE
 
 
 def drift(level):
     rows = [
-        ("task_1", source, "true drift", seed, value + 0.01 * seed)
+        ("task_1", source, "true drift", seed, value + 0.01 * seed + own(seed, source))
         for source, value in (("raw voltages, 10 samples", 0.8), ("latent of model-0", level))
         for seed in (0, 1, 2)
     ]
@@ -122,14 +135,14 @@ def drift(level):
 def test_drift_is_judged_by_the_decoder():
     free, less = "drift-free-true-drift-task_1", "drift-less-true-drift-task_1"
     assert [judged(key, drift(0.02)).verdict for key in (free, less)] == [REPRODUCED] * 2
-    assert [judged(key, drift(0.5)).verdict for key in (free, less)] == [NOT_REPRODUCED, REPRODUCED]
-    assert [judged(key, drift(0.9)).verdict for key in (free, less)] == [NOT_REPRODUCED] * 2
+    assert [judged(key, drift(0.5)).verdict for key in (free, less)] == [CONTRADICTED, REPRODUCED]
+    assert [judged(key, drift(0.9)).verdict for key in (free, less)] == [CONTRADICTED] * 2
     assert judged(free, drift(np.nan)).verdict == NOT_TESTABLE
 
 
 def samples(transfer):
     rows = [
-        ("task_1", model, n, seed, (level if n < 5000 else 0.5) + 0.01 * seed)
+        ("task_1", model, n, seed, (level if n < 5000 else 0.5) + 0.01 * seed + own(seed, model, str(n)))
         for model, level in (("lstm_direct", 2.0), ("lstm_transfer", transfer))
         for n in (100, 1000, 24000)
         for seed in (0, 1, 2)
@@ -141,22 +154,23 @@ def samples(transfer):
 def test_few_samples_are_judged_by_the_study():
     for key in ("few-samples-task_1", "samples-needed-task_1"):
         assert judged(key, samples(1.0)).verdict == REPRODUCED
-        assert judged(key, samples(3.0)).verdict == NOT_REPRODUCED
+        assert judged(key, samples(3.0)).verdict == CONTRADICTED
         assert judged(key, samples(np.nan)).verdict == NOT_TESTABLE
 
 
 def test_training_times_and_parameters():
-    for ours, verdict in ((11450, REPRODUCED), (11451, NOT_REPRODUCED)):
+    for ours, verdict in ((11450, REPRODUCED), (11451, CONTRADICTED)):
         fits = [results.Fit("completed", 1, 1, ours, pd.DataFrame())]
         key = "parameters-lstm_direct-task_1"
         assert judged(key, strain() | {("fits", "strain", "lstm_direct", "task_1"): fits}).verdict == verdict
     ratio = published.latent("lstm_direct", "task_1", "training time") / published.latent(
         "lstm_transfer", "task_1", "training time"
     )
-    for factor, verdicts in ((ratio, [REPRODUCED] * 2), (0.5, [NOT_REPRODUCED] * 2)):
+    for factor, verdicts in ((ratio, [REPRODUCED] * 2), (0.5, [CONTRADICTED] * 2)):
         given = strain()
         for model, times in (("lstm_direct", factor), ("lstm_transfer", 1.0)):
-            given["training_times", "strain", model, "task_1"] = [times, 1.01 * times, 0.99 * times]
+            taken = [times, 1.01 * times, (0.99 + own(1, model)) * times]
+            given["training_times", "strain", model, "task_1"] = taken
         keys = ("time-ratio-task_1", "time-less-task_1")
         assert [judged(key, given).verdict for key in keys] == verdicts
 
@@ -171,23 +185,27 @@ def glove(experiment="glove", **changed):
 
     scores = Scores(experiment, level)
     small = [value / 100 for value in JITTER]
-    scores.runs = lambda *key: [level(*key) + small[k] for k in range(len(scores.protocols[key[0]]["seeds"]))]
+    scores.runs = lambda *key: [
+        level(*key) + small[k] + own(k, *key[:3]) for k in range(len(scores.protocols[key[0]]["seeds"]))
+    ]
     if "spread" in changed:  # of SP-ResNet alone, so that it does not cancel in a difference
         wide = [0.0, changed["spread"], -changed["spread"]]
-        scores.runs = lambda *key: [level(*key) + (wide[k] if key[2] == "sp_resnet" else 0.0) for k in range(3)]
+        scores.runs = lambda *key: [
+            level(*key) + (wide[k] if key[2] == "sp_resnet" else own(k, *key[:3])) for k in range(3)
+        ]
     return {("scores", experiment): scores}
 
 
 @pytest.mark.parametrize(
     ("key", "changed", "word"),
     [
-        ("fusion", {"sp_resnet_combined": 0.6}, "contradicted"),
+        ("fusion", {"sp_resnet_combined": 0.6}, "is below 0"),
         ("fusion-networks", {"mobilenet_combined": 0.6}, "contradicted: MobileNet"),
-        ("precision-combined-sp_resnet", {"sp_resnet_combined": 0.8}, "% from the published value"),
-        ("second-best", {"mobilenet_combined": 0.95}, "contradicted: SP-ResNet above MobileNet"),
-        ("second-best", {"spread": 0.2}, "undecided"),
-        ("attention-combined", {"sp_resnet_combined": 0.8}, "contradicted"),
-        ("attention-combined", {"spread": 0.2}, "undecided"),
+        ("precision-combined-sp_resnet", {"sp_resnet_combined": 0.8}, "% from the published one"),
+        ("second-best", {"mobilenet_combined": 0.95}, "above it by their means: ResNet-18, MobileNet"),
+        ("second-best", {"spread": 0.2}, "above it by their means: ResNet-18"),
+        ("attention-combined", {"sp_resnet_combined": 0.8}, "is below 0"),
+        ("attention-combined", {"spread": 0.2}, "includes 0"),
         ("networks-above-baselines-combined", {"tree_combined": 0.9}, "contradicted"),
         ("order-combined", {"tree_combined": 0.99}, "of 21 pairs"),
     ],
@@ -195,9 +213,12 @@ def glove(experiment="glove", **changed):
 def test_glove_verdicts_turn_with_the_scores(key, changed, word):
     true = {"mobilenet_combined": 0.90} | ({"mobilenet_combined": 0.91} if key == "order-combined" else {})
     true |= {"sp_resnet_nogcam_combined": 0.89, "resnet3x3_combined": 0.88}
+    if key.startswith("precision"):  # to a share of the errors, of which there are few
+        true |= {"sp_resnet_combined": 0.955}
     assert judged(key, glove(**true)).verdict == REPRODUCED
     turned = judged(key, glove(**true | changed))
-    assert turned.verdict == NOT_REPRODUCED and word in turned.reason
+    assert turned.verdict == (UNDECIDED if "spread" in changed or key.startswith("order") else CONTRADICTED)
+    assert word in turned.reason
     failed = judged(key, glove(**true | {"sp_resnet_combined": np.nan}))
     assert failed.verdict == NOT_TESTABLE and "SP-ResNet" in failed.reason
 
@@ -212,7 +233,7 @@ def test_fusion_is_the_gain_of_the_report():
 
 def test_augmentation_helps_or_not():
     values = {(m, d): [0.80, 0.81, 0.82] for m in published.METHODS for d in ("pressure", "strain", "combined")}
-    for gain, helps, useless in ((0.05, REPRODUCED, NOT_REPRODUCED), (-0.05, NOT_REPRODUCED, REPRODUCED)):
+    for gain, helps, useless in ((0.05, REPRODUCED, CONTRADICTED), (-0.05, CONTRADICTED, REPRODUCED)):
         values["A", "strain"] = values["B", "strain"] = [value + gain for value in values["none", "strain"]]
         values["A", "strain"][0] += 0.001  # some spread
         given = glove() | {("augmentation",): values}
@@ -226,10 +247,10 @@ def test_counts_are_exact_at_the_printed_precision():
     counts = pd.read_csv(ROOT / "reports" / "counts.csv")
     assert judged("macs-resnet18", {("counts",): counts}).verdict == REPRODUCED
     counts.loc[counts["model"] == "resnet18", "macs"] += 1_000_000
-    assert judged("macs-resnet18", {("counts",): counts}).verdict == NOT_REPRODUCED
+    assert judged("macs-resnet18", {("counts",): counts}).verdict == CONTRADICTED
     for column in ("macs", "params"):
         small = counts["published_macs"].isna() & (counts["model"] == "sp_resnet")
-        for value, verdict in ((1, REPRODUCED), (10**12, NOT_REPRODUCED)):
+        for value, verdict in ((1, REPRODUCED), (10**12, CONTRADICTED)):
             counts.loc[small, column] = value
             assert judged(f"fewest-{column}", {("counts",): counts}).verdict == verdict
     assert judged("macs-resnet18", {("counts",): counts.iloc[:0]}).verdict == NOT_TESTABLE
@@ -241,7 +262,8 @@ def test_named_pairs_are_judged_by_the_confusions():
     mixed = apart.copy()
     for k in range(3):
         mixed[k, 3, 4] = mixed[k, 4, 3] = 6 + k
-    for pressure, verdict in ((mixed, REPRODUCED), (apart, NOT_REPRODUCED)):
+    # Never confused in any run: three times 0 tell nothing of the spread.
+    for pressure, verdict in ((mixed, REPRODUCED), (apart, NOT_TESTABLE)):
         found = {"pressure": pressure, "strain": apart, "combined": apart}
         given = glove() | {("confusions",): (found, objects)}
         assert judged("confused-pressure-paper_roll-toy", given).verdict == verdict
@@ -253,7 +275,7 @@ def test_named_pairs_are_judged_by_the_confusions():
 def test_number_of_frames():
     def frames(last, form="trained"):
         rows = [
-            (form, model, seed, n, "macro_precision", level + 0.01 * n * seed)
+            (form, model, seed, n, "macro_precision", level + 0.01 * n * seed + own(seed, model, str(n)))
             for model, levels in (("sp_resnet", (0.6, last)), ("resnet3x3", (0.5, 0.5)))
             for n, level in enumerate(levels, start=1)
             for seed in (0, 1, 2)
@@ -261,7 +283,7 @@ def test_number_of_frames():
         return pd.DataFrame(rows, columns=["form", "model", "seed", "frames", "metric", "value"])
 
     above, more = "above-resnet3x3-stag", "more-frames-sp_resnet-stag"
-    for last, verdicts in ((0.8, [REPRODUCED] * 2), (0.3, [NOT_REPRODUCED] * 2)):
+    for last, verdicts in ((0.8, [REPRODUCED] * 2), (0.3, [CONTRADICTED] * 2)):
         given = glove() | {("stag",): frames(last)}
         assert [judged(key, given).verdict for key in (above, more)] == verdicts
         alone = glove() | {("stag",): frames(last, "mean")}
@@ -284,8 +306,9 @@ def test_latency_claims_are_ratios_and_marked():
 
     assert judged("latency-order", latency(linear=0.96, cnn=1.33, lomp=1.6, rnn=1.9)).verdict == REPRODUCED
     close = judged("latency-order", latency(linear=0.96, cnn=1.33, lomp=1.34, rnn=1.9))
-    assert close.verdict == NOT_REPRODUCED and "too close" in close.reason
-    assert "contradicted" in judged("latency-order", latency(linear=2.0, cnn=1.0, lomp=1.6, rnn=1.9)).reason
+    assert close.verdict == UNDECIDED and "too close: LoMP above CNN" in close.reason
+    turned = judged("latency-order", latency(linear=2.0, cnn=1.0, lomp=1.6, rnn=1.9))
+    assert turned.verdict == CONTRADICTED and "not: CNN above linear" in turned.reason
     assert judged("latency-lomp-cnn", latency(cnn=10.0, lomp=10.9)).verdict == REPRODUCED
     marked = {one.key for one in CLAIMS.values() if one.measured}
     named = ("latency", "time-ratio", "time-less", "time-absolute")
@@ -302,24 +325,87 @@ def test_own_logs_are_recorded_data():
 def test_rules():
     series = pd.Series
     assert rules.positive(series([1.0, 1.1, 0.9])).verdict == REPRODUCED
-    assert rules.positive(series([1.0, -1.1, 0.9])).reason == "undecided: the interval includes 0"
-    assert rules.positive(series([-1.0, -1.1, -0.9])).reason == "contradicted"
+    unsure = rules.positive(series([1.0, -1.1, 0.9]))
+    assert (unsure.verdict, unsure.reason) == (UNDECIDED, "the interval includes 0")
+    assert rules.positive(series([-1.0, -1.1, -0.9])).verdict == CONTRADICTED
+    assert [rules.positive(series([1.0, 1.1]), above=limit).verdict for limit in (0.3, 1.05, 2.0)] == [
+        REPRODUCED, UNDECIDED, CONTRADICTED,
+    ]  # fmt: skip
     with pytest.raises(rules.NotTestable, match="one run has no interval"):
         rules.positive(series([1.0]))
     # Paired by seed: what has no partner does not count.
     one, other = series([1.0, 2.0, 3.0], index=[0, 1, 2]), series([9.0, 0.0, 1.1], index=[7, 1, 2])
     assert rules.positive(one - other).ours == pytest.approx(1.95)
-    wide = rules.number(series([5.0, 15.0, 16.0]), 10.0)
-    assert wide.verdict == NOT_REPRODUCED and "includes" in wide.reason  # a wide interval is no reproduction
-    assert rules.number(series([9.5]), 10.0).verdict == REPRODUCED  # one run has a mean
-    assert rules.number(series([8.9, 8.91]), 10.0).verdict == NOT_REPRODUCED
     assert rules.within(series([0.01, -0.01, 0.0]), 0.1).verdict == REPRODUCED
-    assert "contradicted" in rules.within(series([0.5, 0.51, 0.49]), 0.1).reason
-    assert "undecided" in rules.within(series([0.5, -0.5, 0.0]), 0.1).reason
+    assert rules.within(series([1.01, 0.99, 1.0]), 0.1, around=1.0).verdict == REPRODUCED
+    assert rules.within(series([0.5, 0.51, 0.49]), 0.1).verdict == CONTRADICTED
+    assert rules.within(series([0.5, -0.5, 0.0]), 0.1).verdict == UNDECIDED
     assert rules.at_most(series([-5.0, -5.1]), 0.1).verdict == REPRODUCED
-    assert "contradicted" in rules.at_most(series([0.5, 0.51, 0.49]), 0.1).reason
+    assert rules.at_most(series([0.5, 0.51, 0.49]), 0.1).verdict == CONTRADICTED
+    largest = rules.all_at_most({"a": series([1.0, 1.1]), "b": series([1.2, 1.3])}, 2.0)
+    assert (largest.verdict, largest.ours) == (REPRODUCED, pytest.approx(1.25))
+    assert largest.low < 1.2 and 1.3 < largest.high < 2
     many = rules.all_positive({str(k): series([-1.0, -1.1]) for k in range(5)} | {"good": series([1.0, 1.1])})
-    assert many.reason == "1 of 6 hold; contradicted: 0, 1, 2 and 2 more"
+    assert many.verdict == CONTRADICTED and many.reason == "1 of 6 hold; contradicted: 0, 1, 2 and 2 more"
+    unsure = rules.all_positive({"wide": series([-1.0, 2.0]), "good": series([1.0, 1.1])})
+    assert unsure.verdict == UNDECIDED and unsure.reason == "1 of 2 hold; undecided: wide"
+
+
+@pytest.mark.parametrize(
+    ("values", "best", "verdict"),
+    [
+        ([9.6, 10.0, 10.2], 0.0, REPRODUCED),
+        ([5.0, 15.0, 16.0], 0.0, UNDECIDED),  # a wide interval is no reproduction, and no contradiction
+        ([8.0, 8.0, 8.1], 0.0, CONTRADICTED),
+        ([10.0, 10.05, 10.1], 11.6, REPRODUCED),
+        ([9.6, 9.61, 9.62], 11.0, CONTRADICTED),  # 4 % off, but with 1.4 times the error
+    ],
+)
+def test_a_number_is_held_against_a_band_on_the_scale_of_errors(values, best, verdict):
+    judged_number = rules.number(pd.Series(values), 10.0, best=best)
+    assert judged_number.verdict == verdict and "the band is 15 %" in judged_number.reason
+
+
+def test_an_order_is_a_share_of_pairs():
+    right, wrong = pd.Series([1.0, 1.1, 0.9]), pd.Series([-1.0, -1.1, -0.9])
+    mixed = pd.Series([1.0, 1.0, -1.0])
+    orders = {"all": [right] * 21, "four": [right] * 4 + [mixed], "few": [right] * 2 + [mixed] + [wrong] * 27}
+    found = {name: rules.ordered({str(k): gap for k, gap in enumerate(gaps)}) for name, gaps in orders.items()}
+    assert [found[name].verdict for name in orders] == [REPRODUCED, UNDECIDED, CONTRADICTED]
+    assert found["few"].ours == pytest.approx(2.67 / 30, abs=1e-3)
+    assert found["few"].reason.startswith("3 of 30 pairs are in the paper's order by their means, 2 for certain")
+
+
+def test_a_difference_is_compatible_where_the_interval_includes_the_printed_one():
+    values = pd.Series([1.0, 1.1, 0.9])
+    for printed, compatible in ((1.05, True), (3.0, False), (np.nan, None)):
+        one = Claim("lomp", "a", "I", "kPa", "A.", lambda e: rules.positive(values), printed)
+        assert one.judged(Evidence(VALUES)).compatible is compatible
+    number = Claim("lomp", "a", "I", "kPa", "A.", lambda e: rules.positive(values), 1.05, kind=rules.NUMBER)
+    assert number.judged(Evidence(VALUES)).compatible is None
+
+
+def test_a_printed_number_is_judged_on_the_papers_split_and_beside_it_on_the_stricter_one():
+    for easy, hard, verdicts in ((8.7, 12.0, (REPRODUCED, CONTRADICTED)), (6.0, 8.7, (CONTRADICTED, REPRODUCED))):
+        level = {"random_window": easy, "press": hard}
+        given = {("scores", "touch"): Scores("touch", lambda protocol, *_, level=level: level[protocol])}
+        found = judged("rmse-single-linear", given)
+        assert (found.verdict, found.strict) == verdicts
+    level = {"random_window": np.nan, "press": 8.7}
+    given = {("scores", "touch"): Scores("touch", lambda protocol, *_: level[protocol])}
+    assert judged("rmse-single-linear", given)[3] == NOT_TESTABLE and judged("rmse-single-linear", given).strict
+
+
+def test_what_a_scene_was_tuned_to_is_no_result():
+    keys = [key for key in CLAIMS if CLAIMS[key].kind == rules.CALIBRATION]
+    claims = [one for one in claims_report.all_claims() if one.kind == rules.CALIBRATION]
+    assert {one.paper for one in claims} == set(rules.PAPERS) and keys
+    for one in claims:
+        chosen = VALUES[rules.EXPERIMENTS[one.paper]]["yardstick"]
+        assert one.published == pytest.approx(chosen["published"], abs=5e-4)
+        experiment = rules.EXPERIMENTS[one.paper]
+        given = {("scores", experiment): Scores(experiment, lambda *key: 0.5)}
+        assert one.judged(Evidence(VALUES, given)).verdict == rules.CALIBRATED
 
 
 def test_absent_recordings_and_missing_runs_are_not_testable(tmp_path, monkeypatch):
@@ -338,7 +424,11 @@ def test_absent_recordings_and_missing_runs_are_not_testable(tmp_path, monkeypat
     paths.scores("touch").write_text(header + "touch,press,single,linear,0,rmse,kPa,8.7,1\n")
     given = {("absent", "touch"): None}
     found = CLAIMS["rmse-single-linear"].judged(Evidence(VALUES, given))
-    assert found.verdict == NOT_TESTABLE and "no row for protocol press" in found.reason and "seed 1" in found.reason
+    assert (
+        found.verdict == NOT_TESTABLE
+        and "no row for protocol random_window" in found.reason
+        and "seed 0" in found.reason
+    )
 
 
 class Unread(Exception):
@@ -376,12 +466,12 @@ def test_the_list_of_claims():
     assert len(set(sentences)) == len(sentences)
     for one in found:
         assert one.text.endswith(".") and one.section and one.unit
-        assert not one.printed or np.isfinite(one.published), one.key
+        assert one.kind == rules.SENTENCE or np.isfinite(one.published) or one.kind == rules.CONSTRUCTION, one.key
     kept = pd.read_csv(ROOT / "reports" / "claims.csv")
-    assert list(kept["key"]) == [one.key for one in found]
+    assert list(kept["id"]) == [one.id for one in found] and kept["id"].is_unique
     assert list(kept["claim"]) == [one.text for one in found]
     assert kept["published"].to_numpy() == pytest.approx([one.published for one in found], rel=1e-9, nan_ok=True)
-    assert set(kept["verdict"]) <= set(claims_report.VERDICTS)
+    assert set(kept["verdict"]) <= {*rules.VERDICTS, rules.CALIBRATED}
     assert not kept.loc[kept["verdict"] == REPRODUCED, "ours"].isna().any()
     assert (kept.loc[kept["verdict"] != REPRODUCED, "reason"].fillna("") != "").all()
 
@@ -400,24 +490,30 @@ def test_a_paragraph_is_printed_only_where_a_claim_is_not_reproduced():
     ]
     evidence = Evidence(VALUES)
     found = [(one, one.judged(evidence)) for one in listed]
-    text = claims_report.text(found, evidence)
+    rows = claims_report.rows(found, VALUES)
+    by_id = {one.id: one for one in listed}
+    shown = claims_report.by_scale(rows, rows.iloc[:0])
+    text = claims_report.text(shown, lambda name: by_id[name].explained(evidence))
     assert "Never printed" not in text and text.count("Computed: -1.0.") == 1
-    assert "**Sentence bad** (contradicted)\n- **Sentence worse** (contradicted)\n\nComputed" in text
+    told = "(contradicted; the interval is below 0)"
+    assert f"**Sentence bad** {told}\n- **Sentence worse** {told}\n\nComputed" in text
     assert "No reason was looked for" in text and "nobody knows" in text
-    rows = claims_report.rows(found)
-    assert list(rows.columns)[:10] == [
-        "claim", "paper", "section", "data", "published", "ours", "low", "high", "verdict", "reason",
+    assert list(rows.columns)[:14] == [
+        "id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "unit", "verdict",
+        "strict", "compatible",
     ]  # fmt: skip
-    assert list(rows["verdict"]) == [REPRODUCED, *[NOT_REPRODUCED] * 3, NOT_TESTABLE]
-    tried = [one for one in text.splitlines() if one.startswith("| LoMP")]
-    cells = [cell.strip() for cell in tried[0].strip("|").split("|")]
-    assert len(tried) == 1 and cells == ["LoMP (touch)", "simulated", "sentence", "1", "3", "1", "0", "5"]
+    assert list(rows["verdict"]) == [REPRODUCED, *[CONTRADICTED] * 3, NOT_TESTABLE]
+    counted = [one for one in text.splitlines() if one.startswith("| simulated")]
+    cells = [cell.strip() for cell in counted[0].strip("|").split("|")]
+    assert cells == ["simulated", "LoMP (touch)", "sentence", "1", "3", "0", "1", "5"]
 
 
 def steady(experiment, level):
     """Scores of `level(protocol, condition, model, metric)` whose seeds agree: the mean alone decides."""
     scores = Scores(experiment, level)
-    scores.runs = lambda *key: [level(*key) * (1 + 1e-6 * k) for k in range(len(scores.protocols[key[0]]["seeds"]))]
+    scores.runs = lambda *key: [
+        level(*key) * (1 + own(k, *key[:3])) for k in range(len(scores.protocols[key[0]]["seeds"]))
+    ]
     return {("scores", experiment): scores}
 
 
@@ -452,22 +548,24 @@ def noise_gain(points):
     gained = {
         (method, dataset): 0.8 + points / 100 * (method == "B") for method in ("none", "B") for dataset in MODALITIES
     }
-    return glove() | {("augmentation",): {key: [value] * 3 for key, value in gained.items()}}
+    return glove() | {
+        ("augmentation",): {key: [value + own(k, *key) / 10 for k in range(3)] for key, value in gained.items()}
+    }
 
 
-OF_TABLE = "our mean is within 10 % of the published one"
+OF_TABLE = "our error is within 15 % of the printed one"
 OF_TIME = "the ratio of medians is more than 10 % on the claimed side of 1"
 # Claim; words of the committed report that name its margin; the margin; evidence in which the number that it limits
 # has a given value.
 MARGINS = [
-    ("lomp-like-rnn", "the margin is 0.1.", 0.1, lambda share: above("touch", "lomp", share)),
-    ("lomp-like-rnn", "the margin is 0.1.", 0.1, lambda share: above("touch", "lomp", -share)),
-    ("locations", "1.5 mm minus location error", 1.5, lambda mm: steady("touch", lambda *_: mm)),
-    ("recognised-three", "minus 0.5)", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
-    ("recognised-slide", "minus 0.5)", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
-    ("recognised-tape", "minus 0.5)", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
-    ("growth-lomp", OF_TABLE, 0.1, grown),
-    ("growth-lomp", OF_TABLE, 0.1, lambda share: grown(-share)),
+    ("lomp-like-rnn", "margin 0.1 around 1.", 0.1, lambda share: above("touch", "lomp", share)),
+    ("lomp-like-rnn", "margin 0.1 around 1.", 0.1, lambda share: above("touch", "lomp", -share)),
+    ("locations", "limit 1.5;", 1.5, lambda mm: steady("touch", lambda *_: mm)),
+    ("recognised-three", "more than half", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
+    ("recognised-slide", "more than half", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
+    ("recognised-tape", "more than half", 0.5, lambda rest: steady("touch", lambda *_: 1 - rest)),
+    ("growth-lomp", OF_TABLE, 0.15, grown),
+    ("growth-lomp", OF_TABLE, 0.15, lambda share: grown(-share)),
     ("latency-lomp-rnn", OF_TIME, 0.1, times),
     ("transfer-better-task_2", "at most 10 % above", 0.1, lambda share: above("strain", "lstm_transfer", share)),
     ("reservoir-task_1", "(10 %)", 0.1, lambda share: above("strain", "esn", share)),
@@ -487,12 +585,13 @@ MARGINS = [
 
 @pytest.mark.parametrize(("key", "words", "margin", "given"), MARGINS, ids=[key for key, *_ in MARGINS])
 def test_a_margin_is_the_one_that_is_printed(key, words, margin, given):
-    rows = pd.read_csv(ROOT / "reports" / "claims.csv", keep_default_na=False).set_index("key")
+    rows = pd.read_csv(ROOT / "reports" / "claims.csv", keep_default_na=False).set_index("id")
+    name = CLAIMS[key].id
     rules = (ROOT / "reports" / "claims.md").read_text().split("## Counts")[0]
-    printed = rules if words in (OF_TABLE, OF_TIME) else f"{rows.claim[key]} {rows.reason[key]}."
+    printed = rules if words in (OF_TABLE, OF_TIME) else f"{rows.claim[name]} {rows.reason[name]}."
     assert words in printed
     below, beyond = (judged(key, given(factor * margin)).verdict for factor in (0.98, 1.02))
-    assert (below, beyond) == (REPRODUCED, NOT_REPRODUCED)
+    assert (below, beyond) == (REPRODUCED, UNDECIDED if words == OF_TIME else CONTRADICTED)
 
 
 @pytest.mark.parametrize(("size", "counts"), [(1000, True), (1001, False)])
@@ -507,7 +606,7 @@ def test_few_samples_are_at_most_the_tenth_that_the_sentence_names(size, counts)
             strain_measures.few(evidence)
 
 
-@pytest.mark.parametrize(("rank", "verdict"), [(3, REPRODUCED), (4, NOT_REPRODUCED)])
+@pytest.mark.parametrize(("rank", "verdict"), [(3, REPRODUCED), (4, CONTRADICTED)])
 def test_confused_objects_are_among_the_worst_three_that_the_sentence_names(rank, verdict):
     key = "confused-pressure-paper_roll-toy"
     assert CLAIMS[key].text.endswith("among the worst three.")
@@ -557,7 +656,7 @@ def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch):
     x, y = rng.uniform(0, 60, n), rng.uniform(0, 60, n)
     away = np.maximum(np.abs(x % 12 - 6), np.abs(y % 12 - 6))
     element = (y // 12).astype(int) * 5 + (x // 12).astype(int)
-    for loss, verdict in ((100, REPRODUCED), (0, NOT_REPRODUCED), (-100, NOT_REPRODUCED)):
+    for loss, verdict in ((100, REPRODUCED), (0, UNDECIDED), (-100, CONTRADICTED)):
         counts = np.zeros((n, 25), dtype=np.int16)
         counts[np.arange(n), element] = 500 - loss * (away > 3) + rng.normal(0, 20, n)
         force = rng.uniform(5, 25, n)
@@ -581,7 +680,7 @@ def test_strands_are_redundant_where_they_move_together():
     together = np.repeat(rng.normal(0, 1, (n, 1)), 3, axis=1) + rng.normal(0, 0.1, (n, 3))
     for first, second, verdict in (
         (together, rng.normal(0, 1, (n, 3)), REPRODUCED),
-        (rng.normal(0, 1, (n, 3)), together, NOT_REPRODUCED),
+        (rng.normal(0, 1, (n, 3)), together, CONTRADICTED),
     ):
         names = pa.array(["task_1"] * n + ["task_2"] * n).dictionary_encode()
         fingers = pa.array([f"run00{k % 4}" for k in range(2 * n)]).dictionary_encode()
@@ -594,7 +693,7 @@ def test_strands_are_redundant_where_they_move_together():
 def bases(task_1, task_0):
     """bases.csv with these errors of transfer to task 2, of three seeds."""
     rows = [
-        ("task_2", base, "lstm_transfer", seed, error + 0.1 * seed)
+        ("task_2", base, "lstm_transfer", seed, error + 0.1 * seed + own(seed, base))
         for base, error in (("task_1", task_1), ("task_0", task_0))
         for seed in range(3)
     ]
@@ -607,13 +706,13 @@ def strands(fewest, most, task_2=None):
     for task, (few, many) in {"task_1": (fewest, most), "task_2": task_2 or (fewest, most)}.items():
         for count, error in ((2, few), (6, many)):
             for seed in range(3):
-                rows.append((task, count, "lstm_transfer", seed, error + 0.01 * seed))
+                rows.append((task, count, "lstm_transfer", seed, error + 0.01 * seed + own(seed, str(count))))
                 rows.append((task, count, "lstm_direct", seed, 1.0))
     return pd.DataFrame(rows, columns=["protocol", "strands", "model", "seed", "value"])
 
 
 def test_a_network_of_task_1_is_unfit_where_transfer_from_it_is_worse():
-    for task_1, task_0, verdict in ((30.0, 26.0, REPRODUCED), (26.0, 30.0, NOT_REPRODUCED)):
+    for task_1, task_0, verdict in ((30.0, 26.0, REPRODUCED), (26.0, 30.0, CONTRADICTED)):
         given = strain() | {("study", "bases"): bases(task_1, task_0)}
         assert judged("base-task_1", given).verdict == verdict
         assert CLAIMS["base-task_1"].why(Evidence(VALUES, given))
@@ -623,8 +722,8 @@ def test_a_network_of_task_1_is_unfit_where_transfer_from_it_is_worse():
 def test_more_strands_help_transfer_where_its_excess_falls_on_both_tasks():
     for table, verdict in (
         (strands(2.0, 1.5), REPRODUCED),
-        (strands(1.5, 2.0), NOT_REPRODUCED),
-        (strands(2.0, 1.5, task_2=(1.5, 2.0)), NOT_REPRODUCED),
+        (strands(1.5, 2.0), CONTRADICTED),
+        (strands(2.0, 1.5, task_2=(1.5, 2.0)), CONTRADICTED),
         (strands(2.0, 1.5).query("strands == 2"), NOT_TESTABLE),
     ):
         assert judged("more-strands", strain() | {("study", "strands"): table}).verdict == verdict

@@ -1,0 +1,126 @@
+"""Run an experiment at the papers' scale in a folder of its own, and keep what it says in reports/paper_scale.
+
+The folder, build/paper_scale, is a clone of this repository at the present commit with the values of scales/paper.yaml,
+and shares DVC's cache with it. `dvc repro` runs there up to the experiment's scores, times and verdicts; interrupted,
+the same command goes on where it stopped. `--protocols` runs some of the experiment's protocols, so that a run of many
+hours can be made in parts, also on several machines. Into reports/paper_scale go scores.csv, latency.csv and
+claims.csv: rows of other experiments and protocols stay, and so does the verdict on a claim that this part could not
+test. Into <experiment>/, with the names of the protocols where not all were run, go claims.md, params.yaml and
+dvc.lock.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError
+from pipeline.commands.scale import set_values
+from pipeline.reporting.verdicts.rules import NOT_TESTABLE
+
+FOLDER, REPORTS = Path("build") / "paper_scale", Path("reports") / "paper_scale"  # of the repository
+STAGES = {  # what the verdicts of an experiment's paper need
+    "touch": ["evaluate@touch", "latency@touch"],
+    "strain": ["evaluate@strain", "latency@strain", "study_strain"],
+    "glove": ["evaluate@glove", "latency@glove", "count"],
+    "glove_recorded": [
+        "evaluate@glove_recorded",
+        "latency@glove_recorded",
+    ],  # a run for each seed takes long there, too
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what the command takes to its parser."""
+    parser.add_argument("experiment", choices=sorted(STAGES))
+    parser.add_argument(
+        "--protocols", nargs="+", default=[], metavar="NAME", help="some of the protocols; default: all"
+    )
+
+
+def run(folder: Path, *command: str) -> None:
+    """Run a command in a folder, with its code before all other; InputError where it fails."""
+    environment = os.environ | {"PYTHONPATH": str(folder)}
+    done = subprocess.run(command, cwd=folder, env=environment)
+    if done.returncode:
+        raise InputError(f"{paths.shown(folder)}: `{' '.join(command)}` failed; its message is above")
+
+
+def prepare(experiment: str, protocols: Sequence[str], folder: Path) -> None:
+    """Make the clone, or bring it to the present commit; what it has computed stays.
+
+    protocols: those of the experiment that its params.yaml keeps; all where there are none.
+    """
+    git = ["git", "-c", "advice.detachedHead=false"]
+    commit = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=paths.ROOT, capture_output=True, text=True, check=True
+    ).stdout.strip()
+    if not (folder / ".git").exists():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        run(paths.ROOT, *git, "clone", "--quiet", "--shared", "--no-checkout", str(paths.ROOT), str(folder))
+    else:
+        run(folder, *git, "fetch", "--quiet", "origin")
+    run(folder, *git, "checkout", "--quiet", "--force", commit)
+    settings = folder / "params.yaml"
+    set_values(params.parsed(paths.SCALES / "paper.yaml"), settings)
+    if protocols:
+        known = params.parsed(settings)[experiment]["protocols"]
+        unknown = [name for name in protocols if name not in known]
+        if unknown:
+            raise InputError(f"--protocols: {experiment} has no '{unknown[0]}'; take of {', '.join(known)}")
+        set_values({f"{experiment}.protocols": {name: known[name] for name in known if name in protocols}}, settings)
+    run(folder, sys.executable, "-m", "dvc", "config", "--local", "cache.dir", str(paths.ROOT / ".dvc" / "cache"))
+
+
+def merged(name: str, rows: pd.DataFrame, before: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of a file of reports/paper_scale: those of this run, and those of earlier ones that stay.
+
+    name: scores.csv, latency.csv or claims.csv; rows: of this run, of one experiment; before: of the file as it is.
+    """
+    if name == "claims.csv":
+        tested = before[before["id"].isin(rows["id"]) & (before["verdict"] != NOT_TESTABLE)]["id"]
+        rows = rows[~((rows["verdict"] == NOT_TESTABLE) & rows["id"].isin(tested))]
+        stay = ~before["id"].isin(rows["id"])
+    else:
+        key = [column for column in ("experiment", "protocol") if column in rows]
+        stay = ~pd.MultiIndex.from_frame(before[key]).isin(pd.MultiIndex.from_frame(rows[key]))
+    return pd.concat([before[stay], rows])
+
+
+def keep(experiment: str, protocols: Sequence[str], folder: Path, target: Path) -> None:
+    """Bring what the run in `folder` says to `target`; protocols: of this run, none where all were run."""
+    ours = {
+        "scores.csv": folder / "data" / experiment / "scores.csv",
+        "latency.csv": folder / "data" / experiment / "speed" / "latency.csv",
+        "claims.csv": folder / "reports" / "claims.csv",
+    }
+    for name, path in ours.items():
+        rows = pd.read_csv(path, dtype=str, keep_default_na=False).assign(scale="paper")
+        if (target / name).exists():
+            rows = merged(name, rows, pd.read_csv(target / name, dtype=str, keep_default_na=False))
+        files.write_table(target / name, rows)
+    part = target / experiment / "_and_".join(protocols)
+    part.mkdir(parents=True, exist_ok=True)
+    shutil.copy(folder / "reports" / "claims.md", part / "claims.md")
+    lock = yaml.safe_load((folder / "dvc.lock").read_text(encoding="utf-8"))
+    stages = {name: stage for name, stage in lock["stages"].items() if experiment in name or name in STAGES[experiment]}
+    files.write_text(part / "dvc.lock", yaml.safe_dump({"schema": lock["schema"], "stages": stages}, sort_keys=True))
+    values = yaml.safe_load((folder / "params.yaml").read_text(encoding="utf-8"))
+    files.write_text(part / "params.yaml", yaml.safe_dump({experiment: values[experiment]}, sort_keys=False))
+
+
+def main(given: argparse.Namespace) -> None:
+    """Run the experiment that was given, and keep its results."""
+    folder = paths.ROOT / FOLDER
+    prepare(given.experiment, given.protocols, folder)
+    run(folder, sys.executable, "-m", "dvc", "repro", *STAGES[given.experiment])
+    run(folder, sys.executable, "-m", "pipeline.stages.judge", given.experiment)
+    keep(given.experiment, given.protocols, folder, paths.ROOT / REPORTS)
+    print(f"{paths.shown(paths.ROOT / REPORTS)}: {given.experiment} at the papers' scale")

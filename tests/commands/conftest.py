@@ -1,0 +1,46 @@
+"""Settings and a dataset on which a network of touch trains in a second."""
+
+import copy
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from pipeline.base import params, paths
+from pipeline.datasets import schemas
+
+SMALL = {"channels": [4], "hidden": [16]}
+
+
+@pytest.fixture
+def values(tmp_path, monkeypatch):
+    """params.yaml with a small CNN of few epochs and three seeds, in a folder of its own and in this process."""
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
+    monkeypatch.setenv("WORKERS", "1")
+    values = copy.deepcopy(params.load()) | {"device": "cpu"}
+    monkeypatch.setattr(params, "load", lambda: values)
+    cnn = values["touch"]["models"]["cnn"]
+    cnn |= SMALL | {"training": cnn["training"] | {"epochs": 3, "batch_size": 32}}
+    values["touch"]["protocols"] = {"press": {"seeds": [4, 5, 6]}, "random_window": {"seeds": [0]}}
+    return values
+
+
+def write_small_dataset(wrong: str) -> None:
+    """Labels follow the windows; those of the part `wrong` are noise."""
+    rng = np.random.default_rng(0)
+    part = np.repeat(["train", "validation", "test"], [128, 32, 32])
+    x = rng.uniform(0, 1000, (192, 8, 25)).astype(np.float32)
+    y = np.repeat(x[:, -1, :1] / 5, 400, axis=1)
+    y[part == wrong] += rng.uniform(0, 1e6, (int((part == wrong).sum()), 400)).astype(np.float32)
+    names = pa.array(part).dictionary_encode().cast(schemas.NAME)
+    columns = {schemas.split_column("press", seed): names for seed in (4, 5, 6)}
+    columns |= {"x": schemas.lists(x.reshape(192, -1), pa.float32()), "y": schemas.lists(y, pa.float32())}
+    table = pa.table(columns)
+    schemas.write(paths.dataset("touch"), table.schema, [table])
+
+
+@pytest.fixture
+def write_dataset():
+    """What writes the dataset, in the folder of `values`."""
+    return write_small_dataset

@@ -1,0 +1,68 @@
+"""Whether a training had ended: the same recipe for longer, beside the run that the reports are about."""
+
+import argparse
+
+import pandas as pd
+import pytest
+
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
+from pipeline.commands import longer
+from pipeline.stages import train
+
+
+def given(**changes) -> argparse.Namespace:
+    return argparse.Namespace(**{"experiment": "touch", "protocols": None, "times": 3, "seeds": 2} | changes)
+
+
+def test_only_lengths_grow():
+    block = {"units": 4, "training": {"epochs": 5, "drop_epoch": 2, "drop": 0.2}}
+    assert longer.lengthened(block, 3) == {"units": 4, "training": {"epochs": 15, "drop_epoch": 6, "drop": 0.2}}
+    assert block["training"]["epochs"] == 5
+
+
+def test_a_longer_training_stands_beside_the_one_there_is(values, write_dataset, capsys):
+    write_dataset("test")
+    values["touch"]["models"] = {"constant": {}, "cnn": values["touch"]["models"]["cnn"]}
+    del values["touch"]["protocols"]["random_window"]
+    with pytest.raises(InputError, match="fit.json"):
+        longer.main(given())
+    paths.ingest_report("touch").write_text('{"run": true}')
+    train.train(values, "touch")
+    longer.main(given())
+    rows = pd.read_csv(paths.REPORTS / "longer" / "touch.csv")
+    assert list(rows["seed"]) == [4, 5] and set(rows["longer_epochs"]) == {9} and set(rows["epochs"]) == {3}
+    assert (rows["longer_error"] < rows["error"]).all()
+    assert values["touch"]["models"]["cnn"]["training"]["epochs"] == 3
+    assert " no |" in (paths.REPORTS / "longer" / "touch.md").read_text()
+
+
+def test_a_protocol_that_is_not_there_is_named(values):
+    with pytest.raises(InputError, match="no 'pres'; take of press, random_window"):
+        longer.chosen(params.load(), "touch", ["pres"], 1)
+
+
+@pytest.mark.parametrize(("longer_error", "ended"), [(0.995, "yes"), (0.98, "no"), (1.02, "no")])
+def test_a_training_has_ended_where_a_longer_one_changes_less_than_a_hundredth(longer_error, ended):
+    rows = pd.DataFrame([("press", "cnn", 0, 3, 1.0, 6, longer_error, 1.0)], columns=longer.COLUMNS)
+    (line,) = [line for line in longer.text("touch", rows).splitlines() if line.startswith("| press")]
+    assert line.split("|")[-3].strip() == ended
+
+
+def test_a_longer_training_that_diverged_tells_nothing():
+    errors = [(1.0, 0.999), (1.0, float("nan"))]
+    rows = [("press", "cnn", seed, 3, error, 6, longest, 1.0) for seed, (error, longest) in enumerate(errors)]
+    (line,) = [
+        line
+        for line in longer.text("touch", pd.DataFrame(rows, columns=longer.COLUMNS)).splitlines()
+        if line.startswith("| press")
+    ]
+    assert [cell.strip() for cell in line.split("|")][6:-1] == ["diverged", "", "not known", "2"]
+
+
+def test_rows_of_other_protocols_stay(tmp_path):
+    for protocol, errors in (("press", (1.0,)), ("random_window", (2.0,)), ("press", (3.0,))):
+        rows = [(protocol, "cnn", seed, 3, error, 6, error, 1.0) for seed, error in enumerate(errors)]
+        longer.write("touch", pd.DataFrame(rows, columns=longer.COLUMNS), tmp_path)
+    rows = pd.read_csv(tmp_path / "touch.csv")
+    assert dict(zip(rows["protocol"], rows["error"], strict=True)) == {"random_window": 2.0, "press": 3.0}
