@@ -183,6 +183,7 @@ def rows(verdicts: list[tuple[Claim, Judgement]], values: Mapping) -> pd.DataFra
             "unit": claim.unit,
             "verdict": judged.verdict,
             "strict": judged.strict,
+            "strict_ours": judged.strict_ours,
             "compatible": {None: "", True: "yes", False: "no"}[judged.compatible],
             "reason": judged.reason,
             "over": judged.over,

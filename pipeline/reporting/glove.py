@@ -55,7 +55,7 @@ LAWS = {
     "recordings are downloaded, presses of a recorded Velostat taxel, another sensor",
     "figure9": "a joint of the scene at held angles and over 300 bends; its law has no fatigue: noise only",
 }
-WRONG = ("accuracy", "Images named wrongly (%)")
+WRONG = ("accuracy", "Images classified incorrectly (%)")
 
 SCENE = (
     "It was set with all frames, of which `glove.window` keeps a part here. Spreads between sessions were fitted to "
@@ -279,7 +279,7 @@ def floor_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, s
     if "constant" not in settings["models"]:
         return []
     floor = score(scores, protocols["combined"], "constant", "accuracy")
-    return [f"- A constant answer (the most frequent object) names {interval(floor)} % of the images rightly."]
+    return [f"- The constant model (the most frequent object) classifies {interval(floor)} % of the images correctly."]
 
 
 def optimism_sentences(scores: Scores, settings: Mapping) -> list[str]:
@@ -510,7 +510,9 @@ def draw_confusions(
     split = next(iter(splits(settings))).replace("_", " ")
     for dataset, counts in confusions.items():
         runs = f"{len(counts)} {'run' if len(counts) == 1 else 'runs'}"
-        title = f"{dataset.capitalize()}: answers of {model_name(models[dataset])}, split by {split}, {runs} together"
+        title = (
+            f"{dataset.capitalize()}: predictions of {model_name(models[dataset])}, split by {split}, {runs} together"
+        )
         glove_figures.confusion_matrix(folder / f"{name}_{dataset}.png", counts.sum(axis=0), objects, title)
 
 

@@ -16,7 +16,7 @@ from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.variants import NONE
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
-ERRORS = {"rmse": "RMSE in kPa", "error": "distance in mm", "accuracy": "share of images named wrongly"}
+ERRORS = {"rmse": "RMSE in kPa", "error": "distance in mm", "accuracy": "share of images classified incorrectly"}
 
 
 def write(values: Mapping, folder: Path) -> pd.DataFrame:

@@ -32,7 +32,7 @@ def yardstick(
     if settings["source"] != "simulated":
         return "- The data are recorded, so no yardstick was used."
     if absent := [chosen[role] for role in ("model", "over") if chosen[role] not in settings["models"]]:
-        return f"- Yardstick of the scene: {' and '.join(absent)} not among the models, so it cannot be compared."
+        return f"- Calibration target: {' and '.join(absent)} not among the models, so it cannot be compared."
     ours, published = error_ratio(scores, chosen), chosen["published"]
     not_set = [
         f"{name} {number(error_ratio(scores, block).mean)} ({number(printed)})"
@@ -41,9 +41,10 @@ def yardstick(
     ]
     metric = "" if chosen["metric"] == "error" else f" ({chosen['metric'].replace('_', ' ')})"
     return (
-        f"- Yardstick of the scene: error{metric} of {model_name(chosen['model'])} over "
-        f"that of {model_name(chosen['over'])}, {chosen['condition'].replace('_', ' ')}, protocol "
-        f"{chosen['protocol'].replace('_', ' ')}: ours {interval(ours, 3)}, published {number(published, 3)} "
+        "- Calibration target, the published number that the simulator was tuned to: "
+        f"error{metric} of {model_name(chosen['model'])} over that of {model_name(chosen['over'])}, "
+        f"{chosen['condition'].replace('_', ' ')}, protocol {chosen['protocol'].replace('_', ' ')}: "
+        f"ours {interval(ours, 3)}, published {number(published, 3)} "
         f"({100 * (ours.mean / published - 1):+.0f} %). `{chosen['knob']}` was set by it, on validation parts "
         f"(`tactile calibrate --help`). {rest} What models score is a prediction of these."
         + (f" Such ratios that were not set (published): {'; '.join(not_set)}." if not_set else "")

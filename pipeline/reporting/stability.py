@@ -30,18 +30,18 @@ SEVERITIES = {
     "lost_frames": ("share of frames", "share of frames lost; the one before is repeated"),
     "jitter": ("frames", "frames taken early or late; standard deviation in frames"),
     "specimen": ("other sensor, number", "number of another sensor of the same make"),
-    "peak_pressure": ("factor less 1", "all pressures times 1 + severity"),
-    "press_speed": ("log2 of the factor", "presses faster or slower by 2 to the severity"),
+    "peak_pressure": ("relative change", "all pressures times 1 + severity"),
+    "press_speed": ("factor, as a power of 2", "presses faster or slower by 2 to the severity"),
     "tip_radius": ("change in mm", "change of the tip's radius in mm; the labels go with it"),
     "touches": ("touches at once", "touches at once"),
     "distance": ("mm", "distance in mm between two touches"),
     "time": ("minutes", "age of the samples in minutes since the start of the test part; nothing is perturbed"),
-    "rate": ("log2 of the factor", "sampling rate changed by 2 to the severity"),
-    "speed": ("log2 of the factor", "motion faster or slower by 2 to the severity"),
+    "rate": ("factor, as a power of 2", "sampling rate changed by 2 to the severity"),
+    "speed": ("factor, as a power of 2", "motion faster or slower by 2 to the severity"),
     "half": ("dead elements", "as dead, but only from the middle of the test part on"),
     "shift": ("mm", "the object lies nearer to the fingers by so many mm"),
     "turn": ("degrees", "the object lies turned on the palm by so many degrees"),
-    "grip": ("log2 of the factor", "margin of the grip over the slip force times 2 to the severity"),
+    "grip": ("factor, as a power of 2", "margin of the grip over the slip force times 2 to the severity"),
 }
 UNNAMED = ("severity", "see params.yaml")
 
@@ -97,7 +97,7 @@ def cell(row) -> str:
     """Return the table cell of one row of FAILURES."""
     if row.verdict in (HOLDS, FAILED):
         return row.verdict
-    return f"{row.fails_at:g}" + (" (floor)" if row.verdict == WORSE else "")
+    return f"{row.fails_at:g}" + (" (worse than constant)" if row.verdict == WORSE else "")
 
 
 def failure_text(failures: pd.DataFrame) -> str:
@@ -105,7 +105,7 @@ def failure_text(failures: pd.DataFrame) -> str:
     parts = [
         "# Where the models fail\n",
         "The first severity at which a model's error is above what is usable (`stress` of params.yaml), or worse than "
-        "that of the constant model (floor); 0: so before anything is perturbed. In brackets the relative error: over "
+        "that of the constant model; 0: so before anything is perturbed. In brackets the relative error: over "
         "that of the constant model, mean over the perturbed severities.\n",
     ]
     for place, rows in failures.groupby(["experiment", "protocol", "condition"], sort=False):

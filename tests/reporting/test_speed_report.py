@@ -88,7 +88,7 @@ def measured(tmp_path, monkeypatch):
 
 
 PANELS = {"strain": ("session_strain", "strain"), "pressure": ("session_pressure", "pressure")}
-WRONG = ("accuracy", "Images named wrongly (%)")
+WRONG = ("accuracy", "Images classified incorrectly (%)")
 
 
 def test_table_holds_what_was_measured(measured):

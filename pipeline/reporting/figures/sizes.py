@@ -61,7 +61,7 @@ def _panel(ax: plt.Axes, family: str, ladder: pd.DataFrame, reference: Reference
             across[failed], np.where(gone, top, value)[failed], s=70, marker="x", color=style.BLACK, zorder=4
         )
     if np.isfinite(reference.constant):
-        handles["constant (floor)"] = ax.axhline(reference.constant, color=style.GREY, linestyle=":")
+        handles["constant model"] = ax.axhline(reference.constant, color=style.GREY, linestyle=":")
     if np.isfinite(reference.trained):
         handles["model of the tables, fully trained"] = ax.axhline(
             reference.trained, color=style.GREEN, linestyle=(0, (5, 1.5))

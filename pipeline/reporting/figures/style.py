@@ -17,9 +17,10 @@ from pipeline.scoring.results import Estimate
 
 DPI = 150
 BLACK, GREY = "#000000", "#777777"
-ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
+# Each has a contrast of at least 3 to 1 with white.
+ORANGE, SKY, GREEN, BROWN = "#C77700", "#2E8FCB", "#009E73", "#6B3E00"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-WINE, OLIVE, INDIGO, TEAL = "#882255", "#999933", "#332288", "#44AA99"  # of Tol's muted scheme: touch has 12 models
+WINE, OLIVE, INDIGO, TEAL = "#882255", "#999933", "#332288", "#2F9A8A"  # of Tol's muted scheme: touch has 12 models
 MEASURED = {"color": BLACK, "linestyle": "--", "linewidth": 1.5}
 
 
@@ -37,7 +38,7 @@ STYLES = {  # colour, marker, line
     "linear": (ORANGE, "o", "-"),
     "poly": (WINE, "^", "--"),
     "poly_powers": (TEAL, ">", "--"),
-    "tree": (YELLOW, "s", "-"),
+    "tree": (BROWN, "s", "-"),
     "rbf": (OLIVE, "D", (0, (1, 1))),
     "cnn": (GREEN, "v", "-."),
     "vgg": (SKY, "P", "-"),

@@ -1,22 +1,20 @@
-"""Turn reports into HTML: Markdown documents and tables of numbers, with links that hold from reports/index.html.
-
-markdown-it reads the Markdown, which is most of the page. The rest are a few elements, one function each, which escape
-the text that they are given; with templates (Jinja2), the loops over rows and the escaping would lie in a second file.
-"""
+"""Turn reports into HTML: Markdown documents, with links that hold from reports/index.html, and their figures."""
 
 import posixpath
 import re
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
+from markupsafe import Markup
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.reporting.page.templates import part
 
 # A line of a list that is nothing but a figure and its caption.
 FIGURE = re.compile(r"^- \[[^\]]*\]\((?P<path>[^)\s]+\.png)\): (?P<caption>.+)$")
@@ -74,7 +72,7 @@ class Pages:
         name = posixpath.normpath(posixpath.join(folder, target))
         return f"#{anchor(name)}" if name in self.embedded else name
 
-    def render(self, text: str, folder: str, level: int, name: str) -> str:
+    def render(self, text: str, folder: str, level: int, name: str) -> Markup:
         """Return Markdown as HTML. level: of its highest headings on the page less one; name: of its tables.
 
         Lines that hold a figure and its caption become a gallery.
@@ -98,7 +96,7 @@ class Pages:
             else:
                 lines.append(line)
         flush()
-        return "\n".join(parts)
+        return Markup("\n".join(parts))
 
     def _markdown(self, text: str, folder: str, level: int, name: str) -> str:
         tokens = self._parser.parse(text)
@@ -116,41 +114,42 @@ class Pages:
                     child.attrSet("href", self.link(folder, child.attrs["href"]))
                 elif child.type == "image":
                     source = self.link(folder, child.attrs["src"])
-                    child.attrs |= dict(zip(("src", "width", "height"), (source, *self._size(source)), strict=True))
+                    width, height = map(str, self.size(source))
+                    child.attrs |= {"src": source, "width": width, "height": height, "loading": "lazy"}
         return self._parser.renderer.render(tokens, self._parser.options, {})
 
-    def _size(self, source: str) -> tuple[str, str]:
-        """Note that the page shows a figure (path below reports/), and return its width and height."""
+    def size(self, source: str) -> tuple[int, int]:
+        """Note that the page shows a figure (path below reports/), and return its width and height in pixels."""
         self.pictures.add(source)
-        width, height = png_size(paths.REPORTS / source)
-        return str(width), str(height)
+        return png_size(paths.REPORTS / source)
 
-    def gallery(self, figures: Iterable[tuple[str, str]]) -> str:
+    def gallery(self, figures: Iterable[tuple[str, str]]) -> Markup:
         """Return figures with captions as HTML; figures: (path below reports/, caption in Markdown)."""
-        parts = []
-        for source, caption in figures:
-            width, height = self._size(source)
-            plain = escape(re.sub(r"[`*]", "", caption))
-            parts.append(
-                f'<figure><a href="{quote(source)}"><img src="{quote(source)}" alt="{plain}" width="{width}" '
-                f'height="{height}" decoding="async"></a>'
-                f"<figcaption>{self._parser.renderInline(caption)}</figcaption></figure>"
-            )
-        return f'<div class="gallery">{"".join(parts)}</div>'
+        shown = [
+            {
+                "source": quote(source),
+                "words": re.sub(r"[`*]", "", caption),
+                "size": self.size(source),
+                "caption": Markup(self._parser.renderInline(caption)),
+            }
+            for source, caption in figures
+        ]
+        return part("gallery", shown)
 
-    def rest(self, folder: str, text: str, names: Iterable[str]) -> str:
+    def rest(self, folder: str, text: str, names: Iterable[str]) -> Markup:
         """Return a gallery of the PNG files `names` of a folder that the page does not show yet.
 
-        A caption is the text of the link to the file in the Markdown `text`, or else the name of the file.
+        A caption is what stands behind the link to the file in the Markdown `text`, its text, or the name of the file.
         """
         captions = {link["path"]: link["text"] for link in LINK.finditer(text)}
+        captions |= {line["path"]: line["caption"] for line in filter(None, map(FIGURE.match, text.splitlines()))}
         figures = []
         for name in sorted(names):
             if f"{folder}/{name}" not in self.pictures:
                 caption = captions.get(name, name)
                 words = Path(caption).stem.replace("_", " ") if caption == name else caption
                 figures.append((f"{folder}/{name}", words))
-        return self.gallery(figures) if figures else ""
+        return self.gallery(figures) if figures else Markup()
 
 
 def png_size(path: Path) -> tuple[int, int]:
@@ -161,37 +160,9 @@ def png_size(path: Path) -> tuple[int, int]:
     return struct.unpack(">II", head[16:24])
 
 
-def scroll_open(name: str) -> str:
-    """Return the start of a region that scrolls by itself, so that the page does not; keyboards reach it."""
-    return f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(name)}">'
-
-
 def _table_open(renderer, tokens: Sequence[Token], place: int, options, environment) -> str:
-    return f'{scroll_open(tokens[place].meta["name"])}<table class="sortable">\n'
-
-
-def cell(text: str, value: float | None = None, html: bool = False, tag: str = "td") -> str:
-    """Return a cell of a table. value: the key to sort by, where that is not the text; html: `text` is HTML already."""
-    sort = "" if value is None else f' data-value="{value!r}"'
-    return f"<{tag}{sort}>{text if html else escape(text)}</{tag}>"
-
-
-def table(name: str, header: Sequence[str], rows: Sequence[tuple[Mapping[str, str], Sequence[str]]]) -> str:
-    """Return a sortable table. rows: (attributes of the row, its cells as `cell` makes them); name: its caption."""
-    head = "".join(f'<th scope="col">{escape(column)}</th>' for column in header)
-    body = []
-    for attributes, cells in rows:
-        words = "".join(f' {key}="{escape(value)}"' for key, value in attributes.items())
-        body.append(f"<tr{words}>{''.join(cells)}</tr>")
-    return (
-        f'{scroll_open(name)}<table class="sortable"><caption>{escape(name)}</caption>'
-        f"<thead><tr>{head}</tr></thead>\n<tbody>{chr(10).join(body)}</tbody></table></div>"
-    )
-
-
-def folded(heading: str, html: str, open_: bool = False) -> str:
-    """Return a part of the page that opens and closes."""
-    return f"<details{' open' if open_ else ''}><summary>{escape(heading)}</summary>{html}</details>"
+    name = escape(tokens[place].meta["name"])
+    return f'<div class="scroll" role="region" tabindex="0" aria-label="{name}"><table class="sortable">\n'
 
 
 def check_references(html: str) -> None:

@@ -3,18 +3,18 @@
 // A cell's value: the number that it starts with, else its words.
 function value(cell) {
   const text = cell.dataset.value ?? cell.textContent.trim().replaceAll(",", "");
-  const found = text.match(/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?/i);
-  return found ? Number(found[0]) : text.toLowerCase();
+  const number = text.match(/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?/i);
+  return number ? Number(number[0]) : text.toLowerCase();
 }
 
 // Numbers in order, then words in order; what is empty, a dash or NaN stays last in both directions, and totals below.
 function sort(table, column, ascending) {
   const body = table.tBodies[0];
   const rows = [...body.rows].filter((row) => !row.classList.contains("total")).map((row) => [value(row.cells[column]), row]);
-  const missing = (one) => one === "" || one === "-" || one === "nan";
-  const numbers = rows.filter(([one]) => typeof one === "number").length;
-  const mostly = numbers * 2 >= rows.filter(([one]) => !missing(one)).length && numbers > 0;
-  const place = (one) => (missing(one) ? 2 : mostly && typeof one !== "number" ? 1 : 0);
+  const missing = (key) => key === "" || key === "-" || key === "nan";
+  const numbers = rows.filter(([key]) => typeof key === "number").length;
+  const mostly = numbers * 2 >= rows.filter(([key]) => !missing(key)).length && numbers > 0;
+  const place = (key) => (missing(key) ? 2 : mostly && typeof key !== "number" ? 1 : 0);
   rows.sort(([a], [b]) => {
     if (place(a) !== place(b)) return place(a) - place(b);
     const order = typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en");
@@ -23,68 +23,132 @@ function sort(table, column, ascending) {
   body.prepend(...rows.map(([, row]) => row));
 }
 
+// A third click on a heading brings back the order in which the paper, or the report, has the rows.
 for (const table of document.querySelectorAll("table.sortable")) {
   const heads = [...table.tHead.rows[0].cells];
+  const order = [...table.tBodies[0].rows];
   heads.forEach((head, column) => {
     const button = document.createElement("button");
     button.type = "button";
     button.append(...head.childNodes);
     head.append(button);
     button.addEventListener("click", () => {
-      const ascending = head.getAttribute("aria-sort") !== "ascending";
+      const before = head.getAttribute("aria-sort");
       heads.forEach((other) => other.removeAttribute("aria-sort"));
-      head.setAttribute("aria-sort", ascending ? "ascending" : "descending");
-      sort(table, column, ascending);
+      if (before === "descending") {
+        table.tBodies[0].append(...order);
+        return;
+      }
+      head.setAttribute("aria-sort", before ? "descending" : "ascending");
+      sort(table, column, !before);
     });
   });
 }
 
+function download(name, rows) {
+  const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  const text = rows.map((row) => [...row.cells].map((cell) => quoted(cell.textContent.trim())).join(",")).join("\n");
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([`${text}\n`], { type: "text/csv" }));
+  link.download = `${name}.csv`;
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+// Leaderboards: columns can be hidden, rows saved.
+for (const scroll of document.querySelectorAll(".leaderboard")) {
+  const table = scroll.querySelector("table");
+  const controls = document.createElement("p");
+  controls.className = "controls";
+  [...table.tHead.rows[0].cells].slice(1).forEach((head, place) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = head.textContent;
+    button.setAttribute("aria-pressed", "true");
+    button.addEventListener("click", () => {
+      const show = button.getAttribute("aria-pressed") !== "true";
+      button.setAttribute("aria-pressed", String(show));
+      for (const row of table.rows) row.cells[place + 1].hidden = !show;
+    });
+    controls.append(button);
+  });
+  const save = document.createElement("button");
+  save.type = "button";
+  save.textContent = "Download as CSV";
+  save.addEventListener("click", () => download(table.caption.textContent, [...table.rows]));
+  controls.append(save);
+  scroll.before(controls);
+}
+
+// The claims: the choices stand in the address, so that a list can be passed on.
 for (const form of document.querySelectorAll(".filters")) {
-  const rows = [...form.nextElementSibling.querySelectorAll("tbody tr")];
+  const table = form.nextElementSibling.querySelector("table");
+  const rows = [...table.tBodies[0].rows];
+  const nothing = form.parentElement.querySelector(".nothing");
   const show = () => {
     const { words, ...wanted } = Object.fromEntries(new FormData(form));
     for (const row of rows) {
-      const fits = Object.entries(wanted).every(([name, one]) => !one || row.dataset[name] === one);
+      const fits = Object.entries(wanted).every(([name, key]) => !key || row.dataset[name] === key);
       row.hidden = !(fits && row.textContent.toLowerCase().includes(words.trim().toLowerCase()));
     }
-    form.querySelector("output").textContent =
-      `${rows.filter((row) => !row.hidden).length} of ${rows.length} claims`;
+    const shown = rows.filter((row) => !row.hidden).length;
+    form.querySelector("output").textContent = `${shown} of ${rows.length} claims`;
+    nothing.hidden = shown > 0;
+  };
+  const fromAddress = () => {
+    const [place, asked] = location.hash.slice(1).split("?");
+    if (place !== "claims" || asked === undefined) return;
+    const choices = new URLSearchParams(asked);
+    for (const field of form.elements) if (field.name) field.value = choices.get(field.name) ?? "";
+    show();
   };
   form.hidden = false;
-  form.addEventListener("input", show);
+  form.addEventListener("input", () => {
+    show();
+    const choices = [...new FormData(form)].filter(([, key]) => key);
+    history.replaceState(null, "", choices.length ? `#claims?${new URLSearchParams(choices)}` : "#claims");
+  });
   form.addEventListener("submit", (event) => event.preventDefault());
+  form.querySelector(".download").addEventListener("click", () => download("claims", [table.tHead.rows[0], ...rows.filter((row) => !row.hidden)]));
+  addEventListener("hashchange", fromAddress);
   show(); // a browser may have kept the choices of the last visit
-}
-
-for (const charts of document.querySelectorAll(".charts")) {
-  const readout = charts.querySelector(".readout");
-  const light = (model) => {
-    for (const one of charts.querySelectorAll("[data-model]")) one.classList.toggle("lit", one.dataset.model === model);
-    for (const one of charts.querySelectorAll(".chart")) one.classList.toggle("chosen", model !== null);
-  };
-  for (const point of charts.querySelectorAll(".point")) {
-    point.querySelector("title").remove(); // the row is shown above the charts instead
-    const show = () => {
-      readout.textContent = point.getAttribute("aria-label");
-      light(point.dataset.model);
-    };
-    point.addEventListener("pointerenter", show);
-    point.addEventListener("click", show);
-    point.addEventListener("focus", show);
-    point.addEventListener("pointerleave", () => light(null));
-    point.addEventListener("blur", () => light(null));
-  }
+  fromAddress();
 }
 
 // What a link leads to may lie in a part that is closed.
 function reveal() {
-  const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1).split("?")[0]));
   if (!target) return;
   for (let part = target.closest("details"); part; part = part.parentElement.closest("details")) part.open = true;
   target.scrollIntoView();
 }
 addEventListener("hashchange", reveal);
 reveal();
+
+// A figure in full size, closed with Escape; with a modifier key the link opens as ever.
+const lightbox = document.querySelector(".lightbox");
+for (const link of document.querySelectorAll("a.picture")) {
+  link.addEventListener("click", (event) => {
+    if (event.ctrlKey || event.metaKey || event.shiftKey) return;
+    event.preventDefault();
+    const image = lightbox.querySelector("img");
+    image.src = link.href;
+    image.alt = link.querySelector("img").alt;
+    lightbox.showModal();
+  });
+}
+lightbox.addEventListener("click", (event) => event.target === lightbox && lightbox.close());
+
+// The side navigation marks the section that is read.
+const links = new Map([...document.querySelectorAll("nav a")].map((link) => [link.hash.slice(1), link]));
+const seen = new IntersectionObserver((entries) => {
+  for (const entry of entries) {
+    if (!entry.isIntersecting) continue;
+    for (const link of links.values()) link.removeAttribute("aria-current");
+    links.get(entry.target.id)?.setAttribute("aria-current", "true");
+  }
+}, { rootMargin: "-10% 0px -80% 0px" });
+for (const key of links.keys()) seen.observe(document.getElementById(key));
 
 // On paper everything is open.
 let closed = [];

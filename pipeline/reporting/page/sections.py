@@ -1,29 +1,44 @@
-"""Build the reviewer's page: verdicts first, then every experiment's report, stability, sizes, physics, provenance.
+"""Build the reviewer's page: answers, every paper with its experiments, stability, sizes, physics, claims, provenance.
 
 All of it comes from the other reports. It refers to their figures and tables, so the folder reports/ is what is passed
 on; nothing is loaded from a network. No date and no commit: the page is the same wherever the numbers are.
 """
 
-from collections.abc import Mapping
-from html import escape
+from collections.abc import Mapping, Sequence
+
+from markupsafe import Markup
 
 from pipeline.base import paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
-from pipeline.reporting.page import charts, provenance, verdicts
-from pipeline.reporting.page.hypertext import Pages, anchor, check_references, folded, read, sections, title
-from pipeline.reporting.verdicts.rules import EXPERIMENTS
+from pipeline.reporting.page import answers, charts, leaderboards, provenance, verdicts
+from pipeline.reporting.page.hypertext import Pages, anchor, check_references, read, sections, title
+from pipeline.reporting.page.templates import fill, part, script
+from pipeline.reporting.verdicts.rules import EXPERIMENTS, PAPERS, RECORDED_EXPERIMENTS
 from pipeline.scoring.results import read_csv
 
-TABLES = ("table1.md", "table.md")  # an experiment's main table: open, the others folded
+HEADING = "Soft tactile sensing, reproduced"
 DRAWN = {"tradeoff.png", "training.png"}  # of the folder speed: charts of the page show the same
 CHAPTERS = {
     "rightsize": "How small a model each scene needs",
-    "twins": "How like the recordings the scenes are",
     "physics": "How much physics each scene needs",
+    "twins": "How like the recordings the scenes are",
+    "material": "How the recorded material behaves",
     "benchmarks": "How fast it is",
 }
 STABILITY = ("README.md", "failures.md", "training.md")
+# The figure that an experiment opens with; the others are folded.
+FIRST_FIGURES = {
+    "touch": "figure6.png",
+    "velostat_recorded": "figure.png",
+    "strain": "samples.png",
+    "strain_recorded": "figure.png",
+    "glove": "figure15.png",
+    "glove_recorded": "confusion_combined.png",
+}
+FINDINGS = 3  # of an experiment that are open
+LIBRARIES = ("vendor/d3.min.js", "vendor/plot.umd.min.js")
+SCRIPTS = ("page.js", "charts.js")
 
 
 def has_published(text: str) -> bool:
@@ -34,20 +49,20 @@ def has_published(text: str) -> bool:
     )
 
 
-def document(pages: Pages, name: str, level: int, fold: bool = True) -> str:
+def document(pages: Pages, name: str, level: int, fold: bool = True) -> Markup:
     """Return a Markdown report as HTML. fold: close sections after the first that only have tables of our numbers."""
     folder, _, _ = name.rpartition("/")
     text = read(name)
     parts = []
     for place, (heading, body) in enumerate(sections(text)):
         html = pages.render(body, folder, level, heading or title(text))
-        if not heading:
-            parts.append(html)
-        elif fold and place > 1 and (heading.startswith("Where the code") or "| -" in body and not has_published(body)):
-            parts.append(folded(heading, html))
-        else:
-            parts.append(f"<h{level + 2}>{escape(heading.replace('`', ''))}</h{level + 2}>{html}")
-    return f'<div id="{anchor(name)}">{"".join(parts)}</div>'
+        tables_only = heading.startswith("Where the code") or "| -" in body and not has_published(body)
+        if heading and fold and place > 1 and tables_only:
+            html = part("folded", heading, html)
+        elif heading:
+            html = Markup("<h{0}>{1}</h{0}>{2}").format(level + 2, heading.replace("`", ""), html)
+        parts.append(html)
+    return Markup('<div id="{}">{}</div>').format(anchor(name), Markup().join(parts))
 
 
 def files(folder: str, suffix: str) -> list[str]:
@@ -56,15 +71,75 @@ def files(folder: str, suffix: str) -> list[str]:
     return sorted(path.name for path in entries if path.suffix == suffix)
 
 
-def owner(name: str, experiments: list[str]) -> str:
+def owner(name: str, experiments: Sequence[str]) -> str:
     """Return the experiment of a stability figure or heading: the longest experiment's name that it starts with."""
     fitting = (key for key in experiments if name == key or name.startswith((f"{key}_", f"{key}:")))
     return max(fitting, key=len, default="")
 
 
-def stability(pages: Pages, experiment: str, experiments: list[str]) -> str:
+def first_findings(pages: Pages, folder: str) -> Markup:
+    """Return the first findings of an experiment as a list."""
+    lines = dict(sections(read(f"{folder}/README.md"))).get("Findings", "").splitlines()
+    opened = [line for line in lines if line.startswith("- ")][:FINDINGS]
+    return pages.render("\n".join(opened), folder, 2, "Findings")
+
+
+def speed(pages: Pages, experiment: str, name: str) -> list[tuple[str, Markup]]:
+    """Return (heading, HTML) of the charts of speed against accuracy, and of the tables behind them."""
+    folder = f"{experiment}/speed"
+    table = read_csv(
+        paths.REPORTS / folder / "table2.csv", charts.COLUMNS, f"python -m pipeline.stages.render {experiment}"
+    )
+    others = set(files(folder, ".png")) - DRAWN
+    drawn = charts.charts(table, name) + pages.rest(folder, "", others)
+    tables = [
+        (f"In numbers: {title(read(f'{folder}/{file}')) or file}", document(pages, f"{folder}/{file}", 2, fold=False))
+        for file in files(folder, ".md")
+    ]
+    return [("Speed against accuracy, every split", drawn), *tables]
+
+
+def experiment_section(pages: Pages, experiment: str, values: Mapping) -> tuple[str, Markup]:
+    """Return one experiment's name and section: findings, figure, leaderboards, more; or why it was not run."""
+    folder = f"{experiment}/accuracy"
+    name = title(read(f"{folder}/README.md")).removesuffix(": results")
+    if values[experiment].get("source") == "simulated":
+        name = f"{name}: simulated"
+    common = {"experiment": experiment, "name": name, "data": provenance.data_of(experiment, values)}
+    if reason := why_not_run(experiment):
+        return name, fill("experiment", **common, reason=reason)
+    reports = [file for file in files(folder, ".md") if file != "README.md"]
+    everything = "\n".join(read(f"{folder}/{file}") for file in ("README.md", *reports))
+    first = [file for file in files(folder, ".png") if file == FIRST_FIGURES.get(experiment)]
+    findings, figure = first_findings(pages, folder), pages.rest(folder, everything, first)
+    boards = leaderboards.leaderboards(experiment, name)
+    details = [(title(read(f"{folder}/{file}")) or file, document(pages, f"{folder}/{file}", 2)) for file in reports]
+    details.append(("All findings, figures and differences from the paper", document(pages, f"{folder}/README.md", 2)))
+    if further := pages.rest(folder, everything, files(folder, ".png")):
+        details.append(("Further figures", further))
+    details += speed(pages, experiment, name)
+    section = fill(
+        "experiment", **common, reason="", findings=findings, figure=figure, leaderboards=boards, details=details
+    )
+    return name, section
+
+
+def paper_sections(pages: Pages, values: Mapping) -> list[tuple[str, str, list[tuple[str, str]], Markup]]:
+    """Return (id, title, its experiments' ids and names, HTML) of every paper of which an experiment is there."""
+    built = []
+    for paper, name in PAPERS.items():
+        own = [key for key in (EXPERIMENTS[paper], RECORDED_EXPERIMENTS[paper]) if key in values["experiments"]]
+        inner = [(key, *experiment_section(pages, key, values)) for key in own]
+        if inner:
+            html = Markup().join(section for *_, section in inner)
+            html = Markup('<section id="{}"><h2>{}</h2>{}</section>').format(paper, name, html)
+            built.append((paper, name, [(key, words) for key, words, _ in inner], html))
+    return built
+
+
+def stability_of(pages: Pages, experiment: str, experiments: Sequence[str]) -> Markup:
     """Return one experiment's part of the stability report. Raises InputError where there is none."""
-    parts = []
+    opened, closed = [], []
     for name in STABILITY[:2]:
         chosen = [part for part in sections(read(f"stability/{name}")) if owner(part[0], experiments) == experiment]
         if not chosen:
@@ -74,56 +149,26 @@ def stability(pages: Pages, experiment: str, experiments: list[str]) -> str:
             html = pages.render(kept, "stability", 3, heading)
             words = heading.partition(": ")[2] or heading
             if name == "failures.md":
-                parts.append(folded(f"Where the models fail, {words}", html))
+                closed.append(part("folded", f"Where the models fail, {words}", html))
             else:
-                parts.append(f"<h4>{escape(words)}</h4>{html}")
+                opened.append(Markup("<h4>{}</h4>{}").format(words, html))
     figures = [
         (f"stability/{name}", name.removesuffix(".png").removeprefix(f"{experiment}_").replace("_", " "))
         for name in files("stability", ".png")
         if owner(name.removesuffix(".png"), experiments) == experiment
     ]
-    gallery = pages.gallery(figures) if figures else ""
-    return f"<h3>Stability</h3>{gallery}{''.join(parts)}"
+    maps = [figure for figure in figures if figure[0].endswith("heat_map.png")]
+    curves = [figure for figure in figures if figure not in maps]
+    if maps:
+        opened.insert(0, pages.gallery(maps))
+    if curves:
+        closed.insert(0, part("folded", "Error by severity, every perturbation", pages.gallery(curves)))
+    return Markup('<h3 id="stability-{}">{}</h3>{}').format(experiment, experiment, Markup().join([*opened, *closed]))
 
 
-def speed(pages: Pages, experiment: str, name: str) -> str:
-    """Return the charts of speed against accuracy, and the tables behind them."""
-    folder = f"{experiment}/speed"
-    made_by = f"python -m pipeline.stages.render {experiment}"
-    parts = [charts.charts(read_csv(paths.REPORTS / folder / "table2.csv", charts.COLUMNS, made_by), name)]
-    for file in files(folder, ".md"):
-        heading = title(read(f"{folder}/{file}")) or file
-        parts.append(folded(f"In numbers: {heading}", document(pages, f"{folder}/{file}", 2, fold=False)))
-    others = set(files(folder, ".png")) - DRAWN
-    return f"<h3>Speed against accuracy</h3>{''.join(parts)}{pages.rest(folder, '', others)}"
-
-
-def experiment_section(pages: Pages, experiment: str, values: Mapping) -> tuple[str, str]:
-    """Return one experiment's name and section: findings, tables, charts, stability; or why it was not run."""
-    folder = f"{experiment}/accuracy"
-    name = title(read(f"{folder}/README.md")).removesuffix(": results")
-    data = provenance.data_of(experiment, values)
-    start = f'<section id="{experiment}"><h2>{escape(name)}</h2><p class="note">{data}</p>'
-    if reason := why_not_run(experiment):
-        return name, f'{start}<p class="absent"><strong>Not run:</strong> {escape(reason)}.</p></section>'
-    reports = [file for file in files(folder, ".md") if file != "README.md"]
-    opened, closed = [], []
-    for file in reports:
-        heading, html = title(read(f"{folder}/{file}")) or file, document(pages, f"{folder}/{file}", 2)
-        if file in TABLES:
-            opened.append(f"<h3>{escape(heading)}</h3>{html}")
-        else:
-            closed.append(folded(heading, html))
-    findings = document(pages, f"{folder}/README.md", 1)
-    everything = "\n".join(read(f"{folder}/{file}") for file in ("README.md", *reports))
-    parts = [*opened, *closed, findings, pages.rest(folder, everything, files(folder, ".png"))]
-    parts += [speed(pages, experiment, name), stability(pages, experiment, values["experiments"])]
-    return name, f"{start}{''.join(parts)}</section>"
-
-
-def general_stability(pages: Pages, experiments: list[str]) -> str:
-    """Return the part of the stability report that is of all experiments together."""
-    parts = []
+def stability_section(pages: Pages, experiments: Sequence[str]) -> Markup:
+    """Return the section on stability: what holds for all experiments, then each that was run."""
+    general = []
     for name in STABILITY:
         text = read(f"stability/{name}")
         for place, (heading, body) in enumerate(sections(text)):
@@ -131,55 +176,58 @@ def general_stability(pages: Pages, experiments: list[str]) -> str:
                 continue
             html = pages.render(body, "stability", 3, heading or title(text))
             if place == 0:
-                html = f'<div id="{anchor(f"stability/{name}")}">{html}</div>'
+                html = Markup('<div id="{}">{}</div>').format(anchor(f"stability/{name}"), html)
             first = place == 0 and name == "README.md"
-            parts.append(html if first else folded(heading or title(text), html, open_=name == "README.md"))
-    return f'<section id="stability"><h2>Where trained models fail</h2>{"".join(parts)}</section>'
+            general.append(html if first else part("folded", heading or title(text), html))
+    each = [stability_of(pages, key, experiments) for key in experiments if not why_not_run(key)]
+    return Markup('<section id="stability"><h2>Where trained models fail</h2>{}</section>').format(
+        Markup().join([general[0], *each, *general[1:]])
+    )
 
 
 def embedded(values: Mapping) -> list[str]:
     """Return the names of the reports that are on the page, each under an id of its own."""
     ran = [experiment for experiment in values["experiments"] if not why_not_run(experiment)]
-    folders = [f"{experiment}/{part}" for experiment in ran for part in ("accuracy", "speed")]
+    folders = [f"{experiment}/{folder}" for experiment in ran for folder in ("accuracy", "speed")]
     names = [f"{folder}/{file}" for folder in folders for file in files(folder, ".md")]
     names += [f"stability/{name}" for name in STABILITY]
-    return [*names, *(f"{chapter}/README.md" for chapter in chapters())]
+    return [*names, *chapters().values()]
 
 
-def chapters() -> list[str]:
-    """Return the CHAPTERS that there are: the benchmarks are no stage, but measured by hand."""
-    measured = (paths.REPORTS / "benchmarks" / "README.md").exists()
-    return [chapter for chapter in CHAPTERS if measured or chapter != "benchmarks"]
+def chapters() -> dict[str, str]:
+    """Return chapter -> its report, of the CHAPTERS that there are: benchmarks and material are measured by hand."""
+    folders = {chapter: paths.REPORTS / chapter for chapter in CHAPTERS}
+    reports = {chapter: sorted(folder.glob("*.md")) for chapter, folder in folders.items()}
+    return {chapter: f"{chapter}/{names[0].name}" for chapter, names in reports.items() if names}
 
 
 def build(values: Mapping) -> str:
     """Return the whole page; values: params.yaml."""
     pages = Pages(embedded(values))
-    body, names = [verdicts.section(pages)], {"verdicts": "Verdicts"}
-    for experiment in values["experiments"]:
-        names[experiment], section = experiment_section(pages, experiment, values)
-        body.append(section)
-    body.append(general_stability(pages, values["experiments"]))
-    names["stability"] = "Stability"
-    for chapter in chapters():
-        text = document(pages, f"{chapter}/README.md", 1)
+    body, contents = [answers.section(pages, values)], [("answers", "Answers", [])]
+    for paper, name, inner, html in paper_sections(pages, values):
+        contents.append((paper, name, inner))
+        body.append(html)
+    contents.append(("stability", "Stability", []))
+    body.append(stability_section(pages, values["experiments"]))
+    for chapter, report in chapters().items():
+        text = document(pages, report, 1, fold=False)
         gallery = pages.rest(chapter, "", files(chapter, ".png"))
-        body.append(f'<section id="{chapter}"><h2>{escape(CHAPTERS[chapter])}</h2>{text}{gallery}</section>')
-        names[chapter] = CHAPTERS[chapter]
+        heading = Markup('<section id="{}"><h2>{}</h2>').format(chapter, CHAPTERS[chapter])
+        body.append(heading + text + gallery + Markup("</section>"))
+        contents.append((chapter, CHAPTERS[chapter], []))
+    contents.append(("verdicts", "Every claim", []))
+    body.append(verdicts.section(pages))
+    contents.append(("provenance", "Scale and provenance", []))
     body.append(provenance.section(values))
-    names["provenance"] = "Scale and provenance"
-    links = "".join(f'<li><a href="#{key}">{escape(name)}</a></li>' for key, name in names.items())
-    folder = paths.CODE / "reporting" / "page"
-    css, js = ((folder / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
-    heading = "Soft tactile sensing, reproduced"
-    html = (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
-        f"<title>{heading}</title>\n<style>\n{css}</style></head>\n<body><header><h1>{heading}</h1>"
-        f"<p>Claims of {len(EXPERIMENTS)} papers on soft tactile sensors, re-run from raw logs. The "
-        "numbers of all tables and charts are those of the other files of this folder.</p>"
-        f'<nav aria-label="Contents"><ul>{links}</ul></nav></header>\n<main>{chr(10).join(body)}</main>\n'
-        f"<script>\n{js}</script></body></html>\n"
+    html = fill(
+        "page",
+        heading=HEADING,
+        style=script("page.css"),
+        contents=contents,
+        body=Markup("\n").join(body),
+        libraries=Markup("\n").join(map(script, LIBRARIES)),
+        scripts=Markup("\n").join(map(script, SCRIPTS)),
     )
-    check_references(html)
-    return html
+    check_references(str(html))
+    return str(html)

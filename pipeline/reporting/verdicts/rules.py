@@ -60,7 +60,11 @@ PAPERS = {"lomp": "LoMP (touch)", "latent": "Drift-free latent space (strain)", 
 
 
 class NotTestable(Exception):
-    """Why a claim cannot be judged."""
+    """Why a claim cannot be judged; ours: our number all the same, NaN where there is none."""
+
+    def __init__(self, reason: str, ours: float = np.nan):
+        super().__init__(reason)
+        self.ours = ours
 
 
 class Judgement(NamedTuple):
@@ -74,6 +78,7 @@ class Judgement(NamedTuple):
     over: str  # what the interval is over; empty where there is none
     compatible: bool | None = None  # whether the interval includes the published difference; None: there is none
     strict: str = ""  # the verdict on the stricter split, of a printed number that has one
+    strict_ours: float = np.nan  # our number on that split
 
 
 class Evidence:
@@ -204,8 +209,10 @@ class Claim:
 
     def judged(self, evidence: Evidence) -> Judgement:
         """Return the verdict, which is `not testable` where something that it needs is missing."""
-        strict = testable(self.strict, evidence).verdict if self.strict else ""
-        judged = testable(self.judge, evidence)._replace(strict=strict)
+        judged = testable(self.judge, evidence)
+        if self.strict:
+            strict = testable(self.strict, evidence)
+            judged = judged._replace(strict=strict.verdict, strict_ours=strict.ours)
         if judged.verdict == NOT_TESTABLE:
             return judged
         if self.kind == CALIBRATION:
@@ -229,7 +236,7 @@ def testable(judge: Judge, evidence: Evidence) -> Judgement:
     try:
         return judge(evidence)
     except NotTestable as error:
-        return Judgement(np.nan, np.nan, np.nan, NOT_TESTABLE, str(error), "")
+        return Judgement(error.ours, np.nan, np.nan, NOT_TESTABLE, str(error), "")
 
 
 def complete(values: pd.Series, who: str) -> pd.Series:
@@ -318,7 +325,10 @@ def ordered(pairs: Mapping[str, pd.Series]) -> Judgement:
 
 def number(values: pd.Series, published: float, over: str = "seeds", best: float = 0.0) -> Judgement:
     """Judge a number: it lies within BAND of the published one; best: the value of no error, such as 100 %."""
-    mean = interval(values)
+    try:
+        mean = interval(values)
+    except NotTestable as error:
+        raise NotTestable(str(error), float(values.mean())) from None
     band = BAND * abs(published - best)
     verdict = UNDECIDED
     if published - band <= mean.low and mean.high <= published + band:

@@ -6,7 +6,6 @@ import shutil
 import struct
 import sys
 import zlib
-from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -18,16 +17,30 @@ from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.reporting.page import charts, hypertext, provenance, sections, verdicts
+from pipeline.reporting.page import answers, charts, hypertext, leaderboards, provenance, sections, templates, verdicts
 from pipeline.reporting.verdicts import rules
 from pipeline.stages import page
 
 ABSENT = "glove_recorded"
 EVIL = '<script>alert("x")</script> & <b>'
 CLAIMS = [
-    # claim, paper, data, published, ours, low, high, verdict, reason, printed, unit
-    ("LoMP is below the others.", "lomp", "simulated", 4.5, 2.2, 2.1, 2.3, "reproduced", "", "sentence", "kPa"),
+    # id, claim, paper, data, published, ours, low, high, verdict, reason, kind, unit
     (
+        "lomp/lomp-best-double",
+        "LoMP is below the others.",
+        "lomp",
+        "simulated",
+        4.5,
+        2.2,
+        2.1,
+        2.3,
+        "reproduced",
+        "",
+        "sentence",
+        "kPa",
+    ),
+    (
+        "lomp/rmse-single-linear",
         "Linear has 8.68 kPa.",
         "lomp",
         "simulated",
@@ -40,11 +53,73 @@ CLAIMS = [
         "number",
         "kPa",
     ),
-    ("It has 50 weights.", "latent", "recorded", 50, 11450, None, None, "reproduced", "", "number", "count"),
-    (EVIL, "latent", "simulated", None, None, None, None, "not testable", f"because {EVIL}", "sentence", "mm"),
-    ("RBF-Net over Linear.", "lomp", "simulated", 0.6, 0.6, 0.5, 0.7, "calibrated", "it was set", "calibration", "1"),
-    ("Attention helps.", "sp_resnet", "simulated", 0.5, -3.0, -9, 3, "undecided", "0 is in it", "sentence", "%"),
+    (
+        "latent/weights/recorded",
+        "It has 50 weights.",
+        "latent",
+        "recorded",
+        50,
+        11450,
+        None,
+        None,
+        "reproduced",
+        "",
+        "number",
+        "count",
+    ),
+    (
+        "latent/evil",
+        EVIL,
+        "latent",
+        "simulated",
+        None,
+        None,
+        None,
+        None,
+        "not testable",
+        f"because {EVIL}",
+        "sentence",
+        "mm",
+    ),
+    (
+        "lomp/calibration",
+        "RBF-Net over Linear.",
+        "lomp",
+        "simulated",
+        0.6,
+        0.6,
+        0.5,
+        0.7,
+        "calibrated",
+        "it was set",
+        "calibration",
+        "1",
+    ),
+    (
+        "sp_resnet/attention",
+        "Attention helps.",
+        "sp_resnet",
+        "simulated",
+        0.5,
+        -3.0,
+        -9,
+        3,
+        "undecided",
+        "0 is in it",
+        "sentence",
+        "%",
+    ),
 ]
+
+
+STRESS = {
+    "experiment": "touch",
+    "protocol": "press",
+    "condition": "single",
+    "perturbation": ["noise", "dead", "noise"],
+    "model": ["lomp", "lomp", "linear"],
+    "relative": [0.5, 0.7, 0.9],
+}
 
 
 def png(path: Path, width: int = 40, height: int = 30) -> None:
@@ -65,7 +140,15 @@ def speed_rows() -> pd.DataFrame:
     for panel in ("single", "double"):
         for place, model in enumerate(("constant", "linear", "lomp")):
             failed = int(panel == "double" and model == "lomp")
-            row = {"panel": panel, "model": model, "measure": "RMSE (kPa)", "error": 12.0 - 3 * place, "runs": 3}
+            row = {
+                "protocol": "press",
+                "condition": panel,
+                "panel": panel,
+                "model": model,
+                "measure": "RMSE (kPa)",
+                "error": 12.0 - 3 * place,
+                "runs": 3,
+            }
             row |= {"low": 11.5 - 3 * place, "high": 12.5 - 3 * place, "failed": failed, "batch": 1, "large_batch": 256}
             row |= {"p50_low_ms": 0.009 * 8**place, "p50_high_ms": 0.011 * 8**place}
             row |= {"train_low_s": 0.09 * 30**place, "train_high_s": 0.11 * 30**place}
@@ -98,8 +181,9 @@ def write_experiment(reports: Path, name: str) -> None:
 
 
 def write_claims(reports: Path, rows: list) -> None:
-    columns = ["claim", "paper", "data", "published", "ours", "low", "high", "verdict", "reason", "kind", "unit"]
-    table = pd.DataFrame(rows, columns=columns).assign(section="IV", measured=0)
+    columns = ["id", "claim", "paper", "data", "published", "ours", "low", "high", "verdict", "reason", "kind", "unit"]
+    table = pd.DataFrame(rows, columns=columns).assign(section="IV", measured=0, scale="laptop")
+    table["strict_ours"] = table["ours"] + 1
     recorded = table["data"] == "recorded"
     scales = {"present": ~recorded, "paper_scale": table["paper"] == "lomp", "recorded": recorded}
     verdicts_of = {f"{scale}_verdict": table["verdict"].where(known, "") for scale, known in scales.items()}
@@ -128,6 +212,9 @@ def reports(tmp_path, monkeypatch) -> Path:
         if run:
             failures.append(f"## {name}: all\n\n| perturbation | LoMP |\n| --- | --: |\n| noise | 0.1 |\n")
             png(stability / f"{name}_all.png")
+            png(stability / f"{name}_all_heat_map.png")
+    png(folder / "touch" / "accuracy" / "figure8.png")
+    pd.DataFrame(STRESS).to_csv(stability / "failures.csv", index=False)
     (stability / "README.md").write_text("\n".join([*told, "## Training\n\n- 0 diverged.\n"]))
     (stability / "failures.md").write_text("\n".join([*failures, "## Severities\n\n- `noise`: share of the span\n"]))
     (stability / "training.md").write_text("# Trainings\n\n| model | runs |\n| --- | --: |\n| CNN | 3 |\n")
@@ -136,7 +223,7 @@ def reports(tmp_path, monkeypatch) -> Path:
         png(folder / name / "touch.png")
         text = f"# {name}\n\n## Findings\n\nEnough. [Numbers](../{name}.csv)\n\n## Touch\n\n![Curves](touch.png)\n"
         (folder / name / "README.md").write_text(text)
-    for name in ("latency", "stress", "rightsize", "physics", "twins", "benchmarks"):
+    for name in ("latency", "stress", "rightsize", "physics", "twins", "benchmarks", "material"):
         (folder / f"{name}.csv").write_text("experiment\n")
     (folder / "scores.csv").write_text("experiment,protocol,condition,n\ntouch,press,single,1234\n")
     (folder / "counts.csv").write_text("experiment,model,macs,params,verdict\nglove,cnn,1000,20,reproduced\n")
@@ -184,28 +271,30 @@ def test_every_file_link_and_claim_is_there(reports):
     assert len(found.ids) == len(set(found.ids)) and not found.open
     for target in found.references:
         if target.startswith("#"):
-            assert target[1:] in found.ids, target
+            assert target[1:].split("?")[0] in found.ids, target
         elif not target.startswith("data:"):
             assert (reports / target).exists(), target
-    for claim, *_, verdict, reason, _, _ in CLAIMS:
+    for _, claim, *_, verdict, reason, _, _ in CLAIMS:
         assert claim in found.text and reason in found.text
         assert verdict in found.text
-    pictures = {values["src"] for values in found.images}
+    images = [values for values in found.images if "src" in values]  # the lightbox has none yet
+    pictures = {values["src"] for values in images}
     shown = {path.relative_to(reports).as_posix() for path in reports.rglob("*.png")}
     assert pictures == {name for name in shown if "/speed/" not in name}, "every figure once; speed is drawn as charts"
-    assert all(values["alt"] and int(values["width"]) == 40 for values in found.images)
-    assert not re.search(r"\d{4}-\d\d-\d\d|\d\d:\d\d", html), "no date and no time"
+    assert all(values["alt"] and int(values["width"]) == 40 for values in images)
+    body = html.split("<body>")[1].split("<script>")[0]
+    assert not re.search(r"\d{4}-\d\d-\d\d|\d\d:\d\d", body), "no date and no time"
 
 
 def test_text_of_reports_is_escaped(reports):
     html = sections.build(params.load())
-    assert EVIL not in html and html.count("<script>") == 1
+    assert EVIL not in html and html.count("<script>") == 2
     assert EVIL in Reader(html).text
 
 
 def test_an_experiment_that_was_not_run_says_so(reports):
     section = sections.build(params.load()).split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
-    assert f"no recordings of {ABSENT}" in section and "<svg" not in section
+    assert f"no recordings of {ABSENT}" in section and "charts" not in section
     shutil.rmtree(reports / "touch" / "speed")
     with pytest.raises(InputError, match="reports/touch/speed"):
         sections.build(params.load())
@@ -238,19 +327,20 @@ def test_a_link_to_nothing_is_an_error(reports):
 def test_the_page_follows_the_claims(reports):
     before = sections.build(params.load())
     assert sections.build(params.load()) == before
-    write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:7], "not testable", "runs failed", "sentence", "kPa")])
+    assert 'aria-label="simulated: 1 reproduced, 1 contradicted, 0 undecided, 0 not testable"' in before
+    assert "Yes: 2.20 [2.10, 2.30] kPa" in before
+    write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:8], "not testable", "runs failed", "sentence", "kPa")])
     after = sections.build(params.load())
-    reproduced = "<strong>{}</strong> " + verdicts.badge("reproduced")
-    assert before.count(reproduced.format(1)) == 2, "one on recorded data, one on simulated data"
-    assert after.count(reproduced.format(1)) == 1 == after.count(reproduced.format(0)) and "runs failed" in after
-    write_claims(reports, [(*CLAIMS[0][:7], "proved", "", "sentence", "kPa")])
+    assert 'aria-label="simulated: 0 reproduced, 1 contradicted, 0 undecided, 1 not testable"' in after
+    assert "runs failed" in after and "Yes: " not in after
+    write_claims(reports, [(*CLAIMS[0][:8], "proved", "", "sentence", "kPa")])
     with pytest.raises(InputError, match="verdict 'proved' is unknown"):
         sections.build(params.load())
 
 
 def test_every_verdict_has_a_look_of_its_own():
     known = (*rules.VERDICTS, rules.CALIBRATED)
-    badges = {verdict: verdicts.badge(verdict) for verdict in known}
+    badges = {verdict: str(templates.part("badge", verdict)) for verdict in known}
     assert all(verdict in badge for verdict, badge in badges.items()) and len(set(badges.values())) == len(known)
     assert (
         len({badge.split("nbsp")[0].split("aria")[0] for badge in badges.values()}) == 4
@@ -285,30 +375,37 @@ def test_markdown_links_hold_from_the_page(reports):
     assert pages.rest("touch/accuracy", "", ["map.png", "confusion.png"]).count("<img") == 1
 
 
-def test_charts_place_every_model():
+def test_charts_have_every_model_of_both_times():
     rows = speed_rows()
-    html = charts.charts(rows, "Touch")
-    assert html.count('<g class="point"') == 4 * 3 and html.count('class="failed"') == 2
-    own = rows[rows["panel"] == "single"]
-    drawn = charts.chart(own, "p50_ms", "Touch")
-    places = [(float(x), float(y)) for x, y in re.findall(r'class="interval" d="M([\d.]+) ([\d.]+)V', drawn)]
-    assert places == sorted(places), "slower to the right; smaller error further down"
-    assert all(0 < x < charts.WIDTH and 0 < y < charts.HEIGHT for x, y in places)
-    words = unescape(re.findall(r'aria-label="(LoMP[^"]*)"', drawn)[0])
-    assert "RMSE (kPa) 6.00 [5.50, 6.50]" in words and "on the front" in words
-    nothing = own.assign(failed=3, runs=0, error=float("nan"), low=float("nan"), high=float("nan"))
-    assert charts.chart(nothing, "train_s", "Touch").count('class="failed"') == 3
-    perfect = own.assign(error=0.0, low=0.0, high=0.0)
-    assert "nan" not in charts.chart(perfect, "p50_ms", "Touch").lower()
+    data = charts.data(rows, "Touch", ["p50_ms", "train_s"])
+    assert len(data["rows"]) == 4 * 3 and sum(row["failed"] for row in data["rows"]) == 2
+    assert list(data["models"]) == ["constant", "linear", "lomp"], "in the order of the table"
+    words = [row["words"] for row in data["rows"] if row["model"] == "lomp"]
+    assert "RMSE (kPa) 6.00 [5.50, 6.50]" in words[0] and "on the front" in words[0]
+    nothing = rows.assign(failed=3, runs=0, error=float("nan"), low=float("nan"), high=float("nan"))
+    assert {row["error"] for row in charts.data(nothing, "Touch", ["train_s"])["rows"]} == {None}, "JSON has no NaN"
+    for look in data["models"].values():
+        reach = max(abs(value) for polygon in look["polygons"] for point in polygon for value in point)
+        assert reach == 1.0 and look["color"].startswith("#")
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "first", "last"),
-    [(0.004, 9000, 0.01, 1000), (3, 70, 5, 50), (62, 97, 70, 90), (93, 95, 93.1, 94.9)],
-)
-def test_ticks_are_round_and_inside(low, high, first, last):
-    found = charts.ticks(low, high)
-    assert (found[0], found[-1]) == (first, last) and len(found) >= 2
+def test_our_errors_stand_over_the_published_ones(reports):
+    claims = verdicts.read_claims()
+    row, *others = answers.compared(claims)["rows"]
+    assert not others, "of the claims, one repeats a printed error"
+    assert row["model"] == "linear" and row["panel"].endswith("single")
+    assert [row[key] for key in ("ours", "low", "high")] == pytest.approx([12.5 / 8.68, 12 / 8.68, 13 / 8.68])
+    assert row["strict"] == pytest.approx(13.5 / 8.68)
+    assert answers.ratio(90.0, 95.0, "%") == pytest.approx(2.0), "of a precision, the error is what is missing"
+
+
+def test_a_leaderboard_has_the_best_and_the_error_under_stress(reports):
+    html = leaderboards.leaderboards("touch", "LoMP (touch)")
+    single, double = html.split("LoMP (touch), double")[0], html.split("<caption>")[2]
+    lomp = single[single.index("<td>LoMP</td>") :].split("</tr>")[0]
+    assert 'class="best"' in lomp and "2.17" in lomp, "least error; the printed one beside it"
+    assert "0.60" in lomp, "mean over perturbations of the error over the constant model's"
+    assert 'class="best"' not in double[double.index("<td>LoMP</td>") :].split("</tr>")[0], "a run of it failed"
 
 
 @pytest.fixture(scope="module")
@@ -335,8 +432,10 @@ def address(request, reports):
 def test_browser_loads_everything_without_complaint(tab, address):
     tab.width(1280)
     tab.open(address)
-    tab.run("Promise.all([...document.images].map((one) => one.decode().catch(() => 0)))")
-    images = tab.run("[...document.images].map((one) => [one.src, one.complete && one.naturalWidth])")
+    pictures = "[...document.querySelectorAll('main img')]"
+    tab.run(f"{pictures}.forEach((image) => (image.loading = 'eager'))")
+    tab.run(f"Promise.all({pictures}.map((image) => image.decode().catch(() => 0)))")
+    images = tab.run(f"{pictures}.map((image) => [image.src, image.complete && image.naturalWidth])")
     assert images and all(width > 0 for _, width in images), [src for src, width in images if not width]
     assert tab.problems == []
     assert all(one.startswith(("file:", "data:")) for one in tab.requests), "nothing comes from a network"
@@ -367,7 +466,7 @@ def test_browser_sorts_and_filters_the_claims(tab, address):
         assert all(one != one for one in values[len(known) :]), "what has no number is last"
     shown = f"[...{table}.tBodies[0].rows].filter((row) => row.getClientRects().length)"
     select = "document.querySelector('select[name=verdict]')"
-    for verdict in verdicts.SIGNS:
+    for verdict in templates.SIGNS:
         change = f"{select}.value = '{verdict}'; {select}.dispatchEvent(new Event('input', {{bubbles: true}}))"
         tab.run(change)
         kept = tab.run(f"{shown}.map((row) => row.dataset.verdict)")
@@ -385,12 +484,66 @@ def test_browser_sorts_tables_of_reports_by_their_numbers(tab, reports):
     assert names == ["LoMP", "Tree", "CNN", "RNN"], "as numbers, failures last"
 
 
-def test_browser_shows_a_models_row_by_focus(tab, address):
+def test_browser_steps_through_a_chart_by_arrow_keys(tab, address):
     tab.open(address)
-    tab.run("document.querySelectorAll('.point')[1].focus()")
-    told = tab.run("document.querySelector('.readout').textContent")
-    assert told == tab.run("document.querySelectorAll('.point')[1].getAttribute('aria-label')") and "ms median" in told
-    assert tab.run("document.querySelectorAll('.chart.chosen').length") > 1
+    tab.run("document.querySelector('.charts[data-kind=speed] .chart').focus()")
+    told = "document.querySelector('.charts[data-kind=speed] .readout').textContent"
+    seen = []
+    for key in ("ArrowRight", "ArrowRight", "ArrowLeft"):
+        tab.call("Input.dispatchKeyEvent", type="keyDown", key=key)
+        seen.append(tab.run(told))
+    assert seen[0] == seen[2] != seen[1] and all("ms median" in words for words in seen)
+    assert tab.run("document.querySelectorAll('.ring').length") == 1
+
+
+def test_browser_hides_a_model_and_draws_linear_axes(tab, address):
+    tab.open(address)
+    charts_ = "document.querySelector('.charts[data-kind=speed]')"
+    texts = f"[...{charts_}.querySelectorAll('svg text')].map((text) => text.textContent)"
+    name = tab.run(f"{charts_}.querySelectorAll('.controls button')[1].textContent")
+    before = tab.run(texts)
+    assert name in before
+    tab.run(f"{charts_}.querySelectorAll('.controls button')[1].click()")
+    assert name not in tab.run(texts)
+    tab.run(f"{charts_}.querySelectorAll('.controls button')[1].click()")
+    assert tab.run(texts) == before
+    tab.run(f"{charts_}.querySelector('.controls button').click()")
+    assert name in tab.run(texts) and tab.run(texts) != before
+
+
+def test_browser_keeps_the_choice_of_claims_in_the_address(tab, reports):
+    page.main()
+    tab.open(f"{(reports / 'index.html').as_uri()}#claims?paper=lomp&verdict=contradicted")
+    output = "document.querySelector('#verdicts output').textContent"
+    assert tab.run(output) == f"1 of {len(CLAIMS)} claims"
+    select = "document.querySelector('select[name=verdict]')"
+    tab.run(f"{select}.value = 'undecided'; {select}.dispatchEvent(new Event('input', {{bubbles: true}}))")
+    assert tab.run("location.hash") == "#claims?paper=lomp&verdict=undecided"
+    assert tab.run("document.querySelector('.nothing').hidden") is False
+    assert tab.run("document.getElementById('claim-latent-evil') !== null")
+
+
+def test_browser_restores_the_order_of_a_table(tab, reports):
+    page.main()
+    tab.open((reports / "index.html").as_uri())
+    table = "document.querySelector('#touch .leaderboard table')"
+    names = f"[...{table}.tBodies[0].rows].map((row) => row.cells[0].textContent)"
+    before = tab.run(names)
+    for _ in range(2):
+        tab.run(f"{table}.tHead.rows[0].cells[1].querySelector('button').click()")
+    assert tab.run(names) == before, "errors fall from model to model: so they stand already, downwards"
+    tab.run(f"{table}.tHead.rows[0].cells[1].querySelector('button').click()")
+    assert tab.run(names) == before
+    tab.run("document.querySelector('#touch .controls button').click()")
+    assert tab.run(f"{table}.tHead.rows[0].cells[1].hidden") is True
+
+
+def test_browser_opens_a_figure_in_full_size(tab, address):
+    tab.open(address)
+    tab.run("document.querySelector('a.picture').click()")
+    assert tab.run("document.querySelector('dialog').open && document.querySelector('dialog img').naturalWidth >= 0")
+    tab.run("document.querySelector('dialog button').click()")
+    assert tab.run("document.querySelector('dialog').open") is False
 
 
 def test_browser_opens_everything_on_paper(tab, address):

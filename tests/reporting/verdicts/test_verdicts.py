@@ -498,9 +498,9 @@ def test_a_paragraph_is_printed_only_where_a_claim_is_not_reproduced():
     told = "(contradicted; the interval is below 0)"
     assert f"**Sentence bad** {told}\n- **Sentence worse** {told}\n\nComputed" in text
     assert "No reason was looked for" in text and "nobody knows" in text
-    assert list(rows.columns)[:14] == [
+    assert list(rows.columns)[:15] == [
         "id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "unit", "verdict",
-        "strict", "compatible",
+        "strict", "strict_ours", "compatible",
     ]  # fmt: skip
     assert list(rows["verdict"]) == [REPRODUCED, *[CONTRADICTED] * 3, NOT_TESTABLE]
     counted = [one for one in text.splitlines() if one.startswith("| simulated")]
