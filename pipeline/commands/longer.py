@@ -11,7 +11,6 @@ reports/longer/EXPERIMENT.csv, one row per training, and .md, the table; rows of
 import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 import pandas as pd
 from tqdm import tqdm
@@ -20,12 +19,11 @@ from pipeline import models, tasks
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError
 from pipeline.datasets import fits
+from pipeline.reporting.verdicts.longer import COLUMNS, ENDED, changes, path, read
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number, table
 
-ENDED = 0.01  # a longer training changes the error of one that has ended by less, as a share of it
 LENGTHS = ("epochs", "drop_epoch")  # of a block `training`: what grows with the length
-COLUMNS = ["protocol", "model", "seed", "epochs", "error", "longer_epochs", "longer_error", "seconds"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,15 +99,12 @@ def chosen(values: Mapping, experiment: str, protocols: Sequence[str] | None, se
 def text(experiment: str, rows: pd.DataFrame) -> str:
     """Write the table of a network per row; rows: those of the CSV file."""
     lines = []
-    for (protocol, model), runs in rows.groupby(["protocol", "model"], sort=False):
-        mean, longer = runs["error"].mean(), runs["longer_error"].mean(skipna=False)
-        change = longer / mean - 1
-        lengths = [str(runs[column].iloc[0]) for column in ("epochs", "longer_epochs")]
-        cells = [number(mean), number(longer), f"{100 * change:+.1f}", "yes" if abs(change) < ENDED else "no"]
-        if math.isnan(longer):  # one run at least has no error to compare
-            cells = [number(mean), "diverged", "", "not known"]
-        cells.append(str(len(runs)))
-        lines.append([protocol, model_name(model), *lengths, *cells])
+    for row in changes(rows).itertuples():
+        cells = [number(row.longer_error), f"{100 * row.change:+.1f}", "yes" if abs(row.change) < ENDED else "no"]
+        if math.isnan(row.change):  # one run at least has no error to compare
+            cells = ["diverged", "", "not known"]
+        lengths = [str(row.epochs), str(row.longer_epochs)]
+        lines.append([row.protocol, model_name(row.model), *lengths, number(row.error), *cells, str(row.runs)])
     unit = "cross-entropy" if tasks.kind(experiment) == "images" else "root mean square, in the label's unit"
     header = ["Split", "Network", "Epochs", "Longer", "Error", "Error, longer", "Change (%)", "Ended?", "Runs"]
     return "\n".join(
@@ -123,15 +118,13 @@ def text(experiment: str, rows: pd.DataFrame) -> str:
     )
 
 
-def write(experiment: str, rows: pd.DataFrame, folder: Path) -> None:
-    """Write <experiment>.csv and .md to `folder`; rows of protocols that are not among `rows` stay."""
-    path = folder / f"{experiment}.csv"
-    if path.exists():
-        before = pd.read_csv(path)
-        rows = pd.concat([before[~before["protocol"].isin(rows["protocol"])], rows])
-    files.write_table(path, rows)
-    files.write_text(folder / f"{experiment}.md", text(experiment, rows))
-    print(f"{paths.shown(path)}, .md: {len(rows)} trainings")
+def write(experiment: str, rows: pd.DataFrame) -> None:
+    """Write <experiment>.csv and .md to reports/longer; rows of protocols that are not among `rows` stay."""
+    before = read(experiment)
+    rows = pd.concat([before[~before["protocol"].isin(rows["protocol"])], rows])
+    files.write_table(path(experiment), rows)
+    files.write_text(path(experiment).with_suffix(".md"), text(experiment, rows))
+    print(f"{paths.shown(path(experiment))}, .md: {len(rows)} trainings")
 
 
 def main(given: argparse.Namespace) -> None:
@@ -146,4 +139,4 @@ def main(given: argparse.Namespace) -> None:
     )
     with tqdm(total=steps * len(runs), desc=f"longer {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_longer, jobs, bar, steps=steps))
-    write(experiment, pd.DataFrame([rows[run] for run in runs], columns=COLUMNS), paths.REPORTS / "longer")
+    write(experiment, pd.DataFrame([rows[run] for run in runs], columns=COLUMNS))

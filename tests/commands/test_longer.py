@@ -60,9 +60,11 @@ def test_a_longer_training_that_diverged_tells_nothing():
     assert [cell.strip() for cell in line.split("|")][6:-1] == ["diverged", "", "not known", "2"]
 
 
-def test_rows_of_other_protocols_stay(tmp_path):
+def test_rows_of_other_protocols_stay(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "REPORTS", tmp_path)
+    (tmp_path / "longer").mkdir()
     for protocol, errors in (("press", (1.0,)), ("random_window", (2.0,)), ("press", (3.0,))):
         rows = [(protocol, "cnn", seed, 3, error, 6, error, 1.0) for seed, error in enumerate(errors)]
-        longer.write("touch", pd.DataFrame(rows, columns=longer.COLUMNS), tmp_path)
-    rows = pd.read_csv(tmp_path / "touch.csv")
+        longer.write("touch", pd.DataFrame(rows, columns=longer.COLUMNS))
+    rows = pd.read_csv(tmp_path / "longer" / "touch.csv")
     assert dict(zip(rows["protocol"], rows["error"], strict=True)) == {"random_window": 2.0, "press": 3.0}

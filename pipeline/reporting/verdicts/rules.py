@@ -18,8 +18,9 @@ A rule asks where the interval lies: all of it where the claim says it is, `repr
 * measured time (`slower`): a ratio of medians without an interval. Reproduced if it is above 1 + TOLERANCE, undecided
   within TOLERANCE of 1.
 
-`not testable`: a run of it failed or is missing, one run has no interval, the recordings are not there, or it needs
-what this project does not have. The numbers that a scene was tuned to are `calibrated`, whatever they are.
+`not testable`: a run of it failed or is missing, one run has no interval, a network that it is about was not trained to
+the end (a longer training lowers its validation error by 1 % or more, reports/longer), the recordings are not there,
+or it needs what this project does not have. The numbers that a scene was tuned to are `calibrated`, whatever they are.
 
 A printed number is judged on the split that the paper used, as far as its text says; beside it stands the verdict on
 the stricter one, where nothing is on two sides.
@@ -35,8 +36,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from pipeline.base import params
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
+from pipeline.reporting.verdicts import longer
 from pipeline.reporting.words import markdown
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import classification, results
@@ -93,6 +96,7 @@ class Evidence:
     def __init__(self, values: Mapping, given: Mapping[Hashable, object] | None = None, partial: bool = False):
         self.values, self.partial = values, partial
         self._known = dict(given or {})
+        self.networks: set[tuple[str, str, str]] = set()  # (experiment, protocol, model) whose scores a judge read
 
     def once(self, key: Hashable, read: Callable[[], object]) -> object:
         """Return the content known under `key`; the first time, that is the answer of `read`."""
@@ -123,6 +127,7 @@ class Evidence:
     def runs(self, experiment: str, protocol: str, condition: str, model: str, metric: str) -> pd.Series:
         """Read seed -> value. Raises NotTestable where a run failed or is missing."""
         self.require(experiment, model)
+        self.networks.add((experiment, protocol, model))
         scores = self.scores(experiment)
         if protocol not in self.values[experiment]["protocols"]:
             raise NotTestable(f"{experiment} has no protocol {protocol} in params.yaml")
@@ -132,6 +137,25 @@ class Evidence:
             raise NotTestable(str(error)) from error
         seeds = self.values[experiment]["protocols"][protocol]["seeds"]
         return complete(pd.Series(values, index=seeds, dtype=float), f"{model_name(model)} ({protocol}, {condition})")
+
+    def unended(self) -> list[str]:
+        """Say of the networks whose scores were read by how much a longer training lowers their validation errors.
+
+        Only those that it lowers by ENDED or more. Trainings of another protocol of the same experiment stand for one
+        that was not trained longer itself; those of other numbers of epochs than params.yaml has say nothing.
+        """
+        said = []
+        for experiment, protocol, model in sorted(self.networks):
+            if "training" not in params.model_settings(self.values, experiment, model):
+                continue
+            table = self.once(("longer", experiment), lambda name=experiment: longer.changes(longer.read(name)))
+            epochs = params.epochs(params.run_settings(self.values, experiment, model, protocol))
+            rows = table[(table["model"] == model) & (table["epochs"] == epochs)]
+            here = rows[rows["protocol"] == protocol]
+            change = (here if len(here) else rows)["change"].mean()
+            if change <= -longer.ENDED:
+                said.append(f"{model_name(model)} ({100 * change:.0f} % with more epochs)")
+        return list(dict.fromkeys(said))
 
     def latency(self, experiment: str, model: str, column: str = "p50_ms") -> float:
         """Read a number of latency.csv at the first batch size: the median time in ms, or another column."""
@@ -232,11 +256,17 @@ class Claim:
 
 
 def testable(judge: Judge, evidence: Evidence) -> Judgement:
-    """Return what a judge says, which is `not testable` where something that it needs is missing."""
+    """Return what a judge says; `not testable` where it misses something, or a network was not trained to the end."""
+    evidence.networks.clear()
     try:
-        return judge(evidence)
+        judged = judge(evidence)
     except NotTestable as error:
         return Judgement(error.ours, np.nan, np.nan, NOT_TESTABLE, str(error), "")
+    if judged.verdict in (REPRODUCED, CONTRADICTED, UNDECIDED) and (unended := evidence.unended()):
+        more = f" and {len(unended) - SHOWN} more" if len(unended) > SHOWN else ""
+        reason = f"validation errors still fall: {', '.join(unended[:SHOWN])}{more}; so far {judged.verdict}"
+        return judged._replace(verdict=NOT_TESTABLE, reason=f"{reason}: {judged.reason}" if judged.reason else reason)
+    return judged
 
 
 def complete(values: pd.Series, who: str) -> pd.Series:

@@ -11,7 +11,7 @@ from builders.project import ROOT
 from pipeline.base import params, paths
 from pipeline.datasets.images import MODALITIES
 from pipeline.reporting import claims as claims_report
-from pipeline.reporting.verdicts import glove_measures, rules, strain_measures, touch_measures
+from pipeline.reporting.verdicts import glove_measures, longer, rules, strain_measures, touch_measures
 from pipeline.reporting.verdicts.rules import CONTRADICTED, NOT_TESTABLE, REPRODUCED, UNDECIDED, Claim, Evidence
 from pipeline.scoring import glove_results, published, results
 
@@ -728,3 +728,23 @@ def test_more_strands_help_transfer_where_its_excess_falls_on_both_tasks():
     ):
         assert judged("more-strands", strain() | {("study", "strands"): table}).verdict == verdict
     assert CLAIMS["more-strands"].why(Evidence(VALUES, strain() | {("study", "strands"): strands(2.0, 1.5)}))
+
+
+@pytest.mark.parametrize(
+    ("epochs", "protocol", "longer_error", "verdict"),
+    [(16, "press", 0.98, NOT_TESTABLE), (16, "random_window", 0.98, NOT_TESTABLE), (16, "press", 0.995, REPRODUCED),
+     (16, "press", 1.05, REPRODUCED), (8, "press", 0.5, REPRODUCED)],
+)  # fmt: skip
+def test_a_claim_on_a_network_that_still_improves_has_no_verdict(epochs, protocol, longer_error, verdict):
+    """Trained for other epochs than params.yaml says, or no better for longer, says nothing; another split does."""
+    trainings = pd.DataFrame([(protocol, "cnn", 0, epochs, 1.0, 32, longer_error, 9.0)], columns=longer.COLUMNS)
+    values = {"touch": {"models": {"cnn": {"training": {"epochs": 16}}}, "protocols": {"press": {"seeds": [0, 1, 2]}}}}
+    evidence = rules.Evidence(values, given={("longer", "touch"): longer.changes(trainings)})
+
+    def judge(e: rules.Evidence) -> rules.Judgement:
+        e.networks.add(("touch", "press", "cnn"))
+        return rules.positive(pd.Series([1.0, 1.1, 1.2]))
+
+    judged = rules.testable(judge, evidence)
+    assert judged.verdict == verdict and judged.ours == pytest.approx(1.1)
+    assert (NOT_TESTABLE in judged.verdict) == ("CNN (-2 % with more epochs)" in judged.reason)
