@@ -1,5 +1,6 @@
 """Write reports/touch: Table I and Table II beside the published numbers, training, figures and findings."""
 
+import json
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -9,7 +10,7 @@ import pandas as pd
 
 from pipeline.base import files, paths
 from pipeline.datasets import schemas
-from pipeline.reporting import experiment, sentences, touch_ablation
+from pipeline.reporting import experiment, sentences, touch_ablation, touch_viewer
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import touch as touch_figures
 from pipeline.reporting.verdicts import touch as touch_verdicts
@@ -59,7 +60,7 @@ def write(target: Path, settings: Mapping) -> None:
         for name, block in settings["protocols"].items()
     }
     maps = {
-        model: read_predictions("touch", model, protocol, seed, table).reshape(windows.truth.shape)
+        model: read_predictions("touch", model, protocol, seed, table)[windows.rows].reshape(windows.truth.shape)
         for model in settings["models"]
     }
     frames_path = paths.require(paths.frames("touch"), "python -m pipeline.stages.ingest touch")
@@ -85,6 +86,9 @@ def write(target: Path, settings: Mapping) -> None:
     touch_figures.error_distribution(accuracy / "figure7.png", windows, maps, settings)
     if present & set(touch_figures.SEVERAL_TOUCHES):
         touch_figures.pressure_maps(accuracy / "figure8.png", windows, maps, settings)
+
+    if present & set(touch_figures.MAP_NAMES):
+        files.write_text(accuracy / "viewer.json", json.dumps(touch_viewer.data(windows, maps, settings)) + "\n")
 
     panels = {f"{name} touch": (protocol, name) for name in TABLE_CONDITIONS if name in conditions}
     end = published_times(latency, settings)
@@ -254,7 +258,7 @@ def findings(
         "grid; the paper says 2.875 mm, a quarter of the element instead of the pitch)",
         "figure6": "double touch over time",
         "figure7": "error with one touch" + (" and with two" if "double" in conditions else ""),
-        "figure8": "pressure maps",
+        "figure8": "pressure maps: reading, label and predictions for one touch and for several",
         "learning_curves": "loss over epochs",
     }
     absent = {"figure6"} if "double" not in conditions else set()

@@ -19,16 +19,23 @@ from pipeline.scoring.results import Fit
 
 FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)
 TOUCH_MODELS = ("lomp", "rnn", "cnn", "convlstm")  # of figure 6
-MAP_MODELS = ("rnn", "cnn", "lomp")  # of figure 8a
+MAP_MODELS = ("rnn", "cnn", "lomp")  # of figure 8
 SHOWN_WINDOWS = 60  # of figure 4
 SHOWN_PRESSES = 4  # of figure 6
-INSTANTS = 4  # of the slide in figure 8c
+MAP_NAMES = {  # condition -> its name in figure 8
+    "single": "one touch",
+    "double": "two touches",
+    "three": "three touches",
+    "slide": "two sliding touches",
+    "tape": "rolled tape",
+}
 SEVERAL_TOUCHES = ("double", "three", "slide", "tape")  # conditions of figure 8
 
 
 class Windows(NamedTuple):
-    """The dataset as the figures need it: n windows, each described at its last frame."""
+    """What one run is tested on, as the figures need it: n windows, each described at its last frame."""
 
+    rows: np.ndarray  # (n,) of the dataset
     condition: np.ndarray  # (n,)
     recording: np.ndarray  # (n,)
     press: np.ndarray  # (n,)
@@ -38,13 +45,15 @@ class Windows(NamedTuple):
     y_mm: np.ndarray
     counts: np.ndarray  # (n, elements)
     truth: np.ndarray  # (n, map_rows, map_cols) in kPa
-    test: np.ndarray  # (n,) bool, of the run whose predictions are shown
 
 
 def windows_of(table: pa.Table, settings: Mapping, protocol: str, seed: int) -> Windows:
-    """Return the dataset's table as arrays; settings: the block `touch` of params.yaml."""
+    """Return the test part of a run, on its own array of sensors; settings: the block `touch` of params.yaml."""
     label = settings["label"]
+    rows = np.flatnonzero(schemas.names(table[schemas.split_column(protocol, seed)]) == "test")
+    table = table.take(rows)
     return Windows(
+        rows,
         schemas.names(table["condition"]),
         schemas.names(table["recording"]),
         table["press"].to_numpy(),
@@ -52,7 +61,6 @@ def windows_of(table: pa.Table, settings: Mapping, protocol: str, seed: int) -> 
         *(schemas.matrix(table[name]) for name in ("force_n", "x_mm", "y_mm")),
         schemas.matrix(table["x"]).reshape(table.num_rows, settings["window"]["frames"], -1)[:, -1],
         schemas.matrix(table["y"]).reshape(-1, label["map_rows"], label["map_cols"]),
-        schemas.names(table[schemas.split_column(protocol, seed)]) == "test",
     )
 
 
@@ -87,8 +95,8 @@ def characteristic_curve(path: Path, settings: Mapping) -> None:
 
 
 def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Draw figure 4: largest value of measured and estimated map, and L1 loss, over windows of test presses."""
-    chosen = np.flatnonzero((windows.condition == "single") & windows.test & in_contact(windows, settings))
+    """Draw figure 4: largest value of true and predicted map, and L1 loss, over windows of test presses."""
+    chosen = np.flatnonzero((windows.condition == "single") & in_contact(windows, settings))
     chosen = chosen[:SHOWN_WINDOWS]
     truth = windows.truth[chosen]
     models = [model for model in maps if model != "constant"]
@@ -101,7 +109,7 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
     finite = np.concatenate(list(losses.values()))
     top_loss = finite[np.isfinite(finite)].max(initial=1e-3)
     values = np.concatenate([maps[model][chosen].ravel() for model in models])
-    # An exploding model may leave the axes; the measured course must stay readable.
+    # An exploding model may leave the axes; the true course must stay readable.
     limit = 1.05 * min(values[np.isfinite(values)].max(initial=truth.max()), 2 * truth.max())
     pairs = list(zip(axes[::2].flat, axes[1::2].flat, strict=True))
     for k, (model, (upper, lower)) in enumerate(zip(models, pairs, strict=False)):
@@ -121,9 +129,9 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
         for ax in pair:
             ax.set_axis_off()
     handles = [Line2D([], [], **MEASURED), Line2D([], [], color=style.GREY)]
-    names = ["measured (largest value of the label map)", "estimated (coloured; largest value of the predicted map)"]
+    names = ["label (largest value of the map)", "prediction (coloured; largest value of the map)"]
     figure.legend(handles, names, loc="outside lower center", ncols=2)
-    figure.suptitle("Figure 4: single touch, measured and estimated peak pressure, and mean L1 loss of the map")
+    figure.suptitle("Figure 4: single touch, true and predicted peak pressure, and mean L1 loss of the map")
     style.save(figure, path)
 
 
@@ -222,7 +230,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
     handles = [Line2D([], [], **MEASURED)]
     for look in map(model_style, drawn):
         handles.append(Line2D([], [], color=look.color, linestyle=look.linestyle, marker=look.marker))
-    names = ["measured", *(model_name(model) + _failure(maps[model][chosen]) for model in drawn)]
+    names = ["label", *(model_name(model) + _failure(maps[model][chosen]) for model in drawn)]
     axes[0].legend(handles, names, loc="upper left", bbox_to_anchor=(1, 1))
     figure.suptitle("Figure 6: double touch, largest value of label and predicted map within each pressed element")
     style.save(figure, path)
@@ -230,7 +238,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
 
 def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
     """Draw figure 7: mean squared error per window, for one touch and for two, on a logarithmic axis."""
-    contact = in_contact(windows, settings) & windows.test
+    contact = in_contact(windows, settings)
     conditions = [name for name in ("single", "double") if (windows.condition == name).any()]
     figure, ax = plt.subplots(figsize=(8, 0.62 * len(maps) + 1.6))
     for k, (model, predicted) in enumerate(maps.items()):
@@ -263,65 +271,62 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarr
     style.save(figure, path)
 
 
-def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Draw figure 8: measured and estimated maps of (a) two, (b) three touches, (c) two slides and (d) a tape."""
+def shown_maps(windows: Windows) -> dict[str, int]:
+    """Choose the windows of figure 8: name -> place among `windows`, of each condition the one pressed hardest.
+
+    Of a slide it is one half way through it.
+    """
     total = np.nansum(windows.force_n, axis=1)
-
-    def strongest(condition: str, strength: np.ndarray) -> int | None:
+    both = np.nan_to_num(windows.force_n[:, :2]).min(axis=1) if windows.force_n.shape[1] > 1 else total
+    strengths = {"single": total, "double": both, "three": total, "tape": total}
+    chosen = {}
+    for condition, strength in strengths.items():
         rows = np.flatnonzero(windows.condition == condition)
-        return int(rows[strength[rows].argmax()]) if len(rows) else None
-
-    panels: list[list[tuple[str, np.ndarray, int] | None]] = []
-
-    def row_of(parts: list[tuple[str, int, tuple[str, ...]]]) -> None:
-        row = []
-        for title, window, models in parts:
-            row.append((f"{title}\nmeasured", windows.truth[window], window))
-            row += [(f"{title}\n{model_name(m)}", maps[m][window], window) for m in models if m in maps]
-        panels.append((row + [None] * INSTANTS)[:INSTANTS])
-
-    lomp = ("lomp",)
-    smaller = np.nan_to_num(windows.force_n[:, :2]).min(axis=1) if windows.force_n.shape[1] > 1 else total
-    if (two := strongest("double", smaller)) is not None:
-        row_of([("(a) double touch", two, MAP_MODELS)])
-    shapes = {"(b) three touches": strongest("three", total), "(d) tape": strongest("tape", total)}
-    if shapes := [(title, window, lomp) for title, window in shapes.items() if window is not None]:
-        row_of(shapes)
-    slide = np.flatnonzero((windows.condition == "slide") & in_contact(windows, settings))
+        if len(rows):
+            chosen[MAP_NAMES[condition]] = int(rows[strength[rows].argmax()])
+    slide = np.flatnonzero(windows.condition == "slide")
     if len(slide):
-        slide = slide[windows.press[slide] == windows.press[slide[0]]]
-        gaps = np.flatnonzero(np.diff(windows.t_s[slide]) > 2 * np.median(np.diff(windows.t_s[slide])))
-        slide = slide[: gaps[0] + 1] if len(gaps) else slide  # one slide of two fingers
-        places = np.linspace(0, len(slide) - 1, INSTANTS + 2).round().astype(int)[1:-1]
-        picked = slide[np.unique(places)]  # a short slide has fewer windows than there are panels
-        since = windows.t_s[picked] - windows.t_s[slide[0]]
-        for name, source in [("measured", windows.truth), *((model_name(m), maps[m]) for m in lomp if m in maps)]:
-            row = [(f"(c) slide, {s:.2f} s\n{name}", source[w], w) for s, w in zip(since, picked, strict=True)]
-            panels.append((row + [None] * INSTANTS)[:INSTANTS])
-    sensor = settings["sensor"]
-    width, height = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
-    figure, axes = plt.subplots(len(panels), INSTANTS, figsize=(2.6 * INSTANTS + 1, 2.75 * len(panels)), squeeze=False)
-    for row, line in zip(axes, panels, strict=True):
-        top = max(windows.truth[panel[2]].max() for panel in line if panel)
-        image = None
-        for ax, panel in zip(row, line, strict=True):
-            if panel is None:
-                ax.set_axis_off()
-                continue
-            title, values, _ = panel
-            ax.set_title(title + _failure(values))
-            image = ax.imshow(values, origin="lower", extent=(0, width, 0, height), vmin=0, vmax=top, cmap="viridis")
+        pressed = slide[total[slide] >= total[slide].max() / 2]
+        chosen[MAP_NAMES["slide"]] = int(pressed[len(pressed) // 2])
+    return chosen
+
+
+def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
+    """Draw figure 8: one column per kind of touch; reading, label and predicted maps below each other.
+
+    Every column has the colours of its label, up to its largest pressure, and the reading those of its largest count.
+    """
+    columns, sensor = shown_maps(windows), settings["sensor"]
+    extent = (0, sensor["cols"] * sensor["pitch_mm"], 0, sensor["rows"] * sensor["pitch_mm"])
+    readings = windows.counts.reshape(-1, sensor["rows"], sensor["cols"])
+    sources = {"Reading": readings, "Label": windows.truth}
+    sources |= {model_name(model): maps[model] for model in MAP_MODELS if model in maps}
+    size = {"figsize": (2.2 * len(columns) + 1.2, 2.35 * len(sources) + 0.6)}
+    figure, axes = plt.subplots(len(sources), len(columns), squeeze=False, sharex=True, sharey=True, **size)
+    image = None
+    for line, (name, source) in zip(axes, sources.items(), strict=True):
+        for ax, (kind, window) in zip(line, columns.items(), strict=True):
+            truth, values = windows.truth[window], source[window]
+            top = values.max() if name == "Reading" else truth.max()
+            share = values / max(top, np.finfo(float).tiny)
+            image = ax.imshow(share, origin="lower", extent=extent, vmin=0, vmax=1, cmap="viridis")
+            if name == "Reading":
+                ax.set_title(f"{kind}\nlargest count {values.max():.0f}")
+            elif name == "Label":
+                ax.set_title(f"peak {truth.max():.0f} kPa")
+            else:
+                error = np.sqrt(np.square(values.astype(float) - truth).mean())
+                ax.set_title(f"RMSE {error:.1f} kPa" if np.isfinite(values).all() else "failed")
             ax.set_xticks(np.arange(sensor["cols"] + 1) * sensor["pitch_mm"])
             ax.set_yticks(np.arange(sensor["rows"] + 1) * sensor["pitch_mm"])
             ax.grid(color="white", alpha=0.3, linewidth=0.6)
             ax.set_axisbelow(False)
-            if ax.get_subplotspec().is_last_row():
-                ax.set_xlabel("x (mm)")
-            if ax.get_subplotspec().is_first_col():
-                ax.set_ylabel("y (mm)")
-        figure.colorbar(image, ax=list(row), label="Pressure (kPa)", extend="both", shrink=0.9)
-    figure.get_layout_engine().set(h_pad=0.07)
-    figure.suptitle("Figure 8: pressure maps; grid lines are the borders of the elements")
+        line[0].set_ylabel(f"{name}\ny (mm)")
+    for ax in axes[-1]:
+        ax.set_xlabel("x (mm)")
+    words = "Pressure, share of the label's peak (reading: of its largest count)"
+    figure.colorbar(image, ax=axes, label=words, extend="max", shrink=0.6)
+    figure.suptitle("Figure 8: from 25 readings to a pressure map; grid lines are the borders of the elements")
     style.save(figure, path)
 
 
@@ -347,7 +352,7 @@ def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) ->
     handles.append(Line2D([], [], color=style.BLACK, marker="o", linestyle=""))
     names = ["training", "validation (coloured)", "epoch that was kept"]
     figure.legend(handles, names, loc="outside lower center", ncols=3)
-    figure.suptitle(f"Learning curves, {protocol} split, one line a seed (lower is better)")
+    figure.suptitle(f"Learning curves, {protocol} split, one line per seed (lower is better)")
     style.save(figure, path)
 
 

@@ -113,7 +113,7 @@ const PANELS = {
       const type = state.log ? "log" : "linear";
       const domain = state.log ? [1 / data.reach, data.reach] : [0, data.reach];
       const [width, height] = [400, 66 + 22 * Math.max(1, rows.length)];
-      const frame = { width, height, marginLeft: 128, marginRight: 16, marginTop: 8, marginBottom: 38 };
+      const frame = { width, height, marginLeft: 152, marginRight: 16, marginTop: 8, marginBottom: 38 };
       const toX = Plot.scale({ x: { type, domain, range: [frame.marginLeft, width - frame.marginRight] } }).apply;
       const toY = Plot.scale({ y: { type: "point", domain: rows.map((row) => row.label), range: [frame.marginTop, height - frame.marginBottom], padding: 0.5 } }).apply;
       const ours = points.filter((row) => row.x !== null);

@@ -3,6 +3,7 @@
 import posixpath
 import re
 import struct
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
@@ -61,6 +62,7 @@ class Pages:
     def __init__(self, embedded: Iterable[str]):
         self.embedded = set(embedded)
         self.pictures: set[str] = set()
+        self._tables: Counter[str] = Counter()
         self._parser = MarkdownIt("commonmark", {"html": False}).enable("table")
         self._parser.add_render_rule("table_open", _table_open)
         self._parser.add_render_rule("table_close", lambda *_: "</table></div>\n")
@@ -108,7 +110,8 @@ class Pages:
             elif token.type == "th_open":
                 token.attrSet("scope", "col")
             elif token.type == "table_open":
-                token.meta["name"] = name
+                self._tables[name] += 1  # a screen reader lists tables by their names
+                token.meta["name"] = name if self._tables[name] == 1 else f"{name} ({self._tables[name]})"
             for child in token.children or ():
                 if child.type == "link_open":
                     child.attrSet("href", self.link(folder, child.attrs["href"]))

@@ -9,6 +9,7 @@ import zlib
 from html.parser import HTMLParser
 from pathlib import Path
 
+import axe_core_python
 import pandas as pd
 import pytest
 import yaml
@@ -22,6 +23,7 @@ from pipeline.reporting.verdicts import rules
 from pipeline.stages import page
 
 ABSENT = "glove_recorded"
+AXE = Path(axe_core_python.__file__).with_name("axe.min.js")
 EVIL = '<script>alert("x")</script> & <b>'
 CLAIMS = [
     # id, claim, paper, data, published, ours, low, high, verdict, reason, kind, unit
@@ -122,6 +124,17 @@ STRESS = {
 }
 
 
+VIEWER = {  # two touches of two windows, an array of 1 x 2 elements and maps of 2 x 2
+    "shape": {"reading": [1, 2], "map": [2, 2]},
+    "touches": [
+        {"name": name, "seconds": [0.0, 0.8], "largest_count": 500.0, "largest_kpa": 100.0}
+        | {"reading": "/wD/AA==", "label": "/wAAAP8AAAA="}
+        | {"predictions": {"CNN": {"map": "AAAAAAAAAAA=", "rmse_kpa": [50.0, 50.0]}}}
+        for name in ("one touch", "two touches")
+    ],
+}
+
+
 def png(path: Path, width: int = 40, height: int = 30) -> None:
     """A grey picture."""
 
@@ -214,6 +227,7 @@ def reports(tmp_path, monkeypatch) -> Path:
             png(stability / f"{name}_all.png")
             png(stability / f"{name}_all_heat_map.png")
     png(folder / "touch" / "accuracy" / "figure8.png")
+    (folder / "touch" / "accuracy" / "viewer.json").write_text(json.dumps(VIEWER))
     pd.DataFrame(STRESS).to_csv(stability / "failures.csv", index=False)
     (stability / "README.md").write_text("\n".join([*told, "## Training\n\n- 0 diverged.\n"]))
     (stability / "failures.md").write_text("\n".join([*failures, "## Severities\n\n- `noise`: share of the span\n"]))
@@ -472,7 +486,9 @@ def test_browser_sorts_and_filters_the_claims(tab, address):
         kept = tab.run(f"{shown}.map((row) => row.dataset.verdict)")
         every = tab.run(f"[...{table}.tBodies[0].rows].map((row) => row.dataset.verdict)")
         assert kept == [verdict] * every.count(verdict) and kept
-        assert tab.run("document.querySelector('output').textContent").startswith(f"{len(kept)} of {len(every)}")
+        assert tab.run("document.querySelector('#verdicts output').textContent").startswith(
+            f"{len(kept)} of {len(every)}"
+        )
 
 
 def test_browser_sorts_tables_of_reports_by_their_numbers(tab, reports):
@@ -534,8 +550,37 @@ def test_browser_restores_the_order_of_a_table(tab, reports):
     assert tab.run(names) == before, "errors fall from model to model: so they stand already, downwards"
     tab.run(f"{table}.tHead.rows[0].cells[1].querySelector('button').click()")
     assert tab.run(names) == before
-    tab.run("document.querySelector('#touch .controls button').click()")
+    tab.run("document.querySelector('#touch .leaderboard').previousElementSibling.querySelector('button').click()")
     assert tab.run(f"{table}.tHead.rows[0].cells[1].hidden") is True
+
+
+def test_browser_plays_a_touch(tab, reports):
+    page.main()
+    tab.open((reports / "index.html").as_uri())
+    assert tab.run("document.querySelector('.viewer select').selectedOptions[0].textContent") == "two touches"
+    assert tab.run("document.querySelector('.viewer output').textContent").startswith("0.0 s: CNN is off by 50.0 kPa")
+    pixel = "document.querySelector('canvas[data-of={}]').getContext('2d').getImageData({}, {}, 1, 1).data"
+    dark, bright = [68, 1, 84, 255], [253, 231, 37, 255]
+    for of, x, y, colour in (("label", 0, 1, bright), ("label", 0, 0, dark), ("prediction", 0, 1, dark)):
+        assert list(tab.run(f"[...{pixel.format(of, x, y)}]")) == colour, "row 0 of a map is its lower edge"
+    slider = "document.querySelector('.viewer input')"
+    tab.run(f"{slider}.value = 1; {slider}.dispatchEvent(new Event('input'))")
+    assert tab.run("document.querySelector('.viewer output').textContent").startswith("0.8 s")
+
+
+@pytest.mark.parametrize("colours", ["light", "dark"])
+def test_browser_finds_no_barrier(tab, address, colours):
+    """The page has no finding by axe, the usual check of what people with a screen reader or few colours meet."""
+    tab.width(1280)
+    tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": colours}])
+    tab.open(address)
+    tab.run("document.querySelectorAll('details').forEach((part) => (part.open = true))")
+    tab.run(f"(() => {{{AXE.read_text(encoding='utf-8')}}})()")
+    found = tab.run(
+        "axe.run().then((all) => all.violations.map((one) => [one.id, one.nodes.length, one.nodes[0].html, one.nodes[0].failureSummary]))"
+    )
+    tab.call("Emulation.setEmulatedMedia", features=[])
+    assert found == []
 
 
 def test_browser_opens_a_figure_in_full_size(tab, address):
