@@ -1,4 +1,4 @@
-"""What people run by hand: check, fetch, record logs; fit the film, calibrate a scene, search rates, run another scale.
+"""What people run by hand: check, fetch, record logs; fit film, calibrate scenes, search rates, change scale, pack.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
 `main(given)` runs it with the arguments given. `--help` behind a command says more.
@@ -8,6 +8,7 @@ import argparse
 
 from pipeline.base.errors import run_stage
 from pipeline.commands import (
+    bundle,
     calibrate,
     check,
     fetch,
@@ -31,6 +32,7 @@ COMMANDS = {
     "longer": longer,
     "scale": scale,
     "paper-scale": paper_scale,
+    "bundle": bundle,
 }
 
 

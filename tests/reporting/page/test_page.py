@@ -576,9 +576,8 @@ def test_browser_finds_no_barrier(tab, address, colours):
     tab.open(address)
     tab.run("document.querySelectorAll('details').forEach((part) => (part.open = true))")
     tab.run(f"(() => {{{AXE.read_text(encoding='utf-8')}}})()")
-    found = tab.run(
-        "axe.run().then((all) => all.violations.map((one) => [one.id, one.nodes.length, one.nodes[0].html, one.nodes[0].failureSummary]))"
-    )
+    violations = "all.violations.map(({id, nodes}) => [id, nodes.length, nodes[0].html, nodes[0].failureSummary])"
+    found = tab.run(f"axe.run().then((all) => {violations})")
     tab.call("Emulation.setEmulatedMedia", features=[])
     assert found == []
 

@@ -1,0 +1,77 @@
+"""Pack all that `dvc repro` has made into one archive, or take such an archive in place of running it.
+
+`tactile bundle write FILE.tar.gz` packs what dvc.lock names and DVC's cache holds (logs, datasets, models, predictions)
+with the reports, params.yaml and dvc.lock. `tactile bundle restore FILE.tar.gz`, in a checkout of the same commit, puts
+it all in its place: `dvc repro` has nothing to run then but `track`, which writes the runs for MLflow.
+"""
+
+import argparse
+import tarfile
+import tempfile
+from pathlib import Path
+
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+
+REMOTE, OBJECTS = "bundle", "objects"  # DVC's name of the archive's folder, and that folder
+BESIDE = ("dvc.lock", "params.yaml", "reports")  # what lies in git, for those who have the archive alone
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what the command takes to its parser."""
+    parser.add_argument("what", choices=["write", "restore"])
+    parser.add_argument("file", type=Path, help="the archive, a .tar.gz file")
+
+
+def repository(objects: Path):
+    """Return DVC's view of this checkout with a folder as its only remote."""
+    from dvc.repo import Repo
+
+    return Repo(paths.ROOT, config={"remote": {REMOTE: {"url": str(objects)}}})
+
+
+def write(file: Path) -> int:
+    """Write the archive; return how many files of DVC's cache are in it. InputError where something was not run."""
+    with tempfile.TemporaryDirectory(dir=file.parent) as folder:
+        objects = Path(folder) / OBJECTS
+        objects.mkdir()
+        with repository(objects) as repo:
+            if lost := sorted(str(out) for out in repo.index.outs if out.use_cache and out.changed_cache()):
+                raise InputError(f"{lost[0]}: not in DVC's cache, and {len(lost) - 1} more; run `dvc repro` first")
+            count = repo.push(remote=REMOTE)
+        draft = Path(folder) / file.name
+        with tarfile.open(draft, "w:gz", compresslevel=1) as archive:
+            archive.add(objects, OBJECTS)
+            for name in BESIDE:
+                archive.add(paths.ROOT / name, name)
+        draft.replace(file)
+    return count
+
+
+def restore(file: Path) -> None:
+    """Put what an archive holds in its place. InputError where there is none, or it is of another commit."""
+    if not file.is_file():
+        raise InputError(f"{file}: there is no such file; `tactile bundle write {file.name}` writes it")
+    with tempfile.TemporaryDirectory(dir=file.parent) as folder:
+        try:
+            with tarfile.open(file) as archive:
+                archive.extractall(folder, filter="data")
+        except (tarfile.TarError, EOFError, OSError) as error:
+            raise InputError(
+                f"{file}: not an archive that `tactile bundle write {file.name}` wrote, or cut short ({error})"
+            ) from error
+        lock = Path(folder) / "dvc.lock"
+        if not lock.exists() or lock.read_bytes() != (paths.ROOT / "dvc.lock").read_bytes():
+            raise InputError(f"{file}: its dvc.lock is not that of this checkout; `git checkout` the commit it is of")
+        with repository(Path(folder) / OBJECTS) as repo:
+            repo.pull(remote=REMOTE)
+
+
+def main(given: argparse.Namespace) -> None:
+    """Write or restore the archive that was named."""
+    if given.what == "write":
+        count = write(given.file)
+        print(f"{given.file}: {count} files, {given.file.stat().st_size / 1e6:.0f} MB")
+    else:
+        restore(given.file)
+        print(f"{given.file}: restored; `dvc status` names what is not up to date")
