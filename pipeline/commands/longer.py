@@ -15,9 +15,10 @@ from collections.abc import Callable, Mapping, Sequence
 import pandas as pd
 from tqdm import tqdm
 
-from pipeline import models, tasks
+from pipeline import tasks
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError
+from pipeline.commands.rates import error_of, fit
 from pipeline.datasets import fits
 from pipeline.reporting.verdicts.longer import COLUMNS, ENDED, changes, path, read
 from pipeline.reporting.words.labels import model_name
@@ -40,11 +41,6 @@ def lengthened(block: Mapping, times: int) -> dict:
     return {**block, "training": training}
 
 
-def error_of(experiment: str, validation_loss: float) -> float:
-    """Return the validation error: the root of the mean squared error in the label's unit; of images, cross-entropy."""
-    return validation_loss if tasks.kind(experiment) == "images" else math.sqrt(validation_loss)
-
-
 def trained(experiment: str, model: str, protocol: str, seed: int) -> tuple[int, float]:
     """Return (epochs, validation error of the epoch that was kept) of a run of data/EXPERIMENT/models."""
     folder = paths.run_folder(experiment, model, protocol, seed)
@@ -60,23 +56,17 @@ def train_longer(
 
     A training that diverged has NaN as error.
     """
-    import torch
-
-    torch.set_num_threads(1)
-    settings, task = values[experiment], tasks.of(experiment)
     block = lengthened(params.run_settings(values, experiment, model, protocol), times)
-    base = task.base(experiment, settings, protocol) if params.transfers(model) else None
-    zero = paths.run_folder(experiment, paths.MODEL_ZERO, base, seed) if base else None
-
-    def build(spec):
-        return models.build(model, spec, block, f"{experiment}.models.{model}")
-
-    place = paths.dataset(experiment), experiment, settings, protocol, seed
-    fitted = task.fit(*place, build, device=values["device"], progress=report, base=zero)
-    reason, best = fitted.model.summary
-    error = math.nan if reason == "diverged" else error_of(experiment, fitted.history[best - 1]["validation_loss"])
-    before = trained(experiment, model, protocol, seed)
-    return protocol, model, seed, *before, len(fitted.history), error, fitted.seconds
+    error, fitted = fit(values, experiment, model, block, protocol, seed, report)
+    return (
+        protocol,
+        model,
+        seed,
+        *trained(experiment, model, protocol, seed),
+        len(fitted.history),
+        error,
+        fitted.seconds,
+    )
 
 
 def chosen(values: Mapping, experiment: str, protocols: Sequence[str] | None, seeds: int) -> list[tuple]:

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import models
+from pipeline import models, tasks
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError
+from pipeline.learning.trained import Fitted
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number, table
-from pipeline.tasks import windows as tasks_windows
 
 NETWORKS = ("cnn", "vgg", "convlstm", "rnn", "lomp", "lomp_stream")
 AROUND = range(-2, 2)  # places that the grid has at least, from that of params.yaml
@@ -59,26 +59,45 @@ def two_lowest(errors: Mapping) -> list:
     return sorted((key for key, rmse in errors.items() if math.isfinite(rmse)), key=errors.get)[:2]
 
 
-def train_run(
-    values: Mapping, experiment: str, model: str, learning_rate: float, seed: int, report: Callable[..., None]
-) -> tuple:
-    """Return the row (COLUMNS) of one network at one rate; a training that diverged has NaN as RMSE."""
+def error_of(experiment: str, validation_loss: float) -> float:
+    """Return the validation error: the root of the mean squared error in the label's unit; of images, cross-entropy."""
+    return validation_loss if tasks.kind(experiment) == "images" else math.sqrt(validation_loss)
+
+
+def fit(
+    values: Mapping, experiment: str, model: str, block: Mapping, protocol: str, seed: int, report: Callable[..., None]
+) -> tuple[float, Fitted]:
+    """Train a network on one thread by the settings `block`, beside the runs there are.
+
+    Return the validation error of the epoch that was kept, NaN where the training diverged, and the trained network.
+    """
     import torch
 
     torch.set_num_threads(1)
-    protocol, _ = params.runs(values, experiment)[0]
-    block = params.model_settings(values, experiment, model)
-    block = block | {"training": block["training"] | {"learning_rate": learning_rate}}
+    task, settings = tasks.of(experiment), values[experiment]
+    base = task.base(experiment, settings, protocol) if params.transfers(model) else None
+    zero = paths.run_folder(experiment, paths.MODEL_ZERO, base, seed) if base else None
 
     def build(spec):
         return models.build(model, spec, block, f"{experiment}.models.{model}")
 
-    place = paths.dataset(experiment), experiment, values[experiment], protocol, seed
-    fitted = tasks_windows.fit(*place, build, device=values["device"], progress=report)
+    place = paths.dataset(experiment), experiment, settings, protocol, seed
+    fitted = task.fit(*place, build, device=values["device"], progress=report, base=zero)
     reason, best = fitted.model.summary
-    rmse = float("nan") if reason == "diverged" else math.sqrt(fitted.history[best - 1]["validation_loss"])
-    batch_size = block["training"]["batch_size"]
-    return (model, learning_rate, seed, batch_size, len(fitted.history), best, rmse, fitted.seconds)
+    error = math.nan if reason == "diverged" else error_of(experiment, fitted.history[best - 1]["validation_loss"])
+    return error, fitted
+
+
+def train_run(
+    values: Mapping, experiment: str, model: str, learning_rate: float, seed: int, report: Callable[..., None]
+) -> tuple:
+    """Return the row (COLUMNS) of one network at one rate; a training that diverged has NaN as RMSE."""
+    protocol, _ = params.runs(values, experiment)[0]
+    block = params.model_settings(values, experiment, model)
+    block = block | {"training": block["training"] | {"learning_rate": learning_rate}}
+    rmse, fitted = fit(values, experiment, model, block, protocol, seed, report)
+    epochs, best, batch_size = len(fitted.history), fitted.model.summary[1], block["training"]["batch_size"]
+    return model, learning_rate, seed, batch_size, epochs, best, rmse, fitted.seconds
 
 
 def search(values: Mapping, experiment: str, networks: Sequence[str]) -> list[tuple]:
