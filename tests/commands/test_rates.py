@@ -12,6 +12,7 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.commands import rates
 from pipeline.datasets import schemas
+from pipeline.tasks import windows
 
 NAN = float("nan")
 
@@ -36,14 +37,14 @@ def test_only_the_rate_of_the_recipe_is_replaced_and_the_test_part_is_not_read(v
 def test_a_stream_is_trained_as_one(values, monkeypatch):
     fitted = []
     monkeypatch.setattr(
-        rates.tasks_windows, "fit", lambda *place, **how: fitted.append((place, how)) or (_ for _ in ()).throw(KeyError)
+        windows, "fit", lambda *place, **how: fitted.append((place, how)) or (_ for _ in ()).throw(KeyError)
     )
     with pytest.raises(KeyError):
         rates.train_run(values, "touch", "lomp_stream", 0.5, 4, nothing)
     ((path, experiment, settings, protocol, seed, build), how), *_ = fitted
     assert (path, experiment, protocol, seed) == (paths.dataset("touch"), "touch", "press", 4)
     assert settings is values["touch"] and how == {"device": "cpu", "progress": nothing}
-    regressor = build(rates.tasks_windows.spec(settings))
+    regressor = build(windows.spec(settings))
     assert regressor.streams and regressor.training.learning_rate == 0.5
     assert regressor.training.epochs == settings["models"]["lomp_stream"]["training"]["epochs"]
 
