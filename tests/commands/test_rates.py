@@ -43,7 +43,7 @@ def test_a_stream_is_trained_as_one(values, monkeypatch):
         rates.train_run(values, "touch", "lomp_stream", 0.5, 4, nothing)
     ((path, experiment, settings, protocol, seed, build), how), *_ = fitted
     assert (path, experiment, protocol, seed) == (paths.dataset("touch"), "touch", "press", 4)
-    assert settings is values["touch"] and how == {"device": "cpu", "progress": nothing}
+    assert settings is values["touch"] and how == {"device": "cpu", "progress": nothing, "base": None}
     regressor = build(windows.spec(settings))
     assert regressor.streams and regressor.training.learning_rate == 0.5
     assert regressor.training.epochs == settings["models"]["lomp_stream"]["training"]["epochs"]
