@@ -1,26 +1,29 @@
 """Pack all that `dvc repro` has made into one archive, or take such an archive in place of running it.
 
-`tactile bundle write FILE.tar.gz` packs what dvc.lock names and DVC's cache holds (logs, datasets, models, predictions)
-with the reports, params.yaml and dvc.lock. `tactile bundle restore FILE.tar.gz`, in a checkout of the same commit, puts
+`tactile bundle write FILE.zip` packs what dvc.lock names and DVC's cache holds (logs, datasets, models, predictions)
+with the reports, params.yaml and dvc.lock. `tactile bundle restore FILE.zip`, in a checkout of the same commit, puts
 it all in its place: `dvc repro` has nothing to run then but `track`, which writes the runs for MLflow.
 """
 
 import argparse
-import tarfile
+import re
+import shutil
 import tempfile
+import zipfile
 from pathlib import Path
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 
 REMOTE, OBJECTS = "bundle", "objects"  # DVC's name of the archive's folder, and that folder
+OBJECT = re.compile(OBJECTS + r"/files/md5/[0-9a-f]{2}/[0-9a-f]{30}(\.dir)?")  # a file of DVC's; no other is unpacked
 BESIDE = ("dvc.lock", "params.yaml", "reports")  # what lies in git, for those who have the archive alone
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what the command takes to its parser."""
     parser.add_argument("what", choices=["write", "restore"])
-    parser.add_argument("file", type=Path, help="the archive, a .tar.gz file")
+    parser.add_argument("file", type=Path, help="the archive, a .zip file")
 
 
 def repository(objects: Path):
@@ -40,10 +43,12 @@ def write(file: Path) -> int:
                 raise InputError(f"{lost[0]}: not in DVC's cache, and {len(lost) - 1} more; run `dvc repro` first")
             count = repo.push(remote=REMOTE)
         draft = Path(folder) / file.name
-        with tarfile.open(draft, "w:gz", compresslevel=1) as archive:
-            archive.add(objects, OBJECTS)
+        with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
             for name in BESIDE:
-                archive.add(paths.ROOT / name, name)
+                for path in (paths.ROOT / name, *sorted((paths.ROOT / name).rglob("*"))):
+                    archive.write(path, path.relative_to(paths.ROOT))
+            for path in sorted(objects.rglob("*")):
+                archive.write(path, path.relative_to(folder))
         draft.replace(file)
     return count
 
@@ -54,15 +59,18 @@ def restore(file: Path) -> None:
         raise InputError(f"{file}: there is no such file; `tactile bundle write {file.name}` writes it")
     with tempfile.TemporaryDirectory(dir=file.parent) as folder:
         try:
-            with tarfile.open(file) as archive:
-                archive.extractall(folder, filter="data")
-        except (tarfile.TarError, EOFError, OSError) as error:
-            raise InputError(
-                f"{file}: not an archive that `tactile bundle write {file.name}` wrote, or cut short ({error})"
-            ) from error
-        lock = Path(folder) / "dvc.lock"
-        if not lock.exists() or lock.read_bytes() != (paths.ROOT / "dvc.lock").read_bytes():
-            raise InputError(f"{file}: its dvc.lock is not that of this checkout; `git checkout` the commit it is of")
+            with zipfile.ZipFile(file) as archive:
+                if archive.read("dvc.lock") != (paths.ROOT / "dvc.lock").read_bytes():
+                    wrong = "its dvc.lock is not that of this checkout; `git checkout` the commit it is of"
+                    raise InputError(f"{file}: {wrong}")
+                for name in filter(OBJECT.fullmatch, archive.namelist()):
+                    target = Path(folder) / name
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    with archive.open(name) as source, open(target, "wb") as copy:
+                        shutil.copyfileobj(source, copy)
+        except (zipfile.BadZipFile, KeyError) as error:
+            wrong = f"not an archive that `tactile bundle write {file.name}` wrote, or cut short ({error})"
+            raise InputError(f"{file}: {wrong}") from error
         with repository(Path(folder) / OBJECTS) as repo:
             repo.pull(remote=REMOTE)
 

@@ -3,7 +3,7 @@
 import argparse
 import shutil
 import sys
-import tarfile
+import zipfile
 
 import pytest
 from dvc.repo import Repo
@@ -46,11 +46,11 @@ def other(checkout, monkeypatch):
 
 
 def test_what_was_written_is_restored_in_another_checkout(checkout, monkeypatch, capsys):
-    file = checkout.parent / "all.tar.gz"
+    file = checkout.parent / "all.zip"
     bundle.main(argparse.Namespace(what="write", file=file))
-    assert "all.tar.gz: 2 files" in capsys.readouterr().out  # the folder's list, and the file in it
-    with tarfile.open(file) as archive:
-        assert {"reports/index.html", "params.yaml", "dvc.lock"} <= set(archive.getnames())
+    assert "all.zip: 2 files" in capsys.readouterr().out  # the folder's list, and the file in it
+    with zipfile.ZipFile(file) as archive:
+        assert {"reports/index.html", "params.yaml", "dvc.lock"} <= set(archive.namelist())
     folder = other(checkout, monkeypatch)
     with Repo(str(folder)) as repo:
         assert repo.status()
@@ -62,7 +62,7 @@ def test_what_was_written_is_restored_in_another_checkout(checkout, monkeypatch,
 
 
 def test_a_wrong_archive_is_named(checkout, monkeypatch):
-    file = checkout.parent / "all.tar.gz"
+    file = checkout.parent / "all.zip"
     with pytest.raises(InputError, match="there is no such file"):
         bundle.restore(file)
     bundle.write(file)
@@ -79,5 +79,5 @@ def test_what_was_not_run_is_named(checkout):
     shutil.rmtree(checkout / ".dvc" / "cache")
     shutil.rmtree(checkout / "made")
     with pytest.raises(InputError, match="run `dvc repro` first"):
-        bundle.write(checkout.parent / "all.tar.gz")
-    assert not (checkout.parent / "all.tar.gz").exists()
+        bundle.write(checkout.parent / "all.zip")
+    assert not (checkout.parent / "all.zip").exists()
