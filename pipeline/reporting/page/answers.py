@@ -12,7 +12,16 @@ from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page import charts, verdicts
 from pipeline.reporting.page.hypertext import Pages
 from pipeline.reporting.page.templates import fill
-from pipeline.reporting.verdicts.rules import BAND, CONTRADICTED, EXPERIMENTS, NUMBER, PAPERS, REPRODUCED, VERDICTS
+from pipeline.reporting.verdicts.rules import (
+    BAND,
+    CONTRADICTED,
+    EXPERIMENTS,
+    NOT_TESTABLE,
+    NUMBER,
+    PAPERS,
+    REPRODUCED,
+    VERDICTS,
+)
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.results import read_csv
 
@@ -69,7 +78,7 @@ def card(pages: Pages, paper: str, claims: pd.DataFrame) -> dict:
     number = f"{answer}{claim_text.ours_text(row['ours'], row['low'], row['high'], row['unit'])}{unit}"
     published = claim_text.value_text(row["published"], row["unit"])
     paper_says = "" if published == "-" else f"; in the paper {published}{unit}"
-    why = f" ({row['reason']})" if row["low"] != row["low"] and row["reason"] else ""
+    why = f" ({row['reason'].partition(':')[0]})" if row["verdict"] == NOT_TESTABLE else ""
     return {
         "paper": paper,
         "title": PAPERS[paper],

@@ -131,7 +131,8 @@ const PANELS = {
             Plot.ruleY(ours.filter((row) => row.low !== null), { y: "label", x1: (row) => clip(row.low), x2: (row) => clip(row.high), stroke: "#555" }),
             ...dots(strict, data.models, "hollow", "label", 5),
             ...dots(ours, data.models, "x", "label", 5),
-            Plot.text(ours.filter((row) => beyond(row.ours)), { x: "x", y: "label", dy: -9, text: (row) => `${row.ours < 1 ? "◀" : ""}${row.ours.toPrecision(2)}${row.ours > 1 ? "▶" : ""}`, fill: INK, fontSize: 10 }),
+            Plot.text(ours.filter((row) => beyond(row.ours) && row.ours < 1), { x: "x", y: "label", dx: 10, textAnchor: "start", text: (row) => `◀ ${row.ours.toPrecision(2)}`, fill: INK, fontSize: 11 }),
+            Plot.text(ours.filter((row) => beyond(row.ours) && row.ours > 1), { x: "x", y: "label", dx: -10, textAnchor: "end", text: (row) => `${row.ours.toPrecision(2)} ▶`, fill: INK, fontSize: 11 }),
           ],
         },
       };
