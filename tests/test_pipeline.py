@@ -125,7 +125,7 @@ def test_the_page_holds_every_experiment_and_claim(miniature):
     for experiment in values["experiments"]:
         section = page.split(f'<section id="{experiment}">')[1].split("</section>")[0]
         assert ("Not run:" in section) == experiment.endswith("_recorded")
-        assert ('class="chart"' in section) != experiment.endswith("_recorded")
+        assert ('class="charts"' in section) != experiment.endswith("_recorded")
     for claim in pd.read_csv(reports / "claims.csv")["claim"]:
         assert claim in page
 

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("pipeline", "data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
 PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params.yaml", "scales")
-PARTS += ("reports/longer/README.md", "reports/paper_scale/README.md")
+PARTS += ("reports/material", "reports/longer/README.md", "reports/paper_scale/README.md")
 
 
 def leaves(block: dict, path: str = "") -> Iterator[str]:

@@ -130,7 +130,7 @@ def compared(claims: pd.DataFrame) -> dict:
 
 
 def speed(values: Mapping) -> dict:
-    """Return the data of the chart of speed against accuracy with one panel per paper: its last main condition."""
+    """Return the data of the chart with one panel per paper, its last main condition; empty where none was run."""
     tables = []
     for paper, experiment in EXPERIMENTS.items():
         path = paths.REPORTS / experiment / "speed" / "table2.csv"
@@ -139,7 +139,7 @@ def speed(values: Mapping) -> dict:
         table = read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
         panel = table["panel"].iloc[-1]
         tables.append(table[table["panel"] == panel].assign(panel=f"{PAPERS[paper]}: {panel}"))
-    return charts.data(pd.concat(tables), "Speed against accuracy", ["p50_ms"])
+    return charts.data(pd.concat(tables), "Speed against accuracy", ["p50_ms"]) if tables else {}
 
 
 def scale_words(values: Mapping) -> str:
@@ -152,7 +152,12 @@ def scale_words(values: Mapping) -> str:
 def section(pages: Pages, values: Mapping) -> Markup:
     """Return the first screen; values: params.yaml."""
     claims = verdicts.read_claims()
-    present = [paper for paper in QUESTIONS if QUESTIONS[paper].claim in set(claims["id"])]
+    ids = set(claims["id"])
+    present = [
+        paper
+        for paper, asked in QUESTIONS.items()
+        if asked.claim in ids and (paths.REPORTS / asked.figure).exists()  # an experiment may not have been run
+    ]
     return fill(
         "answers",
         claims=len(verdicts.counted(claims)),
