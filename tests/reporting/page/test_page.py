@@ -585,7 +585,9 @@ def test_browser_finds_no_barrier(tab, address, colours):
 def test_browser_opens_a_figure_in_full_size(tab, address):
     tab.open(address)
     tab.run("document.querySelector('a.picture').click()")
-    assert tab.run("document.querySelector('dialog').open && document.querySelector('dialog img').naturalWidth >= 0")
+    assert tab.run("document.querySelector('dialog').open")
+    image = "document.querySelector('dialog img')"
+    assert tab.run(f"{image}.decode().then(() => {image}.naturalWidth)") > 0
     tab.run("document.querySelector('dialog button').click()")
     assert tab.run("document.querySelector('dialog').open") is False
 
