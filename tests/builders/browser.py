@@ -12,7 +12,7 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 # A window of the size that a test sets, and nothing that a fresh profile would ask or fetch.
 OPTIONS = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 OPTIONS += ["--disable-extensions", "--disable-background-networking", "--hide-scrollbars", "--remote-debugging-pipe"]
-LIMIT = 60  # s for one answer
+LIMIT = 60  # s without a word from the browser
 
 
 def executable() -> str | None:
@@ -42,15 +42,18 @@ class Browser:
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
-    def call(self, method: str, **values) -> dict:
-        """Send one command and return its result; events that come before the result are noted."""
+    def call(self, method: str, limit: float = LIMIT, **values) -> dict:
+        """Send one command and return its result; events that come before the result are noted.
+
+        limit: the time without a word from the browser after which the call fails, in seconds.
+        """
         self._number += 1
         message = {"id": self._number, "method": method, "params": values}
         if self._session:
             message["sessionId"] = self._session
         os.write(self._in, json.dumps(message).encode() + b"\0")
         while True:
-            answer = self._read()
+            answer = self._read(limit)
             if answer.get("id") == self._number:
                 assert "error" not in answer, f"{method}: {answer['error']}"
                 return answer["result"]
@@ -65,11 +68,11 @@ class Browser:
         while not self._loaded:
             self._note(self._read())
 
-    def run(self, expression: str):
-        """Return the value of a JavaScript expression, of a promise once it has one."""
-        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in found, f"{expression}: {found['exceptionDetails']}"
-        return found["result"].get("value")
+    def run(self, expression: str, limit: float = LIMIT):
+        """Return the value of a JavaScript expression, of a promise once it has one; limit: as of call."""
+        answer = self.call("Runtime.evaluate", limit, expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, f"{expression}: {answer['exceptionDetails']}"
+        return answer["result"].get("value")
 
     def width(self, pixels: int, media: str = "screen") -> None:
         """Set the width of the window, and whether the page is on screen or on paper."""
@@ -88,8 +91,8 @@ class Browser:
             self._process.wait()
         os.close(self._out)
 
-    def _read(self) -> dict:
-        end = time.monotonic() + LIMIT
+    def _read(self, limit: float = LIMIT) -> dict:
+        end = time.monotonic() + limit
         while b"\0" not in self._rest:
             ready, _, _ = select.select([self._out], [], [], max(0, end - time.monotonic()))
             assert ready, "the browser does not answer"
