@@ -20,9 +20,10 @@ CODE = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").
 CODE.remove("pipeline/__init__.py")
 # Each room, from the top down, and the rooms that it imports. It may also import whatever these import, and itself.
 ARROWS = {
-    "stages": {"reporting/page", "stability", "tracking", "twins"},
+    "stages": {"inference", "reporting/page", "stability", "twins"},
     "studies": {"reporting/page", "stability"},
-    "commands": {"reporting/page", "stability", "twins"},
+    "commands": {"inference", "reporting/page", "stability", "twins"},
+    "inference": {"tasks", "tracking"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
     "twins": {"experiments", "scenes", "scoring"},

@@ -1,0 +1,133 @@
+"""Describe a saved model beside its weights, so that it can be used without this checkout's settings and data."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pipeline.base import files, paths
+from pipeline.base.errors import InputError
+
+NAME = "card.json"
+WEIGHTS = ("network.safetensors", "estimator.skops")
+READING = ("sensor", "ingest", "window", "label")  # blocks of an experiment that say how logs become inputs
+
+
+class Part(BaseModel):
+    """A part of a card: every key known, nothing changed later."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Shapes(Part):
+    """Shapes of a model's input and output, as learning.regressors.Spec."""
+
+    frames: int
+    rows: int
+    cols: int
+    map_rows: int
+    map_cols: int
+
+
+class Inputs(Part):
+    """What one reading is: `columns` values in `unit`, one reading every `interval_s` seconds."""
+
+    columns: int
+    unit: Literal["counts", "V", "levels"]
+    order: str
+    interval_s: float
+    frame_step: int  # readings from one frame of a window to the next
+    chosen: list[int] | None = None  # columns that the model sees, in its order; None: all of them
+
+
+class Outputs(Part):
+    """What one prediction is: values in `unit`; `names` of the outputs where they are no map."""
+
+    unit: Literal["kPa", "N", "mm", "probability"]
+    names: list[str] | None = None
+    touch_kpa: float | None = None  # peak of a map from which on it is a touch
+
+
+class Score(Part):
+    """One row of scores.csv."""
+
+    condition: str
+    metric: str
+    unit: str
+    value: float | None  # None where there is nothing to score
+    n: int
+
+
+class Card(Part):
+    """All that a saved model needs beside its weights."""
+
+    experiment: str
+    kind: Literal["windows", "series", "images"]
+    model: str
+    protocol: str
+    seed: int
+    commit: str
+    settings: dict  # the model's block of params.yaml
+    reading: dict[str, dict]  # READING: those that the experiment has
+    shapes: Shapes
+    inputs: Inputs
+    outputs: Outputs
+    precision: str | None  # of products in training
+    best_epoch: int
+    scores: list[Score]  # of the test part
+    sha256: str  # of the file of weights
+
+
+def weights_file(folder: Path) -> Path:
+    """Return the file of weights in a folder; InputError where there is none."""
+    for name in WEIGHTS:
+        if (folder / name).is_file():
+            return folder / name
+    raise InputError(f"{paths.shown(folder)}: no {' or '.join(WEIGHTS)} in it; name the folder of a saved model")
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def write(folder: Path, card: Card) -> None:
+    """Write a card beside the weights."""
+    files.write_text(folder / NAME, card.model_dump_json(indent=1) + "\n")
+
+
+def read(folder: Path) -> Card:
+    """Return the card of a saved model; InputError where it is absent or broken, or where the weights are not its."""
+    path = folder / NAME
+    if not path.is_file():
+        raise InputError(f"{paths.shown(path)}: not found; make the folder with `tactile export`")
+    try:
+        card = Card.model_validate_json(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{paths.shown(path)}: cannot be read ({error}); make the folder again") from error
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        key = ".".join(map(str, fault["loc"])) or "the file"
+        raise InputError(f"{paths.shown(path)}, {key}: {fault['msg']}; make the folder again") from error
+    weights = weights_file(folder)
+    if digest(weights) != card.sha256:
+        raise InputError(f"{paths.shown(weights)}: is not the file that {NAME} describes; make the folder again")
+    return card
+
+
+def check_fits(card: Card, settings: Mapping, where: str) -> None:
+    """Raise InputError that names the first setting in which a block of an experiment differs from a model's.
+
+    settings: the experiment's block of params.yaml; where: its name.
+    """
+    for block, of_model in card.reading.items():
+        for key, value in of_model.items():
+            here = settings.get(block, {}).get(key)
+            if here != value:
+                raise InputError(
+                    f"{where}.{block}.{key}: is {json.dumps(here)}, but {card.experiment}/{card.model} was trained with "
+                    f"{json.dumps(value)}; train the model on these settings, or use a log of its sensor"
+                )

@@ -1,0 +1,158 @@
+"""Find a trained model by what the user calls it, and make it a package: a folder of weights, card and nothing else."""
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet
+
+from pipeline import experiments, tasks
+from pipeline.base import params, paths
+from pipeline.base.errors import InputError
+from pipeline.datasets import fits, images
+from pipeline.inference import card as cards
+from pipeline.scoring import metrics, results
+
+PRETRAINED = paths.ROOT / "pretrained"  # packages that come with the repository, <experiment>/<model>
+MAP_ORDER = "row by row from the bottom row, each from the left"
+ORDERS = {
+    "windows": MAP_ORDER,
+    "series": "channels as in the log",
+    "images": "pressure cells, then strain cells, as in the log",
+}
+UNITS = {"windows": "counts", "series": "V", "images": "levels"}
+OUTPUT_UNITS = {"velostat_recorded": "N", "windows": "kPa", "series": "mm", "images": "probability"}
+
+
+def make(values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path) -> cards.Card:
+    """Write the package of one run of params.yaml (`values`) to the new folder `target`, and return its card.
+
+    Raises InputError where the run has not been trained and evaluated, or was trained with other settings.
+    """
+    folder = paths.require(paths.run_folder(experiment, model, protocol, seed), params.training_command(experiment))
+    weights = cards.weights_file(folder)
+    target.mkdir(parents=True)
+    shutil.copy(weights, target / weights.name)
+    card = of_run(values, experiment, model, protocol, seed)
+    cards.write(target, card)
+    return card
+
+
+def of_run(values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> cards.Card:
+    """Return the card of one run of params.yaml; errors as `make`."""
+    from pipeline import tracking  # here, because the import of MLflow takes a second
+
+    settings, kind = values[experiment], tasks.kind(experiment)
+    folder, made_by = paths.run_folder(experiment, model, protocol, seed), params.training_command(experiment)
+    fit, block = fits.read(folder, made_by), params.run_settings(values, experiment, model, protocol)
+    if fit["settings"] != block:
+        raise InputError(
+            f"{paths.shown(folder)}: was trained with other settings than {experiment}.models.{model} of params.yaml; "
+            f"run `{made_by}`"
+        )
+    tracking.check_settings([experiment], values)
+    names, chosen, touch_kpa = None, None, None
+    if kind == "windows":
+        spec = tasks.of(experiment).spec(settings)
+        touch_kpa = metrics.touch_threshold_kpa(settings) if "tip_radius_mm" in settings["label"] else None
+    elif kind == "series":
+        spec = tasks.of(experiment).spec(experiment, settings, protocol)
+        task = experiments.module(experiment).task(protocol, settings)
+        names, chosen = [f"{'xyz'[k]}_mm" for k in task.outputs], list(next(iter(task.channels.values())))
+    else:
+        names = images.classes(_table(paths.dataset(experiment), experiment, ["condition"]))
+        spec = tasks.of(experiment).spec(names)
+    return cards.Card(
+        experiment=experiment,
+        kind=kind,
+        model=model,
+        protocol=protocol,
+        seed=seed,
+        commit=tracking.git_state()[0],
+        settings=dict(block),
+        reading={name: settings[name] for name in cards.READING if name in settings},
+        shapes=cards.Shapes(**spec._asdict()),
+        inputs=_inputs(experiment, kind, settings, chosen),
+        outputs=cards.Outputs(unit=OUTPUT_UNITS.get(experiment, OUTPUT_UNITS[kind]), names=names, touch_kpa=touch_kpa),
+        precision=fit["precision"],
+        best_epoch=fit["best_epoch"],
+        scores=_scores(experiment, model, protocol, seed),
+        sha256=cards.digest(cards.weights_file(folder)),
+    )
+
+
+def _inputs(experiment: str, kind: str, settings: Mapping, chosen: list[int] | None) -> cards.Inputs:
+    """Return what one reading of an experiment's sensor is."""
+    frames = _table(paths.frames(experiment), experiment, ["t_s"])
+    schema = pyarrow.parquet.read_schema(paths.frames(experiment))
+    columns = ("pressure", "strain") if kind == "images" else ("v",)
+    return cards.Inputs(
+        columns=sum(schema.field(name).type.list_size for name in columns),
+        unit=UNITS[kind],
+        order=ORDERS[kind],
+        interval_s=round(float(np.median(np.diff(frames["t_s"].to_numpy()))), 6),
+        frame_step=settings["window"].get("frame_step", 1),
+        chosen=chosen,
+    )
+
+
+def _table(path: Path, experiment: str, columns: list[str]):
+    """Return columns of a file that a stage of the experiment wrote."""
+    return pyarrow.parquet.read_table(paths.require(path, f"dvc repro evaluate@{experiment}"), columns=columns)
+
+
+def _scores(experiment: str, model: str, protocol: str, seed: int) -> list[cards.Score]:
+    """Return one run's rows of scores.csv."""
+    columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
+    table = results.read_csv(paths.scores(experiment), columns, f"dvc repro evaluate@{experiment}")
+    table = table[(table["protocol"] == protocol) & (table["model"] == model) & (table["seed"] == seed)]
+    return [
+        cards.Score(
+            condition=row.condition,
+            metric=row.metric,
+            unit=str(row.unit),
+            value=None if pd.isna(row.value) else float(row.value),
+            n=int(row.n),
+        )
+        for row in table.itertuples(index=False)
+    ]
+
+
+def locate(name: str, draft: Path) -> tuple[Path, str]:
+    """Return (folder of the package, where it comes from) for what the user calls a model.
+
+    name: a folder with a card, or EXPERIMENT/MODEL, or EXPERIMENT/MODEL/PROTOCOL/SEED. The model that this checkout
+    trained is taken, of its first protocol and seed where none is named; where it trained none, the one of
+    `pretrained/`. draft: a folder, not there yet, for the package of a run of this checkout.
+    Raises InputError where there is no such model.
+    """
+    if Path(name, cards.NAME).is_file():
+        return Path(name), "folder"
+    words = name.strip("/").split("/")
+    values = params.load() if paths.PARAMS.is_file() else {"experiments": []}
+    if len(words) not in (2, 4) or words[0] not in values["experiments"]:
+        raise InputError(
+            f"{name}: no such model; name a folder with {cards.NAME}, or EXPERIMENT/MODEL such as touch/lomp "
+            f"(experiments: {', '.join(values['experiments'])})"
+        )
+    experiment, model = words[:2]
+    protocol, seed = params.runs(values, experiment)[0] if len(words) == 2 else (words[2], _number(words[3], name))
+    if paths.run_folder(experiment, model, protocol, seed).is_dir():
+        make(values, experiment, model, protocol, seed, draft)
+        return draft, f"trained here, {protocol}, seed {seed}"
+    shipped = PRETRAINED / experiment / model
+    if len(words) == 2 and shipped.is_dir():
+        return shipped, "pretrained"
+    have = sorted(path.parent.relative_to(PRETRAINED).as_posix() for path in PRETRAINED.glob(f"*/*/{cards.NAME}"))
+    raise InputError(
+        f"{name}: not trained in this checkout; run `dvc repro evaluate@{experiment}`, or take one of the pretrained "
+        f"({', '.join(have) or 'none'})"
+    )
+
+
+def _number(word: str, name: str) -> int:
+    if not word.isdecimal():
+        raise InputError(f"{name}: '{word}' is no seed; write EXPERIMENT/MODEL/PROTOCOL/SEED")
+    return int(word)

@@ -1,0 +1,159 @@
+"""Predict with a saved model: readings in, maps, positions or probabilities out. numpy only at its edges.
+
+from pipeline.inference.predictor import load
+
+model = load("pretrained/touch/lomp_stream")
+maps = model.predict(readings)   # (n, 25) ADC counts -> (n, 20, 20) kPa
+for reading in device:           # (25,)
+    map_kpa = model.step(reading)    # (20, 20)
+"""
+
+from collections import deque
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import experiments, models, tasks
+from pipeline.base.errors import InputError
+from pipeline.datasets import images, schemas
+from pipeline.inference import card as cards
+from pipeline.learning.regressors import Spec
+
+SOME_WINDOWS = 4096  # predicted at once: 4 MB of LoMP's windows
+
+
+class Predictor:
+    """A saved model and its card. Readings are in the unit and order that `card.inputs` says, predictions in
+    `card.outputs`; of each model the first predictions, before it has seen a whole window, are NaN.
+    """
+
+    def __init__(self, model, card: cards.Card):
+        self.model, self.card = model, card
+        self.reset()
+
+    @property
+    def output_shape(self) -> tuple[int, ...]:
+        """Shape of one prediction: (map_rows, map_cols) in kPa or N, (outputs,) in mm, or (classes,)."""
+        shapes = self.card.shapes
+        if self.card.kind == "windows":
+            return shapes.map_rows, shapes.map_cols
+        return (shapes.map_rows * shapes.map_cols,)
+
+    def reset(self) -> None:
+        """Forget what `step` has seen."""
+        step, frames = self.card.inputs.frame_step, self.card.shapes.frames
+        self._count = 0
+        self._states = [None] * step  # of a model that carries its state: one stream per reading of a step
+        self._last = deque(maxlen=(frames - 1) * step + 1)
+        if hasattr(self.model, "state"):
+            self.model.state = None
+        if hasattr(self.model, "buffer"):
+            self.model.buffer = None
+
+    def predict(self, readings: np.ndarray) -> np.ndarray:
+        """Return one prediction per reading, (n, *output_shape) float32.
+
+        readings: (n, columns), or (n, rows, cols) of a touch sensor, one reading every `card.inputs.interval_s`. A
+        prediction uses its own reading and earlier ones. Raises InputError for another number of columns.
+        """
+        x = self._checked(readings)
+        if self.card.kind == "windows":
+            predicted = self._streamed(x) if self.model.streams else self._windowed(x)
+        elif self.card.kind == "series":
+            predicted = self.model.predict(self._chosen(x)) if len(x) else np.empty((0, *self.output_shape))
+        else:
+            predicted = self._of_images(x)
+        return predicted.reshape(len(x), *self.output_shape).astype(np.float32, copy=False)
+
+    def step(self, reading: np.ndarray) -> np.ndarray:
+        """Return the prediction for the next reading of one stream, output_shape float32; reading: (columns,).
+
+        Raises InputError for another number of columns.
+        """
+        x = self._checked(np.asarray(reading)[None])
+        phase, self._count = self._count % self.card.inputs.frame_step, self._count + 1
+        if self.card.kind == "images":
+            predicted = self._of_images(x)
+        elif self.card.kind == "series":
+            predicted = self.model.step(self._chosen(x))
+        elif self.model.streams:
+            self.model.state = self._states[phase]
+            predicted = self.model.step(x)
+            self._states[phase] = self.model.state
+        else:
+            self._last.append(x[0])
+            if len(self._last) < self._last.maxlen:
+                return np.full(self.output_shape, np.nan, np.float32)
+            window = np.stack(list(self._last)[:: self.card.inputs.frame_step])
+            predicted = self.model.predict(window[None])
+        return np.asarray(predicted, np.float32).reshape(self.output_shape)
+
+    def _checked(self, readings: np.ndarray) -> np.ndarray:
+        """Return readings as (n, columns) float32."""
+        columns, readings = self.card.inputs.columns, np.asarray(readings)
+        x = readings.reshape(len(readings), -1) if readings.ndim > 1 and len(readings) else readings
+        if len(readings) and (x.ndim != 2 or x.shape[1] != columns):
+            raise InputError(
+                f"readings of shape {readings.shape}: {self.card.experiment}/{self.card.model} takes (n, {columns}) "
+                f"{self.card.inputs.unit}, {self.card.inputs.order}"
+            )
+        return x.reshape(-1, columns).astype(np.float32)
+
+    def _chosen(self, x: np.ndarray) -> np.ndarray:
+        """Return the columns that the model sees, in its order."""
+        return x if self.card.inputs.chosen is None else x[:, self.card.inputs.chosen]
+
+    def _windowed(self, x: np.ndarray) -> np.ndarray:
+        """Return predictions (n, outputs) of the windows that end at each reading, NaN before the first whole one."""
+        predicted = np.full((len(x), int(np.prod(self.output_shape))), np.nan, np.float32)
+        reach = self._last.maxlen - 1
+        rows = np.arange(reach, len(x))
+        offsets = np.arange(-reach, 1, self.card.inputs.frame_step)
+        for first in range(0, len(rows), SOME_WINDOWS):
+            some = rows[first : first + SOME_WINDOWS]
+            predicted[some] = self.model.predict(x[some[:, None] + offsets])
+        return predicted
+
+    def _streamed(self, x: np.ndarray) -> np.ndarray:
+        """Return predictions (n, outputs) of a model that carries its state, one stream per reading of a step."""
+        step = self.card.inputs.frame_step
+        if not len(x):
+            return np.empty((0, *self.output_shape))
+        missing = -len(x) % step
+        padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, step, x.shape[1])
+        self.model.state = None
+        predicted = np.concatenate([self.model.step(frames) for frames in padded])[: len(x)]
+        self.model.state = None
+        return predicted
+
+    def _of_images(self, x: np.ndarray) -> np.ndarray:
+        """Return probabilities (n, classes) for readings (n, cells); NaN for a reading that makes no image."""
+        predicted = np.full((len(x), *self.output_shape), np.nan, np.float32)
+        module = experiments.module(self.card.experiment)
+        schema = module.frames_schema(self.card.reading)
+        cells = schema.field("pressure").type.list_size
+        parts = {"pressure": x[:, :cells], "strain": x[:, cells:]}
+        # Equation 6 divides by the spread of an area's cells.
+        fine = np.all([np.ptp(part, axis=1) > 0 for part in parts.values()], axis=0)
+        if fine.any():
+            columns = {
+                name: schemas.lists(part[fine], schema.field(name).type.value_type) for name, part in parts.items()
+            }
+            pictures = module.images(pa.table(columns), self.card.reading)[images.modality(self.card.protocol)]
+            predicted[fine] = self.model.predict(pictures.reshape(int(fine.sum()), 1, -1).astype(np.float32))
+        return predicted
+
+
+def load(folder: str | Path) -> Predictor:
+    """Return the saved model in a folder that `tactile export` made, ready to predict on the CPU.
+
+    Raises InputError where the folder lacks its card or weights, or where these do not belong together.
+    """
+    folder = Path(folder)
+    card = cards.read(folder)
+    spec = Spec(**card.shapes.model_dump())
+    built = models.build(card.model, spec, card.settings, f"{cards.NAME}, settings")
+    model = tasks.of(card.experiment).adapted(built, spec)
+    model.load(folder)
+    return Predictor(model, card)
