@@ -12,7 +12,7 @@ from pipeline.datasets import images, schemas
 from pipeline.datasets.images import MODALITIES
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove as glove_experiment
-from pipeline.reporting import experiment, glove_tables, repeated_presses, sentences
+from pipeline.reporting import experiment, glove_captions, glove_tables, repeated_presses, sentences
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import glove as glove_figures
 from pipeline.reporting.figures import style
@@ -20,7 +20,7 @@ from pipeline.reporting.glove_tables import METRICS
 from pipeline.reporting.verdicts import glove as glove_verdicts
 from pipeline.reporting.verdicts.glove_measures import NAMED_PAIRS, published_fusion
 from pipeline.reporting.verdicts.rules import Evidence
-from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.labels import capitalised, form_name, model_name
 from pipeline.reporting.words.markdown import code, interval, number
 from pipeline.scenes import glove as glove_scene
 from pipeline.scenes import material
@@ -49,12 +49,7 @@ SHOWN_N = 0.6  # of figure 7
 PRESS_CYCLES = (600, 1000 / 600, 1.0)  # of figure 8: how many, s, N
 HELD_DEG, HELD_S = (0.0, 30.0, 45.0, 60.0, 90.0), 160.0  # of figure 9a: one after the other
 BENDS = (300, 500 / 300)  # of figure 9b: how many, s
-LAWS = {
-    "figure7": "resistance and conductance of a pressure cell of the scene against force",
-    "figure8": "600 cycles of force on a cell of the scene; no law has fatigue: noise and memory only; below, where "
-    "recordings are downloaded, presses of a recorded Velostat taxel, another sensor",
-    "figure9": "a joint of the scene at held angles and over 300 bends; its law has no fatigue: noise only",
-}
+DATASETS = {"pressure": "pressure", "strain": "strain", "combined": "combined"}
 WRONG = ("accuracy", "Images classified incorrectly (%)")
 
 SCENE = (
@@ -105,21 +100,22 @@ def write(target: Path, settings: Mapping) -> None:
     if simulated:
         made_by = "python -m pipeline.stages.ingest velostat_recorded"
         repeated = repeated_presses.read(paths.require(paths.frames("velostat_recorded"), made_by))
-    readme = findings(scores, settings, evidence, confusions, objects, frames | {"STAG": stag}, fits, repeated)
-    files.write_text(accuracy / "README.md", readme)
-
-    if simulated:
-        draw_laws(accuracy, settings, repeated)
-    draw_grasp(accuracy / "figure10.png", table, objects)
-    draw_sequences(accuracy / "figure13.png", settings, objects)
-    draw_confusions(accuracy, "figure14", settings, confusions, asked, objects)
+    captions = draw_laws(accuracy, settings, repeated) if simulated else {}
+    captions["figure10"] = draw_grasp(accuracy / "figure10.png", table, objects)
+    captions["figure13"] = draw_sequences(accuracy / "figure13.png", settings, objects)
+    captions |= draw_confusions(accuracy, "figure14", settings, confusions, asked, objects, DATASETS)
     if compared:
         title = "Figure 15 on the simulated glove: several frames of a session"
         glove_figures.precision_by_frames(accuracy / "figure15.png", frames, title)
+        captions["figure15"] = glove_captions.precision_by_frames(frames)
     if len(stag):
-        title = "Figure 15: the STAG data set"
-        glove_figures.precision_by_frames(accuracy / "figure15_stag.png", {"STAG": stag}, title)
-    draw_learning(accuracy, settings, fits)
+        title, of_stag = "Figure 15: the STAG data set", {"STAG": stag}
+        glove_figures.precision_by_frames(accuracy / "figure15_stag.png", of_stag, title)
+        captions["figure15_stag"] = glove_captions.precision_by_frames(of_stag)
+    captions |= draw_learning(accuracy, settings, fits, DATASETS)
+    tables = frames | {"STAG": stag}
+    readme = findings(scores, settings, evidence, confusions, objects, tables, fits, repeated, captions)
+    files.write_text(accuracy / "README.md", readme)
     panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
     experiment.write_speed(target, settings, scores, latency, panels, WRONG)
 
@@ -133,11 +129,13 @@ def findings(
     frames: Mapping[str, pd.DataFrame],
     fits: Mapping[str, Mapping[str, list[Fit]]],
     repeated: Sequence[repeated_presses.Repeated],
+    captions: Mapping[str, str],
 ) -> str:
     """Write README.md: verdicts on the claims, and sentences that are computed from the numbers.
 
     confusions: dataset -> (runs, classes, classes) images; objects: names of the classes; frames: dataset -> macro
-    precision by number of input frames, a table like stag.csv; repeated: presses of the recorded taxel.
+    precision by number of input frames, a table like stag.csv; repeated: presses of the recorded taxel; captions: by
+    name of a figure's file without .png.
     """
     protocols, split = main_protocols(settings), next(iter(splits(settings))).replace("_", " ")
     claims = glove_verdicts.claims()
@@ -185,21 +183,8 @@ def findings(
             lines += pair_sentences(confusions, objects, dataset, pair)
             lines += verdicts(*(f"{verb}-{dataset}-{'-'.join(pair)}" for verb in ("confused", "resolved")))
     lines += confused_sentences(confusions, objects)
-    captions = {}
     if settings["source"] == "simulated":
-        captions = LAWS
         lines += ["\n## Cycles of force\n", repeated_presses.findings(repeated)]
-    captions = captions | {
-        "figure10": "tactile images of one grasp",
-        "figure13": "tactile sequences of all objects",
-        **{f"figure14_{dataset}": f"confusion matrix, {dataset}" for dataset in confusions},
-    }
-    if any(len(frames[dataset]) for dataset in FRAMES_OF):
-        captions["figure15"] = "macro precision by number of input frames: " + "; ".join(FORMS.values())
-    if len(frames["STAG"]):
-        captions["figure15_stag"] = "the same on the STAG data set"
-    if fits:
-        captions["learning_curves"] = "validation loss over epochs"
     lines += ["\n## Figures\n", *sentences.figure_lines(captions)]
     lines += sentences.differences_section(experiment.experiment_differences("glove", settings))
     return "\n".join(lines) + "\n"
@@ -275,7 +260,7 @@ def place_sentences(scores: Scores, settings: Mapping, protocol: str) -> list[st
 
 
 def floor_sentences(scores: Scores, settings: Mapping, protocols: Mapping[str, str]) -> list[str]:
-    """Return what a constant answer has."""
+    """Return what the constant model has."""
     if "constant" not in settings["models"]:
         return []
     floor = score(scores, protocols["combined"], "constant", "accuracy")
@@ -337,7 +322,7 @@ def form_sentence(dataset: str, rows: pd.DataFrame, form: str) -> str:
         for model in dict.fromkeys(rows["model"])
     ]
     text = (
-        f"- Macro precision with {numbers[0]} to {numbers[-1]} input frames, {FORMS[form]}, {dataset}: "
+        f"- Macro precision with {numbers[0]} to {numbers[-1]} input frames, {form_name(form)}, {dataset}: "
         f"{', '.join(parts)}"
     )
     if set(COMPARED) <= set(rows["model"]):
@@ -417,8 +402,10 @@ def all_fits(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[Fit]:
     return [fit for protocols in fits.values() for runs in protocols.values() for fit in runs]
 
 
-def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_presses.Repeated]) -> None:
+def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_presses.Repeated]) -> dict[str, str]:
     """Draw figures 7, 8 and 9 of one cell of the scene: its laws, as the glove's scanner reads them.
+
+    Returns name of the file without .png -> caption.
 
     Differs from paper: its figures 7 to 9 are measurements of the glove's own cells; here the scene's laws are drawn,
     and in figure 8 presses of a recorded taxel of another sensor, where its recordings are downloaded.
@@ -433,7 +420,9 @@ def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_press
 
     force = np.linspace(0, SHOWN_N, 200)
     title = "Figure 7: a pressure cell of the scene"
-    glove_figures.pressed_cell(folder / "figure7.png", force, glove_scene.pressed_film(force, film), title)
+    siemens = glove_scene.pressed_film(force, film)
+    glove_figures.pressed_cell(folder / "figure7.png", force, siemens, title)
+    captions = {"figure7": glove_captions.pressed_cell(force, siemens)}
 
     cycles, period_s, peak_n = PRESS_CYCLES
     force = peak_n * triangle(np.arange(round(cycles * period_s * hz)) / hz, period_s)
@@ -446,6 +435,7 @@ def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_press
     title = f"Figure 8: {cycles} cycles of 0 to {peak_n:g} N; neither law has fatigue"
     taxel = repeated_presses.panels(repeated)
     glove_figures.pressed_cycles(folder / "figure8.png", courses, hz, period_s, taxel, title)
+    captions["figure8"] = glove_captions.pressed_cycles(courses, hz, period_s, repeated)
 
     held_s = np.arange(round(HELD_S * hz)) / hz
     held = np.array(HELD_DEG)[(held_s * len(HELD_DEG) / HELD_S).astype(int)]
@@ -457,6 +447,7 @@ def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_press
     ]
     title = f"Figure 9: a joint of the scene, held at angles and bent {bends} times; its law has no fatigue"
     glove_figures.bent_joint(folder / "figure9.png", *joint, HELD_DEG, title)
+    return captions | {"figure9": glove_captions.bent_joint(*joint, HELD_DEG)}
 
 
 def triangle(time_s: np.ndarray, period_s: float) -> np.ndarray:
@@ -464,8 +455,8 @@ def triangle(time_s: np.ndarray, period_s: float) -> np.ndarray:
     return 1 - np.abs(2 * (time_s / period_s % 1) - 1)
 
 
-def draw_grasp(path: Path, table: pa.Table, objects: Sequence[str]) -> None:
-    """Draw the images of one frame in the middle of the first session of GRASPED, or of the first object."""
+def draw_grasp(path: Path, table: pa.Table, objects: Sequence[str]) -> str:
+    """Draw one frame in the middle of the first session of GRASPED, or of the first object; return the caption."""
     names, sessions = schemas.names(table["condition"]), schemas.names(table["recording"])
     grasped = GRASPED if GRASPED in objects else objects[0]
     rows = np.flatnonzero(names == grasped)
@@ -476,10 +467,11 @@ def draw_grasp(path: Path, table: pa.Table, objects: Sequence[str]) -> None:
     }
     title = style.literal(f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}")
     glove_figures.tactile_images(path, pictures, glove_experiment.STRAIN, title)
+    return glove_captions.tactile_images(pictures, grasped)
 
 
-def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> None:
-    """Draw the conductance (mS) of pressure cells and wired joints in the last session of each object."""
+def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> str:
+    """Draw the conductance (mS) of pressure cells and wired joints of each last session; return the caption."""
     frames_path = paths.require(paths.frames("glove"), "python -m pipeline.stages.ingest glove")
     frames = schemas.read(frames_path, columns=["condition", "recording", "pressure", "strain"])
     names, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
@@ -496,6 +488,7 @@ def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> Non
         sequences[name] = values[last[-SEQUENCE_FRAMES:]].T
     title = f"Figure 13: the last {SEQUENCE_FRAMES} frames of each object's last session; below the line, joint means"
     glove_figures.tactile_sequences(path, sequences, glove_experiment.PRESSURE_CELLS, title)
+    return glove_captions.tactile_sequences(sequences, glove_experiment.PRESSURE_CELLS)
 
 
 def draw_confusions(
@@ -505,25 +498,41 @@ def draw_confusions(
     confusions: Mapping[str, np.ndarray],
     models: Mapping[str, str],
     objects: Sequence[str],
-) -> None:
-    """Draw <name>_<dataset>.png, the confusions of all seeds together; models: dataset -> the model that answered."""
-    split = next(iter(splits(settings))).replace("_", " ")
+    names: Mapping[str, str],
+) -> dict[str, str]:
+    """Draw <name>_<dataset>.png, the confusions of all seeds together, and return the captions by name without .png.
+
+    models: dataset -> the model that predicted; names: dataset -> its name.
+    """
+    split, captions = next(iter(splits(settings))).replace("_", " "), {}
     for dataset, counts in confusions.items():
         runs = f"{len(counts)} {'run' if len(counts) == 1 else 'runs'}"
-        title = (
-            f"{dataset.capitalize()}: predictions of {model_name(models[dataset])}, split by {split}, {runs} together"
-        )
+        model = model_name(models[dataset])
+        title = f"{capitalised(names[dataset])}: predictions of {model}, split by {split}, {runs} together"
         glove_figures.confusion_matrix(folder / f"{name}_{dataset}.png", counts.sum(axis=0), objects, title)
+        captions[f"{name}_{dataset}"] = glove_captions.confusion_matrix(counts, objects, names[dataset], model)
+    return captions
 
 
-def draw_learning(folder: Path, settings: Mapping, fits: Mapping[str, Mapping[str, list[Fit]]]) -> None:
-    """Draw learning_curves.png of the main split; none without a network."""
+def draw_learning(
+    folder: Path, settings: Mapping, fits: Mapping[str, Mapping[str, list[Fit]]], names: Mapping[str, str]
+) -> dict[str, str]:
+    """Draw learning_curves.png of the main split and return its caption by name; none without a network.
+
+    names: dataset -> its name.
+    """
     protocols = main_protocols(settings)
     chosen = {
         model: {dataset: by_protocol[protocol] for dataset, protocol in protocols.items()}
         for model, by_protocol in fits.items()
     }
+    if not chosen:
+        return {}
     split = next(iter(splits(settings))).replace("_", " ")
-    if chosen:
-        title = f"Validation loss, split by {split}, one line a seed (lower is better)"
-        glove_figures.learning_curves(folder / "learning_curves.png", chosen, title)
+    title = f"Validation loss, split by {split}, one line per seed (lower is better)"
+    glove_figures.learning_curves(folder / "learning_curves.png", chosen, title)
+    parts = []
+    for dataset in protocols:
+        runs = {model: by_dataset[dataset] for model, by_dataset in chosen.items()}
+        parts.append(f"{capitalised(names[dataset])}: {sentences.learning_caption(runs, 'nats')}")
+    return {"learning_curves": " ".join(parts)}

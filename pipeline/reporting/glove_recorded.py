@@ -59,10 +59,10 @@ def write(target: Path, settings: Mapping) -> None:
     confusions = read_confusions("glove_recorded", settings, dataset, best)
     files.write_table(accuracy / "table.csv", glove_tables.score_table(scores, settings).drop(columns="published"))
     files.write_text(accuracy / "table.md", score_text(scores, settings, objects))
-    readme = findings(scores, settings, confusions, objects, read_probe(), fits)
+    captions = draw_confusions(accuracy, "confusion", settings, confusions, best, objects, DATASETS)
+    captions |= draw_learning(accuracy, settings, fits, DATASETS)
+    readme = findings(scores, settings, confusions, objects, read_probe(), fits, captions)
     files.write_text(accuracy / "README.md", readme)
-    draw_confusions(accuracy, "confusion", settings, confusions, best, objects)
-    draw_learning(accuracy, settings, fits)
     panels = {DATASETS[modality]: (protocol, modality) for modality, protocol in main_protocols(settings).items()}
     experiment.write_speed(target, settings, scores, latency, panels, WRONG)
 
@@ -84,7 +84,7 @@ def score_text(scores: Scores, settings: Mapping, objects: Sequence[str]) -> str
         f"# Recorded grasps: which of {len(objects)} objects is held\n",
         "Percent on the test part, mean [95 % t interval] over seeds; higher is better. Accuracy: share of grasps "
         "named rightly; macro precision: mean over objects of the share of grasps given that name that are it. "
-        "The dataset `strain` has the joint angles. `Constant (mean)` answers with the most frequent object.\n",
+        "The dataset `strain` has the joint angles. `Constant (mean)` predicts the most frequent object.\n",
     ]
     for split, protocols in splits(settings).items():
         seeds = len(settings["protocols"][protocols[0]]["seeds"])
@@ -106,10 +106,11 @@ def findings(
     objects: Sequence[str],
     probe: pd.DataFrame,
     fits: Mapping[str, Mapping[str, list[Fit]]],
+    captions: Mapping[str, str],
 ) -> str:
-    """Write README.md: answers to what was asked of the recordings.
+    """Write README.md: what was asked of the recordings, and what they say.
 
-    confusions: see `glove.findings`; probe: see `read_probe`.
+    confusions, captions: see `glove.findings`; probe: see `read_probe`.
     """
     main = next(iter(splits(settings)))
     best = best_networks(scores, settings)
@@ -129,8 +130,7 @@ def findings(
         training_sentence(all_fits(fits)),
         *ending_sentences(fits),
         "\n## Figures\n",
-        *(f"- [confusion_{d}.png](confusion_{d}.png): {DATASETS[d]}, {model_name(best[d])}" for d in confusions),
-        *(["- [learning_curves.png](learning_curves.png): validation loss over epochs"] if fits else []),
+        *sentences.figure_lines(captions),
         *sentences.differences_section(experiment.experiment_differences("glove_recorded", settings)),
     ]
     return "\n".join(lines) + "\n"
@@ -194,7 +194,7 @@ def leak_sentences(scores: Scores, best: Mapping[str, str], main: str, probe: pd
 
 
 def model_sentences(scores: Scores, settings: Mapping, main: str) -> list[str]:
-    """Return the order of all models, and what a constant answer has."""
+    """Return the order of all models, and what the constant model has."""
     lines = []
     for dataset in MODALITIES:
         order = ranked(scores, settings, f"{main}_{dataset}", "accuracy")
@@ -204,7 +204,7 @@ def model_sentences(scores: Scores, settings: Mapping, main: str) -> list[str]:
         lines.append(text + (f"; runs failed for {', '.join(failed)}." if failed else "."))
     if "constant" in settings["models"]:
         floor = score(scores, f"{main}_pressure", "constant", "accuracy")
-        lines.append(f"- A constant answer (the most frequent object) has {interval(floor, 1)} %.")
+        lines.append(f"- The constant model (the most frequent object) has {interval(floor, 1)} %.")
     return lines
 
 

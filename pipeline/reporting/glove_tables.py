@@ -47,7 +47,7 @@ def table_one(scores: Scores, settings: Mapping, counts: pd.DataFrame) -> str:
         f"Ours: mean [95 % t interval] over seeds, {sentences.replicates(settings, 'glove')}; higher is better. "
         "Published: the paper's one number. Macro precision: mean over objects of the share of images given "
         "that name that are it; accuracy: share of images named rightly. The paper writes `precision` without saying "
-        "which. An interval may pass 100 %. `Constant (mean)` answers with the most frequent object.\n",
+        "which. An interval may pass 100 %. `Constant (mean)` predicts the most frequent object.\n",
         "**The paper's split is not stated.** It speaks of 950 frames in a row of each object; frames at random seem "
         "likely, with neighbours of one grasp on both sides. Split by session, no grasp is on two sides: these are the "
         "numbers to believe, and the first table has them.\n",

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pipeline.reporting.sentences import caption, figure_lines
+
 
 def table(result: Mapping) -> str:
     """Return the report `fit.md`; result: the content of `velostat.json`, which the report rounds."""
@@ -86,7 +88,16 @@ def table(result: Mapping) -> str:
         "",
         "Releases in these recordings take 20 to 50 ms, so the width of the hysteresis loop is known badly.",
         "",
-        "Figures: `fit.png` (loops) and `courses.png` (time courses), both for exp2, with places.",
+        *figure_lines(captions(fitted)),
         "",
     ]
     return "\n".join(lines)
+
+
+def captions(fitted: Mapping) -> dict[str, str]:
+    """Return the captions of fit.png and courses.png, both of exp2, by name; fitted: the part `fit` of the result."""
+    scores = {name: fitted["recordings"][name]["places"][1] for name in fitted["fitted_on"]}
+    lowest, highest = min(scores, key=scores.get), max(scores, key=scores.get)
+    text = f"R² of the log reading from force and place is {scores[lowest]:.3f} (`{lowest}`) to {scores[highest]:.3f} "
+    text += f"(`{highest}`), on presses that the fit has not seen"
+    return {"fit": caption(f"reading over force: {text}"), "courses": caption(f"reading over time: {text}")}

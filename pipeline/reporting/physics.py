@@ -1,6 +1,7 @@
 """Write for people which effects of the simulated scenes matter to the models: reports/physics."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,14 +10,21 @@ import pandas as pd
 
 from pipeline.base import files
 from pipeline.reporting.figures import physics as physics_figures
+from pipeline.reporting.sentences import caption, picture
 from pipeline.reporting.verdicts import physics as physics_verdicts
-from pipeline.reporting.verdicts.physics import FAILED, MARGIN, Judgement
+from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, UNKNOWN, Change, Judgement
 from pipeline.reporting.words import markdown
-from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.labels import capitalised, effect_name, model_name, task_name
 from pipeline.scoring.variants import NONE
 
 TITLES = {"touch": "Touch", "strain": "Strain", "glove": "Glove"}
-ERRORS = {"rmse": "RMSE in kPa", "error": "distance in mm", "accuracy": "share of images classified incorrectly"}
+# Metric -> the name of the error, its unit, and by what it is multiplied to be in that unit.
+ERRORS = {
+    "rmse": ("RMSE", "kPa", 1),
+    "error": ("distance", "mm", 1),
+    "accuracy": ("images classified incorrectly", "%", 100),
+}
+VERDICTS = (CHANGES, EQUIVALENT, UNKNOWN, FAILED)
 
 
 def write(values: Mapping, folder: Path) -> pd.DataFrame:
@@ -26,8 +34,8 @@ def write(values: Mapping, folder: Path) -> pd.DataFrame:
     switches = {experiment: values[experiment]["simulate"]["effects"] for experiment in assessed}
     for experiment, judgements in assessed.items():
         title = f"{TITLES[experiment]}: an effect of the scene left out"
-        unit = ERRORS[scores[experiment]["metric"].iloc[0]]
-        physics_figures.matrices(folder / f"{experiment}.png", title, judgements, unit)
+        name, unit, _ = ERRORS[scores[experiment]["metric"].iloc[0]]
+        physics_figures.matrices(folder / f"{experiment}.png", title, judgements, f"{name} in {unit}")
     files.write_text(folder / "README.md", readme(assessed, scores, values))
     rows = [row for name in assessed for row in physics_verdicts.report_rows(name, assessed[name], switches[name])]
     return pd.DataFrame(rows)
@@ -43,7 +51,7 @@ def readme(assessed: Mapping[str, list[Judgement]], scores: Mapping[str, pd.Data
         "**Seeds are pairs.** A seed draws specimen, motion, noise, split and start of training; with and without an "
         "effect, all of these are the same. The ratio of a model's errors is taken seed by seed.\n",
         f"An effect is **equivalent** to its absence if the 90 % interval of every model's change lies within "
-        f"{MARGIN:.0%} (two one-sided tests) and no two models change places. It **changes errors** if one "
+        f"{100 * MARGIN:.0f} % (two one-sided tests) and no two models change places. It **changes errors** if one "
         "interval lies outside altogether. Otherwise it **cannot be told**: the half-width of the interval is what "
         "these seeds could have missed. An effect that recordings show is kept, whatever the models make of it. "
         "An effect is left out only where it is equivalent in the scene of the tables; these scenes are smaller, so "
@@ -59,30 +67,59 @@ def _experiment(
     experiment: str, judgements: list[Judgement], scores: pd.DataFrame, settings: Mapping, switches: Mapping
 ) -> list[str]:
     metric, scene = scores["metric"].iloc[0], settings["scene"]
-    size = f"Scene, in place of `{experiment}` in params.yaml: `{json.dumps(scene).replace(chr(34), '')}`."
+    size = f"Settings of this scene that differ from `{experiment}` in params.yaml: "
+    size += f"`{json.dumps(scene).replace(chr(34), '')}`."
     if {"rows", "cols"} & set(scene.get("sensor", {})):
         size += " Crosstalk comes from fewer elements than in the whole array."
-    header = ["effect left out", "largest change [90 % interval]", "of", "models that change places", "verdict"]
+    error, unit, _ = ERRORS[metric]
+    header = ["Effect left out", "Largest change of an error [90 % interval]", "Of which model, where"]
+    header += ["Pairs of models that change places", "Verdict", "What follows"]
     rows = [_row(experiment, judged, switches[judged.effect]) for judged in judgements]
     return [
         f"## {TITLES[experiment]}\n",
-        f"Error: {ERRORS[metric]}; {len(settings['seeds'])} paired seeds; [all numbers](../physics.csv). {size}\n",
-        f"![{TITLES[experiment]}: change of every model's error]({experiment}.png)\n",
-        markdown.table([*header, "what follows"], rows),
+        f"Error: {error} in {unit}; {len(settings['seeds'])} paired seeds; [all numbers](../physics.csv). {size}\n",
+        f"{picture(experiment, figure_caption(judgements))}\n",
+        markdown.table(header, rows),
         "Error of every model with all effects (geometric mean, smallest to largest over seeds):\n",
         _whole(scores),
     ]
+
+
+def figure_caption(judgements: list[Judgement]) -> str:
+    """Return the caption of an experiment's matrix: the effect that changes an error most, and how many do what.
+
+    A change whose interval reaches into the margin may be chance, and is not named.
+    """
+    told = [(judged.effect, change) for judged in judgements for change in judged.changes if change.beyond]
+    text = f"no effect that is left out changes an error by certainly more than {100 * MARGIN:.0f} %"
+    if told:
+        effect, change = max(told, key=lambda pair: abs(np.log1p(pair[1].relative)))
+        text = f"leaving out {effect_name(effect)} changes an error most: {change_text(change)} for "
+        text += f"{model_name(change.model)}, {task_name(change.condition)}"
+    counts = Counter(judged.verdict for judged in judgements)
+    verdicts = ", ".join(f"{verdict} {counts[verdict]}" for verdict in VERDICTS if counts[verdict])
+    return caption(text, f"verdicts on {len(judgements)} effects: {verdicts}")
+
+
+def change_text(change: Change) -> str:
+    """Return a change of an error with its interval."""
+    return f"{percent(change.relative)} [{percent(change.low)}, {percent(change.high)}]"
+
+
+def percent(share: float) -> str:
+    """Return a change with its sign, in percent."""
+    return f"{round(100 * share) + 0.0:+.0f} %"
 
 
 def _row(experiment: str, judged: Judgement, on: bool) -> list[str]:
     most = judged.largest()
     change = "failed"
     if judged.verdict != FAILED:
-        change = f"{most.relative:+.0%} [{most.low:+.0%}, {most.high:+.0%}]"
+        change = change_text(most)
     return [
-        judged.effect,
+        capitalised(effect_name(judged.effect)),
         change,
-        f"{model_name(most.model)}, {most.condition.replace('_', ' ')}",
+        f"{model_name(most.model)}, {task_name(most.condition)}",
         str(len(judged.swapped)),
         judged.verdict,
         physics_verdicts.consequence(experiment, judged, on),
@@ -91,6 +128,7 @@ def _row(experiment: str, judged: Judgement, on: bool) -> list[str]:
 
 def _whole(scores: pd.DataFrame) -> str:
     """Return a table of the errors with all effects on, one row per model."""
+    _, unit, times = ERRORS[scores["metric"].iloc[0]]
     whole = physics_verdicts.errors(scores)
     whole = whole[whole["effect"] == NONE]
     conditions = list(dict.fromkeys(whole["condition"]))
@@ -98,8 +136,8 @@ def _whole(scores: pd.DataFrame) -> str:
     for model, runs in whole.groupby("model", sort=False):
         cells = []
         for condition in conditions:
-            errors = runs[runs["condition"] == condition]["error"]
+            errors = times * runs[runs["condition"] == condition]["error"]
             middle, low, high = map(markdown.number, (np.exp(np.log(errors).mean()), errors.min(), errors.max()))
             cells.append(f"{middle} ({low} to {high})" if np.isfinite(errors).all() else "failed")
         rows.append([model_name(model), *cells])
-    return markdown.table(["Model", *[name.replace("_", " ") for name in conditions]], rows)
+    return markdown.table(["Model", *(f"{capitalised(task_name(name))} ({unit})" for name in conditions)], rows)

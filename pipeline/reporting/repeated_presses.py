@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.datasets import schemas, windowing
 from pipeline.reporting.words.markdown import interval, number
-from pipeline.scoring.results import estimate
+from pipeline.scoring.results import Estimate, estimate
 
 TIP = "pike1"  # the other tip presses half of its places beside the taxel
 PLACES = 16
@@ -108,6 +108,12 @@ def percent(change: np.ndarray) -> np.ndarray:
     return 100 * np.expm1(change)
 
 
+def drift(repeated: Sequence[Repeated]) -> Estimate:
+    """Return by how many percent the conductance of a place changes at the same force from one press to the next."""
+    courses = [percent(each).mean(axis=1) for each in changes(repeated)[0]]
+    return estimate([np.polyfit(np.arange(len(course)), course, 1)[0] for course in courses])
+
+
 def findings(repeated: Sequence[Repeated]) -> str:
     """Return the sentence of the report on the recorded taxel."""
     if not repeated:
@@ -117,17 +123,17 @@ def findings(repeated: Sequence[Repeated]) -> str:
         )
     change, exponent = changes(repeated)
     courses = [percent(each).mean(axis=1) for each in change]
-    drift = estimate([np.polyfit(np.arange(len(course)), course, 1)[0] for course in courses])
     parts = [
         f"{number(np.median(each.force_n), 0)} N {number(course[-1])} % ({each.force_n.size} presses in "
         f"{number(each.minutes, 0)} min)"
         for each, course in zip(repeated, courses, strict=True)
     ]
+    shift = drift(repeated)
     lowest, highest = min(each.force_n.min() for each in repeated), max(each.force_n.max() for each in repeated)
     return (
         f"- Figure 8, recorded: a Velostat taxel, another sensor than the glove's, under {number(lowest, 1)} to "
         f"{number(highest, 1)} N (the paper: 0 to 1 N). {PLACES} presses later, the conductance held at the same place "
-        f"has changed by {interval(drift)} % at the same force (mean and interval over {len(repeated)} forces). From "
+        f"has changed by {interval(shift)} % at the same force (mean and interval over {len(repeated)} forces). From "
         f"the first recording to the last: {', '.join(parts)}; pauses and presses of other forces lie between. There "
         f"are at most {max(each.force_n.size for each in repeated)} presses of one force where the paper has {CYCLES} "
         f"cycles, so fatigue cannot be told. Number and place of a press go together within a recording: each place is "

@@ -3,13 +3,16 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pipeline.base import files
 from pipeline.reporting.figures import sizes as sizes_figures
+from pipeline.reporting.sentences import caption, picture
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.reporting.verdicts.sizes import NAMES, SCALES, SHORTER, UNCLEAR, Reference, error_of, label, unit_of
 from pipeline.reporting.words import markdown
+from pipeline.reporting.words.labels import capitalised, task_name
 from pipeline.scoring import ladders
 from pipeline.scoring.results import Estimate
 
@@ -21,7 +24,7 @@ seed. Sizes whose interval has both sides of that are not told apart. Runs of a 
 in all that a seed draws. Values are mean [95 % t interval]; lower is better. A size with a failed run is never chosen.
 A size that falls short does so after this training: a longer one might lift it. The errors are those of the test part:
 they decide what is said here and are used for nothing else. All numbers: [rightsize.csv](../rightsize.csv) (for the
-glove it has macro precision as a fraction, of which more is better; here it is 1 - macro precision in %).
+glove it has macro precision as a fraction, of which more is better; here it is what macro precision lacks to 100 %).
 """
 
 
@@ -54,7 +57,7 @@ def shown_error(row: pd.Series) -> str:
 def excess_text(row: pd.Series) -> str:
     """Return the error over the best size's of one row of JUDGED, in %."""
     mean, low, high = (100 * row[name] for name in ("excess", "excess_low", "excess_high"))
-    return f"{mean:+.1f} % [{low:.1f}, {high:.1f}]"
+    return f"{mean:+.1f} %" + ("" if np.isnan(low) else f" [{low:.1f}, {high:.1f}]")
 
 
 def digits(error: float) -> int:
@@ -67,8 +70,8 @@ def finding(ladder: pd.DataFrame) -> str:
     first = ladder.iloc[0]
     family, metric, scale = first["family"], first["metric"], SCALES[first["family"]]
     unit = unit_of(metric, first["unit"])
-    where = f"{first['experiment'].capitalize()}, {first['condition'].replace('_', ' ')}"
-    start = f"- {where}, {label(family)}, {scale.size_name}: "
+    where = f"{capitalised(first['experiment'])}, {task_name(first['condition'])}"
+    start = f"- {where}, {label(family)} by {scale.size_name}: "
     if not ladder["chosen"].any():
         return start + "every size has a failed run, so none can be chosen."
     small = ladder[ladder["chosen"] == 1].iloc[0]
@@ -105,6 +108,22 @@ def finding(ladder: pd.DataFrame) -> str:
     return f"{text}. The published {scale.published:g} has {ratio} and {shown_error(paper)} {unit}."
 
 
+def figure_caption(judged: pd.DataFrame) -> str:
+    """Return the caption of an experiment's figure: the smallest size that is enough, by model and condition."""
+    parts = []
+    for (family, condition), ladder in judged.groupby(["family", "condition"], sort=False):
+        start = f"{label(family)}, {task_name(condition)}: "
+        if not ladder["chosen"].any():
+            parts.append(f"{start}every size has a failed run")
+            continue
+        small = ladder[ladder["chosen"] == 1].iloc[0]
+        error = error_of(small["value"], small["metric"])
+        text = f"{start}the smallest size that is enough is {small['size']:g} ({SCALES[family].size_name})"
+        text += f", error {markdown.number(error, digits(error))} {unit_of(small['metric'], small['unit'])}"
+        parts.append(text + (", the largest tried" if small["size"] == ladder["size"].max() else ""))
+    return caption(*parts)
+
+
 def ladder_table(judged: pd.DataFrame) -> str:
     """Return a table of one family's sizes, one column per condition; judged: its rows of JUDGED."""
     first, scale = judged.iloc[0], SCALES[judged.iloc[0]["family"]]
@@ -116,7 +135,7 @@ def ladder_table(judged: pd.DataFrame) -> str:
         lines.append([f"{size:g}{mark}", *costs, *(cells.get(condition, "none") for condition in conditions)])
     error = f"{NAMES[first['metric']]} ({unit_of(first['metric'], first['unit'])})"
     header = [scale.size_name.capitalize(), "Parameters", "Multiply-accumulates"]
-    header += [f"{condition.replace('_', ' ')}: {error}" for condition in conditions]
+    header += [f"{capitalised(task_name(condition))}: {error}" for condition in conditions]
     return markdown.table(header, lines)
 
 
@@ -138,7 +157,7 @@ def training_note(family: str, judged: pd.DataFrame, values: Mapping, references
         reached = shown_error(published.iloc[0]) if len(published) else "not in the ladder"
         trained = references[family, condition].trained
         full = markdown.number(trained, digits(trained))
-        parts.append(f"{condition.replace('_', ' ')} {reached} {unit} against {full} {unit}")
+        parts.append(f"{task_name(condition)} {reached} {unit} against {full} {unit}")
     return (
         f"A shorter training than in the tables, the same for every size: {training}. What that "
         f"costs, at the published size ({scale.published:g}) against the fully trained model of params.yaml: "
@@ -152,7 +171,7 @@ def report(judged: pd.DataFrame, values: Mapping, references: Mapping[tuple[str,
     ladder = ["experiment", "family", "condition"]
     parts.append("\n".join(finding(rows) for _, rows in judged.groupby(ladder, sort=False)) + "\n")
     for experiment, part in judged.groupby("experiment", sort=False):
-        parts.append(f"## {experiment.capitalize()}\n\n![Error against size]({experiment}.png)\n")
+        parts.append(f"## {experiment.capitalize()}\n\n{picture(experiment, figure_caption(part))}\n")
         for family, rows in part.groupby("family", sort=False):
             parts.append(f"### {label(family)}: {SCALES[family].size_name}\n")
             parts += [training_note(family, rows, values, references), ladder_table(rows)]

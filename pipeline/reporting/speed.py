@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
+from pipeline.reporting.sentences import best, caption, split_unit
 from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name
 from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring.results import Estimate, Scores, read_training_times
@@ -90,14 +91,14 @@ def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
         low, high = (f"{first[name]:.3f}" for name in SPREAD["p50_ms"])
         row += [f"{first['p50_ms']:.3f} [{low}, {high}] / {first['p95_ms']:.3f}"]
         row += [f"{first['predictions_per_s']:,.0f}"]
-        row.append(" / ".join(_seconds(time) for time in by_panel.drop_duplicates("protocol")["train_s"]))
+        row.append(" / ".join(_digits(time) for time in by_panel.drop_duplicates("protocol")["train_s"]))
         row += [size(first[key]) for key in ("params", "macs", "size_bytes")]
         rows.append([*row, *(_fronts(by_panel, column) for column in FRONTS.values())])
     names = " / ".join(protocols).replace("_", " ")
     training = f"Training (s): {names}" if len(protocols) > 1 else "Training (s)"
     header = ["Model", *(f"{panel}: {measure}" for panel in panels)]
-    header += [f"batch {batch}: median [of rounds] / 95 % (ms)", f"predictions a second, batch {large}", training]
-    header += ["Trained parameters", "MACs", "File (bytes)", "front of time", "front of training time"]
+    header += [f"batch {batch}: median [of rounds] / 95 % (ms)", f"predictions per second, batch {large}", training]
+    header += ["Trained parameters", "MACs", "File (bytes)", "on the front of time", "on the front of training time"]
     lines = [
         "# Speed against accuracy\n",
         f"Error on test data: mean [95 % t interval] over seeds. Times: median [lowest and highest median of a round] "
@@ -106,8 +107,10 @@ def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
         "seeds of a split. Times differ from run to run and from machine to machine. MACs (multiply-accumulates) are "
         "of one prediction. On a Pareto front are the models that no other one equals in time and mean error and beats "
         "in one of them, times that overlap being equal; a model with a failed run never is.\n",
-        "Charts: [time of a prediction](tradeoff.png), [training time](training.png). In them, an arrowhead is an "
-        "interval that leaves the axis, a cross at the top edge a model with a failed run.\n",
+        f"[Time of a prediction](tradeoff.png): {chart_caption(speeds, 'p50_ms')}\n",
+        f"[Training time](training.png): {chart_caption(speeds, 'train_s')}\n",
+        "In both charts, an arrowhead is an interval that leaves the axis, a cross at the top edge a model with a "
+        "failed run.\n",
         *([f"{note}\n"] if note else []),
         table(header, rows),
         f"Pareto fronts, the fastest first, with time and {measure}:\n",
@@ -123,11 +126,36 @@ def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
     return "\n".join(lines) + "\n"
 
 
+def chart_caption(speeds: pd.DataFrame, time: str) -> str:
+    """Return the caption of the chart of error against a measured time; time: a key of FRONTS.
+
+    It says of every panel which model has the smallest error and which one is fastest; the constant model, which looks
+    at no reading, is not asked for its time.
+    """
+    unit = "s" if time == "train_s" else "ms"
+    parts = []
+    for panel, rows in speeds.groupby("panel", sort=False):
+        measure, error_unit = split_unit(rows["measure"].iloc[0])
+        errors = {row.model: Estimate(*(getattr(row, key) for key in ESTIMATE)) for row in rows.itertuples()}
+        name = measure if measure.isupper() else measure[0].lower() + measure[1:]
+        text = f"{panel}: {best(errors, name, error_unit)}"
+        parts.append(text)
+        timed = rows[(rows["failed"] == 0) & (rows["model"] != "constant")]
+        if len(timed):
+            accurate, fastest = (timed.loc[timed[column].idxmin()] for column in ("error", time))
+            text = f"{model_name(fastest['model'])} is fastest, {_digits(fastest[time])} {unit}"
+            if fastest["model"] != accurate["model"]:
+                text += f" with {number(fastest['error'])} {error_unit}"
+                text += f"; {model_name(accurate['model'])} takes {_digits(accurate[time])} {unit}"
+            parts.append(text)
+    return caption(*parts)
+
+
 def _fronts(by_panel: pd.DataFrame, column: str) -> str:
     """Name the panels on whose fronts a model is."""
     on = by_panel[by_panel[column] == 1]["panel"].tolist()
     return ("yes" if len(by_panel) == 1 else "all" if len(on) == len(by_panel) else ", ".join(on)) if on else "no"
 
 
-def _seconds(value: float) -> str:
+def _digits(value: float) -> str:
     return f"{value:,.0f}" if value >= 100 else f"{value:.2g}" if value < 1 else f"{value:.1f}"

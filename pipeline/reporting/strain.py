@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from pipeline.base import files
 from pipeline.datasets import schemas
-from pipeline.reporting import experiment, sentences
+from pipeline.reporting import experiment, sentences, strain_captions
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import strain as strain_figures
 from pipeline.reporting.verdicts import strain as strain_verdicts
@@ -61,17 +61,19 @@ def write(target: Path, settings: Mapping) -> None:
     files.write_text(accuracy / "table1.md", table_one(scores, settings, parameters))
     for name, study in studies.items():
         files.write_table(accuracy / f"{name}.csv", study)
-    files.write_text(accuracy / "README.md", findings(scores, settings, studies, by_time, evidence))
-
+    captions = {}
     for task, figure in (("task_1", 5), ("task_2", 6)):
         if task in tasks:
-            draw_performance(accuracy, settings, dataset, task, figure)
-    strain_figures.latent_space(accuracy / "figure7.png", read_latents())
+            captions |= draw_performance(accuracy, settings, dataset, task, figure)
+    changes = strain_figures.latent_space(accuracy / "figure7.png", read_latents())
+    captions["figure7"] = strain_captions.latent_space(*changes)
     share = (np.arange(TIME_BINS) + 0.5) / TIME_BINS
     rows = tested_rows(dataset, "task_1", settings["protocols"]["task_1"]["seeds"][0])
     minutes = share * np.ptp(dataset["t_s"].to_numpy()[rows]) / 60
     strain_figures.error_over_time(accuracy / "time.png", by_time, minutes)
-    draw_studies(accuracy, settings, scores, studies)
+    captions["time"] = strain_captions.error_over_time(by_time)
+    captions |= draw_studies(accuracy, settings, scores, studies)
+    files.write_text(accuracy / "README.md", findings(scores, settings, studies, by_time, evidence, captions))
 
     train_s = {(model, task): read_training_times("strain", model, task) for model in models for task in tasks}
     files.write_text(target / "speed" / "table1_times.md", table_times(train_s, settings))
@@ -108,7 +110,7 @@ def table_one(scores: Scores, settings: Mapping, parameters: Mapping[tuple[str, 
             for model in settings["models"]
         ]
         header = ["Model", "published parameters", "our parameters", "published error (mm)"]
-        header += ["our error (mm)", "our R2 (1)"]
+        header += ["our error (mm)", "our R2"]
         text.append(table(header, rows))
     return "\n".join(text)
 
@@ -140,10 +142,11 @@ def findings(
     studies: Mapping[str, pd.DataFrame],
     by_time: Mapping[str, Mapping[str, np.ndarray]],
     evidence: Evidence,
+    captions: Mapping[str, str],
 ) -> str:
     """Write README.md: verdicts on the claims, and sentences that are computed from the numbers.
 
-    by_time: task -> model -> (seeds, TIME_BINS) errors in mm.
+    by_time: task -> model -> (seeds, TIME_BINS) errors in mm; captions: name of a figure's file without .png -> text.
     """
     claims = strain_verdicts.claims()
 
@@ -174,19 +177,6 @@ def findings(
         *claim_sentences(claims, ["base-task_1", "more-strands"], evidence),
         "\n## Figures\n",
     ]
-    captions = {
-        "figure5": "task 1, direct training",
-        "figure5_drift": "readings in the whole test part of task 1, where the drift can be seen",
-        "figure6": "task 2, direct training",
-        "figure7": "the latent space",
-        "figure8_task_1": "direct training and transfer, task 1",
-        "figure8_task_2": "direct training and transfer, task 2",
-        "samples": "error against the number of training samples",
-        "drift": "what can be decoded from voltages and latent space",
-        "time": "error against time since training ended",
-        "capacity": "error against the size of the LSTM",
-        "strands": "error against the number of strands",
-    }
     lines += sentences.figure_lines(captions)
     lines += sentences.differences_section(experiment.experiment_differences("strain", settings))
     return "\n".join(lines) + "\n"
@@ -218,19 +208,11 @@ def samples_sentences(samples: pd.DataFrame) -> list[str]:
         errors = rows.groupby(["model", "samples"])["value"].apply(estimate)
         direct, transfer = errors["lstm_direct"], errors["lstm_transfer"]
         sizes = sorted(direct.index)
-        ahead = [f"{n:,}" for n in sizes if transfer[n].mean < direct[n].mean]
-        behind = [f"{n:,}" for n in sizes if f"{n:,}" not in ahead]
-        if not ahead:
-            words = "direct training is ahead at every size"
-        elif not behind:
-            words = f"transfer is ahead at every size, so the curves do not cross up to {sizes[-1]:,} samples"
-        else:
-            words = f"transfer is ahead at {' / '.join(ahead)} samples, direct training at {' / '.join(behind)}"
         least, most = sizes[0], sizes[-1]
         lines.append(
-            f"- Fewer samples, {task.replace('_', ' ')}: {words} ({least} samples: direct {interval(direct[least])}, "
-            f"transfer {interval(transfer[least])} mm; {most:,}: {interval(direct[most])} and "
-            f"{interval(transfer[most])} mm)."
+            f"- Fewer samples, {task.replace('_', ' ')}: {strain_captions.ahead(direct, transfer)} ({least} samples: "
+            f"direct {interval(direct[least])}, transfer {interval(transfer[least])} mm; {most:,}: "
+            f"{interval(direct[most])} and {interval(transfer[most])} mm)."
         )
     return lines
 
@@ -267,14 +249,11 @@ def capacity_sentences(capacity: pd.DataFrame) -> list[str]:
     """Return the smallest LSTM within one standard error of the best."""
     lines = []
     for task, rows in capacity.groupby("protocol", sort=True):
-        groups = rows.groupby("units")["value"]
-        mean, error = groups.mean(), groups.std(ddof=1) / np.sqrt(groups.size())
-        best = mean.idxmin()
-        small = min(units for units in mean.index if mean[units] <= mean[best] + error[best])
-        lines.append(
-            f"- Capacity, {task.replace('_', ' ')}: {small} units are the fewest within one standard error of the best "
-            f"({best} units, {number(mean[best], 3)} mm; {small}: {number(mean[small], 3)} mm); the paper uses 50."
-        )
+        lowest, fewest, mean = strain_captions.enough_units(rows)
+        text = f"- Capacity, {task.replace('_', ' ')}: {lowest} units are the best, {number(mean[lowest], 3)} mm"
+        if fewest != lowest:
+            text += f"; {fewest} are the fewest within one standard error of that, {number(mean[fewest], 3)} mm"
+        lines.append(f"{text}. The paper uses 50.")
     return lines
 
 
@@ -282,9 +261,7 @@ def strands_sentences(strands: pd.DataFrame) -> list[str]:
     """Return the error of transfer over that of direct training, with each number of strands."""
     lines = []
     for task, rows in strands.groupby("protocol", sort=True):
-        error = rows.set_index(["strands", "seed", "model"])["value"].unstack()
-        ratios = (error["lstm_transfer"] / error["lstm_direct"]).groupby("strands")
-        parts = [f"{number_of}: {interval(estimate(ratio))}" for number_of, ratio in ratios]
+        parts = [f"{count}: {interval(ratio)}" for count, ratio in strain_captions.strand_ratios(rows).items()]
         lines.append(
             f"- Strands, {task.replace('_', ' ')}: transfer over direct training, by the number of strands that all "
             f"models see: {', '.join(parts)}."
@@ -305,8 +282,8 @@ def bases_sentences(bases: pd.DataFrame) -> list[str]:
     return lines
 
 
-def draw_performance(folder: Path, settings: Mapping, dataset: pa.Table, task: str, figure: int) -> None:
-    """Draw figure 5 or 6, and the task's part of figure 8."""
+def draw_performance(folder: Path, settings: Mapping, dataset: pa.Table, task: str, figure: int) -> dict[str, str]:
+    """Draw figure 5 or 6, and the task's part of figure 8; return name of the file without .png -> caption."""
     seed = settings["protocols"][task]["seeds"][0]
     rows = tested_rows(dataset, task, seed)
     compared = [model for model in ("lstm_direct", "lstm_transfer") if model in settings["models"]]
@@ -315,17 +292,26 @@ def draw_performance(folder: Path, settings: Mapping, dataset: pa.Table, task: s
     volts, truth = (schemas.matrix(dataset[name])[rows] for name in ("v", "y"))
     outputs = [k for k in range(3) if all(np.isfinite(guess[:, k]).all() for guess in guesses.values())]
     run = f"{task.replace('_', ' ')}, test part, seed {seed}"
+    captions = {}
     if "lstm_direct" in compared:
         title, direct = f"Figure {figure}: direct training, {run}", {"lstm_direct": guesses["lstm_direct"]}
-        strain_figures.performance(folder / f"figure{figure}.png", title, time_s, volts, truth, direct, outputs)
+        path = folder / f"figure{figure}.png"
+        errors = strain_figures.performance(path, title, time_s, volts, truth, direct, outputs)
+        captions[path.stem] = strain_captions.performance(errors, task, strain_figures.SHOWN_S)
         if task == "task_1":
-            strain_figures.drifting(folder / "figure5_drift.png", f"Readings of the strands, {run}", time_s, volts)
+            path = folder / "figure5_drift.png"
+            drift = strain_figures.drifting(path, f"Readings of the strands, {run}", time_s, volts)
+            captions[path.stem] = strain_captions.drifting(*drift, strain_figures.DRIFT_S)
     title = f"Figure 8: direct training and transfer, {run}"
-    strain_figures.performance(folder / f"figure8_{task}.png", title, time_s, volts[:, :0], truth, guesses, outputs)
+    path = folder / f"figure8_{task}.png"
+    errors = strain_figures.performance(path, title, time_s, volts[:, :0], truth, guesses, outputs)
+    return captions | {path.stem: strain_captions.performance(errors, task, strain_figures.SHOWN_S)}
 
 
-def draw_studies(folder: Path, settings: Mapping, scores: Scores, studies: Mapping[str, pd.DataFrame]) -> None:
-    """Draw samples.png, capacity.png, strands.png and drift.png."""
+def draw_studies(
+    folder: Path, settings: Mapping, scores: Scores, studies: Mapping[str, pd.DataFrame]
+) -> dict[str, str]:
+    """Draw samples.png, capacity.png, strands.png and drift.png; return their captions by name without .png."""
     floor = {}
     if "constant" in settings["models"]:
         floor = {task: scores.estimate(task, task, "constant", "error").mean for task in settings["study"]["tasks"]}
@@ -337,3 +323,9 @@ def draw_studies(folder: Path, settings: Mapping, scores: Scores, studies: Mappi
     strain_figures.curves(folder / "strands.png", studies["strands"], "strands", "model", labels, floor)
     grouped = studies["drift"].groupby(["protocol", "target", "input"], sort=False)["value"]
     strain_figures.decoding(folder / "drift.png", {key: estimate(values) for key, values in grouped})
+    return {
+        "samples": strain_captions.samples(studies["samples"]),
+        "capacity": strain_captions.capacity(studies["capacity"]),
+        "strands": strain_captions.strands(studies["strands"]),
+        "drift": strain_captions.decoding(studies["drift"]),
+    }

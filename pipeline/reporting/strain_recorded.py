@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.base import files
 from pipeline.datasets import schemas
-from pipeline.reporting import experiment
+from pipeline.reporting import experiment, sentences, strain_captions
 from pipeline.reporting.figures import strain as strain_figures
 from pipeline.reporting.strain import TRANSFER_COSTS, score_table
 from pipeline.reporting.words.labels import model_name
@@ -26,6 +26,7 @@ SHORT = {
     "across_days": "Across days",
     "new_places": "Across days, new places",
     "days_swapped": "Across days, swapped",
+    "failing_channel": "Within the second day, with a failing strand",
 }
 TASKS = {"xy": "place while pressed", "z": "pressed or not", "xyz": "all three, at all times: task 0 of transfer"}
 YARDSTICK = {"x": 0.94, "y": 0.97}  # R2 a press that extra trees reach on hand-made differences (data README)
@@ -47,7 +48,6 @@ def write(target: Path, settings: Mapping) -> None:
     tested = {protocol: condition for protocol, condition, _ in scores.measured()}
     files.write_table(accuracy / "table.csv", score_table(scores, settings))
     files.write_text(accuracy / "table.md", score_text(scores, settings, tested))
-    files.write_text(accuracy / "README.md", findings(scores, settings, tested))
     truth, press = schemas.matrix(dataset["y"]), dataset["press"].to_numpy()
     views = {}
     for protocol in tested:
@@ -60,7 +60,10 @@ def write(target: Path, settings: Mapping) -> None:
                 for model in settings["models"]
             }
             views[protocol] = (truth[rows], press[rows], guesses)
-    strain_figures.presses(accuracy / "figure.png", views)
+    distances = strain_figures.presses(accuracy / "figure.png", views)
+    named = {SHORT[protocol.removesuffix("_xy")]: errors for protocol, errors in distances.items()}
+    captions = {"figure": strain_captions.presses(named)}
+    files.write_text(accuracy / "README.md", findings(scores, settings, tested, captions))
     panels = {protocol.replace("_", " "): (protocol, tested[protocol]) for protocol in views}
     measure = ("press_error", "Error per press (mm)")
     experiment.write_speed(target, settings, scores, latency, panels, measure, TRANSFER_COSTS)
@@ -69,9 +72,9 @@ def write(target: Path, settings: Mapping) -> None:
 def columns(task: str) -> dict[str, str]:
     """Return header by metric for a task."""
     if task == "z":
-        return {"error": "Error (mm)", "r2_z": "R2 (1)"}
-    axes = {f"press_r2_{axis}": f"R2 {axis}, per press (1)" for axis in "xy"}
-    return {"error": "Error (mm)", "r2_x": "R2 x (1)", "r2_y": "R2 y (1)"} | (axes if task == "xy" else {})
+        return {"error": "Error (mm)", "r2_z": "R2"}
+    axes = {f"press_r2_{axis}": f"R2 {axis}, per press" for axis in "xy"}
+    return {"error": "Error (mm)", "r2_x": "R2 x", "r2_y": "R2 y"} | (axes if task == "xy" else {})
 
 
 def protocols(settings: Mapping) -> list[tuple[str, str, str]]:
@@ -107,11 +110,11 @@ def score_text(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> 
     return "\n".join(text)
 
 
-def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> str:
-    """Write README.md: answers to what was asked of the recordings."""
+def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str], captions: Mapping[str, str]) -> str:
+    """Write README.md: what was asked of the recordings, and what they say. captions: of the figures, by file name."""
     lines = [
         "# Recorded strain sensors: results\n",
-        "[Table](table.md), [speed](../speed/table2.md), [figure](figure.png).\n",
+        "[Table](table.md), [speed](../speed/table2.md).\n",
     ]
     lines += [f"- {SHORT[split]}: {SPLITS[split].replace('The first', 'the first')}." for split in WANTED]
     for split, wanted in WANTED.items():
@@ -159,4 +162,5 @@ def findings(scores: Scores, settings: Mapping, tested: Mapping[str, str]) -> st
         "of 30 July, in the same order. A model that remembers the order could gain by that; the split `new_places` "
         "trains without those presses and shows how much."
     )
+    lines += ["\n## Figures\n", *sentences.figure_lines(captions)]
     return "\n".join(lines) + "\n"

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from pipeline.base import files, paths
 from pipeline.datasets import schemas
-from pipeline.reporting import experiment, sentences, touch_ablation, touch_viewer
+from pipeline.reporting import experiment, sentences, touch_ablation, touch_captions, touch_viewer
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import touch as touch_figures
 from pipeline.reporting.verdicts import touch as touch_verdicts
@@ -69,23 +70,14 @@ def write(target: Path, settings: Mapping) -> None:
     files.write_table(accuracy / "table1.csv", score_table(scores, settings, conditions))
     files.write_text(accuracy / "table1.md", table_one(scores, settings, conditions))
     files.write_text(accuracy / "training.md", training(fits, settings))
-    trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
-    files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, evidence))
-
     both = [name for name in TABLE_CONDITIONS if name in conditions]
     ablated = touch_ablation.text(ablation.read("touch"), scores, settings, both)
     files.write_text(accuracy / "ablation.md", ablated)
 
     learned = {model: fits[model, protocol] for model in settings["models"]}
-    touch_figures.learning_curves(accuracy / "learning_curves.png", learned, protocol)
-    touch_figures.characteristic_curve(accuracy / "figure2b.png", settings)
-    touch_figures.peak_pressure(accuracy / "figure4.png", windows, maps, settings)
-    touch_figures.press_location(accuracy / "figure5.png", frames, settings)
-    if "double" in conditions:
-        touch_figures.double_touch(accuracy / "figure6.png", windows, maps, settings)
-    touch_figures.error_distribution(accuracy / "figure7.png", windows, maps, settings)
-    if present & set(touch_figures.SEVERAL_TOUCHES):
-        touch_figures.pressure_maps(accuracy / "figure8.png", windows, maps, settings)
+    captions = draw(accuracy, settings, windows, maps, frames, learned)
+    trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
+    files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, evidence, captions))
 
     if present & set(touch_figures.MAP_NAMES):
         files.write_text(accuracy / "viewer.json", json.dumps(touch_viewer.data(windows, maps, settings)) + "\n")
@@ -93,6 +85,36 @@ def write(target: Path, settings: Mapping) -> None:
     panels = {f"{name} touch": (protocol, name) for name in TABLE_CONDITIONS if name in conditions}
     end = published_times(latency, settings)
     experiment.write_speed(target, settings, scores, latency, panels, ("rmse", "RMSE (kPa)"), end=end)
+
+
+def draw(
+    folder: Path,
+    settings: Mapping,
+    windows: touch_figures.Windows,
+    maps: Mapping[str, np.ndarray],
+    frames: pa.Table,
+    fits: Mapping[str, list[Fit]],
+) -> dict[str, str]:
+    """Draw the figures of one run, and return name of the file without .png -> caption.
+
+    windows: its test part; maps: model -> (n, map_rows, map_cols) in kPa; fits: model -> one fit per seed.
+    """
+    present, run = set(windows.condition), (windows, maps, settings)
+    curve = touch_figures.characteristic_curve(folder / "figure2b.png", settings)
+    captions = {
+        "figure2b": touch_captions.characteristic_curve(*curve),
+        "figure4": touch_captions.peak_pressure(touch_figures.peak_pressure(folder / "figure4.png", *run)),
+    }
+    places = touch_figures.press_location(folder / "figure5.png", frames, settings)
+    captions["figure5"] = touch_captions.press_location(*places)
+    if "double" in present:
+        captions["figure6"] = touch_captions.double_touch(*touch_figures.double_touch(folder / "figure6.png", *run))
+    medians = touch_figures.error_distribution(folder / "figure7.png", *run)
+    captions["figure7"] = touch_captions.error_distribution(medians)
+    if present & set(touch_figures.SEVERAL_TOUCHES):
+        captions["figure8"] = touch_captions.pressure_maps(touch_figures.pressure_maps(folder / "figure8.png", *run))
+    touch_figures.learning_curves(folder / "learning_curves.png", fits, next(iter(settings["protocols"])))
+    return captions | {"learning_curves": sentences.learning_caption(fits, "kPa²")}
 
 
 def score_table(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> pd.DataFrame:
@@ -171,8 +193,8 @@ def _protocol_note(protocol: str, n: int, settings: Mapping) -> str:
     window = settings["window"]
     share = f"{100 * window['sliding']['single']:g} % of these windows are used, in stretches that overlap."
     notes = {
-        "press": "No press has windows on two sides of the split. These are the numbers to believe. Windows start "
-        f"every {window['stride']} frames.",
+        "press": "Use these numbers: no press has windows on two sides of the split. Windows start every "
+        f"{window['stride']} frames.",
         "random_window": "The paper's protocol: windows slide frame by frame and are divided at random, so nearly "
         f"every test window holds frames that were trained on, which flatters every model that can remember. {share}",
     }
@@ -211,9 +233,17 @@ def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> st
 
 
 def findings(
-    scores: Scores, settings: Mapping, conditions: Sequence[str], trained: Sequence[Fit], evidence: Evidence
+    scores: Scores,
+    settings: Mapping,
+    conditions: Sequence[str],
+    trained: Sequence[Fit],
+    evidence: Evidence,
+    captions: Mapping[str, str],
 ) -> str:
-    """Write README.md: what the numbers say, in sentences that are computed from them."""
+    """Write README.md: what the numbers say, in sentences that are computed from them.
+
+    captions: of the figures, name of the file without .png -> text.
+    """
     protocol = next(iter(settings["protocols"]))
     seeds = settings["protocols"][protocol]["seeds"]
     errors = {
@@ -251,42 +281,20 @@ def findings(
     lines += optimism_sentences(scores, settings, protocol)
     lines.append(sentences.yardstick(scores, settings, SCENE, other_ratios(settings)))
     lines.append(f"- {sentences.stops(trained)}")
-    captions = {
-        "figure2b": "characteristic curve of the fitted film",
-        "figure4": "peak pressure over single-touch test windows",
-        "figure5": "counts and pressure for press locations within one element (3 mm apart at the default "
-        "grid; the paper says 2.875 mm, a quarter of the element instead of the pitch)",
-        "figure6": "double touch over time",
-        "figure7": "error with one touch" + (" and with two" if "double" in conditions else ""),
-        "figure8": "pressure maps: reading, label and predictions for one touch and for several",
-        "learning_curves": "loss over epochs",
-    }
-    absent = {"figure6"} if "double" not in conditions else set()
-    absent |= {"figure8"} if list(conditions) == ["single"] else set()
     lines.append("\n## Figures\n")
-    lines += sentences.figure_lines({name: text for name, text in captions.items() if name not in absent})
+    lines += sentences.figure_lines(captions)
     lines.append(f"\nFigures 4 and 6 to 8 show the run `{protocol}`, seed {seeds[0]}.")
     lines += sentences.differences_section(experiment.experiment_differences("touch", settings))
     return "\n".join(lines) + "\n"
 
 
-def _usable(errors: Mapping[str, Estimate]) -> list[str]:
-    """Return the models without a failed run, the lowest mean first."""
-    return sorted((m for m, error in errors.items() if error.runs and not error.failed), key=lambda m: errors[m].mean)
-
-
-def _overlap(better: Estimate, worse: Estimate) -> bool:
-    """Return whether the intervals of two models overlap; without intervals (one run) nothing is known: False."""
-    return better.runs > 1 and worse.runs > 1 and better.high >= worse.low
-
-
 def best_sentences(condition: str, errors: Mapping[str, Estimate]) -> list[str]:
     """Return which model is best; LoMP beside it."""
-    order = _usable(errors)
+    order = sentences.usable(errors)
     if not order:
         return [f"- {condition.capitalize()} touch: every model has a failed run."]
     best = order[0]
-    close = [model_name(m) for m in order[1:] if _overlap(errors[best], errors[m])]
+    close = [model_name(m) for m in order[1:] if sentences.overlap(errors[best], errors[m])]
     lines = [
         f"- {condition.capitalize()} touch: {model_name(best)} is best with {interval(errors[best])} kPa"
         + (f"; the interval overlaps that of {', '.join(close)}." if close else ".")
@@ -310,7 +318,7 @@ def double_sentence(errors: Mapping[str, Estimate]) -> str:
     if lomp.failed:
         return f"- Double touch: LoMP {interval(lomp)}."
     ours = f"- Double touch: LoMP has {interval(lomp)} kPa"
-    others = [model for model in _usable(errors) if model in PRINTED["lomp"] and model != "lomp"]
+    others = [model for model in sentences.usable(errors) if model in PRINTED["lomp"] and model != "lomp"]
     if not others:
         return f"{ours}; no other model of the paper is without a failed run."
     best = others[0]
@@ -330,7 +338,9 @@ def stream_sentence(errors: Mapping[str, Mapping[str, Estimate]]) -> str:
         stream, windows = by_model["lomp_stream"], by_model["lomp"]
         times = f" ({stream.mean / windows.mean:.2f} times LoMP's)" if not (stream.failed or windows.failed) else ""
         parts.append(f"{condition} touch {interval(stream)} kPa{times}")
-    return f"- A frame at a time, its state carried through a press, LoMP of half the width has: {'; '.join(parts)}."
+    return (
+        f"- LoMP streaming (half the width, one frame at a time, its state kept during a press) has {'; '.join(parts)}."
+    )
 
 
 def floor_sentence(condition: str, errors: Mapping[str, Estimate]) -> str:

@@ -7,7 +7,9 @@ import pandas as pd
 
 from pipeline.base import files, paths
 from pipeline.reporting.figures import twins as twins_figure
+from pipeline.reporting.sentences import caption, picture
 from pipeline.reporting.words import markdown
+from pipeline.reporting.words.labels import capitalised, plain
 from pipeline.scoring import results
 
 TITLES = {
@@ -76,26 +78,55 @@ def readme(summary: dict[str, pd.DataFrame]) -> str:
             parts.append(f"{missing or 'The data are your own logs, not simulated'}: there is nothing to compare.\n")
             continue
         parts += [
-            f"{int(known.sum())} of {len(known)} simulated values lie in the recorded range.\n",
-            f"![Where simulated values lie in the recorded range]({experiment}.png)\n",
-            markdown.table(["Statistic", "unit", "recorded", "simulated", "in range"], _rows(table)),
-            *[f"- `{row.statistic}`: {row.meaning}" for row in table.itertuples()],
+            f"{picture(experiment, figure_caption(table))}\n",
+            markdown.table(["Statistic", "Unit", "Recorded", "Simulated", "In range"], _rows(table)),
+            *[f"- {name_of(row.statistic)}: {row.meaning}" for row in table.itertuples()],
             "",
         ]
         outside = table[table["inside"].eq(False)]
         if len(outside):
             parts.append("Out of range, and what is done about it:\n")
-            parts += [f"- `{row.statistic}`: {row.note or 'nothing yet.'}" for row in outside.itertuples()]
+            parts += [f"- {name_of(row.statistic)}: {row.note or 'nothing yet.'}" for row in outside.itertuples()]
             parts.append("")
     return "\n".join(parts)
+
+
+def figure_caption(table: pd.DataFrame) -> str:
+    """Return the caption of an experiment's figure; table: its rows of reports/twins.csv, some with both sides."""
+    both = table[table["inside"].notna()]
+    outside = both[both["inside"].eq(False)]
+    inside = f"{len(both) - len(outside)} of {len(both)} simulated values lie in the recorded range"
+    if outside.empty:
+        return caption(inside)
+    width = (outside["recorded_high"] - outside["recorded_low"]).to_numpy(float)
+    below, above = outside["recorded_low"] - outside["simulated"], outside["simulated"] - outside["recorded_high"]
+    distance = np.maximum(below, above).to_numpy(float) / np.where(width > 0, width, 1.0)
+    farthest = outside.iloc[int(distance.argmax())]
+    unit = unit_of(farthest["unit"])
+    ends = f"{farthest['recorded_low']:.3g} to {farthest['recorded_high']:.3g} recorded"
+    return caption(
+        inside,
+        f"farthest outside is {plain(farthest['statistic'])}: {farthest['simulated']:.3g} simulated, {ends}"
+        + (f" ({unit})" if unit else ""),
+    )
+
+
+def name_of(statistic: str) -> str:
+    """Return the name of a statistic at the start of a line."""
+    return capitalised(plain(statistic))
+
+
+def unit_of(unit: str) -> str:
+    """Return a unit as people read it: nothing for a plain number, and what a logarithm is of."""
+    return {"1": "", "log": "log of the reading", "deg": "degrees"}.get(unit, unit)
 
 
 def _rows(table: pd.DataFrame) -> list[list[str]]:
     """Return the cells of one experiment's table."""
     return [
         [
-            f"`{row['statistic']}`",
-            row["unit"],
+            name_of(row["statistic"]),
+            unit_of(row["unit"]),
             *(_range(row[side], row[f"{side}_low"], row[f"{side}_high"]) for side in SIDES),
             {True: "yes", False: "**no**"}[bool(row["inside"])],
         ]

@@ -9,16 +9,16 @@ import pandas as pd
 
 from pipeline.base import files
 from pipeline.datasets import schemas
-from pipeline.reporting import experiment
+from pipeline.reporting import experiment, sentences
 from pipeline.reporting.figures import velostat as velostat_figures
 from pipeline.reporting.words.labels import model_name
-from pipeline.reporting.words.markdown import interval, table
+from pipeline.reporting.words.markdown import code, interval, table
 from pipeline.scoring.results import Scores, read_predictions
 
 POOLED = "repetition"  # the protocol that fits all recordings together; the others are named like one recording
 METRICS = {
     "rmse": ("RMSE of force (N, lower is better)", "N"),
-    "r2": ("R2 of force (1, higher is better)", "1"),
+    "r2": ("R2 of force (higher is better)", "1"),
 }
 
 
@@ -36,7 +36,6 @@ def write(target: Path, settings: Mapping) -> None:
 
     files.write_table(accuracy / "table.csv", score_table(scores, settings, groups))
     files.write_text(accuracy / "table.md", score_text(scores, settings, groups))
-    files.write_text(accuracy / "README.md", findings(scores, settings, groups, best))
     # The recordings that the best model (or, if all failed, the first) reads best, in the middle and worst.
     judge = best or next(iter(settings["models"]))
     order = sorted(
@@ -46,7 +45,9 @@ def write(target: Path, settings: Mapping) -> None:
     )
     chosen = [order[k] for k in sorted({0, len(order) // 2, len(order) - 1})]
     drawn = {model: force for model, force in predicted.items() if model in ("linear", best)}
-    velostat_figures.force_over_time(accuracy / "figure.png", dataset, test, drawn, chosen)
+    errors = velostat_figures.force_over_time(accuracy / "figure.png", dataset, test, drawn, chosen)
+    captions = {"figure": figure_caption(errors)}
+    files.write_text(accuracy / "README.md", findings(scores, settings, groups, best, captions))
 
     panels = {"all recordings": (protocol, "all")}
     experiment.write_speed(target, settings, scores, latency, panels, ("rmse", "RMSE (N)"))
@@ -101,12 +102,22 @@ def best_model(scores: Scores, settings: Mapping) -> str | None:
     return min(usable, key=lambda m: errors[m].mean) if usable else None
 
 
-def findings(scores: Scores, settings: Mapping, groups: Sequence[str], best: str | None) -> str:
-    """Write README.md: what the numbers say."""
+def figure_caption(errors: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the caption of the force over time. errors: recording -> model -> RMSE (N) of the stretch drawn."""
+    return sentences.caption(
+        *(f"{code(name)}: {sentences.best(sentences.one_run(of), 'RMSE', 'N')}" for name, of in errors.items())
+    )
+
+
+def findings(
+    scores: Scores, settings: Mapping, groups: Sequence[str], best: str | None, captions: Mapping[str, str]
+) -> str:
+    """Write README.md: what the numbers say. captions: of the figures, by file name without .png."""
+    figures = "\n".join(["", "## Figures\n", *sentences.figure_lines(captions)])
     lines = ["# Recorded Velostat taxel: results\n"]
-    lines.append("[Table](table.md), [speed](../speed/table2.md), [figure](figure.png).\n")
+    lines.append("[Table](table.md), [speed](../speed/table2.md).\n")
     if best is None:
-        return "\n".join([*lines, "- Every model has a failed run.\n"])
+        return "\n".join([*lines, "- Every model has a failed run.", figures]) + "\n"
     error, r2 = (scores.estimate(POOLED, "all", best, metric) for metric in ("rmse", "r2"))
     lines.append(
         f"- One fit for all recordings: {model_name(best)} is best, RMSE {interval(error, 3)} N, R2 {interval(r2, 3)}."
@@ -130,4 +141,4 @@ def findings(scores: Scores, settings: Mapping, groups: Sequence[str], best: str
         "gives: tip, place on the taxel and rest value differ between them. R2 of a recording with small forces "
         "is low even for small errors in N."
     )
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, figures]) + "\n"

@@ -463,7 +463,7 @@ def test_the_lead_is_said_at_every_number_of_frames():
     low = trained_rows({"sp_resnet": [0.5, 0.5], "resnet3x3": [0.3, 0.4]}, 1, "mean")
     line, mean = glove_report.frames_sentences("combined", pd.concat([low, table]))
     assert "1 to 3 input frames, one network trained on all frames, combined: SP-ResNet 70.50 [64.15, 76.85] to" in line
-    assert "1 to 2 input frames, mean answer of a one-frame network, combined: SP-ResNet 50.50" in mean
+    assert "1 to 2 input frames, mean prediction of a one-frame network, combined: SP-ResNet 50.50" in mean
     assert "(points): 1: 10.00, 2: 10.00, 3: 5.00." in line
     assert glove_report.frames_sentences("STAG", table.iloc[:0]) == []
 

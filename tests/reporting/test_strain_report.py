@@ -47,7 +47,8 @@ def test_the_best_model_is_held_against_the_target_and_called_exploratory_where_
     write_scores("strain_recorded", recorded(level))
     scores = results.Scores("strain_recorded", settings)
     tested = {"within_day_xy": "day_1", "across_days_xy": "day_2"}
-    text = strain_recorded_report.findings(scores, settings, tested)
+    text = strain_recorded_report.findings(scores, settings, tested, {"figure": "What it shows."})
+    assert "- [figure.png](figure.png): What it shows." in text
     verdicts = [line for line in text.splitlines() if "raw voltages" in line]
     assert len(verdicts) == 2 and all(word in line for word, line in zip(words, verdicts, strict=True))
     assert all("LSTM on high-passed voltages" in line for line in verdicts)  # never the hand-made yardstick
@@ -97,7 +98,7 @@ def test_drift_is_said_of_the_latent_space_and_of_the_voltages():
 
 
 def test_smallest_capacity():
-    errors = {5: [2.0, 2.1], 20: [1.02, 1.04], 50: [1.0, 1.06]}
+    errors = {5: [2.0, 2.1], 20: [1.03, 1.05], 50: [1.0, 1.06]}
     rows = [
         ("task_1", units, 1, seed, "error", "mm", value)
         for units, pair in errors.items()
@@ -105,7 +106,9 @@ def test_smallest_capacity():
     ]
     capacity = pd.DataFrame(rows, columns=["protocol", "units", "params", "seed", "metric", "unit", "value"])
     (line,) = strain_report.capacity_sentences(capacity)
-    assert "20 units are the fewest" in line
+    assert "50 units are the best, 1.030 mm; 20 are the fewest within one standard error of that, 1.040 mm" in line
+    (line,) = strain_report.capacity_sentences(capacity[capacity["units"] < 50])
+    assert "20 units are the best, 1.040 mm. The paper" in line
 
 
 def test_error_is_over_the_outputs_that_were_asked_for():

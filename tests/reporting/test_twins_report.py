@@ -37,7 +37,7 @@ def test_what_is_out_of_range_is_said_with_what_is_done():
     table = twins.summarised("touch", made(LIKE | UNLIKE, note="The film is thinner."))
     text = twins.readme({"touch": table})
     assert "1 of 2 simulated values lie in the recorded range" in text
-    assert "- `loop`: The film is thinner." in text and "- `noise`: The film" not in text
+    assert "- Loop: The film is thinner." in text and "- Noise: The film" not in text
     assert text.count("**no**") == 1
 
 

@@ -13,8 +13,7 @@ from matplotlib.lines import Line2D
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.words.labels import model_name
-from pipeline.scoring.glove_results import FORMS
+from pipeline.reporting.words.labels import form_name, model_name
 from pipeline.scoring.results import Fit, estimate
 
 COLOURS = {"pressure": style.BLUE, "strain": style.VERMILION, "combined": style.BLACK}  # of the datasets
@@ -200,7 +199,7 @@ def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], tit
 def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: str) -> None:
     """Draw figure 15: macro precision against the number of input frames, one panel per table.
 
-    One line per model and form: of networks trained on all frames, and dotted with open marks of mean answers.
+    One line per model and form: of networks trained on all frames, and dotted with open marks of mean predictions.
     panels: title -> form, model, seed, frames, metric, value (fraction).
     """
     figure, axes = style.panels(len(panels), len(panels), 4.8 * len(panels) + 0.4, 4, 0)
@@ -214,7 +213,7 @@ def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: s
             estimates = {n: estimate(100 * part["value"]) for n, part in runs.groupby("frames")}
             mean, spread = style.spread(estimates.values())
             dotted = {"linestyle": ":", "markerfacecolor": "white"} if form == "mean" else {"linestyle": look.linestyle}
-            handles[f"{look.label}, {FORMS[form]}"] = ax.errorbar(
+            handles[f"{look.label}, {form_name(form)}"] = ax.errorbar(
                 np.array(list(estimates)) + place, mean, np.nan_to_num(spread), color=look.color, marker=look.marker,
                 capsize=3, markersize=6, **dotted,
             )  # fmt: skip

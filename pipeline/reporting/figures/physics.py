@@ -8,7 +8,7 @@ from matplotlib.colors import LinearSegmentedColormap
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, MARGIN, Judgement
-from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.labels import effect_name, model_name, task_name
 
 FULL = 0.3  # change of the error at which the colour is full
 COLOURS = LinearSegmentedColormap.from_list("change", [style.BLUE, "white", style.VERMILION])
@@ -26,7 +26,7 @@ def matrices(path: Path, title: str, judgements: list[Judgement], unit: str) -> 
     figure, axes = plt.subplots(
         1,
         len(conditions),
-        figsize=(2.0 + len(conditions) * (0.62 * len(models) + 0.3), 1.9 + 0.36 * len(judgements)),
+        figsize=(3.4 + len(conditions) * (0.62 * len(models) + 0.3), 1.9 + 0.36 * len(judgements)),
         sharey=True,
         squeeze=False,
     )
@@ -54,21 +54,23 @@ def matrices(path: Path, title: str, judgements: list[Judgement], unit: str) -> 
         picture = ax.imshow(colours, cmap=COLOURS, vmin=-FULL, vmax=FULL, aspect="auto")
         labels = [model_name(model) for model in models]
         ax.set_xticks(range(len(models)), labels, rotation=50, ha="right", rotation_mode="anchor")
-        ax.set_title(condition.replace("_", " "))
+        ax.set_title(task_name(condition))
         ax.set_xticks(np.arange(len(models) + 1) - 0.5, minor=True)
         ax.set_yticks(np.arange(len(judgements) + 1) - 0.5, minor=True)
         ax.grid(False)
         ax.grid(True, which="minor", color="#DDDDDD", linewidth=0.6)
         ax.tick_params(which="both", length=0)
         ax.spines[:].set_visible(False)
-    names = [judged.effect.replace("_", " ") + MARKS.get(judged.verdict, "") for judged in judgements]
+    names = [effect_name(judged.effect) + MARKS.get(judged.verdict, "") for judged in judgements]
     axes[0, 0].set_yticks(range(len(judgements)), names)
     axes[0, 0].set_ylabel("effect left out\n(=: equivalent, *: changes errors)")
-    bar = figure.colorbar(picture, ax=axes[0].tolist(), ticks=[-FULL, 0, FULL], format="{x:+.0%}", pad=0.01)
+    bar = figure.colorbar(
+        picture, ax=axes[0].tolist(), ticks=[-FULL, 0, FULL], format=lambda x, _: f"{100 * x:+.0f} %", pad=0.01
+    )
     bar.set_label("change of the error")
     note = (
         f"Numbers: change of the error ({unit}) in % ± half of its 90 % interval; "
-        f"white: within {MARGIN:.0%}, bold: beyond"
+        f"white: the interval lies within {100 * MARGIN:.0f} %, bold: it lies outside"
     )
     figure.suptitle(f"{title}\n{note}", fontsize=9)
     style.save(figure, path)

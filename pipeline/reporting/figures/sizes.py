@@ -10,6 +10,7 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, NullLocat
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.verdicts.sizes import NAMES, SCALES, Reference, error_of, label, unit_of
+from pipeline.reporting.words.labels import task_name
 
 LEAST = 0.6  # of the smallest error is where the axis ends: a longer interval runs out of the panel
 
@@ -29,7 +30,7 @@ def curves(path: Path, title: str, judged: pd.DataFrame, references: Mapping[tup
         for ax, condition in zip(row, conditions, strict=True):
             ladder = judged[(judged["family"] == name) & (judged["condition"] == condition)].sort_values("size")
             _panel(ax, name, ladder, references[name, condition], handles)
-            ax.set_title(f"{label(name)}, {condition.replace('_', ' ')}")
+            ax.set_title(f"{label(name)}, {task_name(condition)}")
         metric, unit = judged[judged["family"] == name].iloc[0][["metric", "unit"]]
         row[0].set_ylabel(f"Test error, {NAMES[metric]} ({unit_of(metric, unit)})")
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=3)

@@ -1,4 +1,7 @@
-"""Draw the figures of the strain experiments, those of the latent-space paper first."""
+"""Draw the figures of the strain experiments, those of the latent-space paper first.
+
+A function returns the numbers of what it draws that the figure's caption states (strain_captions.py).
+"""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -27,10 +30,11 @@ def performance(
     truth: np.ndarray,
     predicted: Mapping[str, np.ndarray],
     outputs: Sequence[int],
-) -> None:
-    """Draw figures 5, 6 and 8: sensor readings (if given) and measured and predicted position over time.
+) -> dict[str, float]:
+    """Draw figures 5, 6 and 8: sensor readings (if given) and true and predicted position over time.
 
     time_s: (T,) from the start of the test part; volts: (T, channels) or (T, 0); truth, predicted: (T, 3) in mm.
+    Returns model -> mean distance (mm) from the true position over what is drawn.
     """
     chosen = time_s - time_s[0] <= SHOWN_S
     at = time_s[chosen] - time_s[0]
@@ -45,7 +49,7 @@ def performance(
         axes = axes[1:]
     handles = {}
     for ax, column in zip(axes, outputs, strict=True):
-        handles["measured"] = ax.plot(at, truth[chosen, column], **(MEASURED | {"linewidth": 1.1}))[0]
+        handles["true"] = ax.plot(at, truth[chosen, column], **(MEASURED | {"linewidth": 1.1}))[0]
         for model, values in predicted.items():
             look = model_style(model)
             (handles[look.label],) = ax.plot(
@@ -56,18 +60,29 @@ def performance(
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles))
     figure.suptitle(title)
     style.save(figure, path)
+    return {
+        model: float(np.linalg.norm((values - truth)[chosen][:, outputs], axis=1).mean())
+        for model, values in predicted.items()
+    }
 
 
-def drifting(path: Path, title: str, time_s: np.ndarray, volts: np.ndarray) -> None:
-    """Draw the strands' readings in the whole test part, and their means over DRIFT_S; time_s (T,), volts (T, n)."""
+def drifting(path: Path, title: str, time_s: np.ndarray, volts: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Draw the strands' readings in the whole test part, and their means over DRIFT_S; time_s (T,), volts (T, n).
+
+    Returns by strand, (n,) in mV, how far its means move and the standard deviation of its readings around them, and
+    how long the test part is (min).
+    """
     minutes = (time_s - time_s[0]) / 60
     block = ((time_s - time_s[0]) // DRIFT_S).astype(int)
     centre = np.bincount(block, minutes) / np.bincount(block)
+    moved, scatter = [], []
     figure, axes = plt.subplots(volts.shape[1], 1, figsize=(9, 1.1 * volts.shape[1] + 1.2), sharex=True, squeeze=False)
     for k, (ax, reading) in enumerate(zip(axes[:, 0], 1e3 * (volts - volts.mean(axis=0)).T, strict=True)):
         (line,) = ax.plot(minutes, reading, color=style.GREY, linewidth=0.4)
         means = np.bincount(block, reading) / np.bincount(block)
         (slow,) = ax.plot(centre, means, color=style.VERMILION, linewidth=1.6)
+        moved.append(np.ptp(means))
+        scatter.append((reading - means[block]).std())
         ax.set_ylabel(f"{k}")
     axes[-1, 0].set_xlabel("Time since the start of the test part (min)")
     figure.supylabel("Voltage of each strand, mean removed (mV)")
@@ -75,10 +90,15 @@ def drifting(path: Path, title: str, time_s: np.ndarray, volts: np.ndarray) -> N
     figure.legend([line, slow], names, loc="outside lower center", ncols=2)
     figure.suptitle(title)
     style.save(figure, path)
+    return np.array(moved), np.array(scatter), float(minutes[-1])
 
 
-def latent_space(path: Path, latents: pd.DataFrame) -> None:
-    """Draw figure 7: the states of model-0 on task 2; latents: t_s and one column per unit."""
+def latent_space(path: Path, latents: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    """Draw figure 7: the states of model-0 on task 2; latents: t_s and one column per unit.
+
+    Returns by state, (units,), the size of the change of its mean from the first to the last tenth, and its standard
+    deviation.
+    """
     at = latents["t_s"] - latents["t_s"].iloc[0]
     states = latents.drop(columns="t_s").to_numpy()
     figure, ax = plt.subplots(figsize=(9, 3.2))
@@ -86,11 +106,13 @@ def latent_space(path: Path, latents: pd.DataFrame) -> None:
         ax.plot(at, state, color=colour, linewidth=0.7)
     ax.set(
         xlabel="Time since the start of the test part (s)",
-        ylabel="State (1)",
+        ylabel="State",
         ylim=(-1.02, 1.02),
-        title=f"Figure 7: the {states.shape[1]} states of model-0 while it sees task 2 (one line a state)",
+        title=f"Figure 7: the {states.shape[1]} states of model-0 while it sees task 2 (one line per state)",
     )
     style.save(figure, path)
+    tenth = -(-len(states) // 10)
+    return np.abs(states[-tenth:].mean(axis=0) - states[:tenth].mean(axis=0)), states.std(axis=0)
 
 
 def curves(
@@ -141,7 +163,7 @@ def decoding(path: Path, scores: Mapping[tuple[str, str, str], Estimate]) -> Non
         ax.axhline(0, color=style.BLACK, linewidth=0.8)
         ax.set_xticks(np.arange(len(targets)), targets)
         ax.set(title=task.replace("_", " "), ylim=(-0.25, 1.05))
-    axes[0][0].set_ylabel("R2 of a linear decoder,\nheld-out blocks (1)")
+    axes[0][0].set_ylabel("R2 of a linear decoder,\nheld-out blocks")
     handles, names = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(names))
     figure.suptitle("Is the latent space free of drift? (0: nothing can be read, 1: everything; bars end at -0.2)")
@@ -169,16 +191,20 @@ def error_over_time(path: Path, errors: Mapping[str, Mapping[str, np.ndarray]], 
     style.save(figure, path)
 
 
-def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]]) -> None:
+def presses(
+    path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]]
+) -> dict[str, dict[str, float]]:
     """Draw predicted against true place of test presses, one row per protocol, two columns (x, y) per model.
 
     Of many presses MOST_PRESSES are drawn, evenly over the test part.
 
-    views: protocol -> (truth (n, 3), press (n,), model -> prediction (n, 3)), samples of presses only.
+    views: protocol -> (truth (n, 3), press (n,), model -> prediction (n, 3)), samples of presses only. Returns protocol
+    -> model -> mean distance (mm) between true and predicted place of the presses drawn.
     """
     candidates = ("lstm_direct", "lstm_highpass", "press_difference")
     models = [model for model in candidates if all(model in view[2] for view in views.values())]
     columns = 2 * len(models)
+    distances: dict[str, dict[str, float]] = {protocol: {} for protocol in views}
     figure, axes = style.panels(len(views) * columns, columns, 2.0 * columns, 2.2, 0.5, sharex=True, sharey=True)
     for row, (protocol, (truth, press, predicted)) in zip(axes, views.items(), strict=True):
         _, first, size = np.unique(press, return_index=True, return_counts=True)
@@ -187,6 +213,7 @@ def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mappin
         true = np.array([truth[half].mean(axis=0) for half in halves])
         for k, model in enumerate(models):
             guess = np.array([predicted[model][half].mean(axis=0) for half in halves])
+            distances[protocol][model] = float(np.linalg.norm((guess - true)[:, :2], axis=1).mean())
             for column in range(2):
                 ax = row[2 * k + column]
                 ax.plot(true[:, column], guess[:, column], ".", color=model_style(model).color, markersize=2.5)
@@ -199,3 +226,4 @@ def presses(path: Path, views: Mapping[str, tuple[np.ndarray, np.ndarray, Mappin
         ax.set_xlabel("true (mm)")
     figure.suptitle(f"Place of test presses (up to {MOST_PRESSES}), mean over the second half of a press's samples")
     style.save(figure, path)
+    return distances

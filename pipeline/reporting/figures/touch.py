@@ -1,4 +1,7 @@
-"""Draw the figures of the LoMP paper from our data. Every function writes one PNG; predictions are one run's."""
+"""Draw the figures of the LoMP paper from our data. Every function writes one PNG; predictions are one run's.
+
+A function returns the numbers of what it draws that the figure's caption states (touch_captions.py).
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -69,8 +72,12 @@ def in_contact(windows: Windows, settings: Mapping) -> np.ndarray:
     return (np.nan_to_num(windows.force_n) > settings["window"]["contact_threshold_n"]).any(axis=1)
 
 
-def characteristic_curve(path: Path, settings: Mapping) -> None:
-    """Draw figure 2b: resistance of the fitted film over pressure, without and with its memory."""
+def characteristic_curve(path: Path, settings: Mapping) -> tuple[float, float, float, float]:
+    """Draw figure 2b: resistance of the fitted film over pressure, without and with its memory.
+
+    Returns the static resistance (ohm) at the lowest and at the highest pressure, and that on loading and on unloading
+    at half the highest pressure.
+    """
     film, scale = material.load_material(), settings["simulate"]["material"]["resistance_scale_ohm"]
     dt, kpa_a_newton = 0.001, 1e-3 / FILM_AREA_M2
     kpa = np.geomspace(1, 400, 400)
@@ -92,10 +99,17 @@ def characteristic_curve(path: Path, settings: Mapping) -> None:
     )
     figure.legend(loc="outside lower center", ncols=3)
     style.save(figure, path)
+    half = middle // 2
+    return float(static[0]), float(static[-1]), float(looped[half]), float(looped[-1 - half])
 
 
-def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Draw figure 4: largest value of true and predicted map, and L1 loss, over windows of test presses."""
+def peak_pressure(
+    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
+) -> dict[str, tuple[float, float]]:
+    """Draw figure 4: largest value of true and predicted map, and L1 loss, over windows of test presses.
+
+    Returns model -> mean L1 loss (kPa), and mean predicted peak over the mean true one.
+    """
     chosen = np.flatnonzero((windows.condition == "single") & in_contact(windows, settings))
     chosen = chosen[:SHOWN_WINDOWS]
     truth = windows.truth[chosen]
@@ -133,10 +147,19 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
     figure.legend(handles, names, loc="outside lower center", ncols=2)
     figure.suptitle("Figure 4: single touch, true and predicted peak pressure, and mean L1 loss of the map")
     style.save(figure, path)
+    true_peak = truth.max(axis=(1, 2)).mean()
+    return {
+        model: (float(losses[model].mean()), float(maps[model][chosen].max(axis=(1, 2)).mean() / true_peak))
+        for model in models
+    }
 
 
-def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
-    """Draw figure 5: counts of an element over pressure for press locations along x within the element."""
+def press_location(path: Path, frames: pa.Table, settings: Mapping) -> tuple[dict[str, float], float, float]:
+    """Draw figure 5: counts of an element over pressure for press locations along x within the element.
+
+    Returns press location -> median counts at the median pressure of all points or more, that pressure (kPa), and
+    how far the locations are apart (mm).
+    """
     sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]
     frames = frames.filter(pa.array(schemas.names(frames["condition"]) == "single"))
     force, x, y = (schemas.matrix(frames[name])[:, 0] for name in ("force_n", "x_mm", "y_mm"))
@@ -176,6 +199,10 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
     apart = "" if np.isnan(spacing) else f"\n(locations {spacing:g} mm apart, our grid's pitch; paper: 2.875 mm)"
     figure.suptitle(f"Figure 5: sensor behaviour for press locations within one element, loading and unloading{apart}")
     style.save(figure, path)
+    reads, pressures = ({name: np.concatenate([part[k] for part in points[name]]) for name in order} for k in (1, 2))
+    middle = float(np.median(np.concatenate(list(pressures.values())))) if order else np.nan
+    above = {name: reads[name][pressures[name] >= middle] for name in order}
+    return {name: float(np.median(read)) for name, read in above.items() if len(read)}, middle, spacing
 
 
 def _block_peak(maps: np.ndarray, x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping) -> np.ndarray:
@@ -193,8 +220,14 @@ def elements_at(x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping) -> np.ndarr
     return row * sensor["cols"] + column
 
 
-def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Draw figure 6: pressure at both pressed elements and their counts over time, for a stretch of presses."""
+def double_touch(
+    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
+) -> tuple[dict[str, float], int]:
+    """Draw figure 6: pressure at both pressed elements and their counts over time, for a stretch of presses.
+
+    Returns model -> mean distance (kPa) of the prediction's peak from the label's in both elements, and how many
+    presses are drawn.
+    """
     sensor = settings["sensor"]
     double = np.flatnonzero((windows.condition == "double") & ~np.isnan(windows.x_mm[:, :2]).any(axis=1))
     double = double[windows.recording[double] == windows.recording[double[0]]]
@@ -202,6 +235,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
     chosen = double[np.isin(windows.press[double], presses)]
     time = windows.t_s[chosen] - windows.t_s[chosen[0]]
     drawn = [model for model in TOUCH_MODELS if model in maps]
+    distances: dict[str, list[float]] = {model: [] for model in drawn}
     figure, axes = plt.subplots(3, 1, figsize=(10, 8), sharex=True, height_ratios=[2, 2, 1.4])
     elements = []
     for touch, ax in enumerate(axes[:2]):
@@ -211,6 +245,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
         for model in drawn:
             look = model_style(model)
             estimated = _block_peak(maps[model][chosen], *place, sensor)
+            distances[model].append(float(np.abs(estimated - truth).mean()))
             ax.plot(time, estimated, color=look.color, linestyle=look.linestyle, marker=look.marker, markersize=4)
         ax.plot(time, truth, **MEASURED)
         ax.set_ylabel(f"Touch {touch + 1} ({('CNC', 'hand')[touch]})\npressure (kPa)")
@@ -234,10 +269,17 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], s
     axes[0].legend(handles, names, loc="upper left", bbox_to_anchor=(1, 1))
     figure.suptitle("Figure 6: double touch, largest value of label and predicted map within each pressed element")
     style.save(figure, path)
+    return {model: float(np.mean(both)) for model, both in distances.items()}, len(presses)
 
 
-def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
-    """Draw figure 7: mean squared error per window, for one touch and for two, on a logarithmic axis."""
+def error_distribution(
+    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
+) -> dict[str, dict[str, float]]:
+    """Draw figure 7: mean squared error per window, for one touch and for two, on a logarithmic axis.
+
+    Returns condition -> model -> median over windows (kPa²), NaN where the model failed.
+    """
+    medians: dict[str, dict[str, float]] = {}
     contact = in_contact(windows, settings)
     conditions = [name for name in ("single", "double") if (windows.condition == name).any()]
     figure, ax = plt.subplots(figsize=(8, 0.62 * len(maps) + 1.6))
@@ -246,6 +288,7 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarr
             rows = contact & (windows.condition == condition)
             mse = np.square(predicted[rows].astype(float) - windows.truth[rows]).mean(axis=(1, 2))
             mse = np.maximum(mse[np.isfinite(mse)], 1e-6)  # an exact prediction has no place on this axis
+            medians.setdefault(condition, {})[model] = float(np.median(mse)) if len(mse) else np.nan
             if not len(mse):
                 ax.text(0.5, k, "failed", transform=ax.get_yaxis_transform(), ha="center", va="center")
                 continue
@@ -269,6 +312,7 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarr
     handles, names = zip(*(looks[condition] for condition in conditions), strict=True)
     figure.legend(handles, names, loc="outside lower center", ncols=len(conditions))
     style.save(figure, path)
+    return medians
 
 
 def shown_maps(windows: Windows) -> dict[str, int]:
@@ -291,16 +335,28 @@ def shown_maps(windows: Windows) -> dict[str, int]:
     return chosen
 
 
-def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping) -> None:
+def pressure_maps(
+    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
+) -> dict[str, dict[str, float]]:
     """Draw figure 8: one column per kind of touch; reading, label and predicted maps below each other.
 
     Every column has the colours of its label, up to its largest pressure, and the reading those of its largest count.
+    Returns kind of touch -> model -> RMSE of the map (kPa), NaN where the model failed.
     """
     columns, sensor = shown_maps(windows), settings["sensor"]
     extent = (0, sensor["cols"] * sensor["pitch_mm"], 0, sensor["rows"] * sensor["pitch_mm"])
     readings = windows.counts.reshape(-1, sensor["rows"], sensor["cols"])
     sources = {"Reading": readings, "Label": windows.truth}
     sources |= {model_name(model): maps[model] for model in MAP_MODELS if model in maps}
+    errors = {
+        kind: {
+            model: float(np.sqrt(np.square(maps[model][window].astype(float) - windows.truth[window]).mean()))
+            for model in MAP_MODELS
+            if model in maps
+        }
+        for kind, window in columns.items()
+    }
+    by_name = {kind: {model_name(model): error for model, error in of.items()} for kind, of in errors.items()}
     size = {"figsize": (2.2 * len(columns) + 1.2, 2.35 * len(sources) + 0.6)}
     figure, axes = plt.subplots(len(sources), len(columns), squeeze=False, sharex=True, sharey=True, **size)
     image = None
@@ -315,8 +371,8 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
             elif name == "Label":
                 ax.set_title(f"peak {truth.max():.0f} kPa")
             else:
-                error = np.sqrt(np.square(values.astype(float) - truth).mean())
-                ax.set_title(f"RMSE {error:.1f} kPa" if np.isfinite(values).all() else "failed")
+                error = by_name[kind][name]
+                ax.set_title(f"RMSE {error:.1f} kPa" if np.isfinite(error) else "failed")
             ax.set_xticks(np.arange(sensor["cols"] + 1) * sensor["pitch_mm"])
             ax.set_yticks(np.arange(sensor["rows"] + 1) * sensor["pitch_mm"])
             ax.grid(color="white", alpha=0.3, linewidth=0.6)
@@ -328,6 +384,7 @@ def pressure_maps(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], 
     figure.colorbar(image, ax=axes, label=words, extend="max", shrink=0.6)
     figure.suptitle("Figure 8: from 25 readings to a pressure map; grid lines are the borders of the elements")
     style.save(figure, path)
+    return errors
 
 
 def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) -> None:

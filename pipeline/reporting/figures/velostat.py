@@ -17,11 +17,12 @@ GAP = 3.0  # median intervals between windows; lines are interrupted at longer o
 
 def force_over_time(
     path: Path, windows: pa.Table, test: np.ndarray, predicted: Mapping[str, np.ndarray], recordings: Sequence[str]
-) -> None:
+) -> dict[str, dict[str, float]]:
     """Draw measured and predicted force (N) over time, one panel per recording.
 
-    test: (n,) bool; predicted: model -> (n, 1) in N.
+    test: (n,) bool; predicted: model -> (n, 1) in N. Returns recording -> model -> RMSE (N) of what is drawn.
     """
+    errors: dict[str, dict[str, float]] = {name: {} for name in recordings}
     recording = schemas.names(windows["recording"])
     truth, time = schemas.matrix(windows["y"])[:, 0], windows["t_s"].to_numpy()
     figure, axes = style.panels(len(recordings), 1, 9, 2.2, 1)
@@ -34,6 +35,7 @@ def force_over_time(
         breaks = np.flatnonzero(steps > GAP * np.median(steps)) + 1 if len(steps) else []
         at = np.insert(at, breaks, np.nan)
         for model, force in predicted.items():
+            errors[name][model] = float(np.sqrt(np.square(force[rows, 0] - truth[rows]).mean()))
             look = model_style(model)
             ax.plot(at, np.insert(force[rows, 0], breaks, np.nan), color=look.color, linestyle=look.linestyle)
         ax.plot(at, np.insert(truth[rows], breaks, np.nan), **(MEASURED | {"linewidth": 1.1}))
@@ -45,3 +47,4 @@ def force_over_time(
     figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
     figure.suptitle("Measured and predicted force on test recordings")
     style.save(figure, path)
+    return errors

@@ -12,6 +12,8 @@ from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page import charts, verdicts
 from pipeline.reporting.page.hypertext import Pages
 from pipeline.reporting.page.templates import fill
+from pipeline.reporting.sentences import caption
+from pipeline.reporting.speed import chart_caption
 from pipeline.reporting.verdicts.rules import (
     BAND,
     CONTRADICTED,
@@ -33,7 +35,6 @@ class Question(NamedTuple):
     claim: str  # its id in claims.csv
     number: str  # what the claim's number is, in words
     figure: str  # of reports/
-    caption: str
 
 
 QUESTIONS = {
@@ -42,21 +43,18 @@ QUESTIONS = {
         "lomp/lomp-best-double",
         "below the next best model on double touch",
         "touch/accuracy/figure8.png",
-        "Pressure maps of one, two and three touches: truth and models",
     ),
     "latent": Question(
         "Is the latent space of strain sensors free of drift?",
         "latent/drift-free-true-drift-task_2",
         "is how much of the true drift a read-out finds in it (R2, task 2)",
         "strain/accuracy/drift.png",
-        "Drift that can be read from the latent space and from the raw voltages",
     ),
     "sp_resnet": Question(
         "How precisely does SP-ResNet name what a glove holds?",
         "sp_resnet/precision-combined-sp_resnet",
         "precision on pressure and strain together",
         "glove/accuracy/figure14_combined.png",
-        "Confusion matrix of SP-ResNet, pressure and strain together",
     ),
 }
 ANSWERS = {REPRODUCED: "Yes: ", CONTRADICTED: "No: "}  # to a question that is not about a number
@@ -87,7 +85,7 @@ def card(pages: Pages, paper: str, claims: pd.DataFrame) -> dict:
         "number": number,
         "answer": f"{asked.number}{paper_says}{why}.",
         "figure": asked.figure,
-        "caption": asked.caption,
+        "caption": pages.caption(asked.figure),
         "size": pages.size(asked.figure),
         "counts": verdicts.counts_by_data(of_paper),
         "claims": len(of_paper),
@@ -129,8 +127,19 @@ def compared(claims: pd.DataFrame) -> dict:
     return {"band": BAND, "reach": REACH, "panels": panels, "rows": rows, "models": charts.looks(rows)}
 
 
-def speed(values: Mapping) -> dict:
-    """Return the data of the chart with one panel per paper, its last main condition; empty where none was run."""
+def compared_caption(rows: list[Mapping]) -> str:
+    """Return the caption of the chart of our errors over the published ones; rows: those that it draws."""
+    ratios = [row["ours"] for row in rows if row["ours"] is not None]
+    inside = sum(abs(value - 1) <= BAND for value in ratios)
+    larger = sum(value > 1 + BAND for value in ratios)
+    return caption(
+        f"of {len(ratios)} errors, ours lie in the band for {inside}, above it for {larger} and below it for "
+        f"{len(ratios) - inside - larger}"
+    )
+
+
+def speed(values: Mapping) -> pd.DataFrame | None:
+    """Return the speed table with one panel per paper, its last main condition; None where none was run."""
     tables = []
     for paper, experiment in EXPERIMENTS.items():
         path = paths.REPORTS / experiment / "speed" / "table2.csv"
@@ -139,7 +148,7 @@ def speed(values: Mapping) -> dict:
         table = read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
         panel = table["panel"].iloc[-1]
         tables.append(table[table["panel"] == panel].assign(panel=f"{PAPERS[paper]}: {panel}"))
-    return charts.data(pd.concat(tables), "Speed against accuracy", ["p50_ms"]) if tables else {}
+    return pd.concat(tables, ignore_index=True) if tables else None
 
 
 def scale_words(values: Mapping) -> str:
@@ -158,6 +167,7 @@ def section(pages: Pages, values: Mapping) -> Markup:
         for paper, asked in QUESTIONS.items()
         if asked.claim in ids and (paths.REPORTS / asked.figure).exists()  # an experiment may not have been run
     ]
+    ours, speeds = compared(claims), speed(values)
     return fill(
         "answers",
         claims=len(verdicts.counted(claims)),
@@ -165,6 +175,8 @@ def section(pages: Pages, values: Mapping) -> Markup:
         cards=[card(pages, paper, claims) for paper in present],
         verdicts=VERDICTS,
         band=f"{100 * BAND:.0f}",
-        compared=compared(claims),
-        speed=speed(values),
+        compared=ours,
+        compared_caption=compared_caption(ours["rows"]),
+        speed={} if speeds is None else charts.data(speeds, "Speed against accuracy", ["p50_ms"]),
+        speed_caption="" if speeds is None else chart_caption(speeds, "p50_ms"),
     )

@@ -17,8 +17,8 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.reporting.page.templates import part
 
-# A line of a list that is nothing but a figure and its caption.
-FIGURE = re.compile(r"^- \[[^\]]*\]\((?P<path>[^)\s]+\.png)\): (?P<caption>.+)$")
+# A line that is nothing but a figure and its caption: a link in a list, or the picture itself.
+FIGURE = re.compile(r"^(?:- |!)\[[^\]]*\]\((?P<path>[^)\s]+\.png)\):? (?P<caption>.+)$")
 LINK = re.compile(r"\[(?P<text>[^\]]+)\]\((?P<path>[^)\s]+\.png)\)")
 REFERENCE = re.compile(r'(?:href|src)="([^"#][^"]*)"')
 
@@ -51,6 +51,16 @@ def title(text: str) -> str:
     """Return the heading of the highest level of a Markdown document, or nothing."""
     heading = re.search(r"^# (.+)$", text, re.MULTILINE)
     return heading[1].strip() if heading else ""
+
+
+def captions(text: str) -> dict[str, str]:
+    """Return path -> caption of the figures that a Markdown document lists or shows with a caption."""
+    return {line["path"]: line["caption"] for line in filter(None, map(FIGURE.match, text.splitlines()))}
+
+
+def bare(text: str) -> str:
+    """Return Markdown without the marks of code and emphasis, for those who hear a figure's caption."""
+    return re.sub(r"[`*]", "", text)
 
 
 class Pages:
@@ -131,7 +141,7 @@ class Pages:
         shown = [
             {
                 "source": quote(source),
-                "words": re.sub(r"[`*]", "", caption),
+                "words": bare(caption),
                 "size": self.size(source),
                 "caption": Markup(self._parser.renderInline(caption)),
             }
@@ -139,17 +149,21 @@ class Pages:
         ]
         return part("gallery", shown)
 
+    def caption(self, source: str) -> str:
+        """Return, without marks of Markdown, what the README.md beside a figure (path below reports/) says it shows."""
+        folder, _, name = source.rpartition("/")
+        return bare(captions(read(f"{folder}/README.md")).get(name, Path(name).stem.replace("_", " ")))
+
     def rest(self, folder: str, text: str, names: Iterable[str]) -> Markup:
         """Return a gallery of the PNG files `names` of a folder that the page does not show yet.
 
         A caption is what stands behind the link to the file in the Markdown `text`, its text, or the name of the file.
         """
-        captions = {link["path"]: link["text"] for link in LINK.finditer(text)}
-        captions |= {line["path"]: line["caption"] for line in filter(None, map(FIGURE.match, text.splitlines()))}
+        known = {link["path"]: link["text"] for link in LINK.finditer(text)} | captions(text)
         figures = []
         for name in sorted(names):
             if f"{folder}/{name}" not in self.pictures:
-                caption = captions.get(name, name)
+                caption = known.get(name, name)
                 words = Path(caption).stem.replace("_", " ") if caption == name else caption
                 figures.append((f"{folder}/{name}", words))
         return self.gallery(figures) if figures else Markup()

@@ -13,9 +13,11 @@ from pipeline.base import paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.reporting.page import answers, charts, leaderboards, provenance, verdicts
-from pipeline.reporting.page.hypertext import Pages, anchor, check_references, read, sections, title
+from pipeline.reporting.page.hypertext import FIGURE, Pages, anchor, check_references, read, sections, title
 from pipeline.reporting.page.templates import fill, part, script
+from pipeline.reporting.speed import chart_caption
 from pipeline.reporting.verdicts.rules import EXPERIMENTS, PAPERS, RECORDED_EXPERIMENTS
+from pipeline.reporting.words.labels import FRONTS, capitalised, experiment_name
 from pipeline.scoring.results import read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
@@ -74,7 +76,7 @@ def files(folder: str, suffix: str) -> list[str]:
 
 def owner(name: str, experiments: Sequence[str]) -> str:
     """Return the experiment of a stability figure or heading: the longest experiment's name that it starts with."""
-    fitting = (key for key in experiments if name == key or name.startswith((f"{key}_", f"{key}:")))
+    fitting = (key for key in experiments if name == key or name.startswith((f"{key}_", f"{experiment_name(key)}:")))
     return max(fitting, key=len, default="")
 
 
@@ -92,7 +94,8 @@ def speed(pages: Pages, experiment: str, name: str) -> list[tuple[str, Markup]]:
         paths.REPORTS / folder / "table2.csv", charts.COLUMNS, f"python -m pipeline.stages.render {experiment}"
     )
     others = set(files(folder, ".png")) - DRAWN
-    drawn = charts.charts(table, name) + pages.rest(folder, "", others)
+    said = Markup().join(Markup("<p>{}</p>").format(chart_caption(table, time)) for time in FRONTS)
+    drawn = said + charts.charts(table, name) + pages.rest(folder, "", others)
     tables = [
         (f"In numbers: {title(read(f'{folder}/{file}')) or file}", document(pages, f"{folder}/{file}", 2, fold=False))
         for file in files(folder, ".md")
@@ -129,8 +132,9 @@ def paper_sections(pages: Pages, values: Mapping) -> list[tuple[str, str, list[t
     """Return (id, title, its experiments' ids and names, HTML) of every paper of which an experiment is there."""
     built = []
     for paper, name in PAPERS.items():
-        own = [key for key in (EXPERIMENTS[paper], RECORDED_EXPERIMENTS[paper]) if key in values["experiments"]]
-        inner = [(key, *experiment_section(pages, key, values)) for key in own]
+        simulated_and_recorded = (EXPERIMENTS[paper], RECORDED_EXPERIMENTS[paper])
+        experiments = [key for key in simulated_and_recorded if key in values["experiments"]]
+        inner = [(key, *experiment_section(pages, key, values)) for key in experiments]
         if inner:
             html = Markup().join(section for *_, section in inner)
             html = Markup('<section id="{}"><h2>{}</h2>{}</section>').format(paper, name, html)
@@ -146,25 +150,26 @@ def stability_of(pages: Pages, experiment: str, experiments: Sequence[str]) -> M
         if not chosen:
             raise InputError(f"reports/stability/{name}: nothing about {experiment}; run `dvc repro` again")
         for heading, body in chosen:
-            kept = "\n".join(line for line in body.splitlines() if not line.startswith("Figures:"))
+            kept = "\n".join(line for line in body.splitlines() if not FIGURE.match(line))
             html = pages.render(kept, "stability", 3, heading)
-            words = heading.partition(": ")[2] or heading
+            words = capitalised(heading.partition(": ")[2] or heading)
             if name == "failures.md":
-                closed.append(part("folded", f"Where the models fail, {words}", html))
+                closed.append(part("folded", f"Where the models fail: {words[0].lower()}{words[1:]}", html))
             else:
                 opened.append(Markup("<h4>{}</h4>{}").format(words, html))
     figures = [
-        (f"stability/{name}", name.removesuffix(".png").removeprefix(f"{experiment}_").replace("_", " "))
-        for name in files("stability", ".png")
-        if owner(name.removesuffix(".png"), experiments) == experiment
+        name for name in files("stability", ".png") if owner(name.removesuffix(".png"), experiments) == experiment
     ]
-    maps = [figure for figure in figures if figure[0].endswith("heat_map.png")]
-    curves = [figure for figure in figures if figure not in maps]
+    maps = [name for name in figures if name.endswith("heat_map.png")]
+    curves = [name for name in figures if name not in maps]
+    text = read(f"stability/{STABILITY[0]}")
     if maps:
-        opened.insert(0, pages.gallery(maps))
+        opened.insert(0, pages.rest("stability", text, maps))
     if curves:
-        closed.insert(0, part("folded", "Error by severity, every perturbation", pages.gallery(curves)))
-    return Markup('<h3 id="stability-{}">{}</h3>{}').format(experiment, experiment, Markup().join([*opened, *closed]))
+        gallery = pages.rest("stability", text, curves)
+        closed.insert(0, part("folded", "Error by severity, every perturbation", gallery))
+    heading = Markup('<h3 id="stability-{}">{}</h3>').format(experiment, experiment_name(experiment))
+    return heading + Markup().join([*opened, *closed])
 
 
 def stability_section(pages: Pages, experiments: Sequence[str]) -> Markup:
@@ -213,7 +218,7 @@ def build(values: Mapping) -> str:
     body.append(stability_section(pages, values["experiments"]))
     for chapter, report in chapters().items():
         text = document(pages, report, 1, fold=False)
-        gallery = pages.rest(chapter, "", files(chapter, ".png"))
+        gallery = pages.rest(chapter, read(report), files(chapter, ".png"))
         heading = Markup('<section id="{}"><h2>{}</h2>').format(chapter, CHAPTERS[chapter])
         body.append(heading + text + gallery + Markup("</section>"))
         contents.append((chapter, CHAPTERS[chapter], []))

@@ -1,4 +1,4 @@
-"""Name models and columns as the reports do."""
+"""Name experiments, models, perturbations, effects and columns as the reports do."""
 
 FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
 SPREAD = {"p50_ms": ["p50_low_ms", "p50_high_ms"], "train_s": ["train_low_s", "train_high_s"]}  # -> its least and most
@@ -30,7 +30,127 @@ LABELS = {
     "sp_resnet": "SP-ResNet",
 }
 
+EXPERIMENTS = {
+    "touch": "Touch",
+    "velostat_recorded": "Recorded Velostat taxel",
+    "strain": "Strain",
+    "strain_recorded": "Recorded strain sensors",
+    "glove": "Glove",
+    "glove_recorded": "Recorded grasps",
+}
+CONDITIONS = {  # (experiment, protocol, condition) of the stability tests -> what is tested
+    ("touch", "press", "single"): "single touches",
+    ("touch", "press", "double"): "double touches",
+    ("touch", "press", "single_anew"): "fresh single touches",
+    ("touch", "press", "several"): "several touches at once",
+    ("velostat_recorded", "repetition", "all"): "all recordings",
+    ("strain_recorded", "within_day_xy", "day_1"): "within a day",
+    ("strain_recorded", "across_days_xy", "day_2"): "across days",
+    ("glove", "session_pressure", "pressure"): "pressure",
+    ("glove", "session_strain", "strain"): "strain",
+    ("glove", "session_combined", "combined"): "pressure and strain",
+    ("glove_recorded", "grasp_pressure", "pressure"): "pressure",
+    ("glove_recorded", "grasp_strain", "strain"): "joint angles",
+    ("glove_recorded", "grasp_combined", "combined"): "pressure and joint angles",
+}
+TASKS = {"single": "single touch", "double": "double touch"}  # condition -> what is tested; others are words already
+PERTURBATIONS = {
+    "noise": "noise",
+    "gain_drift": "drift of gains",
+    "offset_drift": "drift of offsets",
+    "dead": "dead elements",
+    "half": "elements that die half way",
+    "stuck": "stuck elements",
+    "dead_line": "dead rows or columns",
+    "lost_frames": "lost frames",
+    "jitter": "uneven sampling",
+    "specimen": "another sensor",
+    "peak_pressure": "higher pressure",
+    "press_speed": "speed of a press",
+    "tip_radius": "radius of the tip",
+    "touches": "more touches at once",
+    "distance": "distance of two touches",
+    "time": "time since the test part began",
+    "rate": "sampling rate",
+    "speed": "speed of motion",
+    "shift": "shifted object",
+    "turn": "turned object",
+    "grip": "strength of the grip",
+}
+FORMS = {  # keys of glove_results.FORMS: how a network predicts from several input frames
+    "trained": "one network trained on all frames",
+    "mean": "mean prediction of a one-frame network",
+}
+EFFECTS = {  # of the simulated scenes
+    "load_sharing": "sharing of the load among elements",
+    "contact_growth": "growth of the contact area with force",
+    "places": "differences between places of the film",
+    "creep": "creep",
+    "slow_creep": "slow creep",
+    "hysteresis": "hysteresis",
+    "release": "overshoot after a release",
+    "crosstalk": "crosstalk within a column",
+    "row_sag": "sag of the row voltage",
+    "scan_time": "time between elements of a scan",
+    "noise": "noise",
+    "hand_error": "error of the hand's place",
+    "line_faults": "faulty lines in the log",
+    "relaxation": "relaxation of the strands",
+    "asymmetry": "asymmetry of loading and unloading",
+    "drift": "drift",
+    "stick_slip": "stick-slip friction",
+    "friction_spread": "spread of the friction",
+    "jitter": "uneven sampling",
+    "session": "differences between sessions",
+    "wander": "wandering load within a grasp",
+    "element_spread": "differences between elements",
+    "softness": "softness of the objects",
+}
+
 
 def model_name(model: str) -> str:
     """Return the name of a model in tables and sentences: as the paper prints it, or its key where there is none."""
     return LABELS.get(model, model)
+
+
+def experiment_name(experiment: str) -> str:
+    """Return the name of an experiment in headings."""
+    return EXPERIMENTS.get(experiment, plain(experiment))
+
+
+def condition_name(experiment: str, protocol: str, condition: str) -> str:
+    """Return what a stability test was done on, in words."""
+    if name := CONDITIONS.get((experiment, protocol, condition)):
+        return name
+    said = condition in ("all", protocol) or protocol.endswith(f"_{condition}")
+    return plain(protocol if said else f"{protocol}, {condition}")
+
+
+def task_name(condition: str) -> str:
+    """Return what a condition tests, in words."""
+    return TASKS.get(condition, plain(condition))
+
+
+def perturbation_name(perturbation: str) -> str:
+    """Return the name of a perturbation of the stability tests."""
+    return PERTURBATIONS.get(perturbation, plain(perturbation))
+
+
+def effect_name(effect: str) -> str:
+    """Return the name of an effect of a simulated scene."""
+    return EFFECTS.get(effect, plain(effect))
+
+
+def form_name(form: str) -> str:
+    """Return how a network predicts from several input frames, one of `glove_results.FORMS`, in words."""
+    return FORMS.get(form, plain(form))
+
+
+def plain(key: str) -> str:
+    """Return a key as words."""
+    return key.replace("_", " ")
+
+
+def capitalised(text: str) -> str:
+    """Return a sentence with a capital first letter; the others stay as they are."""
+    return text[:1].upper() + text[1:]

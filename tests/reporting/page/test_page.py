@@ -20,6 +20,7 @@ from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.reporting.page import answers, charts, hypertext, leaderboards, provenance, sections, templates, verdicts
 from pipeline.reporting.verdicts import rules
+from pipeline.reporting.words.labels import experiment_name
 from pipeline.stages import page
 
 ABSENT = "glove_recorded"
@@ -221,9 +222,11 @@ def reports(tmp_path, monkeypatch) -> Path:
         data.mkdir(parents=True)
         (data / "ingest.json").write_text(json.dumps({"run": run, "reason": f"no recordings of {name}"}))
         write_experiment(folder, name)
-        told.append(f"## {name}: " + ("all\n\n- `noise` is held.\n" if run else "not run\n"))
+        heading = f"## {experiment_name(name)}: "
+        figures = f"- [{name}_all.png]({name}_all.png): How {name} fares.\n"
+        told.append(heading + (f"all\n\n- `noise` is held.\n\n{figures}" if run else "not run\n"))
         if run:
-            failures.append(f"## {name}: all\n\n| perturbation | LoMP |\n| --- | --: |\n| noise | 0.1 |\n")
+            failures.append(f"{heading}all\n\n| perturbation | LoMP |\n| --- | --: |\n| noise | 0.1 |\n")
             png(stability / f"{name}_all.png")
             png(stability / f"{name}_all_heat_map.png")
     png(folder / "touch" / "accuracy" / "figure8.png")
@@ -325,7 +328,7 @@ def test_benchmarks_are_on_the_page_where_they_were_measured(reports):
 @pytest.mark.slow
 def test_a_missing_part_of_the_stability_report_is_an_error(reports):
     text = (reports / "stability" / "README.md").read_text()
-    (reports / "stability" / "README.md").write_text(text.replace("## glove: all", "## glove_recorded: all"))
+    (reports / "stability" / "README.md").write_text(text.replace("## Glove: all", "## Recorded grasps: all"))
     with pytest.raises(InputError, match="nothing about glove;"):
         sections.build(params.load())
 

@@ -98,7 +98,7 @@ def test_a_failed_run_is_no_verdict():
     assert judgement.verdict == FAILED
     values = {"physics": {"touch": {"seeds": SEEDS, "scene": {}}}, "touch": {"simulate": {"effects": {"creep": True}}}}
     text = physics_report.readme({"touch": [judgement]}, {"touch": scores}, values)
-    assert text.split("| creep")[1].split("\n")[0].count("failed") >= 2
+    assert text.split("| Creep")[1].split("\n")[0].count("failed") >= 2
 
 
 def test_accuracy_counts_as_an_error():
