@@ -103,7 +103,7 @@ def read(folder: Path) -> Card:
     """Return the card of a saved model; InputError where it is absent or broken, or where the weights are not its."""
     path = folder / NAME
     if not path.is_file():
-        raise InputError(f"{paths.shown(path)}: not found; make the folder with `tactile export`")
+        raise InputError(f"{paths.shown(path)}: not found; make the folder with `tactile export MODEL FOLDER`")
     try:
         card = Card.model_validate_json(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
@@ -128,6 +128,6 @@ def check_fits(card: Card, settings: Mapping, where: str) -> None:
             here = settings.get(block, {}).get(key)
             if here != value:
                 raise InputError(
-                    f"{where}.{block}.{key}: is {json.dumps(here)}, but {card.experiment}/{card.model} was trained with "
-                    f"{json.dumps(value)}; train the model on these settings, or use a log of its sensor"
+                    f"{where}.{block}.{key}: is {json.dumps(here)}, but {card.experiment}/{card.model} was trained "
+                    f"with {json.dumps(value)}; train the model on these settings, or use a log of its sensor"
                 )

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet
 
 from pipeline import experiments, tasks
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.datasets import fits, images
+from pipeline.datasets import fits, images, schemas
 from pipeline.inference import card as cards
 from pipeline.scoring import metrics, results
 
@@ -62,7 +61,7 @@ def of_run(values: Mapping, experiment: str, model: str, protocol: str, seed: in
         task = experiments.module(experiment).task(protocol, settings)
         names, chosen = [f"{'xyz'[k]}_mm" for k in task.outputs], list(next(iter(task.channels.values())))
     else:
-        names = images.classes(_table(paths.dataset(experiment), experiment, ["condition"]))
+        names = images.classes(_table(paths.dataset(experiment), ["condition"]))
         spec = tasks.of(experiment).spec(names)
     return cards.Card(
         experiment=experiment,
@@ -85,8 +84,8 @@ def of_run(values: Mapping, experiment: str, model: str, protocol: str, seed: in
 
 def _inputs(experiment: str, kind: str, settings: Mapping, chosen: list[int] | None) -> cards.Inputs:
     """Return what one reading of an experiment's sensor is."""
-    frames = _table(paths.frames(experiment), experiment, ["t_s"])
-    schema = pyarrow.parquet.read_schema(paths.frames(experiment))
+    frames = _table(paths.frames(experiment), ["t_s"])
+    schema = experiments.module(experiment).frames_schema(settings)
     columns = ("pressure", "strain") if kind == "images" else ("v",)
     return cards.Inputs(
         columns=sum(schema.field(name).type.list_size for name in columns),
@@ -98,15 +97,15 @@ def _inputs(experiment: str, kind: str, settings: Mapping, chosen: list[int] | N
     )
 
 
-def _table(path: Path, experiment: str, columns: list[str]):
+def _table(path: Path, columns: list[str]):
     """Return columns of a file that a stage of the experiment wrote."""
-    return pyarrow.parquet.read_table(paths.require(path, f"dvc repro evaluate@{experiment}"), columns=columns)
+    return schemas.read(paths.require(path, "dvc repro evaluate"), columns)
 
 
 def _scores(experiment: str, model: str, protocol: str, seed: int) -> list[cards.Score]:
     """Return one run's rows of scores.csv."""
     columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    table = results.read_csv(paths.scores(experiment), columns, f"dvc repro evaluate@{experiment}")
+    table = results.read_csv(paths.scores(experiment), columns, "dvc repro evaluate")
     table = table[(table["protocol"] == protocol) & (table["model"] == model) & (table["seed"] == seed)]
     return [
         cards.Score(
@@ -120,18 +119,17 @@ def _scores(experiment: str, model: str, protocol: str, seed: int) -> list[cards
     ]
 
 
-def locate(name: str, draft: Path) -> tuple[Path, str]:
+def locate(name: str, values: Mapping, draft: Path) -> tuple[Path, str]:
     """Return (folder of the package, where it comes from) for what the user calls a model.
 
     name: a folder with a card, or EXPERIMENT/MODEL, or EXPERIMENT/MODEL/PROTOCOL/SEED. The model that this checkout
     trained is taken, of its first protocol and seed where none is named; where it trained none, the one of
-    `pretrained/`. draft: a folder, not there yet, for the package of a run of this checkout.
+    `pretrained/`. values: params.yaml; draft: a folder, not there yet, for the package of a run of this checkout.
     Raises InputError where there is no such model.
     """
     if Path(name, cards.NAME).is_file():
         return Path(name), "folder"
     words = name.strip("/").split("/")
-    values = params.load() if paths.PARAMS.is_file() else {"experiments": []}
     if len(words) not in (2, 4) or words[0] not in values["experiments"]:
         raise InputError(
             f"{name}: no such model; name a folder with {cards.NAME}, or EXPERIMENT/MODEL such as touch/lomp "
@@ -147,7 +145,7 @@ def locate(name: str, draft: Path) -> tuple[Path, str]:
         return shipped, "pretrained"
     have = sorted(path.parent.relative_to(PRETRAINED).as_posix() for path in PRETRAINED.glob(f"*/*/{cards.NAME}"))
     raise InputError(
-        f"{name}: not trained in this checkout; run `dvc repro evaluate@{experiment}`, or take one of the pretrained "
+        f"{name}: not trained in this checkout; run `dvc repro`, or take one of the pretrained "
         f"({', '.join(have) or 'none'})"
     )
 

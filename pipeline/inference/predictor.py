@@ -9,6 +9,7 @@ for reading in device:           # (25,)
 """
 
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from pipeline.inference import card as cards
 from pipeline.learning.regressors import Spec
 
 SOME_WINDOWS = 4096  # predicted at once: 4 MB of LoMP's windows
+CARRIED = ("state", "recent", "buffer")  # attributes in which models keep what their next `step` needs
 
 
 class Predictor:
@@ -40,16 +42,16 @@ class Predictor:
             return shapes.map_rows, shapes.map_cols
         return (shapes.map_rows * shapes.map_cols,)
 
-    def reset(self) -> None:
-        """Forget what `step` has seen."""
-        step, frames = self.card.inputs.frame_step, self.card.shapes.frames
+    def reset(self, frame_step: int | None = None) -> None:
+        """Forget what `step` has seen, and let `frame_step` readings lie between two frames (None: as the card says).
+
+        For readings that come more often than one every `card.inputs.interval_s`; of a series, a frame is a sample.
+        """
+        self._frame_step, frames = frame_step or self.card.inputs.frame_step, self.card.shapes.frames
         self._count = 0
-        self._states = [None] * step  # of a model that carries its state: one stream per reading of a step
-        self._last = deque(maxlen=(frames - 1) * step + 1)
-        if hasattr(self.model, "state"):
-            self.model.state = None
-        if hasattr(self.model, "buffer"):
-            self.model.buffer = None
+        self._carried = [{} for _ in range(self._frame_step)]  # a stream for each reading of a step
+        self._last = deque(maxlen=(frames - 1) * self._frame_step + 1)
+        self._put({})
 
     def predict(self, readings: np.ndarray) -> np.ndarray:
         """Return one prediction per reading, (n, *output_shape) float32.
@@ -72,22 +74,26 @@ class Predictor:
         Raises InputError for another number of columns.
         """
         x = self._checked(np.asarray(reading)[None])
-        phase, self._count = self._count % self.card.inputs.frame_step, self._count + 1
+        phase, self._count = self._count % self._frame_step, self._count + 1
         if self.card.kind == "images":
             predicted = self._of_images(x)
-        elif self.card.kind == "series":
+        elif self.card.kind == "series" or self.model.streams:
+            self._put(self._carried[phase])
             predicted = self.model.step(self._chosen(x))
-        elif self.model.streams:
-            self.model.state = self._states[phase]
-            predicted = self.model.step(x)
-            self._states[phase] = self.model.state
+            self._carried[phase] = {name: getattr(self.model, name, None) for name in CARRIED}
         else:
             self._last.append(x[0])
             if len(self._last) < self._last.maxlen:
                 return np.full(self.output_shape, np.nan, np.float32)
-            window = np.stack(list(self._last)[:: self.card.inputs.frame_step])
+            window = np.stack(list(self._last)[:: self._frame_step])
             predicted = self.model.predict(window[None])
         return np.asarray(predicted, np.float32).reshape(self.output_shape)
+
+    def _put(self, carried: Mapping) -> None:
+        """Give the model what a stream has carried along so far; nothing for a new one."""
+        for name in CARRIED:
+            if hasattr(self.model, name):
+                setattr(self.model, name, carried.get(name))
 
     def _checked(self, readings: np.ndarray) -> np.ndarray:
         """Return readings as (n, columns) float32."""
@@ -137,9 +143,7 @@ class Predictor:
         # Equation 6 divides by the spread of an area's cells.
         fine = np.all([np.ptp(part, axis=1) > 0 for part in parts.values()], axis=0)
         if fine.any():
-            columns = {
-                name: schemas.lists(part[fine], schema.field(name).type.value_type) for name, part in parts.items()
-            }
+            columns = {name: schemas.lists(part[fine], pa.float32()) for name, part in parts.items()}
             pictures = module.images(pa.table(columns), self.card.reading)[images.modality(self.card.protocol)]
             predicted[fine] = self.model.predict(pictures.reshape(int(fine.sum()), 1, -1).astype(np.float32))
         return predicted

@@ -1,0 +1,67 @@
+"""Make a folder of a trained model that needs nothing else of this checkout; as ONNX, it does not need torch either.
+
+MODEL is EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout trained, else the pretrained one),
+EXPERIMENT/MODEL/PROTOCOL/SEED, or a folder that this command made. FOLDER, which must not exist, gets the weights and
+card.json: what readings the model takes, what it predicts, its settings and its test scores. With --onnx it also gets
+model.onnx, which is compared with torch. With --int8 it also gets model.int8.onnx, with weights of 8 bits, if that is
+within 1 % of full scale of model.onnx on the test part, which this checkout must have.
+"""
+
+import argparse
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from pipeline.base import files, params
+from pipeline.base.errors import InputError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the model, the new folder and what is written beside the weights to the parser of this command."""
+    parser.add_argument("model", metavar="MODEL")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="a new folder")
+    parser.add_argument("--onnx", action="store_true", help="write model.onnx, too")
+    parser.add_argument("--int8", action="store_true", help="write model.onnx and model.int8.onnx, too")
+
+
+def main(given: argparse.Namespace) -> None:
+    """Export the model named on the command line."""
+    import torch
+
+    from pipeline.inference import card as cards
+    from pipeline.inference import packages
+
+    torch.set_num_threads(1)
+    if given.folder.exists():
+        raise InputError(f"{given.folder}: exists already and is never overwritten; give another name")
+    values = params.load()
+    with tempfile.TemporaryDirectory() as draft:
+        source, comes_from = packages.locate(given.model, values, Path(draft, "located"))
+        card, package = cards.read(source), Path(draft, "package")
+        package.mkdir()
+        for path in (source / cards.NAME, cards.weights_file(source)):
+            shutil.copy(path, package)
+        print(f"{card.experiment}/{card.model}: {comes_from}")
+        if given.onnx or given.int8:
+            _write_onnx(package, given.int8, values)
+        with files.replacing_folder(given.folder) as target:
+            shutil.copytree(package, target, dirs_exist_ok=True)
+    print(f"written to {given.folder}")
+
+
+def _write_onnx(package: Path, int8: bool, values: Mapping) -> None:
+    """Write the network of a package as ONNX into it, and say how large the files are and how well they agree."""
+    from pipeline.inference import onnx_export, predictor
+
+    model = predictor.load(package)
+    readings = onnx_export.readings_of_test_part(model, values) if int8 else None
+    written = onnx_export.export(model, package)
+    print(f"{_size(written.path)}, differs from torch by up to {written.difference:.1g} of full scale")
+    if int8:
+        written = onnx_export.export_int8(model, package, readings)
+        print(f"{_size(written.path)}, differs from {onnx_export.NAME} by up to {100 * written.difference:.2g} % of it")
+
+
+def _size(path: Path) -> str:
+    return f"{path.name}: {path.stat().st_size / 1e6:.2f} MB"

@@ -1,0 +1,99 @@
+"""Predict with a trained model: raw logs in, maps, positions or objects out. No ground truth is needed.
+
+MODEL is a folder that `tactile export` made, EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout
+trained, else the pretrained one), EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of an MLflow run. LOGS is a log of the
+sensor (array.log, daq.log, scanner.log), or a folder with such logs in it or below. Lines are read, cut into windows
+and normalised as in training. OUT, predictions/<name of LOGS> if not said, gets predictions.parquet (one row per
+reading), summary.json, and of each recording a picture, and of a touch sensor's an animation. Where the ground truth
+lies beside a log, the model is scored against it.
+"""
+
+import argparse
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from tqdm import tqdm
+
+from pipeline.base import files, params
+from pipeline.base.errors import InputError
+
+MOST_LINES = 10  # recordings that are printed
+MOST_PICTURES = 20  # recordings that are drawn: each takes a second
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add model, logs and the place of the results to the parser of this command."""
+    parser.add_argument("model", metavar="MODEL")
+    parser.add_argument("logs", type=Path, metavar="LOGS")
+    parser.add_argument("--out", type=Path, metavar="OUT", help="a folder; what it holds is replaced")
+    parser.add_argument("--no-pictures", action="store_true", help="write the table and the summary only")
+
+
+def main(given: argparse.Namespace) -> None:
+    """Predict the logs named on the command line."""
+    import torch
+
+    from pipeline.inference import packages, predictions, predictor, recordings
+
+    torch.set_num_threads(1)
+    with tempfile.TemporaryDirectory() as draft:
+        folder, comes_from = packages.locate(given.model, params.load(), Path(draft, "package"))
+        model = predictor.load(folder)
+    card = model.card
+    print(f"{card.experiment}/{card.model}: {comes_from}")
+    target = given.out or Path("predictions", given.logs.resolve().stem)
+    if target.exists() and not (target / "summary.json").is_file():
+        raise InputError(f"{target}: holds something else than predictions; give another place by --out")
+    predicted, scores = [], []
+    for path in tqdm(recordings.logs(given.logs, card.experiment), desc="predict", unit="log"):
+        recording = recordings.read(path, card)
+        predicted.append((recording, recordings.predict(model, recording)))
+        known = recordings.has_truth(recording, card)
+        scores.append(recordings.scores(model, path) if known else ())
+    with files.replacing_folder(target) as draft:
+        summaries = predictions.write(draft, predicted, card, scores)
+        for said in summaries[:MOST_LINES]:
+            print(sentence(said))
+        if len(summaries) > MOST_LINES:
+            print(f"and {len(summaries) - MOST_LINES} more recordings, in summary.json")
+        if not given.no_pictures:
+            _draw(draft, predicted[:MOST_PICTURES], card)
+    if len(predicted) > MOST_PICTURES and not given.no_pictures:
+        print(f"the first {MOST_PICTURES} recordings are drawn")
+    print(f"written to {target}")
+
+
+def _draw(folder: Path, predicted: list, card) -> None:
+    """Draw every recording that has a prediction."""
+    from pipeline.inference import pictures
+
+    for recording, values in tqdm(predicted, desc="draw", unit="recording"):
+        if not len(values) or (values != values).all():
+            continue
+        name = re.sub(r"[^\w.-]+", "-", recording.name)
+        pictures.draw(folder / f"{name}.png", recording, values, card)
+        if card.outputs.touch_kpa is not None:
+            pictures.animate(folder / f"{name}.gif", recording, values, card)
+
+
+def sentence(said: Mapping) -> str:
+    """Say in a line what the predictions of one recording came to."""
+    parts = [f"{said['readings']} readings in {said['seconds']:g} s"]
+    if rejected := sum(said["rejected_lines"].values()):
+        parts.append(f"{rejected} lines rejected")
+    if "highest_pressure_kpa" in said:
+        parts.append(f"up to {said['highest_pressure_kpa']:.0f} kPa and {said['highest_force_n']:.1f} N")
+    elif "highest_force_n" in said:
+        parts.append(f"up to {said['highest_force_n']:.1f} N")
+    if "objects" in said:
+        name, count = next(iter(said["objects"].items()))
+        parts.append(f"{name} in {100 * count / said['readings']:.0f} % of them")
+    parts += [
+        f"{name.removesuffix('_mm')} {span['least']:.2f} to {span['most']:.2f} mm"
+        for name, span in said.items()
+        if name.endswith("_mm")
+    ]
+    parts += [f"{name} {value:.3g}" for name, value in list(said.get("scores", {}).items())[:2]]
+    return f"{said['recording']}: " + ", ".join(parts)

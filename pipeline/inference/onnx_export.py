@@ -1,0 +1,483 @@
+"""Write a saved network as ONNX, for programs and devices without torch, and check the file against the network.
+
+The file takes readings as they come from the sensor and gives predictions in the card's unit: scaling is part of it.
+A model that carries a state takes it as further inputs and gives the next one as further outputs.
+"""
+
+import json
+import logging
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import nn
+
+from pipeline import tasks
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+from pipeline.datasets.images import HIGHEST
+from pipeline.inference import card as cards
+from pipeline.inference.card import Card
+from pipeline.inference.predictor import Predictor
+from pipeline.learning.image_classifier import ImageClassifier
+from pipeline.learning.lomp_network import Lomp, LompRegressor
+from pipeline.learning.lstm import LstmRegressor
+from pipeline.learning.regressors import TorchRegressor
+from pipeline.learning.series_regressors import Scaling, StateReadout
+from pipeline.models.lomp_stream import LARGEST_STATE, StreamingLomp
+from pipeline.models.lstm_highpass import HighpassLstm
+
+NAME, INT8_NAME = "model.onnx", "model.int8.onnx"
+METADATA = "tensors"  # key of the file's metadata: what its inputs and outputs are
+READINGS = "readings"  # name of the first input
+OUTPUTS = {"kPa": "map_kpa", "N": "force_n", "mm": "position_mm", "probability": "probabilities"}
+MOST_DIFFERENCE = 1e-4  # of full scale, from torch
+MOST_INT8_DIFFERENCE = 0.01  # of full scale, from float32
+ROWS, STEPS = 16, 32  # of a check: windows, images or streams, and readings of a stream
+LARGEST_FOLDED = 1 << 30  # bytes of weights that are computed once, in the export
+MOST_TEST_READINGS = 1000  # windows or images that int8 is compared on: a second or two
+REACH = 2.0  # spreads from the mean to either end of the range that readings are drawn from
+ZERO, REPEATED = "zero", "the first reading, repeated"  # what a state is before the first reading
+
+
+class Tensor(NamedTuple):
+    """An input or output of the file. In its shape, `n` is any number of windows, images or streams."""
+
+    name: str
+    shape: tuple[int | str, ...]
+    what: str  # unit and order
+    start: str | None = None  # of a state: ZERO or REPEATED
+
+
+class Graph(NamedTuple):
+    """What is written: a module that maps (readings, *states) to (predictions, *next states), and its tensors."""
+
+    module: nn.Module
+    readings: Tensor
+    states: list[Tensor]
+    outputs: Tensor
+
+    @property
+    def inputs(self) -> list[Tensor]:
+        """All inputs in their order."""
+        return [self.readings, *self.states]
+
+    @property
+    def results(self) -> list[Tensor]:
+        """All outputs in their order; the next state of `h` is `next_h`."""
+        return [self.outputs, *(state._replace(name=f"next_{state.name}", start=None) for state in self.states)]
+
+
+class Written(NamedTuple):
+    """A file that was written and checked."""
+
+    path: Path
+    difference: float  # largest one, share of full scale: of float32 from torch, of int8 from float32
+
+
+def export(model: Predictor, folder: Path) -> Written:
+    """Write a saved network as NAME into a folder that exists, and run it on random readings.
+
+    Raises InputError for a model without a network, where a package of the extra `onnx` is absent, and where
+    predictions differ from torch's by more than MOST_DIFFERENCE.
+    """
+    require_packages()
+    graph, path = graph_of(model), folder / NAME
+    write(graph, model.card, path)
+    readings = random_readings(model, graph)
+    differs = difference(model, run(path, graph, readings), by_torch(model, readings))
+    if not differs <= MOST_DIFFERENCE:  # NaN, too
+        raise InputError(
+            f"{_name(model)}: as ONNX it differs from torch by {differs:.1g} of full scale, more than "
+            f"{MOST_DIFFERENCE:g}; export it without --onnx"
+        )
+    return Written(path, differs)
+
+
+def export_int8(model: Predictor, folder: Path, readings: np.ndarray) -> Written:
+    """Write INT8_NAME beside the NAME in a folder, and compare the two on readings (steps, n, ...).
+
+    Raises InputError where predictions differ by more than MOST_INT8_DIFFERENCE.
+    """
+    graph, exact, path = graph_of(model), folder / NAME, folder / INT8_NAME
+    quantise(exact, path, per_output=not isinstance(graph.module, _LompWindows))
+    differs = difference(model, run(path, graph, readings), run(exact, graph, readings))
+    if not differs <= MOST_INT8_DIFFERENCE:
+        raise InputError(
+            f"{_name(model)}: with weights of 8 bits it differs by up to {100 * differs:.2g} % of full scale on test "
+            f"readings, more than {100 * MOST_INT8_DIFFERENCE:g} %; export it without --int8"
+        )
+    return Written(path, differs)
+
+
+def _name(model: Predictor) -> str:
+    return f"{model.card.experiment}/{model.card.model}"
+
+
+def require_packages() -> None:
+    """Raise InputError where a package that writes or runs ONNX is absent."""
+    try:
+        import onnx  # noqa: F401
+        import onnxruntime  # noqa: F401
+        import onnxscript  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise InputError(f"{error.name} is not installed; run `pip install -c constraints.txt -e '.[onnx]'`") from error
+
+
+def graph_of(model: Predictor) -> Graph:
+    """Return what is to be written of a saved model; InputError for a model without a network."""
+    inner, card = model.model, model.card
+    columns, unit, order = card.inputs.columns, card.inputs.unit, card.inputs.order
+    names = f", {', '.join(card.outputs.names)}" if card.outputs.names else ""
+    outputs = Tensor(OUTPUTS[card.outputs.unit], ("n", *model.output_shape), f"{card.outputs.unit}{names}")
+    one = Tensor(READINGS, ("n", columns), f"{unit}: the next reading of n streams, {order}")
+    apart_s = card.inputs.frame_step * card.inputs.interval_s
+    windows = Tensor(
+        READINGS,
+        ("n", card.shapes.frames, columns),
+        f"{unit}: windows of readings that are {apart_s:g} s apart, the oldest first; {order}",
+    )
+    if isinstance(inner, StreamingLomp):
+        state = Tensor("state", (inner.spec.elements, "n", inner.network.hidden), "state of the elements", ZERO)
+        return Graph(_LompStream(inner, model.output_shape), one, [state], outputs)
+    if isinstance(inner, LompRegressor):
+        return Graph(_LompWindows(inner, model.output_shape), windows, [], outputs)
+    if isinstance(inner, ImageClassifier):
+        images = Tensor(READINGS, ("n", 1, inner.spec.elements), f"0 to {HIGHEST:g}: images, row by row")
+        return Graph(_Images(inner), images, [], outputs)
+    if isinstance(inner, TorchRegressor):
+        return Graph(_Windows(inner, model.output_shape), windows, [], outputs)
+    if isinstance(inner, LstmRegressor):
+        return Graph(_Lstm(inner, card), one, _lstm_states(inner.network.lstm), outputs)
+    if isinstance(inner, HighpassLstm):
+        recent = Tensor(
+            "recent", ("n", inner.taps - 1, columns), f"{unit}: the readings before, oldest first", REPEATED
+        )
+        return Graph(_Highpass(inner, card), one, [recent, *_lstm_states(inner.network.lstm)], outputs)
+    if isinstance(inner, StateReadout):
+        state = Tensor("state", ("n", len(inner.system["reservoir"])), "state of the reservoir", ZERO)
+        return Graph(_Reservoir(inner, card), one, [state], outputs)
+    raise InputError(
+        f"{_name(model)}: is no network, and only networks can be written as ONNX; export it without --onnx and --int8"
+    )
+
+
+def _lstm_states(lstm: nn.LSTM) -> list[Tensor]:
+    return [Tensor(name, (1, "n", lstm.hidden_size), f"state {name} of the LSTM", ZERO) for name in "hc"]
+
+
+class _Windows(nn.Module):
+    """Windows (n, frames, elements) to maps (n, rows, cols)."""
+
+    def __init__(self, model: TorchRegressor, shape: tuple[int, ...]):
+        super().__init__()
+        self.network, self.shape = model.network, shape
+        for name in ("input_mean", "input_spread", "output_scale"):
+            self.register_buffer(name, getattr(model, name))
+
+    def normalised(self, readings: torch.Tensor) -> torch.Tensor:
+        return (readings - self.input_mean) / self.input_spread
+
+    def maps(self, predicted: torch.Tensor) -> torch.Tensor:
+        return (predicted * self.output_scale).view(-1, *self.shape)
+
+    def forward(self, readings: torch.Tensor) -> torch.Tensor:
+        return self.maps(self.network(self.normalised(readings)))
+
+
+class _Images(_Windows):
+    """Images (n, 1, pixels) in 0 .. HIGHEST to probabilities (n, classes)."""
+
+    def __init__(self, model: ImageClassifier):
+        super().__init__(model, (model.spec.outputs,))
+
+    def forward(self, readings: torch.Tensor) -> torch.Tensor:
+        return torch.softmax(super().forward(readings), 1)
+
+
+class _LompWindows(_Windows):
+    """LoMP on windows. Names as in pipeline/learning/lomp_network.py, whose reuse of memory only torch can run."""
+
+    def __init__(self, model: LompRegressor, shape: tuple[int, ...]):
+        super().__init__(model, shape)
+        network: Lomp = model.network
+        del self.network
+        self.cells, self.hidden, self.alpha = network.spec.elements, network.hidden, network.alpha
+        self.grid, self.block = (network.spec.rows, network.spec.cols), network.block
+        gate_bias = network.gate_input_bias + network.gate_state_bias
+        arrays = {
+            "inputs": torch.cat([network.gate_input, network.candidate_input], 2),
+            "input_bias": network.candidate_input_bias,
+            "state": torch.cat([network.gate_state, network.candidate_state], 2),
+            "state_bias": torch.cat([gate_bias, network.candidate_state_bias], 2),
+            **{name: getattr(network, name) for name in ("message", "message_bias", "update", "update_bias")},
+            "neighbours": network.neighbours,
+        }
+        for name, array in arrays.items():
+            self.register_buffer(name, array.detach())
+        self.readout, self.readout_bias = network.readout, network.readout_bias
+
+    def after(self, x: torch.Tensor, h: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return h1 and h (elements, n, hidden) after a normalised frame x (n, elements)."""
+        of_x, of_h = x.t().unsqueeze(2) * self.inputs, torch.baddbmm(self.state_bias, h, self.state)
+        gates = 2 * self.hidden
+        r, z = torch.sigmoid(of_x[..., :gates] + of_h[..., :gates]).chunk(2, 2)
+        c = torch.tanh(of_x[..., gates:] + self.input_bias + r * of_h[..., gates:])
+        h1 = c + z * (h - c)
+        s = torch.relu(h1 @ self.message + self.message_bias)
+        q = h1 + self.alpha * (self.neighbours @ s.flatten(1)).view_as(s)
+        return h1, torch.relu(torch.baddbmm(self.update_bias, q, self.update))
+
+    def read_out(self, h1: torch.Tensor, h: torch.Tensor) -> torch.Tensor:
+        """Return maps (n, rows, cols) for the states after the last frame."""
+        p = torch.cat([h, h1], 2)
+        for layer, (weight, bias) in enumerate(zip(self.readout, self.readout_bias, strict=True)):
+            p = torch.baddbmm(bias, torch.relu(p) if layer else p, weight)
+        return self.maps(p.view(*self.grid, -1, *self.block).permute(2, 0, 3, 1, 4).flatten(1))
+
+    def forward(self, readings: torch.Tensor) -> torch.Tensor:
+        x = self.normalised(readings)
+        h = x.new_zeros(self.cells, len(x), self.hidden)
+        for frame in x.unbind(1):
+            h1, h = self.after(frame, h)
+        return self.read_out(h1, h)
+
+
+class _LompStream(_LompWindows):
+    """LoMP on the next frame (n, elements) and the state (elements, n, hidden)."""
+
+    def forward(self, readings: torch.Tensor, state: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        h1, h = self.after(self.normalised(readings), state)
+        return self.read_out(h1, h), h.clamp(max=LARGEST_STATE)
+
+
+class _Series(nn.Module):
+    """The scaling of models of series: readings in V in, outputs in mm out."""
+
+    def __init__(self, scaling: Scaling, card: Card):
+        super().__init__()
+        chosen = range(card.inputs.columns) if card.inputs.chosen is None else card.inputs.chosen
+        self.register_buffer("chosen", torch.tensor(list(chosen)))
+        for name, value in scaling.tensors.items():
+            self.register_buffer(name, value)
+
+    def normalised(self, readings: torch.Tensor) -> torch.Tensor:
+        return (readings.index_select(-1, self.chosen) - self.x_mean) / self.x_spread
+
+    def millimetres(self, outputs: torch.Tensor) -> torch.Tensor:
+        return outputs * self.y_spread + self.y_mean
+
+
+class _Lstm(_Series):
+    """The LSTM on the next reading (n, columns) and its state, h and c (1, n, units)."""
+
+    def __init__(self, model: LstmRegressor, card: Card):
+        super().__init__(model.scaling, card)
+        self.network = model.network
+
+    def forward(self, readings: torch.Tensor, h: torch.Tensor, c: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        latent, state = self.network.latent(self.normalised(readings)[:, None], (h, c))
+        return self.millimetres(self.network.readout(latent[:, 0])), *state
+
+
+class _Highpass(_Series):
+    """The LSTM behind filters, on the next reading (n, columns), those before it, and its state."""
+
+    def __init__(self, model: HighpassLstm, card: Card):
+        super().__init__(model.scaling, card)
+        self.network = model.network
+
+    def forward(
+        self, readings: torch.Tensor, recent: torch.Tensor, h: torch.Tensor, c: torch.Tensor
+    ) -> tuple[torch.Tensor, ...]:
+        x = torch.cat([recent, readings[:, None]], 1)
+        outputs, state = self.network(self.normalised(x), (h, c))
+        return self.millimetres(outputs[:, 0]), x[:, 1:], *state
+
+
+class _Reservoir(_Series):
+    """An echo state network on the next reading (n, columns) and its state (n, units); the read-out is float64."""
+
+    def __init__(self, model: StateReadout, card: Card):
+        super().__init__(model.scaling, card)
+        self.leak = card.settings["leak"]
+        for name, array in model.system.items():
+            self.register_buffer(name, torch.from_numpy(array))
+        self.register_buffer("readout", torch.from_numpy(model.weights))
+
+    def forward(self, readings: torch.Tensor, state: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        drive = torch.tanh(self.normalised(readings)) @ self.input + self.bias
+        state = (1 - self.leak) * state + self.leak * torch.tanh(state @ self.reservoir.t() + drive)
+        outputs = state.double() @ self.readout[:-1] + self.readout[-1]
+        return self.millimetres(outputs.float()), state
+
+
+def write(graph: Graph, card: Card, path: Path) -> None:
+    """Write a graph as ONNX to `path`, with the card and a description of all tensors in its metadata."""
+    import onnx
+    from onnxscript import optimizer
+
+    rows = torch.export.Dim("n")
+    shapes = [{axis: rows for axis, size in enumerate(tensor.shape) if size == "n"} for tensor in graph.inputs]
+    example = tuple(torch.zeros([3 if size == "n" else size for size in tensor.shape]) for tensor in graph.inputs)
+    with _quiet(), torch.no_grad():
+        # Strict: only so does the number of rows stay free where a network calls len(x).
+        program = torch.export.export(graph.module.eval(), example, dynamic_shapes=tuple(shapes), strict=True)
+        exported = torch.onnx.export(
+            program,
+            (),
+            input_names=[tensor.name for tensor in graph.inputs],
+            output_names=[tensor.name for tensor in graph.results],
+            dynamo=True,
+            verbose=False,
+        )
+        # The exporter leaves weights that it cuts or reorders to be cut in every run; VGG then has 60 MB, not 14.
+        made = optimizer.optimize(
+            exported.model_proto, input_size_limit=LARGEST_FOLDED, output_size_limit=LARGEST_FOLDED
+        )
+    described = {
+        tensor.name: {key: value for key, value in tensor._asdict().items() if key != "name" and value is not None}
+        for tensor in (*graph.inputs, *graph.results)
+    }
+    del made.graph.value_info[:]  # shapes between the layers, which ONNX Runtime infers
+    values = [*made.graph.input, *made.graph.output]
+    for part in (*made.graph.node, *values):
+        del part.metadata_props[:]  # where in whose files each was called: a third of a small file
+    for dimension in (dimension for value in values for dimension in value.type.tensor_type.shape.dim):
+        if dimension.dim_param:
+            dimension.dim_param = "n"  # the exporter has another name for the number of rows
+    onnx.helper.set_model_props(made, {METADATA: json.dumps(described), "card": card.model_dump_json()})
+    path.write_bytes(made.SerializeToString())
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what the exporter says about packages and functions that are not used here from the user."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
+
+
+def session(path: Path):
+    """Return what runs an ONNX file on one thread of the CPU."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 3  # errors
+    return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+
+
+def first_states(graph: Graph, readings: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the states of n streams before their first readings (n, columns), by name."""
+    states = {}
+    for tensor in graph.states:
+        shape = [len(readings) if size == "n" else size for size in tensor.shape]
+        start = np.zeros(shape, np.float32)
+        states[tensor.name] = start + readings[:, None] if tensor.start == REPEATED else start
+    return states
+
+
+def run(path: Path, graph: Graph, readings: np.ndarray) -> np.ndarray:
+    """Return predictions (steps, n, ...) of a file for readings (steps, n, ...), the state carried along."""
+    runs, states, predicted = session(path), first_states(graph, readings[0]), []
+    for step in readings:
+        outputs, *following = runs.run(None, {READINGS: step, **states})
+        states = dict(zip(states, following, strict=True))
+        predicted.append(outputs)
+    return np.stack(predicted)
+
+
+def by_torch(model: Predictor, readings: np.ndarray) -> np.ndarray:
+    """Return predictions (steps, n, outputs) of the network itself for readings as of `run`; more than one row."""
+    inner, card = model.model, model.card
+    model.reset()
+    if card.kind == "series":
+        chosen = slice(None) if card.inputs.chosen is None else card.inputs.chosen
+        predicted = np.stack([inner.step(step[:, chosen]) for step in readings])
+    elif inner.streams:
+        predicted = np.stack([inner.step(step) for step in readings])
+    else:
+        predicted = np.stack([inner.predict(step) for step in readings])
+    model.reset()
+    return predicted
+
+
+def random_readings(model: Predictor, graph: Graph) -> np.ndarray:
+    """Return readings (steps, ROWS, ...) from the range that the training's normalisation stands for."""
+    rng, inner, card = np.random.default_rng(0), model.model, model.card
+    steps = STEPS if graph.states else 1
+    shares = rng.uniform(-REACH, REACH, (steps, ROWS, *graph.readings.shape[1:])).astype(np.float32)
+    if isinstance(inner, ImageClassifier):
+        brightness = np.linspace(0, HIGHEST, ROWS, dtype=np.float32)[:, None, None]  # of all: one object, without doubt
+        return (shares + REACH) / (2 * REACH) * brightness
+    if card.kind == "windows":
+        return inner.input_mean.numpy() + inner.input_spread.numpy() * shares
+    mean, spread = (_in_columns(inner.scaling.tensors[name].numpy(), card) for name in ("x_mean", "x_spread"))
+    return mean + spread * shares
+
+
+def readings_of_test_part(model: Predictor, values: Mapping) -> np.ndarray:
+    """Return readings (steps, n, ...) of the test part of the run that the model is of.
+
+    They are up to MOST_TEST_READINGS windows or images, evenly spaced; of a model that carries its state, the frames of
+    such windows as streams; of a model of series, the samples as one stream. values: params.yaml. Raises InputError
+    where this checkout lacks the data set or has it by other settings.
+    """
+    card = model.card
+    cards.check_fits(card, values.get(card.experiment, {}), card.experiment)
+    paths.require(paths.dataset(card.experiment), f"python -m pipeline.stages.dataset {card.experiment}")
+    _, x = tasks.of(card.experiment).stream(card.experiment, values[card.experiment], card.protocol, card.seed)
+    if card.kind == "series":
+        return _in_columns(x, card)[:, None]
+    x = x[np.linspace(0, len(x) - 1, min(len(x), MOST_TEST_READINGS)).astype(int)].astype(np.float32)
+    return np.ascontiguousarray(x.transpose(1, 0, 2)) if model.model.streams else x[None]
+
+
+def _in_columns(values: np.ndarray, card: Card) -> np.ndarray:
+    """Return values (..., channels) of a model of series in the columns of a reading (..., columns); others are 0."""
+    wide = np.zeros((*values.shape[:-1], card.inputs.columns), np.float32)
+    wide[..., slice(None) if card.inputs.chosen is None else card.inputs.chosen] = values
+    return wide
+
+
+def full_scale(model: Predictor) -> np.ndarray:
+    """Return full scale in the card's unit: the largest label of training, 1 of probabilities, the range of places."""
+    if model.card.kind == "images":
+        return np.float32(1)
+    if model.card.kind == "windows":
+        return model.model.output_scale.numpy()
+    return 2 * REACH * model.model.scaling.tensors["y_spread"].numpy()
+
+
+def difference(model: Predictor, predicted: np.ndarray, others: np.ndarray) -> float:
+    """Return the largest difference of predictions (steps, n, ...), share of full scale; NaN where one is NaN."""
+    return float((np.abs(predicted.reshape(others.shape) - others) / full_scale(model)).max())
+
+
+def quantise(path: Path, target: Path, per_output: bool) -> None:
+    """Write a copy of an ONNX file whose matrix products and LSTMs have weights of 8 bits.
+
+    What they are multiplied by is rounded to 8 bits, too, by its range in each call. Convolutions stay float32: with 8
+    bits they took 2 to 8 times as long, and predictions were up to 30 % of full scale off.
+    per_output: with a scale for each output of a matrix, which ONNX Runtime does not have for LoMP's stacked ones.
+    """
+    from onnxruntime.quantization import QuantType, quantize_dynamic
+
+    with _quiet():
+        quantize_dynamic(
+            path,
+            target,
+            op_types_to_quantize=["MatMul", "Gemm", "LSTM"],
+            per_channel=per_output,
+            weight_type=QuantType.QInt8,
+        )

@@ -1,0 +1,117 @@
+"""Write what a model predicted for recordings: a table, a summary, a picture, and of maps an animation."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.base import files
+from pipeline.datasets import schemas
+from pipeline.inference import touches
+from pipeline.inference.card import Card
+from pipeline.inference.recordings import Recording
+
+Predicted = tuple[Recording, np.ndarray]  # a recording and its predictions (n, *output_shape)
+
+
+def schema(card: Card) -> pa.Schema:
+    """Return the columns of the table of predictions, one row per reading."""
+    fields = {"recording": schemas.NAME, "t_s": pa.float64()}
+    if card.kind == "windows" and card.outputs.touch_kpa is not None:
+        touch = pa.list_(pa.struct({"x_mm": pa.float32(), "y_mm": pa.float32(), "kpa": pa.float32()}))
+        fields |= {"force_n": pa.float32(), "touches": touch}
+        fields["map_kpa"] = pa.list_(pa.float32(), card.shapes.map_rows * card.shapes.map_cols)
+    elif card.kind == "windows":
+        fields["force_n"] = pa.float32()
+    elif card.kind == "series":
+        fields |= dict.fromkeys(card.outputs.names, pa.float32())
+    else:
+        fields |= {"object": schemas.NAME, "probability": pa.list_(pa.float32(), len(card.outputs.names))}
+    return pa.schema(fields)
+
+
+def rows(recording: Recording, predicted: np.ndarray, card: Card) -> Iterator[pa.Table]:
+    """Yield the rows of one recording, some at a time."""
+    wanted = schema(card)
+    for first in range(0, len(predicted), schemas.GROUP_ROWS):
+        part = predicted[first : first + schemas.GROUP_ROWS]
+        flat = part.reshape(len(part), -1)
+        columns = {
+            "recording": schemas.repeated(recording.name, len(part)),
+            "t_s": recording.t_s[first : first + len(part)],
+        }
+        if "map_kpa" in wanted.names:
+            columns["force_n"] = touches.force_n(part, card).astype(np.float32)
+            columns["touches"] = [[touch._asdict() for touch in of_map] for of_map in touches.touches(part, card)]
+            columns["map_kpa"] = schemas.lists(flat, pa.float32())
+        elif card.kind == "windows":
+            columns["force_n"] = flat[:, 0]
+        elif card.kind == "series":
+            columns |= dict(zip(card.outputs.names, flat.T, strict=True))
+        else:
+            columns["object"] = [card.outputs.names[k] for k in np.nan_to_num(flat, nan=-1).argmax(axis=1)]
+            columns["probability"] = schemas.lists(flat, pa.float32())
+        yield pa.table(columns, schema=pa.schema([wanted.field(name) for name in columns])).select(wanted.names)
+
+
+def summary(recording: Recording, predicted: np.ndarray, card: Card, scores: Sequence[tuple]) -> dict:
+    """Return what one recording came to: readings, rejected lines by reason, gaps, and the range of the predictions.
+
+    scores: (metric, unit, value, n) where the ground truth is known.
+    """
+    known = ~np.isnan(predicted.reshape(len(predicted), -1)).any(axis=1)
+    lasts = float(recording.t_s[-1] - recording.t_s[0]) if len(recording.t_s) else 0.0
+    said = {
+        "recording": recording.name,
+        "log": str(recording.path),
+        "readings": len(predicted),
+        "seconds": round(lasts, 3),
+        "readings_per_second": round((len(predicted) - 1) / lasts, 2) if lasts else None,
+        "gaps": int(recording.starts[1:].sum()),
+        "rejected_lines": dict(Counter(recording.rejects["reason"].to_pylist())),
+        "without_prediction": int((~known).sum()),
+    }
+    if known.any():
+        said |= _range(predicted[known], card)
+    if scores:
+        said["scores"] = {f"{metric} ({unit})" if unit != "1" else metric: value for metric, unit, value, _ in scores}
+    return said
+
+
+def _range(predicted: np.ndarray, card: Card) -> dict:
+    """Return the figures that sum up the predictions of one recording, all of them known."""
+    if card.kind == "series":
+        return {
+            name: {"least": float(values.min()), "most": float(values.max())}
+            for name, values in zip(card.outputs.names, predicted.T, strict=True)
+        }
+    if card.kind == "images":
+        best = Counter(card.outputs.names[k] for k in predicted.argmax(axis=1))
+        return {"objects": dict(best.most_common()), "mean_probability": float(predicted.max(axis=1).mean())}
+    if card.outputs.touch_kpa is None:
+        return {"highest_force_n": float(predicted.max())}
+    counts = np.array([len(of_map) for of_map in touches.touches(predicted, card)])
+    return {
+        "highest_pressure_kpa": float(predicted.max()),
+        "highest_force_n": float(touches.force_n(predicted, card).max()),
+        "share_of_readings_by_touches": {str(k): float((counts == k).mean()) for k in np.unique(counts)},
+    }
+
+
+def write(folder: Path, predicted: Sequence[Predicted], card: Card, scores: Sequence[Sequence[tuple]]) -> list[dict]:
+    """Write predictions.parquet and summary.json to a folder; return the summaries, one per recording.
+
+    scores: as of `summary`, one entry per recording.
+    """
+    parts = (part for recording, values in predicted for part in rows(recording, values, card))
+    schemas.write(folder / "predictions.parquet", schema(card), parts)
+    said = [
+        summary(recording, values, card, of_recording)
+        for (recording, values), of_recording in zip(predicted, scores, strict=True)
+    ]
+    model = {"experiment": card.experiment, "model": card.model, "protocol": card.protocol, "seed": card.seed}
+    files.write_text(folder / "summary.json", json.dumps({"model": model, "recordings": said}, indent=1) + "\n")
+    return said

@@ -1,0 +1,135 @@
+"""Read logs as a trained model needs them: what the sensor said and when, with no ground truth beside it.
+
+Lines are checked and ordered as in training (pipeline/logs/parse.py), and what training left out is left out here.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import experiments, tasks
+from pipeline.base.errors import InputError
+from pipeline.datasets import schemas
+from pipeline.datasets.series import Record
+from pipeline.inference.card import Card
+from pipeline.inference.predictor import Predictor
+from pipeline.logs import parse
+from pipeline.scoring import classification, metrics
+
+# The sensor's log of each experiment, and the logs beside it that hold the ground truth.
+LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}
+TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}
+PATTERNS = {"velostat_recorded": "velostat_data/*/*.txt", "strain_recorded": "*.mat", "glove_recorded": "*.xml"}
+
+
+class Recording(NamedTuple):
+    """One log: n readings in the order of time."""
+
+    path: Path  # of the log
+    name: str  # <condition>/<recording>
+    t_s: np.ndarray  # (n,) on the sensor's clock
+    x: np.ndarray  # (n, columns) in the unit of the card
+    starts: np.ndarray  # (n,) bool: readings are missing before this one; True for the first
+    rejects: pa.Table  # lines that cannot be used, with their reasons
+
+
+def logs(place: Path, experiment: str) -> list[Path]:
+    """Return the sensor's logs in a folder, or the one log that is named; InputError where there is none."""
+    pattern = LOGS.get(experiment, PATTERNS.get(experiment))
+    if place.is_file():
+        return [place]
+    if not place.is_dir():
+        raise InputError(f"{place}: not found; name a log or a folder with {pattern} in it")
+    logs_ = sorted(place.rglob(pattern))
+    if not logs_:
+        raise InputError(f"{place}: no {pattern} in it or below; name a log of {experiment} or its folder")
+    return logs_
+
+
+def read(path: Path, card: Card) -> Recording:
+    """Read the log of one recording of the sensor that a model was trained for. Errors as parse.read_log."""
+    experiment, settings = card.experiment, card.reading
+    module = experiments.module(experiment)
+    name = f"{path.parent.parent.name}/{path.parent.name}"
+    limit = f"{experiment}.ingest.max_reject_fraction"
+    if experiment not in LOGS:
+        frames, rejects, _ = module.read_recording(path, settings)
+        name = f"{schemas.names(frames['condition'])[0]}/{schemas.names(frames['recording'])[0]}"
+        return Recording(path, name, frames["t_s"].to_numpy(), _readings(frames), _starts(frames), rejects)
+    if experiment == "glove":
+        frames, rejects, _ = module.read_recording(path.parent, settings)
+        return Recording(path, name, frames["t_s"].to_numpy(), _readings(frames), _starts(frames), rejects)
+    fmt = module.array_format(settings) if experiment == "touch" else module.formats(settings)[LOGS[experiment]]
+    rows, rejects = parse.read_log(path, fmt, limit=settings["ingest"]["max_reject_fraction"], key=limit)
+    time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
+    values = np.column_stack([rows[column].to_numpy() for column in fmt.names[1:]])
+    if experiment == "strain":
+        nowhere = np.full((len(time), 3), np.nan)
+        frames = module.resampled(path.parent.parent.name, path.parent.name, time, values, nowhere, settings["ingest"])
+        return Recording(path, name, frames["t_s"].to_numpy(), _readings(frames), _starts(frames), rejects)
+    return Recording(path, name, time, values, schemas.gaps_before(time, rows["segment"].to_numpy()), rejects)
+
+
+def _readings(frames: pa.Table) -> np.ndarray:
+    """Return the sensor's columns of frames, (n, columns)."""
+    names = [name for name in ("v", "pressure", "strain") if name in frames.column_names]
+    return np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1)
+
+
+def _starts(frames: pa.Table) -> np.ndarray:
+    return frames["gap_before"].to_numpy()
+
+
+def predict(model: Predictor, recording: Recording) -> np.ndarray:
+    """Return one prediction per reading, (n, *model.output_shape).
+
+    Windows never span a gap, so that the first ones after it are NaN; a series goes on over it, as in training.
+    """
+    if model.card.kind != "windows":
+        return model.predict(recording.x)
+    edges = np.append(np.flatnonzero(recording.starts), len(recording.x))
+    parts = [model.predict(recording.x[first:last]) for first, last in zip(edges[:-1], edges[1:], strict=True)]
+    return np.concatenate([np.empty((0, *model.output_shape), np.float32), *parts])
+
+
+def has_truth(recording: Recording, card: Card) -> bool:
+    """Tell whether the ground truth lies beside a log, so that predictions can be scored."""
+    if card.kind == "images":
+        return recording.name.split("/")[0] in card.outputs.names
+    return all((recording.path.parent / name).is_file() for name in TRUTH.get(card.experiment, ()))
+
+
+def scores(model: Predictor, path: Path) -> list[metrics.Row]:
+    """Return (metric, unit, value, n) of a model on a recording whose ground truth is known.
+
+    The recording is read, cut and labelled as for training. Errors as the experiment's read_recording.
+    """
+    card, settings = model.card, model.card.reading
+    module, task = experiments.module(card.experiment), tasks.of(card.experiment)
+    place = path.parent if card.experiment in LOGS else path
+    frames, _, _ = module.read_recording(place, settings)
+    if card.kind == "windows":
+        return _scores_of_windows(model, module, task, frames, settings)
+    if card.kind == "series":
+        asked = module.task(card.protocol, settings)
+        y, press = schemas.matrix(frames["y_mm"])[:, list(asked.outputs)], frames["press"].to_numpy()
+        counted = press >= 0 if asked.pressed_only else np.ones(len(y), bool)
+        record = Record(_readings(frames), y, counted, np.zeros(len(y), bool), press)
+        return metrics.series(record, model.predict(record.x), asked.outputs)
+    chosen = frames.take(pa.array(module.chosen(frames, settings)))
+    object_ = schemas.names(frames["condition"])[0]
+    truth = np.eye(len(card.outputs.names))[[card.outputs.names.index(object_)] * chosen.num_rows]
+    # Of one object alone, macro precision says nothing.
+    return classification.scores(truth, model.predict(_readings(chosen)))[:1]
+
+
+def _scores_of_windows(model: Predictor, module, task, frames: pa.Table, settings: Mapping) -> list[metrics.Row]:
+    apart = {name: value for name, value in settings["window"].items() if name != "sliding"}
+    windows = task.inputs(frames, {**settings, "window": apart})
+    x = schemas.matrix(windows["x"]).astype(np.float32).reshape(windows.num_rows, model.card.shapes.frames, -1)
+    previous = (windows["previous"].to_numpy(),) if model.model.streams else ()
+    predicted = model.model.predict(x, *previous)
+    return task.score(module, module.labels(windows, settings), predicted, settings)

@@ -1,0 +1,44 @@
+"""Say what a pressure map means: touches with place and pressure, and the force of all of them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.inference.card import Card
+from pipeline.scoring import metrics
+
+GAUSSIAN_SHARE = 0.5  # force under a Gaussian of sigma = r / 2 over that under a flat tip of radius r (eq. 1)
+
+
+class Touch(NamedTuple):
+    """One touch: its place from the array's lower left corner in mm, and its pressure in kPa."""
+
+    x_mm: float
+    y_mm: float
+    kpa: float
+
+
+def touches(maps: np.ndarray, card: Card) -> list[list[Touch]]:
+    """Return the touches of each map, the hardest first; maps (n, rows, cols) in kPa.
+
+    A touch is a peak of at least `card.outputs.touch_kpa`, as in the scores (scoring.metrics.peaks). A map that holds
+    NaN has none.
+    """
+    of_maps = [[] for _ in maps]
+    if not len(maps):
+        return of_maps
+    peaks = metrics.peaks(np.nan_to_num(maps), card.reading["sensor"])
+    peaks = peaks.chosen(peaks.kpa >= card.outputs.touch_kpa)
+    for k in np.argsort(-peaks.kpa, kind="stable"):
+        of_maps[peaks.window[k]].append(Touch(float(peaks.x_mm[k]), float(peaks.y_mm[k]), float(peaks.kpa[k])))
+    return of_maps
+
+
+def force_n(maps: np.ndarray, card: Card) -> np.ndarray:
+    """Return the force of all touches of each map in N, (n,); maps (n, rows, cols) in kPa.
+
+    The map's integral over the array is GAUSSIAN_SHARE of the force that the load cells measured.
+    """
+    sensor, (_, rows, cols) = card.reading["sensor"], maps.shape
+    cell_mm2 = sensor["rows"] * sensor["cols"] * sensor["pitch_mm"] ** 2 / (rows * cols)
+    return maps.sum(axis=(1, 2), dtype=np.float64) * cell_mm2 * 1e-3 / GAUSSIAN_SHARE
