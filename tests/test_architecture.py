@@ -22,8 +22,9 @@ CODE.remove("pipeline/__init__.py")
 ARROWS = {
     "stages": {"inference", "reporting/page", "stability", "twins"},
     "studies": {"reporting/page", "stability"},
-    "commands": {"inference", "reporting/page", "stability", "twins"},
-    "inference": {"tasks", "tracking"},
+    "commands": {"live", "reporting/page", "stability", "twins"},
+    "live": {"inference"},
+    "inference": {"reporting/figures", "tasks", "tracking"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
     "twins": {"experiments", "scenes", "scoring"},

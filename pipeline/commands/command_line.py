@@ -1,4 +1,4 @@
-"""What people run by hand: check, fetch, record logs; fit film, calibrate scenes, search rates, change scale, pack.
+"""What people run by hand: check, fetch, record; predict, export, live; fit film, calibrate, search rates, scale, pack.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
 `main(given)` runs it with the arguments given. `--help` behind a command says more.
@@ -11,11 +11,14 @@ from pipeline.commands import (
     bundle,
     calibrate,
     check,
+    export,
     fetch,
     fit_material,
     fit_strain,
+    live,
     longer,
     paper_scale,
+    predict,
     rates,
     record,
     scale,
@@ -25,6 +28,9 @@ COMMANDS = {
     "check": check,
     "fetch": fetch,
     "record": record,
+    "predict": predict,
+    "export": export,
+    "live": live,
     "fit-material": fit_material,
     "fit-strain": fit_strain,
     "calibrate": calibrate,

@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pipeline.base.errors import InputError
@@ -93,70 +94,99 @@ class Log:
         return InputError(f"{self.path}: cannot be written ({error.strerror}); its first {self.safe} lines are safe")
 
 
+class Port:
+    """A serial port, opened; its device may vanish and come back."""
+
+    def __init__(self, name: str, baud: int, stop: Stop):
+        """Open it. Raises InputError where pyserial is absent and where the port cannot be opened."""
+        try:
+            import serial
+        except ModuleNotFoundError as error:
+            raise InputError(
+                "pyserial is not installed; run `pip install -c constraints.txt -e '.[record]'`"
+            ) from error
+        self.name, self.stop = name, stop
+        self._open = lambda: serial.Serial(name, baud, timeout=WAIT_S)
+        try:
+            self.device = self._open()
+        except (OSError, ValueError, OverflowError) as error:  # SerialException is an OSError
+            raise InputError(
+                f"{name}: cannot be opened ({error}); check the name, the cable and your rights"
+            ) from error
+
+    def chunks(self) -> Iterator[bytes | None]:
+        """Yield bytes as they come, b"" where none came for WAIT_S, and None where the device vanished, until `stop`.
+
+        Then the bytes that are under way follow, and the rest of the line that is arriving.
+        """
+        heard, lines, partial = time.monotonic(), 0, False
+        while not self.stop:
+            try:
+                data = self.device.read(self.device.in_waiting or 1)
+            except OSError as error:
+                self.device.close()
+                yield None
+                _say(f"{self.name}: gone ({error}); waiting for it, {lines} lines so far")
+                self.device, partial = self._reopened(), False
+                if self.device is None:
+                    return
+                _say(f"{self.name}: back")
+                heard = time.monotonic()
+                continue
+            yield data
+            if data:
+                heard, partial = time.monotonic(), not data.endswith(b"\n")
+                lines += data.count(b"\n")
+            elif time.monotonic() - heard > SILENT_S:
+                _say(f"{self.name}: nothing arrives; right port, right baud rate, device started?")
+                heard = float("inf")  # said once
+        yield from self._last(partial)
+
+    def _reopened(self):
+        """Wait for the port; return it once it is back, or None if `stop` comes first."""
+        while not self.stop:
+            try:
+                return self._open()
+            except OSError:  # still away, which `chunks` has said already
+                time.sleep(RETRY_S)
+        return None
+
+    def _last(self, partial: bool) -> Iterator[bytes]:
+        """Yield the bytes that are under way (until the device pauses), and the rest of the line that is arriving."""
+        try:
+            end = time.monotonic() + LAST_LINE_S
+            while time.monotonic() < end and (data := self.device.read(self.device.in_waiting or 1)):
+                yield data
+                partial = not data.endswith(b"\n")
+            if partial:
+                self.device.timeout = LAST_LINE_S
+                yield self.device.read_until(b"\n")
+            self.device.close()
+        except OSError as error:
+            _say(f"gone at the last moment ({error}); all that arrived is in the log")
+
+
+def recorded(chunks: Iterable[bytes | None], log: Log) -> Iterator[bytes | None]:
+    """Yield the chunks of a port once they are in the log; close the log at the end. Raises InputError as `Log`."""
+    try:
+        for data in chunks:
+            if data is None:
+                log.tear()
+            else:
+                log.add(data)
+            yield data
+    finally:
+        log.close()
+
+
 def record(port: str, target: Path, baud: int, stop: Stop) -> int:
-    """Record until `stop` and return the number of whole lines. Raises InputError as `Log`, and if there is no port."""
-    try:
-        import serial
-    except ModuleNotFoundError as error:
-        raise InputError("pyserial is not installed; run `pip install -c constraints.txt -e '.[record]'`") from error
-
-    def opened():
-        return serial.Serial(port, baud, timeout=WAIT_S)
-
-    try:
-        device = opened()
-    except (OSError, ValueError, OverflowError) as error:  # SerialException is an OSError
-        raise InputError(f"{port}: cannot be opened ({error}); check the name, the cable and your rights") from error
+    """Record until `stop` and return the number of whole lines. Raises InputError as `Port` and `Log`."""
+    source = Port(port, baud, stop)
     log = Log(target)
     _say(f"recording {port} at {baud} baud to {target}; Ctrl-C ends it")
-    heard = time.monotonic()
-    while not stop:
-        try:
-            data = device.read(device.in_waiting or 1)
-        except OSError as error:
-            device.close()
-            log.tear()
-            _say(f"{port}: gone ({error}); waiting for it, {log.lines} lines so far")
-            device = _reopened(opened, stop)
-            if device is not None:
-                _say(f"{port}: back")
-            heard = time.monotonic()
-            continue
-        log.add(data)
-        if data:
-            heard = time.monotonic()
-        elif time.monotonic() - heard > SILENT_S:
-            _say(f"{port}: nothing arrives; right port, right baud rate, device started?")
-            heard = float("inf")  # said once
-    if device is not None:
-        _finish(device, log)
-    log.close()
+    for _ in recorded(source.chunks(), log):
+        pass
     return log.lines
-
-
-def _reopened(opened, stop: Stop):
-    """Wait for the port; return it once it is back, or None if `stop` comes first."""
-    while not stop:
-        try:
-            return opened()
-        except OSError:  # still away, which `record` has said already
-            time.sleep(RETRY_S)
-    return None
-
-
-def _finish(device, log: Log) -> None:
-    """Read the bytes that are under way (until the device pauses), and the rest of the line that is arriving."""
-    try:
-        end = time.monotonic() + LAST_LINE_S
-        while (data := device.read(device.in_waiting or 1)) and time.monotonic() < end:
-            log.add(data)
-        log.add(data)
-        if log.rest:
-            device.timeout = LAST_LINE_S
-            log.add(device.read_until(b"\n"))
-        device.close()
-    except OSError as error:
-        _say(f"gone at the last moment ({error}); all that arrived is in the log")
 
 
 def _say(sentence: str) -> None:

@@ -6,39 +6,13 @@ import signal
 import subprocess
 import sys
 import time
-import tty
-from pathlib import Path
 
 import pytest
+from builders.devices import WAIT_S, Device, until
 from builders.project import ROOT
 
 from pipeline.base.errors import InputError
 from pipeline.commands import record
-
-WAIT_S = 20
-
-
-class Device:
-    """A pseudo-terminal whose end for programs is at a path that stays, like a serial port's."""
-
-    def __init__(self, path: Path):
-        self.path = path
-        self.plug()
-
-    def plug(self):
-        self.end, program_end = os.openpty()
-        tty.setraw(program_end)
-        self.path.symlink_to(os.ttyname(program_end))
-        self.other = program_end  # open, so that the device is there before and after the program
-
-    def print(self, data: bytes):
-        while data:  # the terminal takes 4 kB at a time
-            data = data[os.write(self.end, data[:1024]) :]
-
-    def unplug(self):
-        self.path.unlink()
-        os.close(self.end)
-        os.close(self.other)
 
 
 @pytest.fixture
@@ -73,14 +47,6 @@ def start(device, tmp_path):
     for process in running:
         process.kill()
         process.communicate()
-
-
-def until(condition):
-    """Wait for it, or fail."""
-    deadline = time.monotonic() + WAIT_S
-    while not condition():
-        assert time.monotonic() < deadline, "never happened"
-        time.sleep(0.01)
 
 
 def ended(process):

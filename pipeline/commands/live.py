@@ -1,0 +1,111 @@
+"""Predict live: a trained model at work on what a sensor prints now, or on a recorded log as if it were printed now.
+
+MODEL is a folder that `tactile export` made, or EXPERIMENT/MODEL such as touch/lomp_stream (the model that this
+checkout trained, else the pretrained one). A web page of this machine shows readings, predictions and how long they
+take; with --csv or --udp alone there is no page unless --page is given, too. The model's frames are as far apart in
+time as in training, whatever the rate of the device. Lines that cannot be used are counted. Ctrl-C ends it.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from pipeline.base import params
+from pipeline.base.errors import InputError
+from pipeline.commands import record
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the model, the source of lines and the places for predictions to the parser of this command."""
+    parser.add_argument("model", metavar="MODEL")
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--port", metavar="PORT", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
+    source.add_argument("--replay", type=Path, metavar="LOG", help="a recorded log of the sensor, such as array.log")
+    parser.add_argument("--baud", type=int, default=record.BAUD, metavar="N", help="of the port (default %(default)s)")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="a new file for all that the port prints")
+    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="of a replay: 2 is twice as fast")
+    parser.add_argument("--loop", action="store_true", help="replay again and again")
+    parser.add_argument("--page", action="store_true", help="show the page (without --csv and --udp: always)")
+    parser.add_argument(
+        "--http-port",
+        type=int,
+        default=8765,
+        metavar="N",
+        help="of the page (default %(default)s; 0: any)",
+    )
+    parser.add_argument("--csv", action="store_true", help="a line per prediction on standard output")
+    parser.add_argument("--udp", metavar="HOST:PORT", help="a datagram of JSON per prediction, to this machine only")
+
+
+def main(given: argparse.Namespace) -> None:
+    """Run the model named on the command line until its source ends."""
+    import torch
+
+    from pipeline.inference import packages, predictor
+    from pipeline.live import outputs, source
+    from pipeline.live.session import Session
+
+    if given.record and given.replay:
+        raise InputError("--record: goes with --port; a replayed log is a file already")
+    if not given.speed > 0:
+        raise InputError(f"--speed {given.speed:g}: must be more than 0; 2 is twice as fast")
+    stop = record.Stop()
+    torch.set_num_threads(1)
+    with tempfile.TemporaryDirectory() as draft:
+        folder, comes_from = packages.locate(given.model, params.load(), Path(draft, "package"))
+        model = predictor.load(folder)
+    card = model.card
+    who, fmt = f"{card.experiment}/{card.model}", source.line_format(card)
+    say(f"{who}: {comes_from}")
+    lines = source.Lines(fmt, str(given.port or given.replay), who)
+    session = Session(model, lines, say)
+    places = [outputs.Datagrams(given.udp, card)] if given.udp else []
+    if given.replay:
+        chunks = source.replay(given.replay, fmt, stop, given.speed, given.loop)
+    else:
+        chunks = record.Port(given.port, given.baud, stop).chunks()
+        if given.record:
+            chunks = record.recorded(chunks, record.Log(given.record))
+    page = None
+    if given.page or not (given.csv or given.udp):
+        from pipeline.live.server import Page
+
+        page = Page(session, given.http_port)
+        places.append(page)
+        say(f"{page.address} shows it; Ctrl-C ends it")
+    try:
+        if given.csv:
+            places.append(outputs.Table(sys.stdout, card))
+        for data in chunks:
+            hand_on(session.take(data, time.monotonic()), places)
+        hand_on(session.finish(), places)
+    except BrokenPipeError:  # who read the CSV has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    finally:
+        if page is not None:
+            page.close()
+    say(sentence(session))
+
+
+def hand_on(predictions, places: list) -> None:
+    """Give each prediction to a page, a table and datagrams, where it is to go to."""
+    for prediction in predictions:
+        for place in places:
+            place.add(prediction)
+
+
+def say(words: str) -> None:
+    """Say something to the user, beside the CSV."""
+    print(words, file=sys.stderr, flush=True)
+
+
+def sentence(session) -> str:
+    """Say what came of a session."""
+    lines, taken = session.lines, sorted(session.to_prediction_s)
+    rejected = ", ".join(f"{reason} {count}" for reason, count in lines.rejects.items())
+    words = f"{lines.count} lines, {session.count} predictions, {sum(lines.rejects.values())} lines rejected"
+    words += f" ({rejected})" if rejected else ""
+    return words + (f"; line to prediction {1e3 * taken[len(taken) // 2]:.1f} ms (median)" if taken else "")

@@ -1,0 +1,102 @@
+"""Hand predictions to other programs: lines of CSV, or a datagram of JSON each."""
+
+import csv
+import ipaddress
+import json
+import socket
+from typing import TextIO
+
+import numpy as np
+
+from pipeline.base.errors import InputError
+from pipeline.inference.card import Card
+from pipeline.live.session import Prediction
+
+MOST_TOUCHES = 5  # columns of a line: the hardest ones
+
+
+def fields(prediction: Prediction, card: Card) -> dict:
+    """Return a prediction that is `known` by name: numbers with their unit at the end of the name.
+
+    Of every model t_s, on the device's clock, and latency_ms, from the line to the prediction; of a map force_n, of a
+    pressure map also `touches`, a list of {x_mm, y_mm, kpa}; of other models each output by its name, and the likeliest
+    `object`.
+    """
+    said = {
+        "t_s": round(prediction.reading.t_s, 6),
+        "latency_ms": round(1e3 * (prediction.predicted_s - prediction.arrived_s), 3),
+    }
+    if card.outputs.names:
+        if card.outputs.unit == "probability":
+            said["object"] = card.outputs.names[int(prediction.values.argmax())]
+        return said | dict(zip(card.outputs.names, np.round(prediction.values.astype(float), 4).tolist(), strict=True))
+    said["force_n"] = round(prediction.force_n, 4)
+    if card.outputs.touch_kpa is not None:
+        rounded = [{key: round(value, 2) for key, value in touch._asdict().items()} for touch in prediction.touches]
+        said["touches"] = rounded
+    return said
+
+
+def known(prediction: Prediction) -> bool:
+    """Tell whether a model has seen a whole window, and could make an image of the reading."""
+    return bool(np.isfinite(prediction.values).all())
+
+
+class Table:
+    """One line of CSV per known prediction, after a header."""
+
+    def __init__(self, file: TextIO, card: Card):
+        self.file, self.card, self.writer = file, card, csv.writer(file, lineterminator="\n")
+        self.writer.writerow(self._header())
+        file.flush()
+
+    def _header(self) -> list[str]:
+        names = ["t_s", "latency_ms"]
+        if self.card.outputs.names:
+            return [*names, *(["object"] if self.card.outputs.unit == "probability" else []), *self.card.outputs.names]
+        if self.card.outputs.touch_kpa is None:
+            return [*names, "force_n"]
+        touches = [name for k in range(1, MOST_TOUCHES + 1) for name in (f"x{k}_mm", f"y{k}_mm", f"p{k}_kpa")]
+        return [*names, "force_n", "touches", *touches]
+
+    def add(self, prediction: Prediction) -> None:
+        """Write one line, at once; BrokenPipeError where nobody reads any more."""
+        if not known(prediction):
+            return
+        said = fields(prediction, self.card)
+        touches = said.pop("touches", None)
+        row = list(said.values())
+        if touches is not None:
+            listed = [value for touch in touches[:MOST_TOUCHES] for value in touch.values()]
+            row += [len(touches), *listed, *[""] * (3 * MOST_TOUCHES - len(listed))]
+        self.writer.writerow(row)
+        self.file.flush()
+
+
+class Datagrams:
+    """One UDP datagram of JSON per known prediction, to a program on this machine."""
+
+    def __init__(self, address: str, card: Card):
+        """address: HOST:PORT; InputError unless it is of this machine: predictions are never sent elsewhere."""
+        self.card = card
+        host, _, port = address.rpartition(":")
+        host = host.strip("[]")
+        try:
+            place = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host)
+            number = int(port)
+        except ValueError as error:
+            raise InputError(f"--udp {address}: is no HOST:PORT such as 127.0.0.1:9000") from error
+        if not place.is_loopback or not 0 < number < 2**16:
+            raise InputError(f"--udp {address}: is no port of this machine; give one such as 127.0.0.1:9000")
+        self.target = str(place), number
+        self.socket = socket.socket(socket.AF_INET if place.version == 4 else socket.AF_INET6, socket.SOCK_DGRAM)
+        self.socket.setblocking(False)
+
+    def add(self, prediction: Prediction) -> None:
+        """Send one datagram. Nobody needs to listen; one that the system cannot take now is lost."""
+        if not known(prediction):
+            return
+        try:
+            self.socket.sendto(json.dumps(fields(prediction, self.card)).encode(), self.target)
+        except (BlockingIOError, ConnectionRefusedError):
+            return

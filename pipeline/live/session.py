@@ -1,0 +1,164 @@
+"""Predict while the sensor prints: one prediction per line, and what is to be known of lines and times.
+
+A model's frames are as far apart in time as in training. A device that prints more often than the sensor of training
+feeds several streams of frames, one after the other: of four times the rate, four times as many.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.datasets import schemas
+from pipeline.inference import touches
+from pipeline.inference.predictor import Predictor
+from pipeline.live.source import Lines, Reading
+
+MEASURED_S = 1.0  # of the device's clock, in which its rate is measured
+LEAST_MEASURED = 4  # lines, of a slow device
+LESS = 1.1  # times the model's interval: a device that is slower than that is said to be
+MOST_LOAD = 0.8  # share of the time that predictions may take
+TIMED = 20  # predictions that tell what one takes
+KEPT = 1000  # latest lines and predictions that rate and times are taken from
+
+
+class Prediction(NamedTuple):
+    """What a model says of one reading."""
+
+    number: int  # from 1
+    reading: Reading
+    values: np.ndarray  # Predictor.output_shape, in the card's unit; NaN before the model has seen a whole window
+    touches: list[touches.Touch]  # of a pressure map, the hardest first
+    force_n: float | None  # of a map
+    arrived_s: float  # time.monotonic() when the line was read
+    predicted_s: float
+
+
+class Session:
+    """A model at work on one source of lines. `notes`: sentences on how it differs from the sensor of training."""
+
+    def __init__(self, model: Predictor, lines: Lines, say: Callable[[str], None]):
+        """say: gets a sentence that the user must know, when it is known."""
+        self.model, self.card, self.lines, self._say = model, model.card, lines, say
+        self.notes: list[str] = []
+        self.count = 0  # predictions
+        self.to_prediction_s: deque[float] = deque(maxlen=KEPT)
+        self._arrivals: deque[float] = deque(maxlen=KEPT)
+        self._measured: list[tuple[Reading, float]] = []  # readings while the rate is not known, and their arrival
+        self._interval_s: float | None = None
+        self._frame_step, self._every, self._turn = 1, 1, 0
+        self._last_s = 0.0
+        self._step_s = self._time_of_a_step()
+
+    def take(self, data: bytes | None, arrived_s: float) -> Iterator[Prediction]:
+        """Yield the predictions for bytes that arrived (None: the device vanished); errors as Lines.take.
+
+        Lines of the first MEASURED_S tell the rate: they are predicted together at its end.
+        """
+        count = self.lines.count
+        for reading in self.lines.take(data):
+            if self._interval_s is None:
+                yield from self._measure(reading, arrived_s)
+            elif (prediction := self._predict(reading, arrived_s)) is not None:
+                self.to_prediction_s.append(prediction.predicted_s - arrived_s)
+                yield prediction
+        self._arrivals.extend([arrived_s] * (self.lines.count - count))
+
+    def finish(self) -> Iterator[Prediction]:
+        """Yield the predictions for lines that ended before their rate was known."""
+        if self._interval_s is None and len(self._measured) >= LEAST_MEASURED:
+            yield from self._start()
+
+    def lines_per_s(self) -> float:
+        """Return the rate at which the latest lines arrived, over about two seconds; 0 before there are two."""
+        arrivals = list(self._arrivals)
+        recent = [at for at in arrivals if at > arrivals[-1] - 2.0] if arrivals else []
+        recent = recent if len(recent) > 2 else arrivals[-3:]
+        return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 and recent[-1] > recent[0] else 0.0
+
+    def _predict(self, reading: Reading, arrived_s: float) -> Prediction | None:
+        """Return the prediction for the next reading, None for one that is left out."""
+        apart = reading.t_s - self._last_s
+        self._last_s = reading.t_s
+        longest_s = schemas.LONG * max(self._interval_s, self.card.inputs.interval_s)
+        if self.card.kind == "windows" and (reading.restarted or apart > longest_s):
+            self.model.reset(self._frame_step)  # windows of training span no gap
+            self._turn = 0
+        self._turn += 1
+        if (self._turn - 1) % self._every:
+            return None
+        values, of_map, force_n = self._evaluated(reading.values)
+        if self.card.kind == "windows" and self._turn <= (self.card.shapes.frames - 1) * self._frame_step * self._every:
+            values, of_map = (
+                np.full_like(values, np.nan),
+                [],
+            )  # also of a model that carries a state, still zero at first
+        self.count += 1
+        return Prediction(self.count, reading, values, of_map, force_n, arrived_s, time.monotonic())
+
+    def _evaluated(self, reading: np.ndarray) -> tuple[np.ndarray, list[touches.Touch], float | None]:
+        """Return (values, touches, force in N) of the next reading."""
+        values = self.model.step(reading)
+        if self.card.kind != "windows":
+            return values, [], None
+        if self.card.outputs.touch_kpa is None:
+            return values, [], float(values.sum())
+        return values, touches.touches(values[None], self.card)[0], float(touches.force_n(values[None], self.card)[0])
+
+    def _measure(self, reading: Reading, arrived_s: float) -> Iterator[Prediction]:
+        """Keep a reading; once there are enough, find the rate and predict them all."""
+        if reading.restarted:
+            self._measured.clear()
+        self._measured.append((reading, arrived_s))
+        if len(self._measured) >= LEAST_MEASURED and reading.t_s - self._measured[0][0].t_s >= MEASURED_S:
+            yield from self._start()
+
+    def _start(self) -> Iterator[Prediction]:
+        times = [reading.t_s for reading, _ in self._measured]
+        self._interval_s, self._last_s = float(np.median(np.diff(times))), times[0]
+        self._choose_step()
+        self.model.reset(self._frame_step)
+        for reading, arrived_s in self._measured:
+            if (prediction := self._predict(reading, arrived_s)) is not None:
+                yield prediction
+        self._measured.clear()
+
+    def _choose_step(self) -> None:
+        """Find how many readings lie between two frames, and say where the device's rate does not suit the model."""
+        of_model, interval_s = self.card.inputs, self._interval_s
+        self._every = max(1, int(np.ceil(self._step_s / (MOST_LOAD * interval_s))))
+        if self._every > 1:
+            self._note(
+                f"A prediction takes {1e3 * self._step_s:.1f} ms, longer than the device's lines are apart "
+                f"({1e3 * interval_s:.1f} ms): one of {self._every} lines is predicted."
+            )
+        used_s, wanted_s = self._every * interval_s, of_model.frame_step * of_model.interval_s
+        self._frame_step = max(1, round(wanted_s / used_s))
+        if self.card.kind == "images":
+            return  # one reading, one image: no time is in it
+        if interval_s > LESS * of_model.interval_s:
+            self._note(
+                f"The device prints {1 / interval_s:.3g} lines a second, fewer than the "
+                f"{1 / of_model.interval_s:.3g} of the model's training."
+            )
+        apart_s = self._frame_step * used_s
+        if not wanted_s / LESS <= apart_s <= LESS * wanted_s:
+            self._note(
+                f"Frames are {apart_s:.3g} s apart, in training {wanted_s:.3g} s: expect larger errors than the card's."
+            )
+
+    def _note(self, sentence: str) -> None:
+        self.notes.append(sentence)
+        self._say(sentence)
+
+    def _time_of_a_step(self) -> float:
+        """Return the seconds that a prediction takes, once compiled; the model has then seen nothing."""
+        reading, taken = np.arange(self.card.inputs.columns) % 7, []
+        for _ in range(self.card.shapes.frames * self.card.inputs.frame_step + TIMED):  # at first a window is filled
+            began = time.perf_counter()
+            self._evaluated(reading)
+            taken.append(time.perf_counter() - began)
+        self.model.reset()
+        return float(np.median(taken[-TIMED:]))

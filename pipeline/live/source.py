@@ -1,0 +1,151 @@
+"""Turn what a sensor prints into readings: its lines one by one, and a recorded log as if it were printed now."""
+
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline import experiments
+from pipeline.base.errors import InputError
+from pipeline.inference.card import Card
+from pipeline.logs import parse
+from pipeline.logs.parse import Format
+
+LONGEST_LINE = 1 << 16  # bytes without a line end that are thrown away: a wrong baud rate
+RESET_LINES = 3  # in order, but before the lines so far: the device was reset, as in parse.order after a banner
+OTHER_ARRAY_LINES = 20  # with as many other columns, and none before that fits: the model is of another sensor
+LONGEST_WAIT_S = 2.0  # of a replay, for the next line: a wrong time in a log must not stop it
+WAIT_S = 0.05  # how soon a replay that waits sees that it is to end
+
+
+class Reading(NamedTuple):
+    """One line of the sensor."""
+
+    t_s: float  # on its clock
+    values: np.ndarray  # (columns,) in the unit of the card
+    restarted: bool  # its clock started anew with this line
+
+
+def line_format(card: Card) -> Format:
+    """Return the format of the lines that a model's sensor prints; InputError for data that no device prints."""
+    if card.experiment.endswith("_recorded") and card.experiment != "velostat_recorded":
+        raise InputError(
+            f"{card.experiment}/{card.model}: is of recordings that are no log of lines; take a model of touch, strain "
+            "or glove"
+        )
+    module = experiments.module(card.experiment)
+    if card.experiment == "touch":
+        return module.array_format(card.reading)
+    if card.experiment == "strain":
+        return module.formats(card.reading)["daq.log"]
+    return module.FORMAT if card.experiment == "glove" else module.VELOSTAT
+
+
+def second(fmt: Format) -> float:
+    """Return what a second is in the unit of a format's time."""
+    return 1e6 if next(column.unit for column in fmt.columns if column.name == fmt.time) == "us" else 1.0
+
+
+class Lines:
+    """Takes bytes as they come and gives readings; counts the lines that are none, by the reasons of `ingest`.
+
+    `parse.order` looks ahead to tell a reset from a line that is late. Here nothing is known of the lines to come: a
+    line that is not later than the last good one is rejected, until RESET_LINES of them follow each other in order, or
+    one comes after a banner or an interruption.
+    """
+
+    def __init__(self, fmt: Format, name: str, who: str):
+        """fmt: of the lines; name: what they come from; who: the model, for a sentence about another sensor."""
+        self.format, self.name, self.who = fmt, name, who
+        self.count, self.rejects, self.rejected = 0, Counter(), ""  # rejected: the last such line
+        self._rest, self._separator, self._second = b"", fmt.separator.encode(), second(fmt)
+        self._time = fmt.names.index(fmt.time)
+        self._last: float | None = None  # time of the last good line, s
+        self._late: list[float] = []  # times of the latest lines, one after the other, that are not later than _last
+        self._interrupted = False
+        self._columns = Counter()  # of the first lines that have another number of them
+
+    def take(self, data: bytes | None) -> list[Reading]:
+        """Return the readings that are whole with these bytes; None: the device vanished, what it had begun is lost.
+
+        Raises InputError where the lines are those of another sensor.
+        """
+        if data is None:
+            lines, self._rest, self._interrupted = [self._rest] if self._rest else [], b"", True
+        else:
+            *lines, self._rest = (self._rest + data).split(b"\n")
+            if len(self._rest) > LONGEST_LINE:
+                lines, self._rest = [*lines, self._rest], b""
+        return [reading for reading in map(self._reading, lines) if reading is not None]
+
+    def _reading(self, line: bytes) -> Reading | None:
+        """Return what a line says, or None for one that is counted as rejected or that names the columns."""
+        if self.count == 0 and line.strip() == self.format.header.encode():
+            return None
+        self.count += 1
+        # What ingest says of a line; 50 us for 26 columns.
+        reason = parse._reason(line, self.format) if len(line) <= LONGEST_LINE else parse.UNREADABLE
+        if reason is not None:
+            self._check_columns(line, reason)
+            self._interrupted |= reason == parse.TEXT
+            return self._reject(reason, line)
+        values = np.array(line.split(self._separator), np.float64)
+        t_s = values[self._time] / self._second
+        restarted = self._last is None
+        if not restarted and t_s <= self._last:
+            in_order = bool(self._late) and t_s > self._late[-1]
+            self._late = [*self._late, t_s] if in_order else [t_s]
+            restarted = (self._interrupted and t_s < self._last) or len(self._late) == RESET_LINES
+            if not restarted:
+                return self._reject(parse.DUPLICATE if t_s == self._last else parse.OUT_OF_ORDER, line)
+        self._last, self._late, self._interrupted = t_s, [], False
+        return Reading(t_s, np.delete(values, self._time), restarted)
+
+    def _reject(self, reason: str, line: bytes) -> None:
+        self.rejects[reason] += 1
+        self.rejected = line[:60].decode("ascii", errors="backslashreplace").strip()
+
+    def _check_columns(self, line: bytes, reason: str) -> None:
+        """Raise InputError once many lines, and none that fits, have the same wrong number of columns."""
+        if self._last is not None or reason != parse.COLUMNS:
+            return
+        columns = line.count(self._separator) + 1
+        self._columns[columns] += 1
+        if self._columns[columns] == OTHER_ARRAY_LINES:
+            names = self.format.names
+            raise InputError(
+                f"{self.name}: its lines have {columns} columns, but {self.who} takes {len(names)} "
+                f"({self.format.separator.join([*names[:2], '...', names[-1]])}); take a model of this sensor"
+            )
+
+
+def replay(path: Path, fmt: Format, stop, speed: float = 1.0, loop: bool = False) -> Iterator[bytes | None]:
+    """Yield the lines of a recorded log when the device printed them, from now on; None where it starts again (`loop`).
+
+    stop: true once the replay is to end; speed: 2 is twice as fast. Raises InputError where there is no such log.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: log not found; name a recorded log such as array.log")
+    if not path.stat().st_size:
+        raise InputError(f"{path}: the file is empty; name a recorded log such as array.log")
+    place, separator = fmt.names.index(fmt.time), fmt.separator.encode()
+    due = time.monotonic()
+    while True:
+        last = None
+        with path.open("rb") as file:
+            for line in file:
+                if parse._reason(line, fmt) is None:
+                    t_s = float(line.split(separator)[place]) / second(fmt)
+                    due += min(max(0.0, t_s - (t_s if last is None else last)), LONGEST_WAIT_S) / speed
+                    last = t_s
+                while not stop and (wait := due - time.monotonic()) > 0:
+                    time.sleep(min(wait, WAIT_S))
+                if stop:
+                    return
+                yield line
+        if not loop:
+            return
+        yield None

@@ -1,0 +1,137 @@
+"""Small models in packages of their own, and the lines of their sensors."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pipeline import models, tasks
+from pipeline.datasets.series import Record
+from pipeline.inference import card as cards
+from pipeline.learning.regressors import Spec
+
+ROWS, COLS, MAP = 2, 3, (8, 12)
+FRAMES, STEP, INTERVAL_S = 3, 2, 0.02
+LOMP = dict(hidden=8, readout=[6], neighbours=4, alpha=1.0, training=dict(learning_rate=1e-3, batch_size=8, epochs=1))
+TOUCH = {
+    "sensor": {"rows": ROWS, "cols": COLS, "pitch_mm": 12.0, "element_mm": 11.5},
+    "ingest": {"highest_count": 1023},
+    "window": {"frames": FRAMES, "frame_step": STEP},
+    "label": {"tip_radius_mm": 5.0, "map_rows": MAP[0], "map_cols": MAP[1]},
+}
+COUNT_KPA = 0.4  # of the linear model: pressure over an element is its count times this
+
+
+def map_over(reading: np.ndarray) -> np.ndarray:
+    """Return the pressure map of the linear model, (rows, cols) in kPa: as high over each element as its count says."""
+    rows, cols = MAP
+    over = np.kron(reading.reshape(ROWS, COLS), np.ones((rows // ROWS, cols // COLS)))
+    middle = np.kron(np.ones((ROWS, COLS)), np.outer([0.5, 0.8, 1.0, 0.6], [0.5, 0.8, 1.0, 0.6]))
+    return COUNT_KPA * over * middle
+
+
+def saved(folder: Path, model, key: str, spec: Spec, **changed) -> Path:
+    """Save a model with its card into a new folder, and return it; changed: what of the card is not touch's."""
+    folder.mkdir(parents=True)
+    model.save(folder)
+    inputs = dict(columns=spec.elements, unit="counts", order="row by row", interval_s=INTERVAL_S, frame_step=STEP)
+    known = dict(
+        experiment="touch",
+        kind="windows",
+        model=key,
+        protocol="press",
+        seed=0,
+        commit="0" * 40,
+        settings={},
+        reading=TOUCH,
+        shapes=cards.Shapes(**spec._asdict()),
+        inputs=cards.Inputs(**inputs | changed.pop("inputs", {})),
+        outputs=cards.Outputs(unit="kPa", touch_kpa=20.0),
+        precision=None,
+        best_epoch=1,
+        scores=[],
+        sha256=cards.digest(cards.weights_file(folder)),
+    )
+    cards.write(folder, cards.Card(**known | changed))
+    return folder
+
+
+def linear(folder: Path) -> Path:
+    """Save a linear model of touch whose map is `map_over` of the newest frame."""
+    spec = Spec(FRAMES, ROWS, COLS, *MAP)
+    x = np.random.default_rng(0).uniform(0, 1023, (200, FRAMES, ROWS * COLS)).astype(np.float32)
+    part = x, np.stack([map_over(window[-1]).ravel() for window in x]).astype(np.float32)
+    model = tasks.of("touch").adapted(models.build("linear", spec, {}, "test"), spec)
+    model.fit(part, part, seed=0)
+    return saved(folder, model, "linear", spec)
+
+
+def stream(folder: Path) -> Path:
+    """Save an untrained model of touch that carries a state."""
+    spec = Spec(FRAMES, ROWS, COLS, *MAP)
+    model = models.build("lomp_stream", spec, LOMP, "test")
+    model._set_normalisation(torch.full((6,), 200.0), torch.full((6,), 100.0), torch.tensor(250.0))
+    return saved(folder, model, "lomp_stream", spec, settings=LOMP)
+
+
+def series(folder: Path) -> Path:
+    """Save a model of strain that tells x and y from three of five voltages."""
+    spec, rng = Spec(2, 1, 3, 1, 2), np.random.default_rng(0)
+    x = 2 + 0.1 * rng.normal(size=(200, 3)).astype(np.float32)
+    record = Record(x, 10 * x[:, :2], np.ones(200, bool), np.arange(200) < 150, np.zeros(200, np.int32))
+    settings = dict(units=20, spectral_radius=0.9, leak=0.3, input_scale=0.5, ridge=1e-6)
+    model = tasks.of("strain").adapted(models.build("esn", spec, settings, "test"), spec)
+    model.fit([record], seed=0)
+    return saved(
+        folder,
+        model,
+        "esn",
+        spec,
+        experiment="strain",
+        kind="series",
+        settings=settings,
+        reading={"sensor": {"channels": 5}, "ingest": {}},
+        inputs=dict(columns=5, unit="V", interval_s=0.2, frame_step=1, chosen=[4, 0, 2]),
+        outputs=cards.Outputs(unit="mm", names=["x_mm", "y_mm"]),
+    )
+
+
+def images(folder: Path) -> Path:
+    """Save a model of the glove that knows three objects."""
+    spec = Spec(1, 32, 32, 1, 3)
+    x = np.random.default_rng(0).integers(0, 255, (30, 1, 32 * 32)).astype(np.float32)
+    part = x, np.eye(3, dtype=np.float32)[np.arange(30) % 3]
+    model = tasks.of("glove").adapted(models.build("constant", spec, {}, "test"), spec)
+    model.fit(part, part, seed=0)
+    return saved(
+        folder,
+        model,
+        "constant",
+        spec,
+        experiment="glove",
+        kind="images",
+        protocol="session_combined",
+        reading={"sensor": {"reference_ohm": 1000.0}},
+        inputs=dict(columns=405, unit="levels", interval_s=0.14, frame_step=1),
+        outputs=cards.Outputs(unit="probability", names=["bottle", "can", "cup"]),
+    )
+
+
+KINDS = {"linear": linear, "stream": stream, "series": series, "images": images}
+
+
+def press(n: int, rate_hz: float = 1 / INTERVAL_S, element: int = 4) -> np.ndarray:
+    """Return readings (n, 6) in counts of an array at rest, on which one element is pressed from the first half on."""
+    readings = np.full((n, ROWS * COLS), 20)
+    readings[n // 2 :, element] = 500
+    readings[:, 0] += (np.arange(n) * 50 / rate_hz).astype(int) % 7
+    return readings
+
+
+def printed(
+    readings: np.ndarray, rate_hz: float = 1 / INTERVAL_S, begin_us: int = 1_000_000, end: bytes = b"\n"
+) -> bytes:
+    """Return what an array prints for readings (n, columns) in counts."""
+    times = begin_us + (np.arange(len(readings)) * 1e6 / rate_hz).astype(int)
+    rows = zip(times.tolist(), readings.tolist(), strict=True)
+    return b"".join(",".join(map(str, [t_us, *values])).encode() + b"\n" for t_us, values in rows)

@@ -1,0 +1,111 @@
+"""One prediction per line, frames as far apart as in training, and what goes to other programs."""
+
+import csv
+import io
+import json
+import socket
+
+import numpy as np
+import pytest
+from builders.live_models import FRAMES, INTERVAL_S, STEP, map_over, press, printed
+
+from pipeline.base.errors import InputError
+from pipeline.inference import predictor
+from pipeline.live import outputs
+from pipeline.live.session import Session
+from pipeline.live.source import Lines, line_format
+
+WINDOW = (FRAMES - 1) * STEP  # readings before the first one that ends a window
+
+
+def session_of(folder) -> Session:
+    model = predictor.load(folder)
+    said = []
+    session = Session(model, Lines(line_format(model.card), "array.log", "the model"), said.append)
+    assert said == session.notes
+    return session
+
+
+def taken(session: Session, data: bytes) -> list:
+    predictions = list(session.take(data, 0.0))
+    return predictions + list(session.finish())
+
+
+@pytest.mark.parametrize("kind", ["linear", "stream"])
+def test_lines_one_by_one_are_the_log_at_once(kind, package):
+    readings = press(120)
+    predictions = taken(session_of(package(kind)), printed(readings))
+    expected = predictor.load(package(kind)).predict(readings)
+    assert [prediction.number for prediction in predictions] == list(range(1, 121))
+    values = np.stack([prediction.values for prediction in predictions])
+    assert np.isnan(values[:WINDOW]).all() and not np.isnan(values[WINDOW:]).any()
+    assert np.abs(values[WINDOW:] - expected[WINDOW:]).max() < 0.05
+
+
+def test_a_device_of_four_times_the_rate_has_frames_as_far_apart(package):
+    session = session_of(package("stream"))
+    readings = press(480, rate_hz=4 / INTERVAL_S)
+    values = np.stack([each.values for each in taken(session, printed(readings, rate_hz=4 / INTERVAL_S))])
+    expected = predictor.load(package("stream")).predict(readings[3::4])
+    assert session.notes == []
+    assert np.abs(values[3::4][WINDOW:] - expected[WINDOW:]).max() < 0.05
+
+
+def test_a_slow_device_is_said_to_be(package):
+    session = session_of(package("linear"))
+    taken(session, printed(press(30, rate_hz=10), rate_hz=10))
+    assert session.notes[0] == "The device prints 10 lines a second, fewer than the 50 of the model's training."
+    assert session.notes[1].startswith("Frames are 0.1 s apart, in training 0.04 s: expect larger errors")
+
+
+def test_windows_span_no_gap(package):
+    data = printed(press(120)) + printed(press(30), begin_us=9_000_000)
+    values = np.stack([each.values for each in taken(session_of(package("linear")), data)])
+    missing = np.isnan(values).any(axis=(1, 2))
+    assert np.flatnonzero(missing).tolist() == [*range(WINDOW), *range(120, 120 + WINDOW)]
+
+
+def test_touches_and_force_of_a_press(package):
+    predictions = taken(session_of(package("linear")), printed(press(120)))
+    (touch,) = predictions[-1].touches
+    peak = map_over(press(120)[-1]).max()
+    assert touch.kpa == pytest.approx(peak, rel=0.02)
+    assert 12 < touch.x_mm < 24 and 12 < touch.y_mm < 24, "over the element in the middle of the upper row"
+    assert predictions[-1].force_n > 4 * predictions[WINDOW].force_n
+
+
+def test_a_line_of_csv_and_a_datagram_per_prediction(package):
+    session, text = session_of(package("linear")), io.StringIO()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.settimeout(5)
+        places = [
+            outputs.Table(text, session.card),
+            outputs.Datagrams(f"127.0.0.1:{listening.getsockname()[1]}", session.card),
+        ]
+        predictions = taken(session, printed(press(60)))
+        for prediction in predictions[-3:]:
+            for place in places:
+                place.add(prediction)
+        said = json.loads(listening.recv(10_000))
+    rows = list(csv.DictReader(io.StringIO(text.getvalue())))
+    assert len(rows) == 3 and rows[0]["touches"] == "1"
+    assert (
+        float(rows[0]["p1_kpa"]) == said["touches"][0]["kpa"] == pytest.approx(predictions[-3].touches[0].kpa, abs=0.01)
+    )
+    assert said["force_n"] == pytest.approx(predictions[-3].force_n, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["series", "images"])
+def test_other_sensors_have_their_names_in_the_header(kind, package):
+    card = predictor.load(package(kind)).card
+    text = io.StringIO()
+    outputs.Table(text, card)
+    expected = {"series": "t_s,latency_ms,x_mm,y_mm\n", "images": "t_s,latency_ms,object,bottle,can,cup\n"}
+    assert text.getvalue() == expected[kind]
+
+
+@pytest.mark.parametrize("address", ["9000", "somewhere:x", "192.168.1.7:9000", "127.0.0.1:0"])
+def test_datagrams_stay_on_this_machine(address, package):
+    with pytest.raises(InputError, match="--udp"):
+        outputs.Datagrams(address, predictor.load(package("linear")).card)

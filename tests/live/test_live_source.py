@@ -1,0 +1,66 @@
+"""Lines become readings as in ingest, one by one, and a recorded log is replayed at its speed."""
+
+import time
+from collections import Counter
+
+import pytest
+from builders.live_models import COLS, ROWS, press, printed
+
+from pipeline.base.errors import InputError
+from pipeline.inference import card as cards
+from pipeline.live.source import Lines, line_format, replay
+
+
+@pytest.fixture
+def lines(package) -> Lines:
+    card = cards.read(package("linear"))
+    return Lines(line_format(card), "array.log", "touch/linear")
+
+
+def test_bytes_in_any_pieces_are_the_same_readings(lines):
+    data = printed(press(20))
+    readings = [reading for k in range(0, len(data), 7) for reading in lines.take(data[k : k + 7])]
+    assert [reading.values.tolist() for reading in readings] == press(20).tolist()
+    assert [round(reading.t_s, 2) for reading in readings] == [round(1 + 0.02 * k, 2) for k in range(20)]
+    assert [reading.restarted for reading in readings] == [True] + 19 * [False]
+
+
+def test_lines_that_are_no_reading_are_counted_by_reason(lines):
+    good = printed(press(3)).splitlines(keepends=True)
+    bad = [b"array ready\n", b"1060000,1,2\n", b"1070000,1,2,3,4,5,x\n", b"1080000,1,2,3,4,5,9999\n", good[2]]
+    readings = lines.take(b"".join([*good, *bad]))
+    assert len(readings) == 3 and lines.count == 8
+    assert lines.rejects == Counter(
+        {"banner or text": 1, "column count": 1, "not a number": 1, "out of range": 1, "duplicate": 1}
+    )
+    assert lines.rejected.startswith("1040000,")
+
+
+def test_a_reset_is_seen_after_lines_in_order(lines):
+    lines.take(printed(press(10), begin_us=9_000_000))
+    readings = lines.take(printed(press(10)))
+    assert [reading.restarted for reading in readings] == [True] + 7 * [False]
+    assert lines.rejects == {"out of order": 2}
+
+
+def test_the_line_that_a_vanishing_device_began_is_lost(lines):
+    first, second = printed(press(2)).splitlines(keepends=True)
+    assert len(lines.take(first + second[:9])) == 1
+    assert lines.take(None) == []
+    assert len(lines.take(second)) == 1 and sum(lines.rejects.values()) == 1
+
+
+def test_another_array_is_named(lines):
+    narrow = b"".join(b"%d,1,2\n" % (1_000_000 + 20_000 * k) for k in range(25))
+    with pytest.raises(InputError, match=rf"lines have 3 columns, but touch/linear takes {ROWS * COLS + 1} \(t_us,v0"):
+        lines.take(narrow)
+
+
+def test_a_log_is_replayed_at_its_speed(tmp_path, lines):
+    log = tmp_path / "array.log"
+    log.write_bytes(printed(press(26)))
+    began = time.monotonic()
+    assert b"".join(replay(log, lines.format, False, speed=2)) == log.read_bytes()
+    assert 0.25 <= time.monotonic() - began < 5, "half a second at twice the speed"
+    with pytest.raises(InputError, match="log not found"):
+        next(replay(tmp_path / "other.log", lines.format, False))
