@@ -1,0 +1,212 @@
+"""The models that come with the repository do what their cards say, on logs that the scenes write."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from pipeline import experiments, scenes
+from pipeline.base import params
+from pipeline.base.errors import InputError
+from pipeline.datasets import schemas, series, specimens
+from pipeline.inference import card as cards
+from pipeline.inference import packages, predictor, recordings, touches
+from pipeline.scoring import classification, metrics
+
+VALUES = params.load()
+TOUCH, STRAIN, GLOVE = (
+    packages.PRETRAINED / name for name in ("touch/lomp_stream", "strain/lstm_direct", "glove/sp_resnet")
+)
+PACKAGES = sorted(path.parent for path in packages.PRETRAINED.glob(f"*/*/{cards.NAME}"))
+
+
+def simulated(folder: Path, experiment: str, wanted) -> list[Path]:
+    """Write the logs of the recordings of the full scene that `wanted` chooses, and return the sensor's logs."""
+    planned, logs_of = scenes.plan(experiment, VALUES[experiment])
+    chosen = [recording for recording in planned if wanted(recording)]
+    assert chosen
+    scenes.write_logs(folder, chosen, logs_of)
+    return recordings.logs(folder, experiment)
+
+
+@pytest.fixture(scope="module")
+def double(tmp_path_factory) -> list[Path]:
+    """Return the logs of one recording of double presses."""
+    folder = tmp_path_factory.mktemp("double")
+    return simulated(folder, "touch", lambda each: each.condition == "double" and each.name == "specimen0-run000")
+
+
+def score_of(card: cards.Card, condition: str, metric: str) -> float:
+    (value,) = [row.value for row in card.scores if (row.condition, row.metric) == (condition, metric)]
+    return value
+
+
+def test_three_models_come_with_the_repository():
+    assert PACKAGES == sorted([TOUCH, STRAIN, GLOVE])
+    size = sum(file.stat().st_size for folder in PACKAGES for file in folder.iterdir())
+    assert size < 5e6, "a few MB in all"
+
+
+@pytest.mark.parametrize("folder", PACKAGES, ids=lambda folder: folder.name)
+def test_step_by_step_is_all_at_once(folder):
+    model = predictor.load(folder)
+    columns = model.card.inputs.columns
+    scale = {"counts": 300, "V": 0.1, "levels": 500}[model.card.inputs.unit]
+    readings = np.random.default_rng(0).uniform(1, 2, (24, columns)) * scale
+    at_once = model.predict(readings)
+    assert at_once.shape == (24, *model.output_shape) and at_once.dtype == np.float32
+    one_by_one = np.stack([model.step(reading) for reading in readings])
+    full_scale = max(1.0, float(np.abs(at_once).max()))
+    assert np.abs(at_once - one_by_one).max() < 1e-3 * full_scale
+    model.reset()
+    assert np.abs(model.step(readings[0]) - at_once[0]).max() < 1e-3 * full_scale
+
+
+def test_the_program_in_the_documents_runs(capsys):
+    text = (packages.PRETRAINED.parent / "docs" / "use.md").read_text().partition("## In a program")[2]
+    program = text.partition("```python\n")[2].partition("```")[0].replace("pretrained/", f"{packages.PRETRAINED}/")
+    names = {}
+    exec(program, names)
+    assert names["maps"].shape == (100, 20, 20) and names["map_kpa"].shape == (20, 20)
+    assert np.abs(names["maps"][-1] - names["map_kpa"]).max() < 0.1
+    assert "columns=25 unit='counts'" in capsys.readouterr().out
+
+
+def test_readings_of_another_sensor_are_refused():
+    model = predictor.load(TOUCH)
+    with pytest.raises(InputError, match=r"readings of shape \(3, 24\): touch/lomp_stream takes \(n, 25\) counts"):
+        model.predict(np.zeros((3, 24)))
+    assert model.predict(np.full((2, 5, 5), 32)).shape == (2, 20, 20)
+
+
+def test_a_card_belongs_to_its_weights(tmp_path):
+    folder = tmp_path / "model"
+    shutil.copytree(STRAIN, folder)
+    weights = cards.weights_file(folder)
+    shutil.copy(cards.weights_file(GLOVE), weights)
+    with pytest.raises(InputError, match=r"network\.safetensors: is not the file that card\.json describes"):
+        predictor.load(folder)
+    (folder / cards.NAME).write_text(json.dumps({"experiment": "strain"}))
+    with pytest.raises(InputError, match=r"card\.json, kind: Field required"):
+        predictor.load(folder)
+    (folder / cards.NAME).unlink()
+    with pytest.raises(InputError, match=r"card\.json: not found; make the folder with `tactile export"):
+        predictor.load(folder)
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("touch", "no such model"),
+        ("feet/lomp", "no such model"),
+        ("touch/lomp/press/x", "'x' is no seed"),
+        ("touch/nothing", r"not trained in this checkout; .* the pretrained \(glove/sp_resnet, strain/lstm_direct"),
+    ],
+)
+def test_a_model_that_is_not_there_is_named(name, problem, tmp_path):
+    with pytest.raises(InputError, match=problem):
+        packages.locate(name, VALUES, tmp_path / "draft")
+
+
+def test_touches_and_force_of_a_map():
+    card = cards.read(TOUCH)
+    sensor, label = card.reading["sensor"], card.reading["label"]
+    from pipeline.datasets import labels
+
+    kpa = labels.pressure_kpa(np.array([[4.0, 2.0]]), label["tip_radius_mm"])
+    maps = labels.pressure_maps(kpa, np.array([[13.5, 46.5]]), np.array([[13.5, 31.5]]), sensor, label)
+    (of_map,) = touches.touches(maps, card)
+    assert [(round(touch.x_mm, 1), round(touch.y_mm, 1)) for touch in of_map] == [(13.5, 13.5), (46.5, 31.5)]
+    assert [touch.kpa for touch in of_map] == pytest.approx(kpa[0].tolist(), rel=1e-3)
+    assert touches.force_n(maps, card) == pytest.approx([6.0], rel=0.05), "of both touches together, as load cells say"
+    assert touches.touches(np.full((1, 20, 20), np.nan), card) == [[]]
+
+
+@pytest.mark.slow
+def test_predict_needs_no_ground_truth(double, tmp_path):
+    """One log and nothing beside it, in a process of its own as on a command line: at most 10 s of one core."""
+    folder = tmp_path / "bench" / "run"
+    folder.mkdir(parents=True)
+    shutil.copy(double[0], folder)
+    out = tmp_path / "out"
+    before = os.times()
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline.commands.command_line", "predict", str(TOUCH), str(folder), "--out", str(out)],
+        cwd=packages.PRETRAINED.parent,
+        env=os.environ | {"PYTHONPATH": str(packages.PRETRAINED.parent), "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+    )
+    after = os.times()
+    assert done.returncode == 0, done.stderr
+    assert "bench/run: 11456 readings in 229.406 s, 7 lines rejected, up to" in done.stdout
+    assert after.children_user + after.children_system - before.children_user - before.children_system < 10
+    assert {path.suffix for path in out.iterdir()} == {".parquet", ".json", ".png", ".gif"}
+    table = pyarrow.parquet.read_table(out / "predictions.parquet")
+    assert table.num_rows == 11456 and table.schema.field("map_kpa").type.list_size == 400
+    (said,) = json.loads((out / "summary.json").read_text())["recordings"]
+    assert said["readings"] + sum(said["rejected_lines"].values()) == len(double[0].read_bytes().splitlines())
+    assert "scores" not in said
+
+
+def test_a_folder_of_something_else_is_kept(double, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    from pipeline.commands import predict
+    from pipeline.commands.command_line import argparse
+
+    given = argparse.Namespace(model=str(TOUCH), logs=double[0], out=tmp_path, no_pictures=True)
+    with pytest.raises(InputError, match="holds something else than predictions"):
+        predict.main(given)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.slow
+def test_the_score_of_touch_is_what_the_file_gives(tmp_path):
+    model = predictor.load(TOUCH)
+    logs = simulated(
+        tmp_path, "touch", lambda each: each.condition == "double" and specimens.number(each.name) == model.card.seed
+    )
+    scores = [{row[0]: row for row in recordings.scores(model, log)} for log in logs]
+    squared = sum(rows["rmse"][2] ** 2 * rows["rmse"][3] for rows in scores)
+    count = sum(rows["rmse"][3] for rows in scores)
+    assert np.sqrt(squared / count) == pytest.approx(score_of(model.card, "double", "rmse"), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_score_of_strain_is_what_the_file_gives(tmp_path):
+    model = predictor.load(STRAIN)
+    settings, module = VALUES["strain"], experiments.module("strain")
+    protocol = model.card.protocol
+    (log,) = simulated(
+        tmp_path, "strain", lambda each: each.condition == protocol and each.name == f"run{model.card.seed:03d}"
+    )
+    frames, _, _ = module.read_recording(log.parent, settings)
+    part = module.split(frames, settings, protocol, model.card.seed) == "test"
+    outputs = module.task(protocol, settings).outputs
+    y, press = schemas.matrix(frames["y_mm"])[:, list(outputs)], frames["press"].to_numpy()
+    predicted = model.predict(schemas.matrix(frames["v"]))
+    record = series.Record(predicted[part], y[part], np.ones(part.sum(), bool), part[part], press[part])
+    rows = {metric: value for metric, _, value, _ in metrics.series(record, predicted[part], outputs)}
+    assert rows["error"] == pytest.approx(score_of(model.card, protocol, "error"), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_score_of_glove_is_what_the_file_gives(tmp_path):
+    model = predictor.load(GLOVE)
+    settings, module = VALUES["glove"], experiments.module("glove")
+    logs = simulated(tmp_path, "glove", lambda each: specimens.number(each.name) == model.card.seed)
+    tables = [module.read_recording(log.parent, settings)[0] for log in logs]
+    tables = [table.take(module.chosen(table, settings)) for table in tables]
+    frames = schemas.pa.concat_tables([table.unify_dictionaries() for table in tables], promote_options="permissive")
+    test = module.split(frames, settings, model.card.protocol, model.card.seed) == "test"
+    cells = np.concatenate([schemas.matrix(frames[name]) for name in ("pressure", "strain")], axis=1)[test]
+    names = schemas.names(frames["condition"])[test]
+    truth = np.eye(len(model.card.outputs.names))[[model.card.outputs.names.index(name) for name in names]]
+    ((_, _, accuracy, _), _) = classification.scores(truth, model.predict(cells))
+    assert accuracy == pytest.approx(score_of(model.card, "combined", "accuracy"), abs=0.006), "of 160 images, one"
