@@ -12,7 +12,7 @@ from collections import Counter
 import numpy as np
 import pytest
 import torch
-from benchmarks import growth, made, measure, peers, report, repro_stages, rows, scale_cost
+from benchmarks import growth, inference_speed, made, measure, peers, report, repro_stages, rows, scale_cost
 from benchmarks.speedruns import changes, former, runs
 from benchmarks.test_benchmark_data import check_equal
 from benchmarks.test_benchmark_repro import FORBIDDEN, clean_environment
@@ -470,6 +470,18 @@ def test_growth_reaches_ten_times_the_data_where_that_is_quick():
         assert factors[-1] == 10 * factors[-2] and task in measure.TASKS and task in growth.LOOKS
         assert [sizes.repeats_of(task, factor) for factor in factors] == [3, 3, 3, 1]
     assert sizes.factors_of("lomp_epoch") == [1, 4, 16]
+
+
+@pytest.mark.slow
+def test_predictions_are_timed_side_by_side(tmp_path):
+    speeds = inference_speed.speeds(params.load(), "touch", "lomp_stream", tmp_path, rounds=1)
+    assert len({speed.runs_on for speed in speeds}) == 4 and all(0 < speed.p50_ms < 1000 for speed in speeds)
+    assert 0 < speeds[0].zeros < 1 and speeds[2].mb > 2 * speeds[3].mb
+    inference_speed.write(tmp_path / "inference.csv", speeds)
+    with open(tmp_path / "inference.csv", newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert [line["runs_on"] for line in lines] == [speed.runs_on for speed in speeds]
+    assert lines[0]["mb"] == "" and float(lines[2]["p50_ms"]) == speeds[2].p50_ms
 
 
 @pytest.mark.parametrize("task", ["cnn_epoch", "lomp_epoch", "lomp_predictions", "lomp_updates"])

@@ -12,6 +12,7 @@ MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
 TABLES = {  # in the folder of this report, each written by its benchmark
     "speedruns.csv": "every training of the speed-runs",
     "changes.csv": "what each change of the recipes gains",
+    "inference.csv": "what one prediction takes of torch, of the predictor and of ONNX Runtime",
     "scale_cost.csv": "what the papers' scale would cost, by network",
     "repro_stages.csv": "what each stage of a full run takes",
 }

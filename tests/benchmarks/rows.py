@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from pipeline.base import files
 
-PACKAGES = ("numpy", "pandas", "pyarrow", "scipy", "torch", "dvc")
+PACKAGES = ("numpy", "pandas", "pyarrow", "scipy", "torch", "onnxruntime", "dvc")
 
 
 class Row(NamedTuple):

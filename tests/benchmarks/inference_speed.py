@@ -1,0 +1,158 @@
+"""What one prediction takes of torch, of the predictor and of ONNX Runtime, side by side, on one thread.
+
+The networks are those of params.yaml as they are drawn, with readings drawn, too. Times do not depend on the weights,
+but for LoMP's compiled prediction, which skips the zeros of its state: `zeros` is their share here.
+"""
+
+import statistics
+import time
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from benchmarks import made
+
+from pipeline import models
+from pipeline.base import files
+from pipeline.inference import card as cards
+from pipeline.inference import onnx_export
+from pipeline.inference.predictor import Predictor
+from pipeline.learning import image_classifier, lomp_network
+from pipeline.learning.regressors import Spec
+from pipeline.learning.series_regressors import Scaling
+from pipeline.tasks import windows
+
+NETWORKS = (
+    *(("touch", "lomp"), ("touch", "lomp_stream"), ("touch", "cnn")),
+    *(("strain", "lstm_direct"), ("glove", "sp_resnet")),
+)
+STRAIN = Spec(10, 1, 6, 1, 2)
+OBJECTS = 16
+WARM_UP, IN_A_ROW = 20, 20  # calls
+TORCH, PREDICTOR, FLOAT32, INT8 = "torch", "predictor", "ONNX Runtime float32", "ONNX Runtime int8"
+
+
+class Speed(NamedTuple):
+    """Half of the predictions of one network, batch 1, took at most `p50_ms`; `mb`: of its file."""
+
+    experiment: str
+    network: str
+    runs_on: str
+    p50_ms: float
+    mb: float | str  # empty where it is none of its own
+    zeros: float | str  # share of LoMP's state that is zero, empty for others
+
+
+def drawn(values: Mapping, experiment: str, network: str) -> Predictor:
+    """Return a network of params.yaml (`values`), not trained, with a card."""
+    kind = {"touch": "windows", "strain": "series", "glove": "images"}[experiment]
+    spec = {"touch": lambda: windows.spec(values["touch"]), "strain": lambda: STRAIN}.get(
+        experiment, lambda: image_classifier.spec_of(OBJECTS)
+    )()
+    block = values[experiment]["models"][network]
+    model = models.build(network, spec, block, "benchmark")
+    if kind == "series":
+        model.scaling = Scaling([made.series(1000)])
+    elif kind == "windows":
+        model._set_normalisation(
+            torch.full((spec.elements,), 250.0), torch.full((spec.elements,), 150.0), torch.ones(())
+        )
+    unit, output_unit = {"windows": ("counts", "kPa"), "series": ("V", "mm"), "images": ("levels", "probability")}[kind]
+    return Predictor(
+        model,
+        cards.Card(
+            experiment=experiment,
+            kind=kind,
+            model=network,
+            protocol="none",
+            seed=0,
+            commit="none",
+            settings=dict(block),
+            reading={},
+            shapes=cards.Shapes(**spec._asdict()),
+            inputs=cards.Inputs(columns=spec.elements, unit=unit, order="none", interval_s=0.02, frame_step=1),
+            outputs=cards.Outputs(unit=output_unit),
+            precision=None,
+            best_epoch=0,
+            scores=[],
+            sha256="none",
+        ),
+    )
+
+
+def speeds(values: Mapping, experiment: str, network: str, folder: Path, rounds: int) -> list[Speed]:
+    """Return the times of one network; its files are written into `folder`, which exists."""
+    model = drawn(values, experiment, network)
+    graph, inner = onnx_export.graph_of(model), model.model
+    onnx_export.export(model, folder)
+    exact, int8 = folder / onnx_export.NAME, folder / onnx_export.INT8_NAME
+    onnx_export.quantise(exact, int8, per_output=not isinstance(inner, lomp_network.LompRegressor))
+    x = onnx_export.random_readings(model, graph)[0][-1:]
+    calls = {
+        TORCH: by_torch(graph, x),
+        PREDICTOR: (lambda: inner.step(x)) if graph.states else (lambda: inner.predict(x)),
+        FLOAT32: by_onnx(exact, graph, x),
+        INT8: by_onnx(int8, graph, x),
+    }
+    sizes = {FLOAT32: exact.stat().st_size / 1e6, INT8: int8.stat().st_size / 1e6}
+    zeros = zeros_of_state(graph, x) if isinstance(inner, lomp_network.LompRegressor) else ""
+    times = p50_ms(calls, rounds)
+    return [Speed(experiment, network, name, times[name], sizes.get(name, ""), zeros) for name in calls]
+
+
+def by_torch(graph: onnx_export.Graph, x: np.ndarray) -> Callable[[], object]:
+    """Return what runs the graph in torch for readings x (1, ...), the state carried along."""
+    module, readings = graph.module.eval(), torch.from_numpy(x)
+    states = [torch.from_numpy(state) for state in onnx_export.first_states(graph, x).values()]
+
+    def call() -> None:
+        with torch.no_grad():
+            predicted = module(readings, *states)
+        if states:
+            states[:] = predicted[1:]
+
+    return call
+
+
+def by_onnx(path: Path, graph: onnx_export.Graph, x: np.ndarray) -> Callable[[], object]:
+    """Return what runs a file for readings x (1, ...), the state carried along."""
+    session, states = onnx_export.session(path), onnx_export.first_states(graph, x)
+
+    def call() -> None:
+        _, *following = session.run(None, {onnx_export.READINGS: x, **states})
+        states.update(zip(states, following, strict=True))
+
+    return call
+
+
+def zeros_of_state(graph: onnx_export.Graph, x: np.ndarray) -> float:
+    """Return the share of LoMP's state that is zero after frames of x (1, ...)."""
+    module = graph.module
+    with torch.no_grad():
+        frames = module.normalised(torch.from_numpy(x.reshape(-1, 1, x.shape[-1])))
+        h = torch.zeros(module.cells, 1, module.hidden)
+        for frame in frames:
+            _, h = module.after(frame, h)
+    return float((h == 0).float().mean())
+
+
+def p50_ms(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, float]:
+    """Return the median milliseconds of a call of each: in every round, each is called IN_A_ROW times."""
+    taken: dict[str, list[float]] = {name: [] for name in calls}
+    for call in calls.values():
+        for _ in range(WARM_UP):
+            call()
+    for _ in range(rounds):
+        for name, call in calls.items():
+            for _ in range(IN_A_ROW):
+                began = time.perf_counter()
+                call()
+                taken[name].append(1e3 * (time.perf_counter() - began))
+    return {name: statistics.median(times) for name, times in taken.items()}
+
+
+def write(path: Path, table: Iterable[Speed]) -> None:
+    """Write the times as CSV."""
+    files.write_csv(path, Speed._fields, table)
