@@ -80,7 +80,7 @@ def heat_map(path: Path, judged: pd.DataFrame, title: str) -> bool:
     ax.grid(False)
     ax.set_xticks(range(table.shape[1]), [perturbation_name(name) for name in table.columns], rotation=40, ha="right")
     ax.set_yticks(range(len(table)), [model_style(model).label for model in order])
-    ax.set_title(f"{title}: error over the constant model's", fontsize=10)
+    figure.suptitle(f"{title}: error over the constant model's", fontsize=10)  # `save` makes a narrow figure as wide
     bar = figure.colorbar(image, ax=ax, extend="both", label="relative error, log scale (1: no better)")
     bar.set_ticks([1 / FACTOR, 0.5, 1, 2, FACTOR], labels=["1/4", "1/2", "1", "2", "4"])
     bar.minorticks_off()
