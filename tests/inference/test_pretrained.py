@@ -130,7 +130,7 @@ def test_touches_and_force_of_a_map():
 
 @pytest.mark.slow
 def test_predict_needs_no_ground_truth(double, tmp_path):
-    """A minute of one log, nothing beside it, in a process of its own as on a command line: at most 10 s of one core."""
+    """A minute of a log and nothing beside it, as on a command line, takes at most 10 s of one core."""
     folder = tmp_path / "bench" / "run"
     folder.mkdir(parents=True)
     lines = double[0].read_bytes().splitlines(keepends=True)[:3000]
