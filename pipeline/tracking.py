@@ -1,7 +1,8 @@
 """Make one MLflow run of the files of one trained model.
 
 The stages only write files. This module reads the files of every (protocol, model, seed) of an experiment, and makes
-the store hold a run of that content, found again by a hash of settings, curves, scores and model files. No run is ever
+the store hold a run of that content, found again by a hash of settings, curves, scores and model files. What makes the
+files a model that MLflow opens (pipeline/inference/mlflow_runs.py) follows from these. No run is ever
 deleted, and none changes its params, scores or files; a run that somebody deleted is restored when its content is
 wanted again. Two checkouts with the same content share the run. Two things do change:
 
@@ -17,8 +18,9 @@ import logging
 import os
 import re
 import subprocess
+import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,7 +49,10 @@ from mlflow.store.db.db_types import DATABASE_ENGINES
 from sqlalchemy.exc import SQLAlchemyError
 
 WRITER = "pipeline.stages.track"  # the tag `written_by`: runs without it belong to the user and are never touched
+MODEL = "model"  # folder of a run with the files of the model
 MODEL_FILES = ("*.safetensors", "*.skops")
+NOTE = "mlflow.note.content"  # the tag that MLflow shows as the description of a run
+TRACK = "run `python -m pipeline.stages.track` again"
 CURVES = ("train_loss", "validation_loss", "learning_rate")
 METRICS_PER_CALL = 1000  # the limit of MLflow's log_batch
 PARAMS_PER_CALL = 100  # the same
@@ -82,6 +87,9 @@ class TrackedRun:
     def key(self) -> tuple[str, str, str, str]:
         """Return (experiment, protocol, model, seed), as the run's tags hold them."""
         return self.experiment, self.protocol, self.model, str(self.seed)
+
+
+WriteModel = Callable[[TrackedRun, Run, Path], str]  # returns the description of the model
 
 
 class Outcome(NamedTuple):
@@ -152,13 +160,14 @@ def check_settings(experiments: Iterable[str], params: dict) -> None:
                     )
 
 
-def synchronise(runs: list[TrackedRun]) -> Outcome:
+def synchronise(runs: list[TrackedRun], write_model: WriteModel) -> Outcome:
     """Make the store hold every one of `runs`: find its content again, restore it or log it; then move `current`.
 
+    write_model: writes into a folder what MLflow needs to open a run's model (pipeline/inference/mlflow_runs.py).
     In the temporary copy of an experiment no run becomes a current one. Raises InputError if the store is
     unreachable, locked, refuses a value, or was made by a copy of the repository in another folder.
     """
-    with _opened() as client:
+    with opened() as client:
         experiments = _open_experiments(client, {run.experiment for run in runs})
         _end_interrupted(client, experiments.values())
         marked = _marked(client, experiments.values())
@@ -171,11 +180,11 @@ def synchronise(runs: list[TrackedRun]) -> Outcome:
         for run in runs:
             match = by_content.get(run.content) or _find(client, experiments[run.experiment], run.content)
             if match is None:
-                run_id = _write_run(client, experiments[run.experiment], run, commit)
+                run_id = _write_run(client, experiments[run.experiment], run, commit, write_model)
                 counts["logged"] += 1
             else:
                 run_id = match.info.run_id
-                counts["restored"] += _restore(client, match, run)
+                counts["restored"] += _restore(client, match, run, write_model)
                 counts["measured"] += _log_new_times(client, match, run)
             if not store.in_temporary_copy() and (match is None or match.data.tags.get(store.current_tag()) != "true"):
                 client.set_tag(run_id, store.current_tag(), "true")
@@ -190,7 +199,7 @@ def synchronise(runs: list[TrackedRun]) -> Outcome:
 
 def holds(rows: list[dict[str, str]]) -> bool:
     """Tell whether exactly `rows` of a receipt are the current runs of this checkout in the store, and complete."""
-    with _opened() as client:
+    with opened() as client:
         experiments = _open_experiments(client, set())
         complete = {
             (run.info.run_id, run.data.tags["content"])
@@ -287,21 +296,21 @@ def _read_run(
 
 
 @contextmanager
-def _opened() -> Iterator[MlflowClient]:
-    """Open the store; an error of it inside the block becomes one sentence, without a password."""
+def opened(then: str = TRACK) -> Iterator[MlflowClient]:
+    """Open the store; an error of it becomes one sentence, without a password, that ends with `then`."""
     uri = store.server()
     try:
         client = MlflowClient(tracking_uri=uri or f"sqlite:///{store.database()}")
         client.search_experiments(max_results=1)
     except (MlflowException, SQLAlchemyError, OSError, ValueError, ImportError) as error:  # or a driver is missing
-        raise InputError(_sentence(error, uri)) from error
+        raise InputError(_sentence(error, uri, then)) from error
     try:
         yield client
     except (MlflowException, SQLAlchemyError, OSError) as error:
-        raise InputError(_sentence(error, uri, refused=("INVALID_PARAMETER_VALUE", "BAD_REQUEST"))) from error
+        raise InputError(_sentence(error, uri, then, refused=("INVALID_PARAMETER_VALUE", "BAD_REQUEST"))) from error
 
 
-def _sentence(error: Exception, uri: str | None, refused: Sequence[str] = ()) -> str:
+def _sentence(error: Exception, uri: str | None, then: str, refused: Sequence[str] = ()) -> str:
     """Say what went wrong with a store and what to do; `refused`: MLflow's error codes that blame what it was sent."""
     if storage_error(error):
         return storage_error(error)
@@ -328,10 +337,7 @@ def _sentence(error: Exception, uri: str | None, refused: Sequence[str] = ()) ->
     else:
         advice = "free it"
     where = re.sub(r"\?.*", "", re.sub(r"//.*@", "//", uri)) if uri else "mlruns/mlflow.db"  # no account, no query
-    return (
-        f"{where}: {problem} ({reason}); all results are safe in data/, so {advice} and run "
-        "`python -m pipeline.stages.track` again"
-    )
+    return f"{where}: {problem} ({reason}); all results are safe in data/, so {advice} and {then}"
 
 
 def _secrets(uri: str) -> list[str]:
@@ -409,7 +415,9 @@ def _end_interrupted(client: MlflowClient, experiment_ids: Iterable[str]) -> Non
             client.set_terminated(run.info.run_id, "KILLED")
 
 
-def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit: tuple[str, str]) -> str:
+def _write_run(
+    client: MlflowClient, experiment_id: str, run: TrackedRun, commit: tuple[str, str], write_model: WriteModel
+) -> str:
     """Log one run and return its id; its status is FINISHED only when everything has been logged."""
     now = int(time.time() * 1000)
     tags = {
@@ -447,29 +455,36 @@ def _write_run(client: MlflowClient, experiment_id: str, run: TrackedRun, commit
         client.log_batch(run_id, params=params[start : start + PARAMS_PER_CALL])
     for start in range(0, len(points), METRICS_PER_CALL):
         client.log_batch(run_id, metrics=points[start : start + METRICS_PER_CALL])
-    _log_files(client, run_id, run)
+    _log_files(client, created, run, write_model)
     client.set_terminated(run_id, end_time=now)
     return run_id
 
 
-def _log_files(client: MlflowClient, run_id: str, run: TrackedRun) -> None:
-    client.log_artifact(run_id, str(paths.ROOT / "params.yaml"))
-    client.log_artifacts(run_id, str(run.folder), "model")
+def _log_files(client: MlflowClient, logged: Run, run: TrackedRun, write_model: WriteModel) -> None:
+    """Log settings and model; MLflow shows the description of the model on the page of the run."""
+    run_id = logged.info.run_id
+    with tempfile.TemporaryDirectory() as draft:
+        description = write_model(run, logged, Path(draft, MODEL))
+        client.log_artifact(run_id, str(paths.ROOT / "params.yaml"))
+        client.log_artifacts(run_id, str(run.folder), MODEL)
+        client.log_artifacts(run_id, str(Path(draft, MODEL)), MODEL)
+    if NOTE not in logged.data.tags:
+        client.set_tag(run_id, NOTE, description)
 
 
-def _restore(client: MlflowClient, match: Run, run: TrackedRun) -> bool:
+def _restore(client: MlflowClient, match: Run, run: TrackedRun, write_model: WriteModel) -> bool:
     """Bring back the run `match` (return True if somebody deleted it) or its files."""
     deleted = match.info.lifecycle_stage != "active"
     if deleted:
         client.restore_run(match.info.run_id)
     if _lacks_files(match):
-        _log_files(client, match.info.run_id, run)
+        _log_files(client, match, run, write_model)
     return deleted
 
 
 def _lacks_files(run: Run) -> bool:
-    """Tell whether a run of the default store has lost its files; a server is not asked."""
-    return not store.server() and not (Path(run.info.artifact_uri) / "model").is_dir()
+    """Tell whether a run of the default store has lost its files, or never got a model's; a server is not asked."""
+    return not store.server() and not store.has_model(Path(run.info.artifact_uri))
 
 
 def _log_new_times(client: MlflowClient, match: Run, run: TrackedRun) -> bool:

@@ -29,7 +29,10 @@ PARAMS = {
     "experiments": ["touch", "velostat_recorded"],
     "device": "auto",
     "touch": {
-        "label": {"map_rows": 20},
+        "sensor": {"rows": 2, "cols": 3, "pitch_mm": 12.0},
+        "ingest": {"highest_count": 1023, "max_touches": 2},
+        "window": {"frames": 4, "frame_step": 2, "contact_threshold_n": 0.5},
+        "label": {"map_rows": 20, "map_cols": 30, "tip_radius_mm": 5.0},
         "protocols": {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}},
         "models": {"linear": {}, "lomp": {"hidden": 8, "training": {"learning_rate": 1.0e-3}}},
         "latency": {"batches": [1, 256]},
@@ -160,7 +163,7 @@ def test_one_run_per_model_and_seed_with_curves_and_metrics(made_once):
     history = client().get_metric_history(run.info.run_id, "validation_loss")
     assert [(point.step, point.value) for point in history] == [(n, 10.0 / n) for n in range(1, EPOCHS + 1)]
     files = {file.path for file in client().list_artifacts(run.info.run_id, "model")}
-    assert files == {"model/history.csv", "model/fit.json", "model/model.skops"}
+    assert {"model/history.csv", "model/fit.json", "model/estimator.skops", "model/card.json"} < files
 
 
 def test_a_run_says_what_made_it(made_once):
@@ -298,7 +301,7 @@ def test_a_deleted_experiment_comes_back(repository):
 
 def test_retrained_model_file_changes_the_content_of_its_run_only(repository):
     before = tracking.read_runs("touch", PARAMS)
-    (paths.run_folder("touch", "lomp", "press", 1) / "model.skops").write_bytes(b"other weights")
+    (paths.run_folder("touch", "lomp", "press", 1) / "estimator.skops").write_bytes(b"other weights")
     after = tracking.read_runs("touch", PARAMS)
     changed = [new.key for old, new in zip(before, after, strict=True) if old.content != new.content]
     assert changed == [("touch", "press", "lomp", "1")]
@@ -485,7 +488,7 @@ def test_a_name_that_looks_like_a_changed_one_is_changed_too():
         ("data/touch/latency/lomp.train.csv", "data/touch/latency/lomp.train.csv"),
         ("data/touch/models/lomp/press-1/history.csv", "data/touch/models/lomp/press-1/history.csv"),
         ("data/touch/models/lomp/press-1/fit.json", "data/touch/models/lomp/press-1/fit.json"),
-        ("data/touch/models/lomp/press-1/model.skops", "data/touch/models/lomp/press-1: holds no model file"),
+        ("data/touch/models/lomp/press-1/estimator.skops", "data/touch/models/lomp/press-1: holds no model file"),
     ],
 )
 def test_missing_file_is_named_and_nothing_is_logged(repository, file, named):
@@ -512,7 +515,7 @@ def test_missing_rows_and_keys_are_named(repository):
 def test_results_of_other_settings_are_refused(repository):
     with pytest.raises(InputError, match="fit.json: was made with other settings than touch.models.lomp"):
         track.track(params_with(lomp={"hidden": 16, "training": {"learning_rate": 1.0e-3}}))
-    made_with = {"device": "auto", "touch": {**PARAMS["touch"], "label": {"map_rows": 20}}}
+    made_with = {"device": "auto", "touch": {**PARAMS["touch"], "label": dict(PARAMS["touch"]["label"])}}
     stage = {"outs": [{"path": "data/touch/scores.csv"}], "params": {"params.yaml": made_with}}
     (repository / "dvc.lock").write_text(yaml.safe_dump({"stages": {"evaluate@touch": stage}}))
     track.track(PARAMS)
@@ -593,7 +596,7 @@ def test_the_advice_is_for_the_cause(repository, monkeypatch, error, uri, advice
     if uri:
         monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
         monkeypatch.setattr(tracking.MlflowClient, "search_experiments", lambda self, **_: None)
-    with pytest.raises(InputError, match=advice) as caught, tracking._opened():
+    with pytest.raises(InputError, match=advice) as caught, tracking.opened():
         raise error
     assert "\n" not in str(caught.value) and "()" not in str(caught.value)
 
@@ -636,6 +639,7 @@ class Tiny:
         entry["deps"] = [dep for dep in entry["deps"] if not dep.startswith("data/") or dep.startswith("data/touch/")]
         made = ["scores.csv", "ingest.json", "speed/latency.csv"]
         made += [path for model in self.LINEAR_AND_TREE for path in (f"models/{model}", f"latency/{model}.train.csv")]
+        made += ["frames.parquet"]
         results = {
             "cmd": "python made_results.py",
             "deps": ["made_results.py"],

@@ -17,7 +17,15 @@ from pathlib import Path
 from pipeline.base import files, paths
 
 # Files that decide how files become runs.
-CODE = ("base/store.py", "datasets/fits.py", "scoring/results.py", "stages/track.py", "tracking.py")
+CODE = (
+    "base/store.py",
+    "datasets/fits.py",
+    "inference/card.py",
+    "inference/mlflow_model.py",
+    "inference/mlflow_runs.py",
+)
+CODE += ("inference/packages.py", "scoring/results.py", "stages/track.py", "tracking.py")
+DESCRIPTION = ("MLmodel", "card.json")  # files that make the files of a model one that MLflow opens
 COLUMNS = ("experiment", "protocol", "model", "seed", "content", "run_id")  # of a receipt's rows
 
 
@@ -121,8 +129,13 @@ def is_untouched(rows: list[dict[str, str]]) -> bool:
     return (
         state is not None
         and state == _read_receipt().get("database")
-        and all((artifacts() / row["experiment"] / row["run_id"] / "artifacts" / "model").is_dir() for row in rows)
+        and all(has_model(artifacts() / row["experiment"] / row["run_id"] / "artifacts") for row in rows)
     )
+
+
+def has_model(folder: Path) -> bool:
+    """Tell whether the folder of a run's files holds a model that MLflow opens."""
+    return all((folder / "model" / name).is_file() for name in DESCRIPTION)
 
 
 def _read_receipt() -> dict:
@@ -140,6 +153,8 @@ def _inputs(params: dict) -> Iterator[Path]:
         yield paths.ingest_report(experiment)
         yield paths.scores(experiment)
         yield paths.latency(experiment)
+        yield paths.frames(experiment)
+        yield paths.dataset(experiment)
         for model in params[experiment]["models"]:
             yield paths.training_times(experiment, model)
             yield from sorted(paths.model_folder(experiment, model).rglob("*"))

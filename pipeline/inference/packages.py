@@ -1,5 +1,6 @@
 """Find a trained model by what the user calls it, and make it a package: a folder of weights, card and nothing else."""
 
+import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +16,7 @@ from pipeline.inference import card as cards
 from pipeline.scoring import metrics, results
 
 PRETRAINED = paths.ROOT / "pretrained"  # packages that come with the repository, <experiment>/<model>
+RUN_ID = re.compile("[0-9a-f]{32}")  # of MLflow
 MAP_ORDER = "row by row from the bottom row, each from the left"
 ORDERS = {
     "windows": MAP_ORDER,
@@ -43,46 +45,63 @@ def of_run(values: Mapping, experiment: str, model: str, protocol: str, seed: in
     """Return the card of one run of params.yaml; errors as `make`."""
     from pipeline import tracking  # here, because the import of MLflow takes a second
 
-    settings, kind = values[experiment], tasks.kind(experiment)
-    folder, made_by = paths.run_folder(experiment, model, protocol, seed), params.training_command(experiment)
-    fit, block = fits.read(folder, made_by), params.run_settings(values, experiment, model, protocol)
-    if fit["settings"] != block:
-        raise InputError(
-            f"{paths.shown(folder)}: was trained with other settings than {experiment}.models.{model} of params.yaml; "
-            f"run `{made_by}`"
-        )
+    card = Describer(values, experiment).card(model, protocol, seed, tracking.git_state()[0])
     tracking.check_settings([experiment], values)
-    names, chosen, touch_kpa = None, None, None
-    if kind == "windows":
-        spec = tasks.of(experiment).spec(settings)
-        touch_kpa = metrics.touch_threshold_kpa(settings) if "tip_radius_mm" in settings["label"] else None
-    elif kind == "series":
-        spec = tasks.of(experiment).spec(experiment, settings, protocol)
-        task = experiments.module(experiment).task(protocol, settings)
-        names, chosen = [f"{'xyz'[k]}_mm" for k in task.outputs], list(next(iter(task.channels.values())))
-    else:
-        names = images.classes(_table(paths.dataset(experiment), ["condition"]))
-        spec = tasks.of(experiment).spec(names)
-    return cards.Card(
-        experiment=experiment,
-        kind=kind,
-        model=model,
-        protocol=protocol,
-        seed=seed,
-        commit=tracking.git_state()[0],
-        settings=dict(block),
-        reading={name: settings[name] for name in cards.READING if name in settings},
-        shapes=cards.Shapes(**spec._asdict()),
-        inputs=_inputs(experiment, kind, settings, chosen),
-        outputs=cards.Outputs(unit=OUTPUT_UNITS.get(experiment, OUTPUT_UNITS[kind]), names=names, touch_kpa=touch_kpa),
-        precision=fit["precision"],
-        best_epoch=fit["best_epoch"],
-        scores=_scores(experiment, model, protocol, seed),
-        sha256=cards.digest(cards.weights_file(folder)),
-    )
+    return card
 
 
-def _inputs(experiment: str, kind: str, settings: Mapping, chosen: list[int] | None) -> cards.Inputs:
+class Describer:
+    """Makes the cards of the runs of an experiment; what they share is read once."""
+
+    def __init__(self, values: Mapping, experiment: str):
+        """Take params.yaml. Raises InputError where a file that the experiment's stages write is missing."""
+        self.values, self.experiment, self.kind = values, experiment, tasks.kind(experiment)
+        self._inputs = _inputs(experiment, self.kind, values[experiment])
+        self._scores = _scores(experiment)
+        of_images = self.kind == "images"
+        self._classes = images.classes(_table(paths.dataset(experiment), ["condition"])) if of_images else None
+
+    def card(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
+        """Return the card of one run. Raises InputError where it has not been trained, or with other settings."""
+        experiment, settings = self.experiment, self.values[self.experiment]
+        folder, made_by = paths.run_folder(experiment, model, protocol, seed), params.training_command(experiment)
+        fit, block = fits.read(folder, made_by), params.run_settings(self.values, experiment, model, protocol)
+        if fit["settings"] != block:
+            raise InputError(
+                f"{paths.shown(folder)}: was trained with other settings than {experiment}.models.{model} of "
+                f"params.yaml; run `{made_by}`"
+            )
+        names, chosen, touch_kpa = self._classes, None, None
+        if self.kind == "windows":
+            spec = tasks.of(experiment).spec(settings)
+            touch_kpa = metrics.touch_threshold_kpa(settings) if "tip_radius_mm" in settings["label"] else None
+        elif self.kind == "series":
+            spec = tasks.of(experiment).spec(experiment, settings, protocol)
+            task = experiments.module(experiment).task(protocol, settings)
+            names, chosen = [f"{'xyz'[k]}_mm" for k in task.outputs], list(next(iter(task.channels.values())))
+        else:
+            spec = tasks.of(experiment).spec(names)
+        unit = OUTPUT_UNITS.get(experiment, OUTPUT_UNITS[self.kind])
+        return cards.Card(
+            experiment=experiment,
+            kind=self.kind,
+            model=model,
+            protocol=protocol,
+            seed=seed,
+            commit=commit,
+            settings=dict(block),
+            reading={name: settings[name] for name in cards.READING if name in settings},
+            shapes=cards.Shapes(**spec._asdict()),
+            inputs=self._inputs.model_copy(update={"chosen": chosen}),
+            outputs=cards.Outputs(unit=unit, names=names, touch_kpa=touch_kpa),
+            precision=fit["precision"],
+            best_epoch=fit["best_epoch"],
+            scores=self._scores.get((protocol, model, seed), []),
+            sha256=cards.digest(cards.weights_file(folder)),
+        )
+
+
+def _inputs(experiment: str, kind: str, settings: Mapping) -> cards.Inputs:
     """Return what one reading of an experiment's sensor is."""
     frames = _table(paths.frames(experiment), ["t_s"])
     schema = experiments.module(experiment).frames_schema(settings)
@@ -93,7 +112,6 @@ def _inputs(experiment: str, kind: str, settings: Mapping, chosen: list[int] | N
         order=ORDERS[kind],
         interval_s=round(float(np.median(np.diff(frames["t_s"].to_numpy()))), 6),
         frame_step=settings["window"].get("frame_step", 1),
-        chosen=chosen,
     )
 
 
@@ -102,33 +120,37 @@ def _table(path: Path, columns: list[str]):
     return schemas.read(paths.require(path, "dvc repro evaluate"), columns)
 
 
-def _scores(experiment: str, model: str, protocol: str, seed: int) -> list[cards.Score]:
-    """Return one run's rows of scores.csv."""
+def _scores(experiment: str) -> dict[tuple[str, str, int], list[cards.Score]]:
+    """Return (protocol, model, seed) -> the run's rows of scores.csv."""
     columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
     table = results.read_csv(paths.scores(experiment), columns, "dvc repro evaluate")
-    table = table[(table["protocol"] == protocol) & (table["model"] == model) & (table["seed"] == seed)]
-    return [
-        cards.Score(
+    scores = {}
+    for row in table.itertuples(index=False):
+        score = cards.Score(
             condition=row.condition,
             metric=row.metric,
             unit=str(row.unit),
             value=None if pd.isna(row.value) else float(row.value),
             n=int(row.n),
         )
-        for row in table.itertuples(index=False)
-    ]
+        scores.setdefault((row.protocol, row.model, int(row.seed)), []).append(score)
+    return scores
 
 
 def locate(name: str, values: Mapping, draft: Path) -> tuple[Path, str]:
     """Return (folder of the package, where it comes from) for what the user calls a model.
 
-    name: a folder with a card, or EXPERIMENT/MODEL, or EXPERIMENT/MODEL/PROTOCOL/SEED. The model that this checkout
-    trained is taken, of its first protocol and seed where none is named; where it trained none, the one of
-    `pretrained/`. values: params.yaml; draft: a folder, not there yet, for the package of a run of this checkout.
+    name: a folder with a card, or EXPERIMENT/MODEL, or EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of an MLflow run. The
+    model that this checkout trained is taken, of its first protocol and seed where none is named; where it trained
+    none, the one of `pretrained/`. values: params.yaml; draft: a folder, not there yet, for the package of a run.
     Raises InputError where there is no such model.
     """
     if Path(name, cards.NAME).is_file():
         return Path(name), "folder"
+    if RUN_ID.fullmatch(name):
+        from pipeline.inference import mlflow_runs  # here, because the import of MLflow takes a second
+
+        return mlflow_runs.downloaded(name, draft), "from MLflow"
     words = name.strip("/").split("/")
     if len(words) not in (2, 4) or words[0] not in values["experiments"]:
         raise InputError(

@@ -36,6 +36,8 @@ def _track(params: dict, known: list[dict[str, str]] | None) -> list[dict[str, s
     if known is not None and tracking.holds(known):
         print(f"MLflow: {len(known)} runs, all found in the store; {_search_for()}")
         return known
+    from pipeline.inference import mlflow_runs
+
     ran = []
     for experiment in params["experiments"]:
         if reason := why_not_run(experiment):
@@ -44,7 +46,7 @@ def _track(params: dict, known: list[dict[str, str]] | None) -> list[dict[str, s
             ran.append(experiment)
     tracking.check_settings(ran, params)
     runs = [run for experiment in ran for run in tracking.read_runs(experiment, params)]
-    done = tracking.synchronise(runs)
+    done = tracking.synchronise(runs, mlflow_runs.Writer(params).write)
     print(
         f"MLflow: {done.logged} runs logged, {len(runs) - done.logged} found again (of them {done.restored} restored, "
         f"{done.measured} with new times), {done.former} no longer current; {_search_for()}"

@@ -6,8 +6,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import yaml
+
+from pipeline.datasets import schemas
+from pipeline.experiments.touch import frames_schema
 
 EPOCHS = 5
 SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
@@ -35,7 +39,7 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
             pd.DataFrame(history).to_csv(folder / "history.csv", index=False)
             fit = {"stop_reason": "closed_form", "best_epoch": len(epochs), "epochs": len(epochs), "parameters": 17}
             (folder / "fit.json").write_text(json.dumps(fit | {"macs": None, "precision": None, "settings": block}))
-            (folder / "model.skops").write_bytes(f"{model} {protocol} {seed} {made_from}".encode())
+            (folder / "estimator.skops").write_bytes(f"{model} {protocol} {seed} {made_from}".encode())
             value = 8.5 + seed + block.get("min_samples_leaf", 0) / 100
             scores.append(("touch", protocol, condition, model, seed, "rmse", "kPa", value, 40))
         times = pd.DataFrame([(*run, 2.0) for run in runs], columns=["protocol", "seed", "train_s"])
@@ -50,6 +54,20 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
         columns="experiment model batch threads p50_ms p50_low_ms p50_high_ms p95_ms params macs size_bytes".split(),
     ).to_csv(touch / "speed" / "latency.csv", index=False)
     (touch / "ingest.json").write_text('{"run": true}')
+    n, elements = 40, settings["sensor"]["rows"] * settings["sensor"]["cols"]
+    nowhere = np.full((n, 1), np.nan)
+    frames = schemas.frame_rows(
+        frames_schema(settings),
+        condition,
+        "run000",
+        segment=np.zeros(n, np.int16),
+        t_s=0.02 * np.arange(n),
+        v=np.arange(n * elements).reshape(n, elements) % 1024,
+        force_n=nowhere,
+        x_mm=nowhere,
+        y_mm=nowhere,
+    )
+    schemas.write(touch / "frames.parquet", frames.schema, [frames])
 
 
 if __name__ == "__main__":
