@@ -11,13 +11,14 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from html import unescape
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from builders.project import lock, mlflow_runs
+from builders.project import ROOT, lock, mlflow_runs
 
 MODELS = ["constant", "linear", "tree", "cnn", "rnn", "lomp", "lomp_stream"]
 
@@ -311,6 +312,77 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     models = set(pd.read_csv(copy / "data" / "touch" / "scores.csv").model)
     assert "nearest" in models and "constant" not in models
     assert "constant" not in set(pd.read_csv(copy / "reports/touch/accuracy/table1.csv").model)
+
+
+OPEN_EVERY_KIND = """
+import json
+import os
+import sys
+
+import mlflow
+import numpy as np
+
+from pipeline.inference import predictor
+
+mlflow.set_tracking_uri("sqlite:///mlruns/mlflow.db")
+opened = []
+chosen = {"touch": ("linear", "lomp_stream"), "strain": ["lstm_transfer"], "glove": ["tree"]}
+for experiment, model in [(experiment, model) for experiment in chosen for model in chosen[experiment]]:
+    run = mlflow.search_runs(search_all_experiments=True, output_format="list", max_results=1,
+                             filter_string=f"tags.experiment = '{experiment}' and tags.model = '{model}'")[0]
+    folder = mlflow.artifacts.download_artifacts(f"runs:/{run.info.run_id}/model")
+    loaded = mlflow.pyfunc.load_model(folder)
+    readings = np.asarray(loaded.input_example)
+    ours = predictor.load(folder).predict(readings)
+    np.testing.assert_array_equal(loaded.predict(readings), ours)
+    assert np.isfinite(ours[-1]).all()
+    assert not [name for name in os.listdir(folder) if name.endswith((".pkl", ".pickle", ".pt", ".joblib"))]
+    shape = loaded.metadata.signature.outputs.inputs[0].shape
+    opened.append([experiment, list(shape[1:]) == list(ours.shape[1:]), run.data.tags["mlflow.note.content"],
+                   run.info.run_id])
+print(json.dumps(opened), file=sys.stderr)
+"""
+
+
+def test_every_kind_of_model_opens_in_mlflow_and_by_its_run(miniature, tmp_path):
+    *_, last = miniature.run("-c", OPEN_EVERY_KIND).stderr.splitlines()
+    opened = json.loads(last)
+    units = {"touch": ("counts", "kPa"), "strain": ("in V", "in mm"), "glove": ("levels", "probability")}
+    for experiment, same_shape, description, _ in opened:
+        assert same_shape and all(unit in description for unit in units[experiment]), description
+    logs = next((miniature.folder / "data" / "touch" / "raw").rglob("array.log")).parent
+    said = miniature.run(
+        "-m", "pipeline.commands.command_line", "predict", opened[0][-1], str(logs),
+        *("--out", str(tmp_path / "predicted"), "--no-pictures"),
+    )  # fmt: skip
+    assert said.stdout.startswith("touch/linear: from MLflow")
+    assert (tmp_path / "predicted" / "predictions.parquet").is_file()
+
+
+def test_an_experiment_of_dvc_trains_one_model_anew(miniature, tmp_path):
+    """`dvc exp run -S` and `dvc exp show`, as docs/runs.md says; the other models stay as they are."""
+    copy = tmp_path / "project"
+    shutil.copytree(miniature.folder, copy, symlinks=True, ignore=shutil.ignore_patterns("mlruns", ".dvc"))
+    shutil.copy(ROOT / ".gitignore", copy)
+    project = type(miniature).__new__(type(miniature))
+    project.folder = copy
+    project.environment = {key: value for key, value in miniature.environment.items() if not key.startswith("GIT_")}
+    project.environment |= {"PYTHONPATH": str(copy)}
+    identity = ("-c", "user.name=test", "-c", "user.email=test@example.org")
+    git = partial(subprocess.run, cwd=copy, env=project.environment, check=True)
+    git(["git", "init", "-q"])
+    project.dvc("init", "--quiet")
+    project.dvc("config", "cache.dir", str(miniature.folder / ".dvc" / "cache"))
+    git(["git", "add", "-A"])
+    git(["git", *identity, "commit", "-qm", "miniature"])
+    before = changed_at(copy / "data" / "touch" / "models")
+    output = project.dvc("exp", "run", "--name", "wider", "-S", "touch.models.lomp.hidden=12", "train_touch").stdout
+    assert re.findall("Running stage '(.*)'", output) == ["train_touch"]
+    after = changed_at(copy / "data" / "touch" / "models")
+    assert {Path(name).parts[0] for name in after if after[name] != before.get(name)} == {"lomp"}
+    table = project.dvc("exp", "show", "--csv").stdout
+    (row,) = [row for row in csv.DictReader(table.splitlines()) if row["Experiment"] == "wider"]
+    assert row["touch.models.lomp.hidden"] == "12"
 
 
 BENCH = '''"""The array on another bench: own logs, in the formats of touch."""

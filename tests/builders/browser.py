@@ -12,6 +12,14 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 # A window of the size that a test sets, and nothing that a fresh profile would ask or fetch.
 OPTIONS = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 OPTIONS += ["--disable-extensions", "--disable-background-networking", "--hide-scrollbars", "--remote-debugging-pipe"]
+KEYS = {  # name -> (number, text that it types)
+    "Tab": (9, ""),
+    "Enter": (13, "\r"),
+    "Escape": (27, ""),
+    "ArrowLeft": (37, ""),
+    "ArrowRight": (39, ""),
+    "ArrowDown": (40, ""),
+}
 LIMIT = 60  # s without a word from the browser
 
 
@@ -73,6 +81,13 @@ class Browser:
         answer = self.call("Runtime.evaluate", limit, expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, f"{expression}: {answer['exceptionDetails']}"
         return answer["result"].get("value")
+
+    def press(self, key: str) -> None:
+        """Press and release a key of KEYS, as a person does: what has the focus gets it."""
+        code, text = KEYS[key]
+        values = {"key": key, "code": key, "windowsVirtualKeyCode": code}
+        self.call("Input.dispatchKeyEvent", type="keyDown", **values, **({"text": text} if text else {}))
+        self.call("Input.dispatchKeyEvent", type="keyUp", **values)
 
     def width(self, pixels: int, media: str = "screen") -> None:
         """Set the width of the window, and whether the page is on screen or on paper."""

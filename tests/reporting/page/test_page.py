@@ -509,10 +509,52 @@ def test_browser_steps_through_a_chart_by_arrow_keys(tab, address):
     told = "document.querySelector('.charts[data-kind=speed] .readout').textContent"
     seen = []
     for key in ("ArrowRight", "ArrowRight", "ArrowLeft"):
-        tab.call("Input.dispatchKeyEvent", type="keyDown", key=key)
+        tab.press(key)
         seen.append(tab.run(told))
     assert seen[0] == seen[2] != seen[1] and all("ms median" in words for words in seen)
     assert tab.run("document.querySelectorAll('.ring').length") == 1
+
+
+def test_browser_needs_no_mouse(tab, address):
+    """Every control is reached by Tab and worked by keys, from the top of the page on, and its focus can be seen."""
+    tab.width(1280)
+    tab.open(address)
+    focused = "document.activeElement"
+
+    def tab_to(selector: str) -> None:
+        for _ in range(600):
+            tab.press("Tab")
+            if tab.run(f"{focused}.matches({selector!r})"):
+                outline = tab.run(f"getComputedStyle({focused}).outlineStyle")
+                assert outline != "none", f"{selector}: nobody sees that it has the focus"
+                return
+        pytest.fail(f"Tab does not come to {selector}")
+
+    tab.press("Tab")
+    assert tab.run(f"{focused}.getAttribute('href')") == "#answers", "the first stop skips the navigation"
+    tab.press("Enter")
+    tab.press("Tab")
+    assert tab.run("document.querySelector('#answers').contains(document.activeElement)")
+    tab_to("main a.picture")
+    tab.press("Enter")
+    assert tab.run("document.querySelector('dialog').open")
+    tab.press("Escape")
+    assert tab.run("document.querySelector('dialog').open") is False
+    assert tab.run(f"{focused}.matches('a.picture')"), "the focus is back where it was"
+    tab_to("main .chart")
+    tab.press("ArrowRight")
+    assert tab.run(f"{focused}.closest('.charts').querySelectorAll('.ring').length") == 1
+    tab_to("main summary")
+    closed = tab.run(f"{focused}.parentElement.open")
+    tab.press("Enter")
+    assert tab.run(f"{focused}.parentElement.open") is not closed
+    tab_to("select[name=verdict]")
+    tab.press("ArrowDown")
+    verdict = tab.run(f"{focused}.value")
+    assert verdict and f"verdict={verdict}".replace(" ", "+") in tab.run("location.hash").replace("%20", "+")
+    tab_to("#verdicts th button")
+    tab.press("Enter")
+    assert tab.run(f"{focused}.closest('th').getAttribute('aria-sort')") in ("ascending", "descending")
 
 
 def test_browser_hides_a_model_and_draws_linear_axes(tab, address):
