@@ -350,7 +350,7 @@ def test_every_kind_of_model_opens_in_mlflow_and_by_its_run(miniature, tmp_path)
     units = {"touch": ("counts", "kPa"), "strain": ("in V", "in mm"), "glove": ("levels", "probability")}
     for experiment, same_shape, description, _ in opened:
         assert same_shape and all(unit in description for unit in units[experiment]), description
-    logs = next((miniature.folder / "data" / "touch" / "raw").rglob("array.log")).parent
+    logs = next((miniature.folder / "data" / "touch" / "logs").rglob("array.log")).parent
     said = miniature.run(
         "-m", "pipeline.commands.command_line", "predict", opened[0][-1], str(logs),
         *("--out", str(tmp_path / "predicted"), "--no-pictures"),

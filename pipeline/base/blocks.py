@@ -226,6 +226,7 @@ class Stress(Block):
     protocols: distinct(Text)
     usable: dict[Text, Positive]  # protocol -> the largest error that is, in the unit of the experiment's error
     perturbations: Annotated[dict[Text, distinct(Number)], Field(min_length=1)]
+    recordings: dict[Text, Count] = {}  # of windows: condition -> how many of its recordings, the first, are perturbed
 
     @model_validator(mode="after")
     def _usable_for_each(self) -> "Stress":

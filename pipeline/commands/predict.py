@@ -1,11 +1,11 @@
 """Predict with a trained model: raw logs in, maps, positions or objects out. No ground truth is needed.
 
 MODEL is a folder that `tactile export` made, EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout
-trained, else the pretrained one), or EXPERIMENT/MODEL/PROTOCOL/SEED. LOGS is a log of the sensor (array.log, daq.log,
-scanner.log), or a folder with such logs in it or below. Lines are read, cut into windows and normalised as in training.
-OUT, predictions/<name of LOGS> if not said, gets predictions.parquet (one row per reading), summary.json, of each
-recording a picture, and of a touch sensor's an animation. Where the ground truth lies beside a log, the model is scored
-against it.
+trained, else the pretrained one), EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of a run in MLflow. LOGS is a log of the
+sensor (array.log, daq.log, scanner.log), or a folder with such logs in it or below. Lines are read, cut into windows
+and normalised as in training. OUT, predictions/<name of LOGS> if not said, gets predictions.parquet (one row per
+reading), summary.json, of each recording a picture, and of a touch sensor's an animation. Where the ground truth lies
+beside a log, the model is scored against it.
 """
 
 import argparse

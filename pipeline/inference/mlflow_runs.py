@@ -132,5 +132,5 @@ def downloaded(run_id: str, target: Path) -> Path:
             )
         target.mkdir(parents=True)
         for name in (cards.NAME, *weights):
-            client.download_artifacts(run_id, f"{tracking.MODEL}/{name}", str(target))
-    return target / tracking.MODEL
+            copied = client.download_artifacts(run_id, f"{tracking.MODEL}/{name}", str(target))
+    return Path(copied).parent

@@ -8,6 +8,9 @@ A dead element or line reads the lowest value of the range. Frames are lost or l
 
 Perturbed scenes (touch, where it is simulated). `scenes/touch_stress.py` writes logs to a temporary folder; they go
 through the ingest, the windows and the labels of the experiment. `prepare` does that once for all models.
+
+Of a condition named in stress.<experiment>.recordings only the first recordings are perturbed, and severity 0 is the
+score of those; the score of all its clean windows is held against that of `evaluate`.
 """
 
 import tempfile
@@ -53,7 +56,8 @@ def prepare(values: Mapping, experiment: str) -> None:
     folder.mkdir(parents=True)
     if listed:
         with tqdm(total=len(listed), desc=f"stress {experiment}, scenes", unit="scene") as bar:
-            tasks = {case: (values[experiment], experiment, case) for case in listed}
+            settings = _of_few_presses(values[experiment], values["stress"][experiment].get("recordings", {}))
+            tasks = {case: (settings, experiment, case) for case in listed}
             list(workers.run(simulate, tasks, bar))
 
 
@@ -76,6 +80,15 @@ def scene_cases(values: Mapping, experiment: str) -> list[Case]:
     return [Case(*scene, specimen) for specimen in sorted(trained_on) for scene in anew + scenes_of_each]
 
 
+def _of_few_presses(settings: Mapping, recordings: Mapping[str, int]) -> Mapping:
+    """Return the experiment's block with no more double presses to simulate than `recordings` has of that condition."""
+    if "double" not in recordings:
+        return settings
+    scene = settings["simulate"]
+    few = scene["double"] | {"recordings": min(recordings["double"], scene["double"]["recordings"])}
+    return {**settings, "simulate": scene | {"double": few}}
+
+
 def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[], None]) -> None:
     """Logs, frames, windows and labels of one perturbed scene, as a dataset in the folder of `prepare`."""
     module = experiments.module(experiment)
@@ -95,8 +108,9 @@ def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[]
 def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
     """Return one model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n).
 
-    Severity 0 stands before every perturbation that has an unperturbed version, and is the score of `evaluate`, or
-    InputError is raised. A run that failed in training keeps its rows, with NaN as value. `prepare` ran before.
+    Severity 0 stands before every perturbation that has an unperturbed version. The scores of all clean windows are
+    those of `evaluate`, or InputError is raised. A run that failed in training keeps its rows, with NaN as value.
+    `prepare` ran before.
     """
     import torch
 
@@ -107,20 +121,28 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     perturbed_scenes = {
         case: read_dataset(_scene_file(experiment, case), spec.frames) for case in scene_cases(values, experiment)
     }
-    written, rows_of_runs = results.Scores(experiment, settings), []
+    written, rows_of_runs, asked = results.Scores(experiment, settings), [], stress["perturbations"]
     for protocol in stress["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
             run = tasks.load(values, experiment, model, protocol, seed, spec)
-            rows_of_run = _readings_rows(experiment, values, data, protocol, seed, run.model)
+            test = np.flatnonzero(data.part(protocol, seed) == "test")
+            few = test[_in_first_recordings(data.rows.take(test), stress.get("recordings", {}))]
+            whole = _readings_rows(experiment, values, data, (protocol, seed), run.model, test, {})
+            rows_of_run = _readings_rows(experiment, values, data, (protocol, seed), run.model, few, asked)
             rows_of_run += _scene_rows(experiment, settings, seed, perturbed_scenes, run.model)
             if run.failed:
-                rows_of_run = [(*row[:5], float("nan"), row[6]) for row in rows_of_run]
+                whole, rows_of_run = _without_values(whole), _without_values(rows_of_run)
             for condition in experiments.module(experiment).STRESSED:
-                clean = [row[3:] for row in rows_of_run if row[:2] == (condition, UNCHANGED)]
+                clean = [row[3:] for row in whole if row[:2] == (condition, UNCHANGED)]
                 clean_scores.check(written, (protocol, condition, model, seed), settings, clean, ROUNDING)
             rows_of_runs += [(protocol, condition, seed, *rest) for condition, *rest in with_clean(rows_of_run)]
             report()
     return rows_of_runs
+
+
+def _without_values(rows: list[tuple]) -> list[tuple]:
+    """Return rows of a run that failed in training: NaN in place of every value."""
+    return [(*row[:5], float("nan"), row[6]) for row in rows]
 
 
 def perturber(settings: Mapping, data: Dataset, train: np.ndarray) -> Callable:
@@ -163,25 +185,38 @@ def with_clean(rows: list[tuple]) -> list[tuple]:
     return result
 
 
-def _readings_rows(experiment: str, values: Mapping, data: Dataset, protocol: str, seed: int, model) -> list[tuple]:
-    """Return (condition, perturbation, severity, metric, unit, value, n) of the test windows, also perturbed."""
-    settings, asked = values[experiment], values["stress"][experiment]["perturbations"]
+def _in_first_recordings(rows: pa.Table, recordings: Mapping[str, int]) -> np.ndarray:
+    """Return which rows are perturbed, (n,) bool: of a condition in `recordings`, those of its first recordings."""
+    condition, names = schemas.names(rows["condition"]), schemas.names(rows["recording"])
+    chosen = np.full(len(names), True)
+    for name, number in recordings.items():
+        of_condition = condition == name
+        chosen &= ~of_condition | np.isin(names, np.unique(names[of_condition])[:number])
+    return chosen
+
+
+def _readings_rows(
+    experiment: str, values: Mapping, data: Dataset, run: tuple[str, int], model, rows: np.ndarray, asked: Mapping
+) -> list[tuple]:
+    """Return (condition, perturbation, severity, metric, unit, value, n) of the windows `rows`, clean and perturbed.
+
+    run: protocol and seed; rows: (n,) row numbers of test windows; asked: perturbation -> severities.
+    """
+    settings, (protocol, seed) = values[experiment], run
     module = experiments.module(experiment)
-    part = data.part(protocol, seed)
-    test = np.flatnonzero(part == "test")
-    x, condition = data.x[test], schemas.names(data.rows["condition"])[test]
-    change = perturber(settings, data, part == "train")
+    x, condition = data.x[rows], schemas.names(data.rows["condition"])[rows]
+    change = perturber(settings, data, data.part(protocol, seed) == "train")
     wanted = [(UNCHANGED, 0), *((name, severity) for name in asked if name in READINGS for severity in asked[name])]
-    rows = []
+    scored = []
     for name, severity in wanted:
         changed = x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name))
-        predicted = tasks_windows.predict(model, changed, data, test)
-        for tested in experiments.module(experiment).STRESSED:
-            chosen = np.full(len(test), True) if tested == "all" else condition == tested
+        predicted = tasks_windows.predict(model, changed, data, rows)
+        for tested in module.STRESSED:
+            chosen = np.full(len(rows), True) if tested == "all" else condition == tested
             if chosen.any():
-                scores = tasks_windows.score(module, data.y[test[chosen]], predicted[chosen], settings)
-                rows += [(tested, name, severity, *row) for row in scores if row[0] in REPORTED]
-    return rows
+                scores = tasks_windows.score(module, data.y[rows[chosen]], predicted[chosen], settings)
+                scored += [(tested, name, severity, *row) for row in scores if row[0] in REPORTED]
+    return scored
 
 
 def _scene_rows(

@@ -24,7 +24,7 @@ def small() -> dict:
     values = params.load()
     block = values["touch"]
     block["simulate"]["single"] = {"points_per_side": 5, "depths": 2, "repetitions": 1, "presses_per_recording": 50}
-    block["simulate"]["double"] = {"recordings": 1, "presses_per_recording": 10}
+    block["simulate"]["double"] = {"recordings": 2, "presses_per_recording": 10}
     block["simulate"]["specimens"] = 2
     block["protocols"] = {"press": {"seeds": [0, 1]}}
     block["models"] = {"constant": {}, "linear": {}}
@@ -95,6 +95,31 @@ def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(proj
     linear = rmse[(rmse.model == "linear") & (rmse.condition == "single") & (rmse.perturbation == "noise")]
     assert (np.diff(linear.pivot(index="severity", columns="seed", values="value"), axis=0) > 0).all()
     assert not paths.stress_scenes("touch").exists()
+
+
+@pytest.mark.slow
+def test_of_many_recordings_the_first_are_perturbed(project):
+    """One of two recordings of double touches: half the windows, and severity 0 is the score of that half."""
+    values = small()
+    project(values)
+    stress.main()
+    whole = pd.read_csv(paths.stress("touch"))
+    values["stress"]["touch"]["recordings"] = {"double": 1}
+    project(values)
+    stress.main()
+    part = pd.read_csv(paths.stress("touch"))
+    key = [column for column in part.columns if column not in ("value", "n")]
+    both = whole.merge(part, on=key, suffixes=("", "_of_part"))
+    assert len(both) == len(whole) == len(part)
+    single = both[both.condition == "single"]
+    assert (single.n == single.n_of_part).all() and len(single)
+    clean = single[single.severity == 0]  # where windows are fewer, noise is another
+    np.testing.assert_allclose(clean.value, clean.value_of_part)
+    rmse = both[(both.condition == "double") & (both.metric == "rmse")]
+    assert (rmse.n_of_part / rmse.n).between(0.4, 0.6).all()
+    assert (rmse.value != rmse.value_of_part).all()
+    clean = part[(part.condition == "double") & (part.severity == 0)]
+    assert (clean.groupby(["model", "seed", "metric"]).value.nunique(dropna=False) == 1).all()
 
 
 @pytest.mark.slow
@@ -194,7 +219,8 @@ def first(settings, condition, perturbation, severity, specimen=0):
 @pytest.mark.parametrize("specimen", [0, 1])
 def test_unchanged_double_recordings_are_the_experiments_own(settings, specimen):
     recordings, logs_of = touch.plan(settings)
-    double = [recording for recording in recordings if recording.condition == "double"]
+    of_double = [recording for recording in recordings if recording.condition == "double"]
+    double = [recording for recording in of_double if recording.name.endswith("run000")]
     assert [recording.name for recording in double] == ["specimen0-run000", "specimen1-run000"]
     for perturbation in ("peak_pressure", "press_speed", "tip_radius", "specimen"):
         assert first(settings, "double", perturbation, 0, specimen)[1] == logs_of(double[specimen])
