@@ -2,8 +2,9 @@
 
 touch: narrower LoMPs, and a CNN that sees only the last frames of each window and is trained for fewer epochs than the
 one of the tables. glove: SP-ResNet with fewer channels. strain: the LSTMs of the stage study_strain. LoMP and SP-ResNet
-are trained as in the tables; the size that the tables have is the model of the tables itself.
-The errors choose nothing but the ladders' own verdict: no other table depends on them.
+are trained as in the tables; the size that the tables have is the model of the tables itself, and a LoMP that the stage
+ablate_touch has trained with the same settings is not trained again. The errors choose nothing but the ladders' own
+verdict: no other table depends on them.
 Usage: python -m pipeline.studies.sizes touch|strain|glove
 """
 
@@ -25,6 +26,7 @@ from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import separable_network
 from pipeline.learning.trained import Trained
 from pipeline.scoring import classification, ladders, metrics
+from pipeline.studies import ablation
 from pipeline.tasks import images as tasks_images
 from pipeline.tasks import series as tasks_series
 from pipeline.tasks import windows as tasks_windows
@@ -39,18 +41,21 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
 
     torch.set_num_threads(1)
     settings, protocol = values["touch"], ladders.protocol("touch", "single")
-    spec = tasks_windows.spec(settings)
-    data = read_dataset(paths.dataset("touch"), spec.frames)
-    x = data.x
-    model = ladders.FAMILIES[family].model
-    block = params.model_settings(values, "touch", model)
+    spec, model = tasks_windows.spec(settings), ladders.FAMILIES[family].model
+    block, frames = params.model_settings(values, "touch", model), spec.frames
     of_tables = family == "lomp" and size == block["hidden"]
     if family == "lomp":
         readout = [max(1, round(width * size / block["hidden"])) for width in block["readout"]]
         block = block | {"hidden": size, "readout": readout}
     else:
-        x, spec = x[:, -size:], spec._replace(frames=size)
+        spec = spec._replace(frames=size)
         block = block | {"training": block["training"] | values["rightsize"]["touch"][family]["training"]}
+    name = _same_in_ablation(settings, model, block, spec.frames, seed)
+    if name:
+        report()
+        return _rows_of_ablation(name, family, size, seed, models.build(model, spec, block, "rightsize.touch"))
+    data = read_dataset(paths.dataset("touch"), frames)
+    x = data.x[:, -spec.frames :]
     part = data.part(protocol, seed)
     if of_tables:
         run = tasks.load(values, "touch", model, protocol, seed, spec)
@@ -70,6 +75,27 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
         rows_of_run.append(_row("touch", name, family, size, run.model, scores, seed))
     report()
     return rows_of_run
+
+
+def _same_in_ablation(settings: Mapping, model: str, block: Mapping, frames: int, seed: int) -> str | None:
+    """Return the name of the row of touch.ablation that trains a model with exactly these settings, if there is one."""
+    for name, row in settings["ablation"].items():
+        same = (row["of"], row["frames"], ablation.block_of(settings, name)) == (model, frames, block)
+        if same and seed in row["seeds"]:
+            return name
+    return None
+
+
+def _rows_of_ablation(name: str, family: str, size: int, seed: int, model) -> list[tuple]:
+    """Return the rows of a run that the stage ablate_touch trained and scored; model: the same, untrained."""
+    path, protocol = paths.ablation("touch"), ladders.protocol("touch", "single")
+    table = pd.read_csv(paths.require(path, "dvc repro ablate_touch"))
+    table = table[(table["row"] == name) & (table["protocol"] == protocol) & (table["seed"] == seed)]
+    return [
+        _row("touch", condition, family, size, model, list(scores.itertuples(index=False, name=None)), seed)
+        for condition, rows in table.groupby("condition", sort=False)
+        for scores in [rows[["metric", "unit", "value", "n"]]]
+    ]
 
 
 def glove_run(values: Mapping, condition: str, width: float, seed: int, report) -> list[tuple]:

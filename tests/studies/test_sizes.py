@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from builders.project import ROOT
 
+from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.models import sp_resnet
 from pipeline.reporting import sizes as sizes_report
@@ -14,7 +16,7 @@ from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.reporting.verdicts.sizes import Reference
 from pipeline.scoring import ladders
-from pipeline.studies import sizes
+from pipeline.studies import ablation, sizes
 
 NAN = float("nan")
 
@@ -151,6 +153,28 @@ def test_settings_that_cannot_be_are_refused():
     }
     with pytest.raises(InputError, match="a window has 8 frames"):
         sizes.touch(values)
+
+
+def test_a_lomp_that_the_ablation_has_is_not_trained_again(tmp_path, monkeypatch):
+    """There is no dataset here: a training would fail for want of it, and does for a seed that the row has not."""
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    values = params.parsed(ROOT / "params.yaml")
+    row = values["touch"]["ablation"]["lomp_half"]
+    row["seeds"] = [1]
+    file = paths.ablation("touch")
+    file.parent.mkdir(parents=True)
+    line = "lomp_half,press,{},1,rmse,kPa,{},9\n"
+    file.write_text(",".join(ablation.COLUMNS) + "\n" + line.format("single", 5.5) + line.format("double", 8.5))
+    rows = sizes.touch_run(values, "lomp", row["settings"]["hidden"], 1, lambda: None)
+    assert [(*found[:4], found[8]) for found in rows] == [
+        ("touch", "single", "lomp", 64, 5.5),
+        ("touch", "double", "lomp", 64, 8.5),
+    ]
+    with pytest.raises(InputError, match="dataset.parquet"):
+        sizes.touch_run(values, "lomp", row["settings"]["hidden"], 0, lambda: None)
+    values["touch"]["models"]["lomp"]["training"]["epochs"] += 1
+    with pytest.raises(InputError, match="dataset.parquet"):
+        sizes.touch_run(values, "lomp", row["settings"]["hidden"], 1, lambda: None)
 
 
 @pytest.mark.parametrize(
