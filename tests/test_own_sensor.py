@@ -9,6 +9,7 @@ from html import escape
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
@@ -247,6 +248,112 @@ def test_check_names_the_mistake(root, small, undrawn, mistake, tmp_path):
     first = check.check("touch", changed(folder, tmp_path / "logs", edit, pattern), values)
     assert first is not None and re.search(words, first), first
     assert "\n" not in first
+
+
+def wired(folder, target, order):
+    """A copy of the logs of an array whose k-th element is printed in column order[k]."""
+    columns = np.argsort(order)
+    return changed(folder, target, numbers(lambda v: [v[k] for k in columns]))
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        ([3, 0, 5, 1, 4, 2], "seem to be printed in another order .* in 100 %, not"),
+        ([1, 0, 2, 3, 4, 5], "v0, v1 seem to have changed places|printed in another order"),
+        ([2, 1, 0, 5, 4, 3], "seem to be printed row by row from the bottom row, each from right to left"),
+    ],
+)
+def test_check_finds_how_the_elements_are_wired(root, small, undrawn, order, words, tmp_path):
+    folder, values = small
+    logs = wired(folder, tmp_path / "logs", order)
+    first = check.check("touch", logs, values)
+    assert re.search(words, first) and f"touch.sensor.order: {order}" in first, first
+    mended = values | {"touch": values["touch"] | {"sensor": values["touch"]["sensor"] | {"order": order}}}
+    assert check.check("touch", logs, mended) is None
+    plain = experiments.module("touch").read_recording(folder / "single" / "day1_0", values["touch"])[0]
+    again = experiments.module("touch").read_recording(logs / "single" / "day1_0", mended["touch"])[0]
+    assert again["v"].equals(plain["v"])
+
+
+def test_check_is_not_ready_where_no_element_answers_its_place(root, small, undrawn, tmp_path):
+    """The CNC's places are those of other presses."""
+    folder, values = small
+    rng = np.random.default_rng(0)
+    logs = changed(folder, tmp_path / "logs", numbers(lambda v: [*rng.uniform(1, [29, 19]), v[2]]), "cnc.log")
+    first = check.check("touch", logs, values)
+    assert re.search(r"strongest in \d+ % of firm contacts, and no order of the elements explains many more", first)
+
+
+def test_an_order_that_is_none_is_one_sentence(small):
+    folder, values = small
+    settings = values["touch"] | {"sensor": values["touch"]["sensor"] | {"order": [0, 1, 2, 3, 4]}}
+    with pytest.raises(InputError, match="touch.sensor.order: names 5 columns; .* each of 0 to 5 once"):
+        experiments.module("touch").read_recording(folder / "single" / "day1_0", settings)
+
+
+def on_one_clock(folder, target):
+    """A copy of a recording of one touch whose devices are stamped by one computer: of the true time, no restarts."""
+    shutil.copytree(folder, target)
+    log = target / "single" / "day1_0"
+    for name, start_s, first_us in (("load_cell", 0.4, 7_000_000), ("cnc", 0.1, 400_000)):
+        lines = (log / f"{name}.log").read_text().splitlines()
+        shift = round(1e6 * start_s) - first_us
+        moved = [
+            f"{int(time) + shift},{rest}"
+            for time, _, rest in (line.partition(",") for line in lines)
+            if rest and time.isdigit()
+        ]
+        (log / f"{name}.log").write_text("\n".join(moved) + "\n")
+    first, *_ = (log / "array.log").read_text().split("tactile array v2 ready\n")[1:]
+    lines = [line for line in first.splitlines() if line.count(",") == 6 and line.split(",")[0].isdigit()]
+    moved = [f"{int(time) + 750_000},{rest}" for time, _, rest in (line.partition(",") for line in lines)]
+    (log / "array.log").write_text("\n".join(moved) + "\n")
+    return target
+
+
+def test_logs_of_one_clock_are_not_aligned(small, tmp_path):
+    folder, values = small
+    log = on_one_clock(folder, tmp_path / "logs") / "single" / "day1_0"
+    module, settings = experiments.module("touch"), values["touch"]
+    aligned, _, found = module.read_recording(log, settings)
+    shared = settings | {"ingest": settings["ingest"] | {"clock": "shared"}}
+    frames, _, report = module.read_recording(log, shared)
+    assert [clock["offset_ms"] for clock in report["cnc.log"]["clocks"]] == [0]
+    assert abs(found["cnc.log"]["clocks"][0]["offset_ms"]) < 30, "and alignment finds the same"
+    assert frames.num_rows == pytest.approx(aligned.num_rows, rel=0.01)
+    with pytest.raises(InputError, match="array.log: its time steps back, .* set touch.ingest.clock: own"):
+        module.read_recording(folder / "single" / "day1_0", shared)
+
+
+def test_one_element_needs_no_places(tmp_path, undrawn, root):
+    own_logs.touch(tmp_path / "logs", 1, 1, 40.0, seconds=40.0, recordings=1, conditions=())
+    (tmp_path / "logs" / "single" / "day1_0" / "cnc.log").unlink()
+    values = params.load()
+    values["touch"]["sensor"] = {"rows": 1, "cols": 1, "pitch_mm": 10.0, "element_mm": 9.0}
+    values["touch"]["label"] |= {"map_rows": 3, "map_cols": 3}
+    values["stress"]["touch"]["perturbations"] = {}
+    assert check.check("touch", tmp_path / "logs", values) is None
+    frames = experiments.module("touch").read_recording(tmp_path / "logs" / "single" / "day1_0", values["touch"])[0]
+    assert set(schemas.matrix(frames["x_mm"])[:, 0]) == {5.0}
+
+
+def test_conditions_that_train_and_their_tips(small, tmp_path):
+    """Two tips: both train, and a label's peak is the pressure under the tip of its condition."""
+    folder, values = small
+    frames = experiments.module("touch").read_recording(folder / "single" / "day1_0", values["touch"])[0]
+    windows = windows_of(frames, values["touch"]["window"] | {"frame_step": 2, "stride": 8})
+    other = windows.set_column(0, "condition", pa.array(["tip4"] * windows.num_rows).dictionary_encode())
+    both = pa.concat_tables([windows, other]).unify_dictionaries().combine_chunks()
+    module, settings = experiments.module("touch"), values["touch"]
+    settings = settings | {
+        "label": settings["label"] | {"tip_radius_by_condition_mm": {"tip4": 4.0}},
+        "split": settings["split"] | {"train_on": ["tip4"]},
+    }
+    peaks = module.labels(both, settings).max(axis=1).reshape(2, -1)
+    assert peaks[1] == pytest.approx(peaks[0] * (settings["label"]["tip_radius_mm"] / 4) ** 2)
+    part = module.split(both, settings, "press", 0).reshape(2, -1)
+    assert set(part[0]) <= {"test", "unused"} and {"train", "validation", "test"} <= set(part[1])
 
 
 def test_ingest_says_that_check_knows_more(root, small):

@@ -16,8 +16,12 @@ class Block(BaseModel):
 
 
 def block(*bases: type[Block], **kinds: Any) -> type[Block]:
-    """Return a block of these settings; bases: blocks whose settings and rules the block has, too."""
-    return create_model("Block", __base__=bases or Block, **{name: (kind, ...) for name, kind in kinds.items()})
+    """Return a block of these settings; bases: blocks whose settings and rules the block has, too.
+
+    A pair (kind, default) is a setting that may be absent.
+    """
+    fields = {name: kind if isinstance(kind, tuple) else (kind, ...) for name, kind in kinds.items()}
+    return create_model("Block", __base__=bases or Block, **fields)
 
 
 class SomeOf(Block):
@@ -68,6 +72,7 @@ NotNegative = real(0, 1e12)
 Positive = real(1e-12, 1e12)
 RateHz = real(1e-3, 1e5)
 Seed = whole(0, 2**15 - 1)  # predictions keep seeds in 16 bits
+Clocks = Literal["own", "shared"]  # of a recording's devices: each its own, or that of one computer that stamps all
 
 # Kinds of settings of models.
 Count = whole(1, 100_000)
@@ -261,7 +266,13 @@ class AblationRow(Seeds):
 
 Touch = block(
     source=Text,
-    sensor=block(rows=whole(1, 256), cols=whole(1, 256), pitch_mm=Positive, element_mm=Positive),
+    sensor=block(
+        rows=whole(1, 256),
+        cols=whole(1, 256),
+        pitch_mm=Positive,
+        element_mm=Positive,
+        order=(Annotated[list[whole(0)], Field(max_length=65536), AfterValidator(_without_repeats)], []),
+    ),
     yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
@@ -328,10 +339,16 @@ Touch = block(
         min_correlation=Fraction,
         max_touches=whole(1),
         highest_count=whole(1, 2**31 - 1),
+        clock=(Clocks, "own"),
     ),
     window=block(Window, sliding=block(single=Fraction)),
-    label=block(tip_radius_mm=Positive, map_rows=whole(1, 1024), map_cols=whole(1, 1024)),
-    split=block(SplitInThree, seed=Seed),
+    label=block(
+        tip_radius_mm=Positive,
+        tip_radius_by_condition_mm=(dict[Text, Positive], {}),
+        map_rows=whole(1, 1024),
+        map_cols=whole(1, 1024),
+    ),
+    split=block(SplitInThree, seed=Seed, train_on=(distinct(Text), ["single"])),
     protocols=some_of(press=Seeds, random_window=block(Seeds, passes=whole(1, 1000))),
     models=Models,
     ablation=dict[Text, AblationRow],

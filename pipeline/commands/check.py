@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from scipy.optimize import linear_sum_assignment
 
 from pipeline import experiments
 from pipeline.base import params, paths
@@ -43,6 +44,9 @@ LEAST_MM = 0.2  # an arm that moves less is given in metres
 MOST_KPA = 5000  # ten times the pressure on soft sensors
 SMALL = 0.12  # share of the array's sides; contacts that stay within are given in centimetres, or in one place
 BETTER = 0.2  # share of contacts that another order of the elements must explain beyond the expected one
+LEAST_RIGHT = 0.6  # share of firm contacts in which the pressed element is the strongest; simulated arrays have 0.9
+FEW = 3  # firm contacts that tell which column answers at one place
+ORDER = "row by row from the bottom row, each from left to right"
 
 
 class Log(NamedTuple):
@@ -79,6 +83,8 @@ def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse
     for device, fmt in (("load_cell", module.LOAD_CELL), ("cnc", module.CNC)):
         further = sorted(path.name for path in folder.glob(f"{device}_*.log"))
         expected |= dict.fromkeys([f"{device}.log", *further], fmt)
+    if settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1 and not (folder / "cnc.log").is_file():
+        del expected["cnc.log"]  # one element cannot tell a place
     return expected
 
 
@@ -269,8 +275,11 @@ def touch_findings(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tu
         inside = names == condition
         presses = len(np.unique(windows["press"].to_numpy()[inside]))
         said.append(f"{condition}: {presses} presses, {inside.sum()} windows")
-    if "single" not in names:
-        problems.append("no folder 'single': models learn from single touches, all other conditions are test data")
+    if absent := [name for name in settings["split"].get("train_on", ["single"]) if name not in names]:
+        problems.append(
+            f"no folder '{absent[0]}': models learn from the conditions of touch.split.train_on; all others are "
+            "test data"
+        )
     force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
     contact = np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"]
     if not contact.any():
@@ -283,7 +292,7 @@ def touch_findings(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tu
     sensor = settings["sensor"]
     size = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
     highest = float(np.nanmax(force))
-    kpa = float(labels.pressure_kpa(highest, settings["label"]["tip_radius_mm"]))
+    kpa = float(np.nanmax(labels.pressure_kpa(force, labels.tip_radius_mm(frames, settings["label"]))))
     if kpa > MOST_KPA:
         problems.append(
             f"force up to {highest:.0f} N, {kpa:.0f} kPa under the tip (touch.label.tip_radius_mm "
@@ -296,7 +305,7 @@ def touch_findings(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tu
     )
     touching = force > settings["window"]["contact_threshold_n"]
     within = np.ptp(x[touching]), np.ptp(y[touching])
-    if within[0] < SMALL * size[0] and within[1] < SMALL * size[1]:
+    if sensor["rows"] * sensor["cols"] > 1 and within[0] < SMALL * size[0] and within[1] < SMALL * size[1]:
         return said, [
             *problems,
             f"all contacts are within {within[0]:.2g} x {within[1]:.2g} mm of an array of {size[0]:g} x {size[1]:g}: "
@@ -324,30 +333,65 @@ def order_of_elements(
     sensor = settings["sensor"]
     rows, cols = sensor["rows"], sensor["cols"]
     firm = (np.isfinite(force).sum(axis=1) == 1) & (force[:, 0] > np.nanmax(force[:, 0]) / 2)
-    if not firm.any():
+    if not firm.any() or rows * cols == 1:
         return [], []
     counts = schemas.matrix(frames["v"]).astype(float)
-    strongest = (counts[firm] - np.median(counts, axis=0)).argmax(axis=1)
-    row, col = strongest // cols, strongest % cols
-    orders = {
-        "row by row from the bottom row, each from left to right": (row, col),
-        "row by row from the top row, each from left to right": (rows - 1 - row, col),
-        "row by row from the bottom row, each from right to left": (row, cols - 1 - col),
-        "row by row from the top row, each from right to left": (rows - 1 - row, cols - 1 - col),
-        "column by column from the left, each from the bottom": (strongest % rows, strongest // rows),
+    response = counts[firm] - np.median(counts, axis=0)
+    at_row = np.clip(y[firm, 0] // sensor["pitch_mm"], 0, rows - 1).astype(int)
+    at_col = np.clip(x[firm, 0] // sensor["pitch_mm"], 0, cols - 1).astype(int)
+    pressed, strongest = at_row * cols + at_col, response.argmax(axis=1)
+    row, col = np.divmod(np.arange(rows * cols), cols)
+    orders = {  # column that is printed for each element
+        ORDER: row * cols + col,
+        "row by row from the top row, each from left to right": (rows - 1 - row) * cols + col,
+        "row by row from the bottom row, each from right to left": row * cols + cols - 1 - col,
+        "row by row from the top row, each from right to left": (rows - 1 - row) * cols + cols - 1 - col,
+        "column by column from the left, each from the bottom": col * rows + row,
+        "in another order": strongest_columns(response, pressed),
     }
-    at_row = np.clip(y[firm, 0] // sensor["pitch_mm"], 0, rows - 1)
-    at_col = np.clip(x[firm, 0] // sensor["pitch_mm"], 0, cols - 1)
-    right = {name: float(np.mean((row == at_row) & (col == at_col))) for name, (row, col) in orders.items()}
-    wanted, best = next(iter(right)), max(right, key=right.get)
-    said = [f"the pressed element is the strongest in {100 * right[wanted]:.0f} % of firm contacts"]
-    if right[best] < right[wanted] + BETTER:
-        return said, []
-    return said, [
-        f"v0, v1, ... seem to be printed {best} (the pressed element would be the strongest in "
-        f"{100 * right[best]:.0f} %, not {100 * right[wanted]:.0f} % of firm contacts); print them {wanted}, "
-        "or put the CNC's zero at the bottom left corner"
-    ]
+    right = {name: float(np.mean(order[pressed] == strongest)) for name, order in orders.items()}
+    said = [f"the pressed element is the strongest in {100 * right[ORDER]:.0f} % of firm contacts"]
+    best = max(right, key=right.get)  # the first of those that are equal, which has a name in words
+    printed = np.array(sensor.get("order") or range(rows * cols))
+    if right[best] >= right[ORDER] + BETTER:
+        return said, [
+            f"v0, v1, ... seem to be printed {best} (the pressed element would be the strongest in "
+            f"{100 * right[best]:.0f} %, not {100 * right[ORDER]:.0f} % of firm contacts); set touch.sensor.order: "
+            f"{printed[orders[best]].tolist()}, or put the CNC's zero at the bottom left corner"
+        ]
+    if right[ORDER] < LEAST_RIGHT:
+        return said, [
+            f"the pressed element is the strongest in {100 * right[ORDER]:.0f} % of firm contacts, and no order of the "
+            "elements explains many more: check the wiring, x_mm and y_mm of cnc.log, and touch.sensor.pitch_mm"
+        ]
+    if moved := [k for k in range(rows * cols) if is_elsewhere(k, orders["in another order"], pressed, strongest)]:
+        order = printed.copy()
+        order[moved] = printed[orders["in another order"][moved]]
+        names = ", ".join(f"v{printed[k]}" for k in moved)
+        return said, [
+            f"{names} seem to have changed places: where one is pressed, another of them is the strongest; set "
+            f"touch.sensor.order: {order.tolist()}"
+        ]
+    return said, []
+
+
+def strongest_columns(response: np.ndarray, pressed: np.ndarray) -> np.ndarray:
+    """Return for each element the column that answers where it is pressed, each column once, (elements,).
+
+    response: (contacts, elements) in counts above rest; pressed: (contacts,) number of the element under the tip. An
+    element that was not pressed keeps its column, where that is left.
+    """
+    answers = response / np.maximum(response.max(axis=0), 1)
+    means = np.zeros((response.shape[1],) * 2)
+    for element in np.unique(pressed):
+        means[element] = answers[pressed == element].mean(axis=0)
+    return linear_sum_assignment(means + 1e-6 * np.eye(len(means)), maximize=True)[1]
+
+
+def is_elsewhere(element: int, order: np.ndarray, pressed: np.ndarray, strongest: np.ndarray) -> bool:
+    """Tell whether another column than an element's own is mostly the strongest where the element is pressed."""
+    here = strongest[pressed == element]
+    return order[element] != element and len(here) >= FEW and np.mean(here == order[element]) >= LEAST_RIGHT
 
 
 def strain_problems(frames: pa.Table, settings: Mapping) -> list[str]:

@@ -60,7 +60,8 @@ def main(given: argparse.Namespace) -> None:
     card = model.card
     who, fmt = f"{card.experiment}/{card.model}", source.line_format(card)
     say(f"{who}: {comes_from}")
-    lines = source.Lines(fmt, str(given.port or given.replay), who)
+    order = card.reading.get("sensor", {}).get("order", [])
+    lines = source.Lines(fmt, str(given.port or given.replay), who, order)
     session = Session(model, lines, say)
     places = [outputs.Datagrams(given.udp, card)] if given.udp else []
     if given.replay:

@@ -8,14 +8,22 @@ import pyarrow as pa
 from pipeline.datasets import schemas
 
 
-def pressure_kpa(force_n: np.ndarray, tip_radius_mm: float) -> np.ndarray:
+def pressure_kpa(force_n: np.ndarray, tip_radius_mm: float | np.ndarray) -> np.ndarray:
     """Return the mean pressure under a flat tip of radius r, F / (pi r^2), in kPa; negative load-cell noise is 0."""
     return np.maximum(force_n, 0) / (np.pi * (tip_radius_mm * 1e-3) ** 2) / 1e3
 
 
 def peaks_kpa(windows: pa.Table, settings: Mapping) -> np.ndarray:
     """Return each touch's true pressure at each window's last frame, (n, touches) in kPa, NaN where there is none."""
-    return pressure_kpa(schemas.matrix(windows["force_n"]), settings["label"]["tip_radius_mm"])
+    return pressure_kpa(schemas.matrix(windows["force_n"]), tip_radius_mm(windows, settings["label"]))
+
+
+def tip_radius_mm(windows: pa.Table, label: Mapping) -> float | np.ndarray:
+    """Return the radius of the tip that made each of n windows, (n, 1) in mm; one number where all have the same."""
+    if not (other := label.get("tip_radius_by_condition_mm")):
+        return label["tip_radius_mm"]
+    conditions, place = np.unique(schemas.names(windows["condition"]), return_inverse=True)
+    return np.array([other.get(name, label["tip_radius_mm"]) for name in conditions])[place, None]
 
 
 def cell_centres(sensor: Mapping, label: Mapping) -> tuple[np.ndarray, np.ndarray]:
@@ -27,14 +35,20 @@ def cell_centres(sensor: Mapping, label: Mapping) -> tuple[np.ndarray, np.ndarra
 
 
 def pressure_maps(
-    peak_kpa: np.ndarray, x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping, label: Mapping
+    peak_kpa: np.ndarray,
+    x_mm: np.ndarray,
+    y_mm: np.ndarray,
+    sensor: Mapping,
+    label: Mapping,
+    tip_radius_mm: float | np.ndarray | None = None,
 ) -> np.ndarray:
     """Return pressure maps: per touch a Gaussian X of sigma = r/2 as P X / max(X), added up over the touches (eq. 1).
 
     peak_kpa, x_mm, y_mm: (n, touches), NaN where there is no such touch. Returns (n, map_rows, map_cols) in kPa,
     float32. max(X) is the largest cell of the touch's own map, so that this cell is exactly P wherever the touch lies.
+    tip_radius_mm: of each map, (n, 1), or of all; None: that of `label`.
     """
-    sigma = label["tip_radius_mm"] / 2
+    sigma = np.reshape(label["tip_radius_mm"] if tip_radius_mm is None else tip_radius_mm, (-1, 1, 1)) / 2
     absent = np.isnan(peak_kpa)
     factors = []  # a Gaussian is the product of one along x and one along y, and so is its largest cell
     for centres, place in zip(cell_centres(sensor, label), (x_mm, y_mm), strict=True):

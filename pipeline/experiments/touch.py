@@ -40,6 +40,23 @@ def array_format(settings: Mapping) -> Format:
     return Format((CLOCK, *counts), time="t_us")
 
 
+def in_order(counts: np.ndarray, settings: Mapping) -> np.ndarray:
+    """Return counts (..., elements) as printed in the order of the elements, row by row from the bottom.
+
+    settings: the block `touch` of params.yaml, whose `sensor.order` names the printed column of each element. Raises
+    InputError where it does not name each of them once.
+    """
+    order, elements = settings["sensor"].get("order", []), counts.shape[-1]
+    if not order:
+        return counts
+    if sorted(order) != list(range(elements)):
+        raise InputError(
+            f"params.yaml, touch.sensor.order: names {len(order)} columns; it has to name each of 0 to {elements - 1} "
+            "once, in the order of the elements, or none ([])"
+        )
+    return counts[..., order]
+
+
 def frames_schema(settings: Mapping) -> pa.Schema:
     """Return the schema of the frames table; `settings` is the block `touch` of params.yaml."""
     sensor = settings["sensor"]
@@ -76,10 +93,12 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     clocks that cannot be aligned.
     """
     ingest, elements = settings["ingest"], settings["sensor"]["rows"] * settings["sensor"]["cols"]
-    touches = _touches(folder, ingest["max_touches"])
+    touches = _touches(folder, ingest["max_touches"], placeless=elements == 1)
     formats = {"array.log": array_format(settings)}
     for suffix in touches:
-        formats |= {f"load_cell{suffix}.log": LOAD_CELL, f"cnc{suffix}.log": CNC}
+        formats |= {f"load_cell{suffix}.log": LOAD_CELL}
+        if elements > 1 or (folder / f"cnc{suffix}.log").is_file():
+            formats |= {f"cnc{suffix}.log": CNC}
     rows, rejects = {}, {}
     for name, fmt in formats.items():
         rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
@@ -95,7 +114,8 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         time[name] = _reference_time(rows[name], clocks[name])
 
     array, at = rows["array.log"], time["array.log"]
-    truth, known = _ground_truth(rows, time, touches)
+    middle = np.array([settings["sensor"][side] * settings["sensor"]["pitch_mm"] / 2 for side in ("cols", "rows")])
+    truth, known = _ground_truth(rows, time, touches, middle)
     if not known.any():
         raise InputError(f"{folder}: no frame falls into the time of load cell and CNC; record again")
     # The devices start and stop up to max_clock_offset_s apart, so frames without truth are expected there.
@@ -114,7 +134,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
             block = slice(first, first + PART)
             kept = known[block]
             if kept.any():
-                counts = _matrix(array.slice(first, PART), [f"v{k}" for k in range(elements)])
+                counts = in_order(_matrix(array.slice(first, PART), [f"v{k}" for k in range(elements)]), settings)
                 yield schemas.frame_rows(
                     frames_schema(settings),
                     folder.parent.name,
@@ -135,11 +155,11 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
 
 
 def _ground_truth(
-    rows: Mapping[str, pa.Table], time: Mapping[str, np.ndarray], touches: list[str]
+    rows: Mapping[str, pa.Table], time: Mapping[str, np.ndarray], touches: list[str], middle_mm: np.ndarray
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return force_n, x_mm and y_mm at the array's frames, (frames, touches), and where all are known, (frames,) bool.
 
-    time: log -> reference time of its rows in s.
+    time: log -> reference time of its rows in s; middle_mm: (x, y) of touches that have no cnc log.
     """
     at = time["array.log"]
     truth = {name: np.empty((len(at), len(touches)), np.float32) for name in ("force_n", "x_mm", "y_mm")}
@@ -147,22 +167,26 @@ def _ground_truth(
     for k, suffix in enumerate(touches):
         cell, cnc = f"load_cell{suffix}.log", f"cnc{suffix}.log"
         force = rows[cell]["fz_n"].to_numpy()
-        place = _matrix(rows[cnc], ["x_mm", "y_mm"])
-        cell_s, cnc_s = (alignment.longest_interval_s(time[name]) for name in (cell, cnc))
+        if cnc in rows:
+            placed_s, place = time[cnc], _matrix(rows[cnc], ["x_mm", "y_mm"])
+        else:
+            placed_s, place = time[cell], np.tile(middle_mm, (len(force), 1))
+        cell_s, cnc_s = (alignment.longest_interval_s(time_s) for time_s in (time[cell], placed_s))
         for first in range(0, len(at), 4 * PART):
             block = slice(first, first + 4 * PART)
             truth["force_n"][block, k], in_cell = alignment.interpolated(at[block], time[cell], force, longest_s=cell_s)
             # Further touches are held by hand: their cnc log tells the operator each place until the next one.
-            there, in_cnc = alignment.interpolated(at[block], time[cnc], place, held=k > 0, longest_s=cnc_s)
+            there, in_cnc = alignment.interpolated(at[block], placed_s, place, held=k > 0, longest_s=cnc_s)
             truth["x_mm"][block, k], truth["y_mm"][block, k] = there.T
             known[block] &= in_cell & in_cnc
     return truth, known
 
 
-def _touches(folder: Path, most: int) -> list[str]:
+def _touches(folder: Path, most: int, placeless: bool) -> list[str]:
     """Return the suffixes of the touches' logs ('', '_2', '_3', ...).
 
-    Raises InputError for a touch without both its logs, for a log of another name, and for more than `most` touches.
+    placeless: the sensor is one element, which cannot tell a place, so that a touch needs no cnc log. Raises InputError
+    for a touch without its logs, for a log of another name, and for more than `most` touches.
     """
     present = {path.name for path in folder.glob("*.log")}
     count = max(1, sum(name.startswith("load_cell") for name in present))
@@ -171,7 +195,8 @@ def _touches(folder: Path, most: int) -> list[str]:
         "array.log",
         *(f"{device}{suffix}.log" for suffix in suffixes for device in ("load_cell", "cnc")),
     }
-    if missing := sorted(wanted - present):
+    optional = {name for name in wanted if placeless and name.startswith("cnc")}
+    if missing := sorted(wanted - optional - present):
         raise InputError(
             f"{folder / missing[0]}: log not found; a recording needs array.log, load_cell.log and cnc.log, "
             "and load_cell_2.log with cnc_2.log (and so on) for each further touch"
@@ -188,9 +213,19 @@ def _clocks(
 ) -> dict[str, list[alignment.Clock | None]]:
     """Return a clock per segment of each log; the first load cell's clock is the reference.
 
+    `touch.ingest.clock: shared` says that there is but one clock.
+
     The array answers to the sum of all touches. Load cells printed by one computer share its clock, which
     shows in equal times; they are summed from the start. The others are separate: `_force_clocks` places them.
     """
+    if ingest.get("clock") == "shared":
+        for name, table in rows.items():
+            if table["segment"][-1].as_py() > 0:
+                raise InputError(
+                    f"{who}/{name}: its time steps back, which a clock that all logs share does not; set "
+                    "touch.ingest.clock: own"
+                )
+        return {name: [alignment.Clock(0.0)] for name in rows}
     limits = {"max_offset_s": ingest["max_clock_offset_s"], "min_correlation": ingest["min_correlation"]}
     first, *further = (f"load_cell{suffix}.log" for suffix in touches)
     forces = {name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"]) for name in (first, *further)}
@@ -208,11 +243,14 @@ def _clocks(
     clocks |= dict.fromkeys((first, *shared), reference)
     clocks["array.log"] = placed
 
-    depth = _signals(rows["cnc.log"], alignment.depth_strength, ["z_mm"])
-    force = alignment.joined(forces[first], reference)
-    clocks["cnc.log"] = alignment.place_all(depth, force, who=f"{who}, cnc.log against load_cell.log", **limits)
+    if "cnc.log" in rows:
+        depth = _signals(rows["cnc.log"], alignment.depth_strength, ["z_mm"])
+        force = alignment.joined(forces[first], reference)
+        clocks["cnc.log"] = alignment.place_all(depth, force, who=f"{who}, cnc.log against load_cell.log", **limits)
     for cell, suffix in zip(further, touches[1:], strict=True):
         cnc = f"cnc{suffix}.log"
+        if cnc not in rows:
+            continue
         if rows[cnc]["segment"][-1].as_py() + 1 != len(clocks[cell]):
             raise InputError(f"{who}: {cnc} and {cell} share a clock, but only one of them was reset; record again")
         clocks[cnc] = clocks[cell]
@@ -306,14 +344,16 @@ def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
     """Return pressure maps (eq. 1) at each window's last frame, (n, map_rows * map_cols) in kPa, float32."""
     x, y = schemas.matrix(windows["x_mm"]), schemas.matrix(windows["y_mm"])
     peak = labels_kpa.peaks_kpa(windows, settings)
-    maps = labels_kpa.pressure_maps(peak, x, y, settings["sensor"], settings["label"])
+    radius = labels_kpa.tip_radius_mm(windows, settings["label"])
+    maps = labels_kpa.pressure_maps(peak, x, y, settings["sensor"], settings["label"], radius)
     return maps.reshape(len(maps), -1)
 
 
 def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
     """Return the part of each window in one run, (n,) of 'train', 'validation', 'test', 'unused'.
 
-    Only single touches are divided, 8:1:1, anew for every seed. `press` divides presses, whose windows are those
+    Only single touches, or the conditions that `touch.split.train_on` names, are divided, 8:1:1, anew for every seed.
+    `press` divides presses, whose windows are those
     `touch.window.stride` apart. `random_window` divides windows that slide frame by frame and overlap, as the paper
     did, so that test windows hold frames that were trained on. All other conditions are test data: models never see
     more than one touch (section IV-A); of these, both protocols test the windows that are apart. Windows of other
@@ -325,7 +365,7 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
     in stretches of windows that all overlap, so that training takes minutes and a test window still has neighbours in
     the training part. The conditions of test data, and `press`, take the windows `touch.window.stride` frames apart.
     """
-    single = schemas.names(windows["condition"]) == "single"
+    single = np.isin(schemas.names(windows["condition"]), settings["split"].get("train_on", ["single"]))
     here = specimens.of_seed(schemas.names(windows["recording"]), seed)
     by_press, apart = protocol == "press", here & windows["apart"].to_numpy()
     divided = single & (apart if by_press else here & windows["sliding"].to_numpy())

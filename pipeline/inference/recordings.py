@@ -70,6 +70,7 @@ def read(path: Path, card: Card) -> Recording:
         nowhere = np.full((len(time), 3), np.nan)
         frames = module.resampled(path.parent.parent.name, path.parent.name, time, values, nowhere, settings["ingest"])
         return Recording(path, name, frames["t_s"].to_numpy(), _readings(frames), _starts(frames), rejects)
+    values = module.in_order(values, settings)
     return Recording(path, name, time, values, schemas.gaps_before(time, rows["segment"].to_numpy()), rejects)
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,9 +57,12 @@ class Lines:
     one comes after a banner or an interruption.
     """
 
-    def __init__(self, fmt: Format, name: str, who: str):
-        """fmt: of the lines; name: what they come from; who: the model, for a sentence about another sensor."""
-        self.format, self.name, self.who = fmt, name, who
+    def __init__(self, fmt: Format, name: str, who: str, order: Sequence[int] = ()):
+        """fmt: of the lines; name: what they come from; who: the model, for a sentence about another sensor.
+
+        order: numbers of the printed values in the order in which the model takes them; () where it is the same.
+        """
+        self.format, self.name, self.who, self.order = fmt, name, who, list(order)
         self.count, self.rejects, self.rejected = 0, Counter(), ""  # rejected: the last such line
         self._rest, self._separator, self._second = b"", fmt.separator.encode(), second(fmt)
         self._time = fmt.names.index(fmt.time)
@@ -102,7 +105,8 @@ class Lines:
             if not restarted:
                 return self._reject(parse.DUPLICATE if t_s == self._last else parse.OUT_OF_ORDER, line)
         self._last, self._late, self._interrupted = t_s, [], False
-        return Reading(t_s, np.delete(values, self._time), restarted)
+        values = np.delete(values, self._time)
+        return Reading(t_s, values[self.order] if self.order else values, restarted)
 
     def _reject(self, reason: str, line: bytes) -> None:
         self.rejects[reason] += 1

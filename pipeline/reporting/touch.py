@@ -28,6 +28,8 @@ METRICS = {  # metric: header, digits
     "location_error": ("Location error (mean, mm, lower is better)", 2),
     "touches_found": ("Touches found (share of windows, higher is better)", 3),
     "force_error": ("Force error (mean, N, lower is better)", 2),
+    "force_rmse": ("Force RMSE (N of the load cell, lower is better)", 2),
+    "force_r2": ("Force R2 (share of variance, higher is better)", 3),
     "r2": ("R2 (share of variance, higher is better)", 3),
 }
 UNITS = {
@@ -36,6 +38,8 @@ UNITS = {
     "location_error": "mm",
     "touches_found": "1",
     "force_error": "N",
+    "force_rmse": "N",
+    "force_r2": "1",
     "r2": "1",
 }
 TABLE_CONDITIONS = ("single", "double")
@@ -140,8 +144,9 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
         f"The further metrics look at windows with a touch of {metrics.touch_threshold_kpa(settings):.0f} kPa or more; "
         "a window of k touches is compared with the k highest peaks of the whole predicted map. Place and pressure are "
         "those of the peaks; touches are found where the map has as many peaks as touches, each within one element of "
-        "its touch; force is the map's integral over its area, whose true value is half the load cell's (eq. 1). A "
-        "perfect map has the perfect score by each.\n"
+        "its touch; force is the map's integral over its area, whose true value is half the load cell's (eq. 1); "
+        "force RMSE and R2 are those of twice the integral, the force on the load cell. A perfect map has the perfect "
+        "score by each.\n"
     )
     for protocol, block in settings["protocols"].items():
         n = len(block["seeds"])

@@ -84,6 +84,7 @@ def touch(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[R
       touches, each within one pitch of its touch.
     * force_error: mean |integral of the predicted map over its area - that of the label| in N. The label's is half the
       load cell's force: under a Gaussian of sigma = r/2, P makes half of what it makes under a flat tip (eq. 1).
+    * force_rmse, force_r2: of twice these integrals, the force on the load cell where no edge cuts a Gaussian.
     """
     sensor, label = settings["sensor"], settings["label"]
     lowest, shape = touch_threshold_kpa(settings), (-1, label["map_rows"], label["map_cols"])
@@ -101,11 +102,15 @@ def touch(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[R
     right = (counts[0] == counts[1]) & (np.bincount(touches.window, ~near, len(maps)) == 0)
     cells = label["map_rows"] * label["map_cols"]
     cell_n = 1e-3 * sensor["rows"] * sensor["cols"] * sensor["pitch_mm"] ** 2 / cells  # force of 1 kPa on a cell
+    true_n, force_n = (each.sum(axis=(1, 2), dtype=np.float64) * cell_n for each in (true_maps, maps))
     force = np.abs((maps - true_maps).sum(axis=(1, 2), dtype=np.float64)) * cell_n
     further = (("peak_error", "kPa", off), ("location_error", "mm", away), ("touches_found", "1", right))
     for name, unit, values in (*further, ("force_error", "N", force)):
         rows.append((name, unit, float(values.mean()) if len(values) else float("nan"), len(values)))
-    return rows
+    of_force = (
+        overall(2 * true_n, 2 * force_n, "N") if len(true_n) else [("rmse", "N", np.nan, 0), ("r2", "1", np.nan, 0)]
+    )
+    return rows + [(f"force_{name}", *row) for name, *row in of_force]
 
 
 def touch_threshold_kpa(settings: Mapping) -> float:

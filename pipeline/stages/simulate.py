@@ -1,5 +1,6 @@
 """Write the raw serial logs of a simulated scene, with every injected fault listed in `faults.csv`.
 
+Where params.yaml names logs of your own as the experiment's source, the scene's folder stays empty.
 Usage: python -m pipeline.stages.simulate touch|strain|glove
 """
 
@@ -12,6 +13,10 @@ from pipeline.base.errors import run_stage
 
 def simulate(experiment: str, settings: dict) -> None:
     """Write data/<experiment>/logs/<condition>/<recording>/<device>.log and data/<experiment>/logs/faults.csv."""
+    if settings["source"] != "simulated":
+        with files.replacing_folder(paths.logs(experiment)) as draft:
+            files.write_text(draft / "README.md", f"Not simulated: the logs are in {settings['source']}.\n")
+        return
     recordings, logs_of = scenes.plan(experiment, settings)
     with files.replacing_folder(paths.logs(experiment)) as draft:
         tasks = {(each.condition, each.name): (draft, each, logs_of) for each in recordings}

@@ -39,6 +39,7 @@ def test_touch_metrics_of_known_predictions(settings):
     force_n = truth[:2].sum(axis=1) * 9e-3
     assert force_n[0] == pytest.approx(200e3 * np.pi * 5e-3**2 / 2, rel=0.01)
     assert off["force_error"][0] == pytest.approx(force_n.mean() / 2)
+    assert off["force_rmse"] == (pytest.approx(np.sqrt(np.mean(force_n**2))), contact)
     assert off["rmse"][0] == pytest.approx(np.sqrt(np.mean((shifted - truth.astype(float)) ** 2)), rel=1e-6)
 
 

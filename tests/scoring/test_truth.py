@@ -13,7 +13,7 @@ VALUES = params.load()
 PERFECT = {"rmse": 0.0, "error": 0.0, "peak_error": 0.0, "location_error": 0.0, "force_error": 0.0}
 PERFECT |= {"touches_found": 1.0, "accuracy": 1.0, "macro_precision": 1.0}
 PERFECT |= {f"{press}{name}": 1.0 for press in ("", "press_") for name in ("r2", "r2_x", "r2_y", "r2_z")}
-PERFECT |= {"press_error": 0.0}
+PERFECT |= {"press_error": 0.0, "force_rmse": 0.0, "force_r2": 1.0}
 
 
 def check(rows) -> set[str]:
@@ -41,7 +41,7 @@ def touch_maps(settings, touches: int) -> np.ndarray:
 def test_touch(touches):
     settings = VALUES["touch"]
     truth = touch_maps(settings, touches)
-    expected = {"rmse", "r2", "peak_error", "location_error", "touches_found", "force_error"}
+    expected = {"rmse", "r2", "peak_error", "location_error", "touches_found", "force_error", "force_rmse", "force_r2"}
     assert check(metrics.touch(truth, truth, settings)) == expected
     wrong = {row[0]: row[2] for row in metrics.touch(truth, np.roll(truth, 7, axis=0), settings)}
     assert all(wrong[name] != PERFECT[name] for name in expected)
