@@ -1,4 +1,4 @@
-"""Read the scores of models with one thing changed, and pair them with those of what they are compared with."""
+"""Read the settings and scores of models with one thing changed, and pair these with what they are compared with."""
 
 from collections.abc import Mapping
 
@@ -14,6 +14,13 @@ def read(experiment: str) -> pd.DataFrame:
     """Read ablation.csv: row, condition, seed, metric, value."""
     made_by = f"python -m pipeline.studies.ablation {experiment}"
     return read_csv(paths.ablation(experiment), ["row", "condition", "seed", "metric", "value"], made_by)
+
+
+def block_of(settings: Mapping, name: str) -> dict:
+    """Return the settings of a row's model: its own, and those of the row beside it."""
+    row = settings["ablation"][name]
+    beside = row.get("beside", "")
+    return (dict(settings["ablation"][beside]["settings"]) if beside else {}) | row["settings"]
 
 
 def paired(ablation: pd.DataFrame, scores: Scores, settings: Mapping, name: str, condition: str) -> pd.DataFrame:

@@ -16,6 +16,7 @@ from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import schemas
 from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Trained
+from pipeline.scoring import ablation as scored
 from pipeline.scoring import metrics
 from pipeline.tasks import windows as tasks_windows
 
@@ -33,7 +34,7 @@ def train_run(values: Mapping, experiment: str, name: str, seed: int, report) ->
     spec = tasks_windows.spec(settings)
     data = read_dataset(paths.dataset(experiment), spec.frames)
     x, part, condition = data.x[:, -row["frames"] :], data.part(protocol, seed), schemas.names(data.rows["condition"])
-    block, where = block_of(settings, name), f"{experiment}.ablation.{name}"
+    block, where = scored.block_of(settings, name), f"{experiment}.ablation.{name}"
     regressor = models.build(row["of"], spec._replace(frames=row["frames"]), block, where)
     train, validation = ((x[part == side], data.y[part == side]) for side in ("train", "validation"))
     regressor.fit(train, validation, seed=seed, device=values["device"], progress=report)
@@ -47,13 +48,6 @@ def train_run(values: Mapping, experiment: str, name: str, seed: int, report) ->
     return rows
 
 
-def block_of(settings: Mapping, name: str) -> dict:
-    """Return the settings of a row's model: its own, and those of the row beside it."""
-    row = settings["ablation"][name]
-    beside = row.get("beside", "")
-    return (dict(settings["ablation"][beside]["settings"]) if beside else {}) | row["settings"]
-
-
 def check(settings: Mapping, experiment: str) -> None:
     """Raise InputError for a row that cannot be trained, or compared with the one that it names."""
     seeds = next(iter(settings["protocols"].values()))["seeds"]
@@ -62,7 +56,7 @@ def check(settings: Mapping, experiment: str) -> None:
         beside = row.get("beside", "")
         if beside:
             params.check_known([beside], settings["ablation"], f"{where}.beside")
-        params.check_model(row["of"], block_of(settings, name), f"{where}.settings")
+        params.check_model(row["of"], scored.block_of(settings, name), f"{where}.settings")
         known = settings["ablation"][beside]["seeds"] if beside else seeds
         if not set(row["seeds"]) <= set(known) & set(seeds):
             raise InputError(f"params.yaml, {where}.seeds: what it is compared with has seeds {known}; take of these")
@@ -78,7 +72,7 @@ def main() -> None:
     check(settings, experiment)
     rows_run = {name: row for name, row in settings["ablation"].items() if row["of"] in settings["models"]}
     runs = [(experiment, name, seed) for name, row in rows_run.items() for seed in row["seeds"]]
-    blocks = [block_of(settings, name) for name in rows_run]
+    blocks = [scored.block_of(settings, name) for name in rows_run]
     epochs = max(map(params.epochs, blocks), default=0)
     with tqdm(total=epochs * len(runs), desc=f"ablate {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs))

@@ -25,8 +25,7 @@ from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import separable_network
 from pipeline.learning.trained import Trained
-from pipeline.scoring import classification, ladders, metrics
-from pipeline.studies import ablation
+from pipeline.scoring import ablation, classification, ladders, metrics
 from pipeline.tasks import images as tasks_images
 from pipeline.tasks import series as tasks_series
 from pipeline.tasks import windows as tasks_windows
@@ -88,8 +87,7 @@ def _same_in_ablation(settings: Mapping, model: str, block: Mapping, frames: int
 
 def _rows_of_ablation(name: str, family: str, size: int, seed: int, model) -> list[tuple]:
     """Return the rows of a run that the stage ablate_touch trained and scored; model: the same, untrained."""
-    path, protocol = paths.ablation("touch"), ladders.protocol("touch", "single")
-    table = pd.read_csv(paths.require(path, "dvc repro ablate_touch"))
+    table, protocol = ablation.read("touch"), ladders.protocol("touch", "single")
     table = table[(table["row"] == name) & (table["protocol"] == protocol) & (table["seed"] == seed)]
     return [
         _row("touch", condition, family, size, model, list(scores.itertuples(index=False, name=None)), seed)

@@ -24,7 +24,7 @@ def values():
 def test_the_committed_rows_can_be_trained(values):
     ablation.check(values["touch"], "touch")
     rows = values["touch"]["ablation"]
-    assert ablation.block_of(values["touch"], "lomp_alpha_0") == rows["lomp_half"]["settings"] | {"alpha": 0.0}
+    assert scored.block_of(values["touch"], "lomp_alpha_0") == rows["lomp_half"]["settings"] | {"alpha": 0.0}
     tables = values["touch"]["models"]
     assert rows["lomp_half"]["settings"] == tables["lomp"] | {"hidden": 64, "readout": [64, 32]}
     for name, row in rows.items():

@@ -16,7 +16,8 @@ from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.reporting.verdicts.sizes import Reference
 from pipeline.scoring import ladders
-from pipeline.studies import ablation, sizes
+from pipeline.studies import sizes
+from pipeline.studies.ablation import COLUMNS
 
 NAN = float("nan")
 
@@ -164,7 +165,7 @@ def test_a_lomp_that_the_ablation_has_is_not_trained_again(tmp_path, monkeypatch
     file = paths.ablation("touch")
     file.parent.mkdir(parents=True)
     line = "lomp_half,press,{},1,rmse,kPa,{},9\n"
-    file.write_text(",".join(ablation.COLUMNS) + "\n" + line.format("single", 5.5) + line.format("double", 8.5))
+    file.write_text(",".join(COLUMNS) + "\n" + line.format("single", 5.5) + line.format("double", 8.5))
     rows = sizes.touch_run(values, "lomp", row["settings"]["hidden"], 1, lambda: None)
     assert [(*found[:4], found[8]) for found in rows] == [
         ("touch", "single", "lomp", 64, 5.5),
