@@ -1,14 +1,17 @@
 """Read a folder of your own logs as ingest would, say what was understood, and what to fix first.
 
 The formats, the alignment and the splits are the experiment's own, with the values of params.yaml; nothing is changed
-but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the first
+but data/<experiment>/check.png, a picture of the first recordings. FOLDER/settings.yaml, where there is one, sets what
+differs from params.yaml for this sensor, by dotted keys such as `touch.sensor.rows: 4`. Ends with "ready" and status 0, or with the first
 thing to fix and status 1.
 """
 
 import argparse
 import os
 import re
+import shutil
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -22,6 +25,7 @@ from scipy.optimize import linear_sum_assignment
 from pipeline import experiments
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.commands.scale import set_values
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import strain
@@ -29,7 +33,8 @@ from pipeline.logs import diagnosis, own_data, parse
 from pipeline.logs.report import log_report
 from pipeline.reporting.figures import check as check_figures
 
-EXPERIMENTS = ("touch", "strain", "glove")
+LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}  # experiment -> the sensor's log
+SETTINGS = "settings.yaml"  # in a folder of logs
 DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, from which the number of its columns is taken
 STEP = 1  # counts; an element that never changes by more is dead
@@ -509,9 +514,41 @@ def check(experiment: str, folder: Path, values: Mapping) -> str | None:
     return problems[0] if problems else None
 
 
+def experiment_of(folder: Path) -> str:
+    """Return the experiment that the logs in a folder are of, by their names; InputError where that is not clear."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder")
+    present = [experiment for experiment, log in LOGS.items() if next(folder.glob(f"*/*/{log}"), None)]
+    if len(present) != 1:
+        wanted = ", ".join(f"{log} ({experiment})" for experiment, log in LOGS.items())
+        held = "logs of several kinds" if present else "no log of a sensor"
+        raise InputError(f"{folder}: {held} in <folder>/<recording>/; expected one of {wanted}")
+    return present[0]
+
+
+def own_settings(folder: Path) -> dict:
+    """Return the dotted keys and values of FOLDER/settings.yaml; {} where there is none. Errors as params.parsed."""
+    path = folder / SETTINGS
+    if not path.is_file():
+        return {}
+    values = params.parsed(path)
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: expected dotted keys and values such as `touch.sensor.rows: 4`")
+    return values
+
+
+def values_for(folder: Path) -> dict:
+    """Return params.yaml with what FOLDER/settings.yaml sets; InputError names a key or value that cannot be."""
+    with tempfile.TemporaryDirectory() as draft:
+        changed = Path(draft, paths.PARAMS.name)
+        shutil.copy(paths.PARAMS, changed)
+        set_values(own_settings(folder), changed)
+        return params.load(changed)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the experiment and the folder of logs to the parser of this command."""
-    parser.add_argument("experiment", choices=EXPERIMENTS, help="the experiment that the logs are for")
+    parser.add_argument("experiment", choices=tuple(LOGS), help="the experiment that the logs are for")
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
 
 
@@ -521,7 +558,8 @@ def main(given: argparse.Namespace) -> None:
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
-    first = check(experiment, folder, params.load()) or own_data.unnoticed(place)
+    first = check(experiment, folder, values_for(folder)) or own_data.unnoticed(place)
     if first is not None:
         sys.exit(f"fix first: {first}")
-    print(f"ready: set {experiment}.source: {own_data.setting(place)} in params.yaml, then `dvc repro`")
+    place = own_data.setting(place)
+    print(f"ready: `tactile try {place}` for a quick look, `tactile own {place}` for all models")

@@ -1,4 +1,4 @@
-"""What people run by hand: check, fetch, record; predict, export, live; fit film, calibrate, search rates, scale, pack.
+"""What people run by hand: check, try, record; predict, export, live; fetch, calibrate, search rates, scale, pack.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
 `main(given)` runs it with the arguments given. `--help` behind a command says more.
@@ -17,8 +17,10 @@ from pipeline.commands import (
     fit_strain,
     live,
     longer,
+    own,
     paper_scale,
     predict,
+    quick_look,
     rates,
     record,
     scale,
@@ -28,6 +30,8 @@ COMMANDS = {
     "check": check,
     "fetch": fetch,
     "record": record,
+    "try": quick_look,
+    "own": own,
     "predict": predict,
     "export": export,
     "live": live,

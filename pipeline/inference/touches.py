@@ -7,8 +7,6 @@ import numpy as np
 from pipeline.inference.card import Card
 from pipeline.scoring import metrics
 
-GAUSSIAN_SHARE = 0.5  # force under a Gaussian of sigma = r / 2 over that under a flat tip of radius r (eq. 1)
-
 
 class Touch(NamedTuple):
     """One touch: its place from the array's lower left corner in mm, and its pressure in kPa."""
@@ -37,8 +35,6 @@ def touches(maps: np.ndarray, card: Card) -> list[list[Touch]]:
 def force_n(maps: np.ndarray, card: Card) -> np.ndarray:
     """Return the force of all touches of each map in N, (n,); maps (n, rows, cols) in kPa.
 
-    The map's integral over the array is GAUSSIAN_SHARE of the force that the load cells measured.
+    The map's integral over the array is metrics.GAUSSIAN_SHARE of the force that the load cells measured.
     """
-    sensor, (_, rows, cols) = card.reading["sensor"], maps.shape
-    cell_mm2 = sensor["rows"] * sensor["cols"] * sensor["pitch_mm"] ** 2 / (rows * cols)
-    return maps.sum(axis=(1, 2), dtype=np.float64) * cell_mm2 * 1e-3 / GAUSSIAN_SHARE
+    return metrics.integral_n(maps, card.reading["sensor"]) / metrics.GAUSSIAN_SHARE

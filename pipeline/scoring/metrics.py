@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from pipeline.datasets import labels
 from pipeline.datasets.series import Record
 
+GAUSSIAN_SHARE = 0.5  # force under a Gaussian of sigma = r / 2 over that under a flat tip of radius r (eq. 1)
 TIE_KPA = 0.01  # cells that differ by less are equally high: of labels up to 400 kPa in float32, none that tie do
 POOLED = {"velostat_recorded": ("all",)}  # experiment -> name of all test windows of a run together
 
@@ -100,17 +101,19 @@ def touch(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[R
     off = np.abs(np.where(near, kpa, under) - touches.kpa)
     counts = [np.bincount(kind.window, minlength=len(maps)) for kind in (touches, seen.chosen(seen.kpa >= lowest))]
     right = (counts[0] == counts[1]) & (np.bincount(touches.window, ~near, len(maps)) == 0)
-    cells = label["map_rows"] * label["map_cols"]
-    cell_n = 1e-3 * sensor["rows"] * sensor["cols"] * sensor["pitch_mm"] ** 2 / cells  # force of 1 kPa on a cell
-    true_n, force_n = (each.sum(axis=(1, 2), dtype=np.float64) * cell_n for each in (true_maps, maps))
-    force = np.abs((maps - true_maps).sum(axis=(1, 2), dtype=np.float64)) * cell_n
+    force = np.abs(integral_n(maps - true_maps, sensor))
     further = (("peak_error", "kPa", off), ("location_error", "mm", away), ("touches_found", "1", right))
     for name, unit, values in (*further, ("force_error", "N", force)):
         rows.append((name, unit, float(values.mean()) if len(values) else float("nan"), len(values)))
-    of_force = (
-        overall(2 * true_n, 2 * force_n, "N") if len(true_n) else [("rmse", "N", np.nan, 0), ("r2", "1", np.nan, 0)]
-    )
+    forces = (integral_n(each, sensor) / GAUSSIAN_SHARE for each in (true_maps, maps))
+    of_force = overall(*forces, "N") if len(maps) else [("rmse", "N", np.nan, 0), ("r2", "1", np.nan, 0)]
     return rows + [(f"force_{name}", *row) for name, *row in of_force]
+
+
+def integral_n(maps: np.ndarray, sensor: Mapping) -> np.ndarray:
+    """Return the integral of maps (n, rows, cols) in kPa over the array's area, (n,) in N."""
+    area_mm2 = sensor["rows"] * sensor["cols"] * sensor["pitch_mm"] ** 2
+    return 1e-3 * area_mm2 / np.prod(maps.shape[1:]) * maps.sum(axis=(1, 2), dtype=np.float64)
 
 
 def touch_threshold_kpa(settings: Mapping) -> float:

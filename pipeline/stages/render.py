@@ -8,7 +8,7 @@ Usage: python -m pipeline.stages.render EXPERIMENT
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import run_stage
-from pipeline.reporting import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
+from pipeline.reporting import glove, glove_recorded, own_sensor, strain, strain_recorded, touch, velostat_recorded
 
 REPORTS = {  # each module is named as its experiment
     report.__name__.rpartition(".")[2]: report
@@ -28,7 +28,9 @@ def main() -> None:
             if reason:
                 text = f"# {experiment}: not run\n\n{reason[0].upper()}{reason[1:]}.\n"
                 files.write_text(draft / part / "README.md", text)
-        if reason is None:
+        if reason is None and values[experiment].get("source", "simulated") != "simulated":
+            own_sensor.write(draft / "accuracy", experiment, values[experiment])
+        elif reason is None:
             REPORTS[experiment].write(draft, values[experiment])
     print(f"reports/{experiment}: {sum(path.is_file() for path in target.rglob('*'))} files")
 

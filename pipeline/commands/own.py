@@ -1,0 +1,104 @@
+"""Train models on your own logs, apart from all else, and write what they score: reports/own/NAME.
+
+FOLDER lies in data/own, and NAME is its last part. Its logs say what they are of: array.log a pressure array, daq.log
+strain sensors, scanner.log a glove. FOLDER/settings.yaml, where there is one, sets what differs from params.yaml, by
+dotted keys such as `touch.sensor.rows: 4`. The logs are checked first, as by `tactile check`. Nothing is simulated, and
+no file that git follows changes: what the stages write is in build/own/NAME, with every trained model in
+build/own/NAME/trained, for `tactile predict` and `tactile live`. What is up to date is not trained again.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError
+from pipeline.commands import check
+from pipeline.commands.scale import set_values
+from pipeline.logs import own_data
+
+STAGES = {
+    "touch": ("ingest", "window", "dataset", "train", "evaluate"),
+    "strain": ("ingest", "dataset", "train", "evaluate"),
+    "glove": ("ingest", "dataset", "train", "evaluate"),
+}
+OVERLAPPING = "random"  # protocols whose test part holds what was trained on: the papers' own, of no use here
+SEEDS = [0, 1, 2]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the folder of logs to the parser of this command."""
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
+
+
+def main(given: argparse.Namespace) -> None:
+    """Train all models of params.yaml on the logs named on the command line."""
+    run(given.folder, SEEDS)
+
+
+def run(folder: Path, seeds: Sequence[int], models: Sequence[str] | None = None) -> None:
+    """Check logs, train on them and write their report; models: keys of params.yaml, None: all that it has. InputError that names the first thing to fix."""
+    experiment, name = check.experiment_of(folder), folder.resolve().name
+    workspace = prepare(experiment, name, folder, seeds, models)
+    values = params.load(workspace / "params.yaml")
+    if problem := check.check(experiment, folder, values) or own_data.unnoticed(folder):
+        raise InputError(f"fix first: {problem}")
+    for stage in STAGES[experiment]:
+        _python(workspace, f"pipeline.stages.{stage}", experiment)
+    _python(workspace, "pipeline.stages.render", experiment)
+    target = paths.REPORTS / "own" / name
+    with files.replacing_folder(target) as draft:
+        shutil.copytree(workspace / "reports" / experiment / "accuracy", draft, dirs_exist_ok=True)
+    trained = workspace / "trained"
+    shutil.rmtree(trained, ignore_errors=True)
+    for model in values[experiment]["models"]:
+        if model != "constant":
+            package = [f"{experiment}/{model}", f"trained/{model}"]
+            _python(workspace, "pipeline.commands.command_line", "export", *package, quiet=True)
+    print(f"\n{paths.shown(target)}/README.md: what they score")
+    print(
+        f"{paths.shown(trained)}: {', '.join(sorted(path.name for path in trained.glob('*')))}, for `tactile predict`"
+    )
+
+
+def prepare(experiment: str, name: str, folder: Path, seeds: Sequence[int], models: Sequence[str] | None) -> Path:
+    """Return build/own/NAME, made or renewed: a copy of the code, params.yaml with this sensor's settings, its logs.
+
+    The logs are links to the files of `folder`. What the stages have written there stays.
+    """
+    workspace = paths.ROOT / "build" / "own" / name
+    for part in ("pipeline", "scales"):
+        shutil.rmtree(workspace / part, ignore_errors=True)
+        shutil.copytree(paths.ROOT / part, workspace / part, ignore=shutil.ignore_patterns("__pycache__"))
+    settings = workspace / "params.yaml"
+    shutil.copy(paths.PARAMS, settings)
+    block = params.parsed(settings)[experiment]
+    kept = {key: dict(value) for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)}
+    changed = {
+        f"{experiment}.source": f"data/own/{name}",
+        f"{experiment}.protocols": {key: value | {"seeds": list(seeds)} for key, value in kept.items()},
+    }
+    if models:
+        changed[f"{experiment}.models"] = {model: block["models"][model] for model in models}
+    set_values(changed | check.own_settings(folder), settings)
+    logs = workspace / "data" / "own"
+    shutil.rmtree(logs, ignore_errors=True)
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            link = logs / name / path.relative_to(folder)
+            link.parent.mkdir(parents=True, exist_ok=True)
+            link.symlink_to(path.resolve())
+    return workspace
+
+
+def _python(workspace: Path, module: str, *arguments: str, quiet: bool = False) -> None:
+    """Run a module of the workspace's own code; InputError where it fails: its message is on the screen."""
+    environment = os.environ | {"PYTHONPATH": str(workspace)}
+    command = [sys.executable, "-m", module, *arguments]
+    done = subprocess.run(command, cwd=workspace, env=environment, stdout=subprocess.DEVNULL if quiet else None)
+    if done.returncode:
+        raise InputError(f"{paths.shown(workspace)}: `{module} {' '.join(arguments)}` failed; its message is above")

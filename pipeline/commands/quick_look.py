@@ -1,0 +1,25 @@
+"""Take a quick look at your own logs: check them, train three models on one split, and write a small report.
+
+FOLDER is as `tactile own` takes it, and what is written as there, until `tactile own` writes more: reports/own/NAME.
+"""
+
+import argparse
+from pathlib import Path
+
+from pipeline.commands import check, own
+
+MODELS = {  # one that knows nothing, a quick one and a network of the papers
+    "touch": ("constant", "rbf", "lomp"),
+    "strain": ("constant", "ridge", "lstm_direct"),
+    "glove": ("constant", "naive_bayes", "sp_resnet"),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the folder of logs to the parser of this command."""
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
+
+
+def main(given: argparse.Namespace) -> None:
+    """Look at the logs named on the command line."""
+    own.run(given.folder, [0], MODELS[check.experiment_of(given.folder)])
