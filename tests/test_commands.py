@@ -205,7 +205,8 @@ def test_the_installed_command_is_that_of_the_room():
     module, _, function = PROJECT["scripts"]["tactile"].partition(":")
     assert (module, function) == (PEOPLE, "main") and list(PROJECT["scripts"]) == ["tactile"]
     modules = {path.stem.replace("_", "-") for path in (ROOT / "pipeline" / "commands").glob("[a-z]*.py")}
-    assert set(COMMANDS) == modules - {"command-line"}
+    renamed = {"quick-look": "try"}  # no module of Python can be called try
+    assert set(COMMANDS) == {renamed.get(module, module) for module in modules - {"command-line"}}
 
 
 @pytest.mark.parametrize(

@@ -356,7 +356,12 @@ Touch = block(
 )
 Strain = block(
     source=Text,
-    sensor=block(channels=whole(1, 1024)),
+    sensor=block(
+        channels=whole(1, 1024),
+        unit=(Literal["V", "ohm"], "V"),
+        tasks=(dict[Text, distinct(Literal["x", "y", "z"])], {}),
+        pressed_below_mm=(Number, None),
+    ),
     yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
@@ -431,11 +436,13 @@ Strain = block(
         max_clock_offset_s=Positive,
         min_correlation=Fraction,
         max_gap_s=Positive,
+        clock=(Clocks, "own"),
+        average=(bool, False),
     ),
     window=LookBack,
-    split=Split,
+    split=block(Split, test_recordings=(list[Text], [])),
     model_zero=Text,
-    protocols=block(task_0=Seeds, task_1=Seeds, task_2=Seeds),
+    protocols=Annotated[dict[Text, Seeds], Field(min_length=1)],
     models=Models,
     study=block(
         tasks=distinct(Literal["task_1", "task_2"]),

@@ -1,9 +1,9 @@
 """Read a folder of your own logs as ingest would, say what was understood, and what to fix first.
 
-The formats, the alignment and the splits are the experiment's own, with the values of params.yaml; nothing is changed
-but data/<experiment>/check.png, a picture of the first recordings. FOLDER/settings.yaml, where there is one, sets what
-differs from params.yaml for this sensor, by dotted keys such as `touch.sensor.rows: 4`. Ends with "ready" and status 0, or with the first
-thing to fix and status 1.
+The formats, the alignment and the splits are the experiment's own, with the values of params.yaml, and with what
+FOLDER/settings.yaml sets for this sensor, where there is one, by dotted keys such as `touch.sensor.rows: 4`. Nothing is
+changed but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the
+first thing to fix and status 1.
 """
 
 import argparse
@@ -28,7 +28,6 @@ from pipeline.base.errors import InputError
 from pipeline.commands.scale import set_values
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
-from pipeline.experiments import strain
 from pipeline.logs import diagnosis, own_data, parse
 from pipeline.logs.report import log_report
 from pipeline.reporting.figures import check as check_figures
@@ -176,9 +175,10 @@ def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Ite
         if name == "cnc.log" and not (log.rows["z_mm"].to_numpy() < 0).any():
             yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
         if name == "robot.log":
-            moves = max(np.ptp(log.rows[axis].to_numpy()) for axis in ("x_mm", "y_mm", "z_mm"))
+            axes = [name for name in log.rows.column_names if name.endswith("_mm")]
+            moves = max(np.ptp(log.rows[axis].to_numpy()) for axis in axes)
             if moves < LEAST_MM:
-                yield f"{path}: the arm moves by no more than {moves:g} mm; write x_mm, y_mm and z_mm in millimetres"
+                yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
 
 
 def falls(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
@@ -424,46 +424,15 @@ def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], 
 VERBS = {"train": "train on", "validation": "validate on", "test": "test on"}
 
 
-def unfit(experiment: str, frames: pa.Table, values: Mapping) -> list[str]:
+def unfit(experiment: str, settings: Mapping) -> list[str]:
     """Return problems: values of params.yaml that do not fit this sensor, each with the key to change."""
-    settings, problems = values[experiment], []
-    asked = values["stress"][experiment]["perturbations"]
-    if experiment == "touch":
-        sensor, label = settings["sensor"], settings["label"]
-        for side in ("rows", "cols"):
-            cells, elements = label[f"map_{side}"], sensor[side]
-            if "lomp" in settings["models"] and cells % elements:
-                problems.append(
-                    f"params.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ({elements}), "
-                    f"which lomp needs; set {max(1, round(cells / elements)) * elements}"
-                )
-        most = {"dead": sensor["rows"] * sensor["cols"], "dead_line": sensor["rows"] + sensor["cols"]}
-        most["stuck"] = most["dead"]
-    elif experiment == "strain":
-        most = dict.fromkeys(("dead", "half", "stuck"), settings["sensor"]["channels"])
-        problems += too_old(frames, asked.get("time", []), values)
-    else:
-        return problems
-    for name, highest in most.items():
-        if (too_many := [severity for severity in asked.get(name, []) if severity > highest]) != []:
-            problems.append(
-                f"params.yaml, stress.{experiment}.perturbations.{name}: {too_many} is more than the sensor has "
-                f"({highest}); remove it"
-            )
-    return problems
-
-
-def too_old(frames: pa.Table, ages: list[float], values: Mapping) -> list[str]:
-    """Return problems: ages in minutes that the test part of a task does not reach."""
     problems = []
-    for task in values["stress"]["strain"]["protocols"]:
-        part = strain.split(frames, values["strain"], task, 0)
-        time = frames["t_s"].to_numpy()[part == "test"]
-        lasts = np.ptp(time) / 60 if len(time) else 0.0
-        if len(time) and (old := [age for age in ages if age > lasts]):
+    for side in ("rows", "cols") if experiment == "touch" and "lomp" in settings["models"] else ():
+        cells, elements = settings["label"][f"map_{side}"], settings["sensor"][side]
+        if cells % elements:
             problems.append(
-                f"params.yaml, stress.strain.perturbations.time: {old} minutes is more than the test part of {task} "
-                f"lasts ({lasts:.1f}); give shorter times"
+                f"params.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ({elements}), "
+                f"which lomp needs; set {max(1, round(cells / elements)) * elements}"
             )
     return problems
 
@@ -498,7 +467,7 @@ def check(experiment: str, folder: Path, values: Mapping) -> str | None:
     said = still(experiment, read)
     if usable:
         rows, findings, wrong = whole(experiment, usable, settings)
-        said, problems = said + findings, problems + wrong + unfit(experiment, rows, values)
+        said, problems = said + findings, problems + wrong + unfit(experiment, settings)
         if not wrong:
             findings, wrong = parts(experiment, rows, values)
             said, problems = said + findings, problems + wrong
@@ -537,15 +506,6 @@ def own_settings(folder: Path) -> dict:
     return values
 
 
-def values_for(folder: Path) -> dict:
-    """Return params.yaml with what FOLDER/settings.yaml sets; InputError names a key or value that cannot be."""
-    with tempfile.TemporaryDirectory() as draft:
-        changed = Path(draft, paths.PARAMS.name)
-        shutil.copy(paths.PARAMS, changed)
-        set_values(own_settings(folder), changed)
-        return params.load(changed)
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the experiment and the folder of logs to the parser of this command."""
     parser.add_argument("experiment", choices=tuple(LOGS), help="the experiment that the logs are for")
@@ -558,7 +518,11 @@ def main(given: argparse.Namespace) -> None:
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
-    first = check(experiment, folder, values_for(folder)) or own_data.unnoticed(place)
+    with tempfile.TemporaryDirectory() as draft:
+        changed = Path(shutil.copy(paths.PARAMS, draft))
+        set_values(own_settings(folder), changed)
+        values = params.load(changed)
+    first = check(experiment, folder, values) or own_data.unnoticed(place)
     if first is not None:
         sys.exit(f"fix first: {first}")
     place = own_data.setting(place)

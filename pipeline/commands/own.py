@@ -4,7 +4,7 @@ FOLDER lies in data/own, and NAME is its last part. Its logs say what they are o
 strain sensors, scanner.log a glove. FOLDER/settings.yaml, where there is one, sets what differs from params.yaml, by
 dotted keys such as `touch.sensor.rows: 4`. The logs are checked first, as by `tactile check`. Nothing is simulated, and
 no file that git follows changes: what the stages write is in build/own/NAME, with every trained model in
-build/own/NAME/trained, for `tactile predict` and `tactile live`. What is up to date is not trained again.
+build/own/NAME/trained, for `tactile predict MODEL LOGS`. What is up to date is not trained again.
 """
 
 import argparse
@@ -12,7 +12,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pipeline.base import files, params, paths
@@ -37,20 +37,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(given: argparse.Namespace) -> None:
     """Train all models of params.yaml on the logs named on the command line."""
-    run(given.folder, SEEDS)
+    experiment = check.experiment_of(given.folder)
+    workspace = prepare(experiment, given.folder, SEEDS)
+    run(experiment, given.folder, workspace, params.load(workspace / paths.PARAMS.name))
 
 
-def run(folder: Path, seeds: Sequence[int], models: Sequence[str] | None = None) -> None:
-    """Check logs, train on them and write their report; models: keys of params.yaml, None: all that it has. InputError that names the first thing to fix."""
-    experiment, name = check.experiment_of(folder), folder.resolve().name
-    workspace = prepare(experiment, name, folder, seeds, models)
-    values = params.load(workspace / "params.yaml")
+def run(experiment: str, folder: Path, workspace: Path, values: Mapping) -> None:
+    """Check logs, train on them and write their report; workspace, values: see `prepare`, and its params.yaml.
+
+    Raises InputError that names the first thing to fix.
+    """
     if problem := check.check(experiment, folder, values) or own_data.unnoticed(folder):
         raise InputError(f"fix first: {problem}")
     for stage in STAGES[experiment]:
         _python(workspace, f"pipeline.stages.{stage}", experiment)
     _python(workspace, "pipeline.stages.render", experiment)
-    target = paths.REPORTS / "own" / name
+    target = paths.REPORTS / "own" / workspace.name
     with files.replacing_folder(target) as draft:
         shutil.copytree(workspace / "reports" / experiment / "accuracy", draft, dirs_exist_ok=True)
     trained = workspace / "trained"
@@ -60,16 +62,17 @@ def run(folder: Path, seeds: Sequence[int], models: Sequence[str] | None = None)
             package = [f"{experiment}/{model}", f"trained/{model}"]
             _python(workspace, "pipeline.commands.command_line", "export", *package, quiet=True)
     print(f"\n{paths.shown(target)}/README.md: what they score")
-    print(
-        f"{paths.shown(trained)}: {', '.join(sorted(path.name for path in trained.glob('*')))}, for `tactile predict`"
-    )
+    names = ", ".join(sorted(path.name for path in trained.glob("*")))
+    print(f"{paths.shown(trained)}: {names}, for `tactile predict MODEL LOGS`")
 
 
-def prepare(experiment: str, name: str, folder: Path, seeds: Sequence[int], models: Sequence[str] | None) -> Path:
+def prepare(experiment: str, folder: Path, seeds: Sequence[int], models: Sequence[str] | None = None) -> Path:
     """Return build/own/NAME, made or renewed: a copy of the code, params.yaml with this sensor's settings, its logs.
 
-    The logs are links to the files of `folder`. What the stages have written there stays.
+    The logs are links to the files of `folder`. What the stages have written there stays. seeds: of every protocol;
+    models: keys of params.yaml, None: all that it has.
     """
+    name = folder.resolve().name
     workspace = paths.ROOT / "build" / "own" / name
     for part in ("pipeline", "scales"):
         shutil.rmtree(workspace / part, ignore_errors=True)
@@ -83,7 +86,9 @@ def prepare(experiment: str, name: str, folder: Path, seeds: Sequence[int], mode
         f"{experiment}.protocols": {key: value | {"seeds": list(seeds)} for key, value in kept.items()},
     }
     if models:
-        changed[f"{experiment}.models"] = {model: block["models"][model] for model in models}
+        changed[f"{experiment}.models"] = {
+            model: block["models"][model] for model in models if model in block["models"]
+        }
     set_values(changed | check.own_settings(folder), settings)
     logs = workspace / "data" / "own"
     shutil.rmtree(logs, ignore_errors=True)

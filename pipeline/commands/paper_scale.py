@@ -3,10 +3,11 @@
 The folder, build/paper_scale, is a clone of this repository at the present commit with the values of scales/paper.yaml,
 and shares DVC's cache with it. `dvc repro` runs there up to the experiment's scores, times and verdicts; interrupted,
 the same command goes on where it stopped. `--protocols` runs some of the experiment's protocols, so that a run of many
-hours can be made in parts, also on several machines. Into reports/paper_scale go scores.csv, latency.csv and
-claims.csv: rows of other experiments and protocols stay, and so does the verdict on a claim that this part could not
-test. Into <experiment>/, with the names of the protocols where not all were run, go claims.md, params.yaml and
-dvc.lock.
+hours can be made in parts, also on several machines. `--longer` then trains every network of these protocols twice as
+long, at one seed, as `tactile longer EXPERIMENT` does: claims on networks whose validation errors still fall get no
+verdict. Into reports/paper_scale go scores.csv, latency.csv, longer.csv and claims.csv: rows of other experiments and
+protocols stay, and so does the verdict on a claim that this part could not test. Into <experiment>/, with the names of
+the protocols where not all were run, go claims.md, params.yaml and dvc.lock.
 """
 
 import argparse
@@ -43,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--protocols", nargs="+", default=[], metavar="NAME", help="some of the protocols; default: all"
     )
+    parser.add_argument("--longer", action="store_true", help="tell which trainings have ended")
 
 
 def run(folder: Path, *command: str) -> None:
@@ -82,7 +84,7 @@ def prepare(experiment: str, protocols: Sequence[str], folder: Path) -> None:
 def merged(name: str, rows: pd.DataFrame, before: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of a file of reports/paper_scale: those of this run, and those of earlier ones that stay.
 
-    name: scores.csv, latency.csv or claims.csv; rows: of this run, of one experiment; before: of the file as it is.
+    name: scores.csv, latency.csv, longer.csv or claims.csv; rows: of this run, of one experiment; before: of the file.
     """
     if name == "claims.csv":
         tested = before[before["id"].isin(rows["id"]) & (before["verdict"] != NOT_TESTABLE)]["id"]
@@ -100,9 +102,15 @@ def keep(experiment: str, protocols: Sequence[str], folder: Path, target: Path) 
         "scores.csv": folder / "data" / experiment / "scores.csv",
         "latency.csv": folder / "data" / experiment / "speed" / "latency.csv",
         "claims.csv": folder / "reports" / "claims.csv",
+        "longer.csv": folder / "reports" / "longer" / f"{experiment}.csv",
     }
+    settings = yaml.safe_load((folder / "params.yaml").read_text(encoding="utf-8"))[experiment]
     for name, path in ours.items():
+        if not path.is_file():
+            continue
         rows = pd.read_csv(path, dtype=str, keep_default_na=False).assign(scale="paper")
+        if name == "longer.csv":
+            rows = rows[rows["protocol"].isin(list(settings["protocols"]))].assign(experiment=experiment)
         if (target / name).exists():
             rows = merged(name, rows, pd.read_csv(target / name, dtype=str, keep_default_na=False))
         files.write_table(target / name, rows)
@@ -112,8 +120,7 @@ def keep(experiment: str, protocols: Sequence[str], folder: Path, target: Path) 
     lock = yaml.safe_load((folder / "dvc.lock").read_text(encoding="utf-8"))
     stages = {name: stage for name, stage in lock["stages"].items() if experiment in name or name in STAGES[experiment]}
     files.write_text(part / "dvc.lock", yaml.safe_dump({"schema": lock["schema"], "stages": stages}, sort_keys=True))
-    values = yaml.safe_load((folder / "params.yaml").read_text(encoding="utf-8"))
-    files.write_text(part / "params.yaml", yaml.safe_dump({experiment: values[experiment]}, sort_keys=False))
+    files.write_text(part / "params.yaml", yaml.safe_dump({experiment: settings}, sort_keys=False))
 
 
 def main(given: argparse.Namespace) -> None:
@@ -121,6 +128,10 @@ def main(given: argparse.Namespace) -> None:
     folder = paths.ROOT / FOLDER
     prepare(given.experiment, given.protocols, folder)
     run(folder, sys.executable, "-m", "dvc", "repro", *STAGES[given.experiment])
+    if given.longer:
+        tactile = [sys.executable, "-m", "pipeline.commands.command_line"]
+        protocols = ["--protocols", *params.load(folder / paths.PARAMS.name)[given.experiment]["protocols"]]
+        run(folder, *tactile, "longer", given.experiment, *protocols)
     run(folder, sys.executable, "-m", "pipeline.stages.judge", given.experiment)
     keep(given.experiment, given.protocols, folder, paths.ROOT / REPORTS)
     print(f"{paths.shown(paths.ROOT / REPORTS)}: {given.experiment} at the papers' scale")

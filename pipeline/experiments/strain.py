@@ -19,7 +19,8 @@ SETTINGS = "Strain"
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)
-ROBOT = Format((CLOCK, *(Column(name, "mm", -5e3, 5e3) for name in ("x_mm", "y_mm", "z_mm"))), time="t_s")
+AXES = "xyz"
+UNITS = {"V": (-10, 10), "ohm": (0, 1e9)}  # of a sensor's readings, and their range
 
 TASKS = {"task_0": (0, 1, 2), "task_1": (2,), "task_2": (0, 1)}  # columns of x, y, z that are asked for
 MODEL_ZERO_TASK = "task_0"
@@ -31,6 +32,7 @@ STRETCH_S = 300.0  # about 40 strokes of the arm
 STRETCHES = 4
 PLAYS_MM = (0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # strokes over which fingers of some centimetres stick
 LATE_S = 0.1  # a strand's own delay, told from the clocks' offset by its shape alone; see robot_clock
+LEAST_MOVING = 0.1  # share of the time that an arm moves; of 0.025, recorded ones were placed 0.6 s beside the truth
 SHORTEST_S = 10.0  # a stretch with less than one or two strokes cannot be placed
 FINE_S = 0.4  # reach of the fine search: rates alone misplace simulated stretches by 0.23 s
 CLIP = 95  # percentile: a slip changes voltages far more than the arm's motion
@@ -41,8 +43,17 @@ LEAST_TRUTH = 0.5  # share of the DAQ's samples that must have ground truth
 
 def formats(settings: Mapping) -> dict[str, Format]:
     """Return file -> format of its lines; settings: the block `strain` of params.yaml."""
-    volts = (Column(f"u{k}", "V", -10, 10) for k in range(settings["sensor"]["channels"]))
-    return {"daq.log": Format((CLOCK, *volts), time="t_s"), "robot.log": ROBOT}
+    unit = settings["sensor"].get("unit", "V")
+    readings = (Column(f"u{k}", unit, *UNITS[unit]) for k in range(settings["sensor"]["channels"]))
+    asked = sorted({column for columns in tasks(settings).values() for column in columns})
+    place = (Column(f"{AXES[column]}_mm", "mm", -5e3, 5e3) for column in asked)
+    return {"daq.log": Format((CLOCK, *readings), time="t_s"), "robot.log": Format((CLOCK, *place), time="t_s")}
+
+
+def tasks(settings: Mapping) -> dict[str, tuple[int, ...]]:
+    """Return task -> columns of x, y, z that are asked for: the paper's, or those of `strain.sensor.tasks`."""
+    given = settings["sensor"].get("tasks", {})
+    return {name: tuple(sorted(map(AXES.index, axes))) for name, axes in given.items()} or TASKS
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
@@ -51,16 +62,10 @@ def frames_schema(settings: Mapping) -> pa.Schema:
 
 
 def recordings(folder: Path) -> list[Path]:
-    """Return the folders `<task>/<recording>` in `folder`, sorted; raise InputError unless every task has one."""
+    """Return the folders `<task>/<recording>` in `folder`, sorted; raise InputError where there is none."""
     folders = sorted(path for path in folder.glob("*/*") if path.is_dir())
     if not folders:
         raise InputError(f"{folder}: no recordings found; expected <task>/<recording>/daq.log in it")
-    for path in folders:
-        if path.parent.name not in TASKS:
-            raise InputError(f"{path}: '{path.parent.name}' is no task; the tasks are {', '.join(TASKS)}")
-    for task in TASKS:
-        if not any(path.parent.name == task for path in folders):
-            raise InputError(f"{folder / task}: no recording; each of {', '.join(TASKS)} needs at least one")
     parse.check_names(folders)
     return folders
 
@@ -71,8 +76,13 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     `settings`: the block `strain` of params.yaml. frames: as `frames_schema`; jitter and single missing lines are
     interpolated, a gap of more than `ingest.max_gap_s` starts a new segment. Lines of a file = accepted + rejected
     (+ header). Raises InputError for a missing log, too many rejects, a clock that was set back, clocks that cannot
-    be aligned, ground truth for less than half of the samples, and channels that are all dead.
+    be aligned, ground truth for less than half of the samples, channels that are all dead, and a folder of no task.
     """
+    if folder.parent.name not in tasks(settings):
+        raise InputError(
+            f"{folder}: '{folder.parent.name}' is no task; the tasks are {', '.join(tasks(settings))} (your own: "
+            "strain.sensor.tasks)"
+        )
     ingest, who = settings["ingest"], f"{folder.parent.name}/{folder.name}"
     rows, rejects = {}, {}
     for name, fmt in formats(settings).items():
@@ -80,15 +90,24 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=limit, key=key)
         if rows[name]["segment"][-1].as_py() > 0:
             raise InputError(f"{folder / name}: the time steps back for good; the clock was set, record again")
-        lasts, least = np.ptp(rows[name]["t_s"].to_numpy()), _shortest_s(ingest)
+        lasts, least = (
+            np.ptp(rows[name]["t_s"].to_numpy()),
+            0 if ingest.get("clock") == "shared" else _shortest_s(ingest),
+        )
         if lasts < least:
             raise InputError(f"{folder / name}: lasts {lasts:.1f} s; at least {least:g} s are needed, record longer")
     daq, robot = rows["daq.log"], rows["robot.log"]
     voltages = formats(settings)["daq.log"].names[1:]
     at, volts = daq["t_s"].to_numpy(), np.column_stack([daq[name].to_numpy() for name in voltages])
-    place = np.column_stack([robot[name].to_numpy() for name in ("x_mm", "y_mm", "z_mm")])
-    channels = stuck(folder / "daq.log", at, volts)
-    clock = robot_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
+    place = np.zeros((robot.num_rows, len(AXES)))
+    for column, axis in enumerate(AXES):
+        if f"{axis}_mm" in robot.column_names:
+            place[:, column] = robot[f"{axis}_mm"].to_numpy()
+    channels = stuck(folder / "daq.log", at, volts, STEP_V if settings["sensor"].get("unit", "V") == "V" else 0.0)
+    if ingest.get("clock") == "shared":
+        clock = alignment.Clock(0.0)
+    else:
+        clock = robot_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
     truth, known = alignment.interpolated(at, clock(robot["t_s"].to_numpy()), place)
     if known.mean() < LEAST_TRUTH:
         raise InputError(
@@ -98,6 +117,9 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     rejects["daq.log"] = parse.add_rejects(rejects["daq.log"], folder / "daq.log", unknown, NO_GROUND_TRUTH)
 
     frames = resampled(folder.parent.name, folder.name, at[known], volts[known], truth[known], ingest)
+    if (below := settings["sensor"].get("pressed_below_mm")) is not None:
+        press = presses(schemas.matrix(frames["y_mm"])[:, AXES.index("z")] < below)
+        frames = frames.set_column(frames.column_names.index("press"), "press", pa.array(press))
     report = {}
     for name, accepted in (("daq.log", int(known.sum())), ("robot.log", robot.num_rows)):
         time = rows[name]["t_s"].to_numpy()
@@ -110,7 +132,10 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
 def resampled(
     condition: str, recording: str, at: np.ndarray, volts: np.ndarray, truth: np.ndarray, ingest: Mapping
 ) -> pa.Table:
-    """Interpolate linearly at a uniform rate, within each segment; at (n,) s, volts (n, channels), truth (n, 3)."""
+    """Interpolate linearly at a uniform rate, within each segment; at (n,) s, volts (n, channels), truth (n, 3).
+
+    With `ingest.average`, volts are means over the interval of a sample, where it holds readings.
+    """
     edges = np.flatnonzero(np.diff(at) > ingest["max_gap_s"]) + 1
     schema, parts = series.frames(volts.shape[1]), []
     for number, (first, last) in enumerate(zip([0, *edges], [*edges, len(at)], strict=True)):
@@ -120,6 +145,8 @@ def resampled(
             np.column_stack([np.interp(grid, at[inside], column) for column in values[inside].T])
             for values in (volts, truth)
         )
+        if ingest.get("average"):
+            v = averaged(grid, at[inside], volts[inside], v)
         n = len(grid)
         columns = {
             "condition": [condition] * n,
@@ -133,6 +160,25 @@ def resampled(
         }
         parts.append(pa.table(columns).select(schema.names).cast(schema))
     return pa.concat_tables(parts)
+
+
+def averaged(grid: np.ndarray, at: np.ndarray, values: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """Return the mean of `values` (n, columns), read at `at` (n,), around each time of the grid (m,): (m, columns).
+
+    The interval of a time is as long as the grid's step, with the time in its middle. otherwise: (m, columns) where an
+    interval holds no value.
+    """
+    half = np.median(np.diff(grid)) / 2 if len(grid) > 1 else 0.0
+    first, last = np.searchsorted(at, grid - half), np.searchsorted(at, grid + half)
+    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0, dtype=float)])
+    count = (last - first)[:, None]
+    return np.where(count > 0, (sums[last] - sums[first]) / np.maximum(count, 1), otherwise)
+
+
+def presses(pressed: np.ndarray) -> np.ndarray:
+    """Return the number of the press that each sample belongs to, (n,) int32, -1 outside; pressed: (n,) bool."""
+    begins = np.diff(pressed.astype(np.int8), prepend=0) == 1
+    return np.where(pressed, np.cumsum(begins) - 1, -1).astype(np.int32)
 
 
 def robot_clock(
@@ -169,6 +215,12 @@ def robot_clock(
             f"{who}: daq.log lasts {lasts:.1f} s without its gaps of more than {STRETCH_S:g} s; "
             f"at least {least:g} s are needed, record longer"
         )
+    moving = float(np.diff(robot_s)[(np.diff(place, axis=0) != 0).any(axis=1)].sum() / np.ptp(robot_s))
+    if moving < LEAST_MOVING:
+        raise InputError(
+            f"{who}: the arm moves in {100 * moving:.1f} % of the time, too little to tell how the clocks of robot.log "
+            "and daq.log differ; if one computer stamped both, set strain.ingest.clock: shared, else record more motion"
+        )
     rates = _on(grid, *_rates(daq_s, volts))
     rates = np.column_stack([rates, np.gradient(rates, axis=0)])
     speed = _rates(robot_s, place)
@@ -193,7 +245,8 @@ def robot_clock(
     if not correlation >= ingest["min_correlation"]:
         raise InputError(
             f"{who}: robot.log and daq.log do not follow each other (best correlation {correlation:.2f}, "
-            f"strain.ingest.min_correlation {ingest['min_correlation']:g}); check that they belong to one capture"
+            f"strain.ingest.min_correlation {ingest['min_correlation']:g}); check that they belong to one capture; if "
+            "one computer stamped both, set strain.ingest.clock: shared"
         )
     return alignment.Clock(clock.offset_s, clock.drift, clock.middle_s, correlation)
 
@@ -211,7 +264,11 @@ def _rates(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
     average = alignment.averager(time_s, GRID_S)
     time_s, values = average(time_s), average(values)
     rate = np.diff(values, axis=0) / np.diff(time_s)[:, None]
-    return (time_s[1:] + time_s[:-1]) / 2, np.clip(rate, *np.percentile(rate, [100 - CLIP, CLIP], axis=0))
+    low, high = np.percentile(rate, [100 - CLIP, CLIP], axis=0)
+    for column in np.flatnonzero((low == 0) & (high == 0)):  # an arm that rests most of the time
+        if (moving := rate[rate[:, column] != 0, column]).size:
+            low[column], high[column] = min(0, np.percentile(moving, 100 - CLIP)), max(0, np.percentile(moving, CLIP))
+    return (time_s[1:] + time_s[:-1]) / 2, np.clip(rate, low, high)
 
 
 def _on(grid: np.ndarray, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -324,8 +381,8 @@ def _peak(scores: np.ndarray) -> tuple[float, float]:
     return best + shift, float(top)
 
 
-def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray) -> dict[str, dict]:
-    """Find channels that change by no more than STEP_V in blocks of STUCK_S.
+def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray, step: float = STEP_V) -> dict[str, dict]:
+    """Find channels that change by no more than `step` in blocks of STUCK_S.
 
     Returns channel -> fault and share of the blocks: 'saturated' where the channel stands at an edge of its range, else
     'dead'. Blocks that lie mostly in a gap do not count. time_s (n,), volts (n, channels). Raises InputError if all
@@ -336,10 +393,10 @@ def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray) -> dict[str, dict]:
     low, high = (extreme.reduceat(volts, starts)[whole] for extreme in (np.minimum, np.maximum))
     faults = {}
     for k, v in enumerate(volts.T):
-        still = high[:, k] - low[:, k] <= STEP_V
+        still = high[:, k] - low[:, k] <= step
         if still.any():
-            at_edge = (high[still, k] >= v.max() - STEP_V) | (low[still, k] <= v.min() + STEP_V)
-            saturated = at_edge.all() and np.ptp(v) > STEP_V
+            at_edge = (high[still, k] >= v.max() - step) | (low[still, k] <= v.min() + step)
+            saturated = at_edge.all() and np.ptp(v) > step
             faults[f"u{k}"] = {"fault": "saturated" if saturated else "dead", "share": float(still.mean())}
     if sum(fault["share"] == 1 for fault in faults.values()) == volts.shape[1]:
         raise InputError(f"{path}: all {volts.shape[1]} channels are dead; check the supply of the strands")
@@ -349,25 +406,39 @@ def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray) -> dict[str, dict]:
 def task(protocol: str, settings: Mapping) -> series.Task:
     """Return the task of a protocol, which is named like it; InputError for an unknown one.
 
-    settings: the block `strain` of params.yaml; a model sees all its sensor.channels.
+    settings: the block `strain` of params.yaml; a model sees all its sensor.channels. Of tasks of your own the first
+    takes the place of task 0, whose network transfer starts from; where `sensor.pressed_below_mm` is set, only samples
+    of a press count.
     """
-    if protocol not in TASKS:
-        raise InputError(f"strain: no task '{protocol}'; the tasks are {', '.join(TASKS)}")
+    known = tasks(settings)
+    if protocol not in known:
+        raise InputError(f"params.yaml, strain.protocols: no task '{protocol}'; the tasks are {', '.join(known)}")
     channels = list(range(settings["sensor"]["channels"]))
-    return series.Task(TASKS[protocol], {protocol: channels}, False, MODEL_ZERO_TASK)
+    base = MODEL_ZERO_TASK if MODEL_ZERO_TASK in known else next(iter(known))
+    pressed_only = settings["sensor"].get("pressed_below_mm") is not None
+    return series.Task(known[protocol], {protocol: channels}, pressed_only, base)
 
 
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
     """Return the part of each sample, (n,): in the order of time within the seed's recording, else 'unused'.
 
-    See `recording_of`. The end of the training part is the validation part.
+    See `recording_of`. The end of the training part is the validation part. Where `split.test_recordings` names
+    recordings of the task, these are its test part, and all others train, each with its end as validation part. Raises
+    InputError where the task has no recording to train on.
     """
     condition, recording = schemas.names(frames["condition"]), schemas.names(frames["recording"])
-    part = np.full(frames.num_rows, "unused", dtype=object)
-    if (condition == protocol).any():
-        name = recording_of(seed, recording[condition == protocol])
+    part, share = np.full(frames.num_rows, "unused", dtype=object), settings["split"]
+    names = np.unique(recording[condition == protocol])
+    tests = [name for name in names if name in share.get("test_recordings", [])]
+    if len(names) == len(tests):
+        raise InputError(
+            f"params.yaml, strain.protocols.{protocol}: no recording of this task to train on; add one, or remove the "
+            "protocol"
+        )
+    for name in names if tests else [recording_of(seed, names)]:
         rows = np.flatnonzero((condition == protocol) & (recording == name))
-        part[rows] = series.chronological(len(rows), settings["split"]["train"], settings["split"]["validation"])
+        train = 1.0 if tests else share["train"]
+        part[rows] = "test" if name in tests else series.chronological(len(rows), train, share["validation"])
     return part
 
 

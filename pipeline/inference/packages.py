@@ -108,7 +108,7 @@ def _inputs(experiment: str, kind: str, settings: Mapping) -> cards.Inputs:
     columns = ("pressure", "strain") if kind == "images" else ("v",)
     return cards.Inputs(
         columns=sum(schema.field(name).type.list_size for name in columns),
-        unit=UNITS[kind],
+        unit=settings.get("sensor", {}).get("unit", UNITS[kind]),
         order=ORDERS[kind],
         interval_s=round(float(np.median(np.diff(frames["t_s"].to_numpy()))), 6),
         frame_step=settings["window"].get("frame_step", 1),

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import tasks
+from pipeline import experiments
 from pipeline.base import files, paths
 from pipeline.datasets import images, schemas
 from pipeline.reporting import sentences
@@ -57,6 +57,7 @@ METRICS = {  # kind of input -> metric -> how it is printed; the first decides w
         "macro_precision": Metric("Macro precision (share)", 3, True),
     },
 }
+PLACE = ("location_error", "touches_found")  # metrics that mean nothing for one element
 ROWS = {"windows": "windows", "series": "samples", "images": "images"}
 FITTED = {
     "windows": "The map is that of equation 1 of the LoMP paper; twice its integral is the force on the load cell.",
@@ -67,7 +68,7 @@ FITTED = {
 
 def write(target: Path, experiment: str, settings: Mapping) -> None:
     """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of params.yaml."""
-    kind, scores, rows = tasks.kind(experiment), Scores(experiment, settings), read_windows(experiment)
+    kind, scores, rows = experiments.module(experiment).KIND, Scores(experiment, settings), read_windows(experiment)
     name = Path(settings["source"]).name
     report = json.loads(paths.require(paths.ingest_report(experiment), "tactile own").read_text(encoding="utf-8"))
     fits = [
@@ -141,7 +142,9 @@ def _scores(kind: str, settings: Mapping, scores: Scores) -> list[str]:
     """Return a table per protocol and condition: one row per model."""
     text, (first, _) = [], next(iter(METRICS[kind].items()))
     for (protocol, condition), measured in tested(scores).items():
-        printed = {name: metric for name, metric in METRICS[kind].items() if name in measured}
+        one_element = kind == "windows" and settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1
+        left_out = PLACE if one_element else ()
+        printed = {name: m for name, m in METRICS[kind].items() if name in measured and name not in left_out}
         floor = "constant" in settings["models"] and not printed[first].more_is_better
         header = ["Model", *(metric.header for metric in printed.values())]
         header += ["Share of the constant model's error (%)"] if floor else []
@@ -187,7 +190,7 @@ def _findings(kind: str, settings: Mapping, scores: Scores, fits: Sequence[Fit])
 
 def _figures(target: Path, experiment: str, settings: Mapping, scores: Scores, rows: pa.Table) -> dict[str, str]:
     """Draw the figures of the first run; return name of the file without .png -> caption."""
-    kind = tasks.kind(experiment)
+    kind = experiments.module(experiment).KIND
     captions = {}
     for protocol, condition in tested(scores):
         seed = settings["protocols"][protocol]["seeds"][0]

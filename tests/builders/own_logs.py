@@ -129,6 +129,27 @@ def strain(folder: Path, channels, rate_hz, seconds=240.0, seed=0):
         (target / "robot.log").write_text("\n".join(spoiled(lines, rng)) + "\n")
 
 
+def pressed_and_held(folder: Path, task: str, recordings: dict[str, float], ohm=True, seed=3):
+    """Write `<task>/<recording>/{daq,robot}.log` of one sensor on one stage, stamped by one computer: 1 kHz, 50 Hz.
+
+    Every 4 s the stage steps within 0.1 s, and the sensor has 10 mV of noise. recordings: name -> seconds.
+    """
+    for number, (name, seconds) in enumerate(recordings.items()):
+        rng = np.random.default_rng([seed, number])
+        target = folder / task / name
+        target.mkdir(parents=True)
+        robot_s, daq_s = np.arange(0, seconds, 0.02), np.arange(0, seconds, 0.001)
+        steps = rng.uniform(0, 10, int(seconds) // 4 + 1)
+        knots = np.repeat(4.0 * np.arange(len(steps)), 2) + np.tile([0, 0.1], len(steps))
+        place = np.interp(robot_s, knots[1:-1], np.repeat(steps, 2)[:-2])
+        volts = 2 + 0.1 * np.interp(daq_s, robot_s, place) + rng.normal(0, 0.01, len(daq_s))
+        readings = volts * (3e4 if ohm else 1)
+        lines = [f"{t:.3f},{value:.4f}" for t, value in zip(daq_s, readings, strict=True)]
+        (target / "daq.log").write_text("\n".join(lines) + "\n")
+        lines = [f"{t:.2f},{x:.3f}" for t, x in zip(robot_s, place, strict=True)]
+        (target / "robot.log").write_text("\n".join(lines) + "\n")
+
+
 def glove(folder: Path, objects=("ball", "cup"), sessions=("grasp0", "grasp1", "grasp2"), frames=25, seed=0):
     """Write `<object>/<session>/scanner.log`: each object presses its own cells, dead: p0 and s134."""
     rng = np.random.default_rng(seed)
