@@ -1,10 +1,15 @@
-"""Record what a device prints on a serial port, as it comes.
+"""Record what devices print on serial ports, as it comes.
 
-Bytes are written unchanged, whole lines at a time, so that the file can be read while it grows. If this program is
+Bytes are written unchanged, whole lines at a time, so that a file can be read while it grows. If this program is
 killed, the line that is arriving is lost; if the computer loses its power, the lines of the last SYNC_S as well: the
-disk has all lines before. The device may vanish and come back: recording goes on when the port does, and the part of a
+disk has all lines before. A device may vanish and come back: recording goes on when the port does, and the part of a
 line that the device had printed when it vanished becomes a line of its own, which ingest rejects. Ctrl-C ends the
 recording after the line that is arriving; a line that does not end within LAST_LINE_S is kept as it came.
+
+Several ports, each with its file, are recorded side by side. With --stamp every line begins with the microseconds since
+this program started, on one clock for all ports: for devices that print no time. It is the moment at which the end of
+the line was read; a USB adapter hands bytes on in packets, every 1 to 16 ms. --start sends a line to the device once it
+is open, and --every repeats it: for devices that print when they are asked.
 """
 
 import argparse
@@ -12,17 +17,22 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 from pipeline.base.errors import InputError
 
 BAUD = 115200
+PRINTABLE = frozenset(range(32, 127)) | frozenset(b"\t\r\n")
 WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen
 RETRY_S = 0.3  # between two attempts to open a port that vanished
 LAST_LINE_S = 0.5  # after Ctrl-C, for bytes that are under way and for the rest of a line, each
 SYNC_S = 1.0  # between two calls of fsync, each of which takes milliseconds
-SILENT_S = 5.0  # a device that prints nothing for so long is reported
+SILENT_S = 5.0  # a device that prints nothing, or no end of a line, for so long is reported
+JUDGED = 400  # bytes after which it is clear whether they are text
+TEXT = 0.9  # share of bytes that are printable in what a device prints; of a wrong baud rate about a third are
+PROGRESS_S = 1.0  # between two reports of the lines so far, on a terminal
 
 
 class Stop:
@@ -43,8 +53,10 @@ class Stop:
 class Log:
     """The growing file: takes bytes as they come, writes whole lines; InputError where the disk refuses them."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, clock_us: Callable[[], int] | None = None):
+        """path: a new file; clock_us: gives the time that is put before every line, None where none is."""
         self.path, self.lines, self.rest = path, 0, b""
+        self._clock_us, self._last_us = clock_us, -1
         self.safe, self.synced = 0, time.monotonic()  # lines that the disk has, and since when it has them
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,22 +69,32 @@ class Log:
     def add(self, data: bytes) -> None:
         """Write all lines that are whole with these bytes (or none), keep the rest, and sync where it is due."""
         whole, end, self.rest = (self.rest + data).rpartition(b"\n")
-        self._write(whole + end)
+        self._write(self._stamped(whole + end))
         if self.lines > self.safe and time.monotonic() - self.synced >= SYNC_S:
             self.sync()
 
     def tear(self) -> None:
         """End a line that will never be whole, so that it does not become one with the next."""
         if self.rest:
-            self._write(self.rest + b"\n")
+            self._write(self._stamped(self.rest + b"\n"))
             self.rest = b""
         self.sync()
 
     def close(self) -> None:
         """Write the last, partial line as it came."""
-        self._write(self.rest)
+        self._write(self._stamped(self.rest))
         self.sync()
         self.file.close()
+
+    def _stamped(self, lines: bytes) -> bytes:
+        """Return lines with the time before each; lines that came at once are 1 us apart, for no time may repeat."""
+        if self._clock_us is None or not lines:
+            return lines
+        stamped = []
+        for line in lines.splitlines(keepends=True):
+            self._last_us = max(self._clock_us(), self._last_us + 1)
+            stamped.append(b"%d,%s" % (self._last_us, line))
+        return b"".join(stamped)
 
     def sync(self) -> None:
         """Wait until the disk has all that was written."""
@@ -97,8 +119,11 @@ class Log:
 class Port:
     """A serial port, opened; its device may vanish and come back."""
 
-    def __init__(self, name: str, baud: int, stop: Stop):
-        """Open it. Raises InputError where pyserial is absent and where the port cannot be opened."""
+    def __init__(self, name: str, baud: int, stop: Stop, start: bytes = b"", every_s: float | None = None):
+        """Open it. Raises InputError where pyserial is absent and where the port cannot be opened.
+
+        start: bytes that the device gets once it is open, and again every `every_s` seconds if that is said.
+        """
         try:
             import serial
         except ModuleNotFoundError as error:
@@ -106,7 +131,16 @@ class Port:
                 "pyserial is not installed; run `pip install -c constraints.txt -e '.[record]'`"
             ) from error
         self.name, self.stop = name, stop
-        self._open = lambda: serial.Serial(name, baud, timeout=WAIT_S)
+        self._start, self._every_s, self._sent = start, every_s, 0.0
+
+        def opened():
+            device = serial.Serial(name, baud, timeout=WAIT_S)
+            if start:
+                device.write(start)
+                self._sent = time.monotonic()
+            return device
+
+        self._open = opened
         try:
             self.device = self._open()
         except (OSError, ValueError, OverflowError) as error:  # SerialException is an OSError
@@ -119,9 +153,12 @@ class Port:
 
         Then the bytes that are under way follow, and the rest of the line that is arriving.
         """
-        heard, lines, partial = time.monotonic(), 0, False
+        heard, lines, partial, text = time.monotonic(), 0, False, _Text(self.name)
         while not self.stop:
             try:
+                if self._every_s and time.monotonic() - self._sent >= self._every_s:
+                    self.device.write(self._start)
+                    self._sent = time.monotonic()
                 data = self.device.read(self.device.in_waiting or 1)
             except OSError as error:
                 self.device.close()
@@ -135,6 +172,7 @@ class Port:
                 continue
             yield data
             if data:
+                text.judge(data)
                 heard, partial = time.monotonic(), not data.endswith(b"\n")
                 lines += data.count(b"\n")
             elif time.monotonic() - heard > SILENT_S:
@@ -166,6 +204,32 @@ class Port:
             _say(f"gone at the last moment ({error}); all that arrived is in the log")
 
 
+class _Text:
+    """Says once where what a device prints is hardly text, or has no line ends: its baud rate is another."""
+
+    def __init__(self, name: str):
+        self.name, self.seen, self.printable, self.since, self.done = name, 0, 0, time.monotonic(), False
+
+    def judge(self, data: bytes) -> None:
+        """Take the next bytes."""
+        if self.done:
+            return
+        self.seen += len(data)
+        self.printable += sum(byte in PRINTABLE for byte in data)
+        if self.seen >= JUDGED:
+            if (share := self.printable / self.seen) < TEXT:
+                self._say(f"only {100 * share:.0f} % of what arrives are printable characters")
+            self.done = True
+        elif b"\n" in data:
+            self.since = float("inf")
+        elif time.monotonic() - self.since > SILENT_S:
+            self._say(f"bytes arrive, but no end of a line in {SILENT_S:g} s")
+
+    def _say(self, what: str) -> None:
+        self.done = True
+        _say(f"{self.name}: {what}; is --baud the device's rate (9600, 57600, 115200, ...)?")
+
+
 def recorded(chunks: Iterable[bytes | None], log: Log) -> Iterator[bytes | None]:
     """Yield the chunks of a port once they are in the log; close the log at the end. Raises InputError as `Log`."""
     try:
@@ -179,30 +243,68 @@ def recorded(chunks: Iterable[bytes | None], log: Log) -> Iterator[bytes | None]
         log.close()
 
 
-def record(port: str, target: Path, baud: int, stop: Stop) -> int:
-    """Record until `stop` and return the number of whole lines. Raises InputError as `Port` and `Log`."""
-    source = Port(port, baud, stop)
-    log = Log(target)
-    _say(f"recording {port} at {baud} baud to {target}; Ctrl-C ends it")
-    for _ in recorded(source.chunks(), log):
-        pass
-    return log.lines
+def record(ports: Sequence[Port], logs: Sequence[Log], stop: Stop) -> None:
+    """Record each port to its log until `stop`. Raises InputError as `Log`; then all ports are at an end."""
+
+    def one(port: Port, log: Log) -> None:
+        try:
+            for _ in recorded(port.chunks(), log):
+                pass
+        finally:
+            stop.wanted = True
+
+    with ThreadPoolExecutor(len(ports)) as threads:
+        running = [threads.submit(one, port, log) for port, log in zip(ports, logs, strict=True)]
+        while not all(each.done() for each in running):
+            counts = [log.lines for log in logs]
+            wait(running, timeout=PROGRESS_S)
+            if sys.stderr.isatty():
+                each = (
+                    f"{log.path.name} {log.lines} lines, {(log.lines - before) / PROGRESS_S:.0f} a second"
+                    for log, before in zip(logs, counts, strict=True)
+                )
+                print(f"\r{'; '.join(each)}\033[K", end="", file=sys.stderr, flush=True)
+    for each in running:
+        each.result()
 
 
 def _say(sentence: str) -> None:
-    print(sentence, file=sys.stderr, flush=True)
+    print(f"\r\033[K{sentence}" if sys.stderr.isatty() else sentence, file=sys.stderr, flush=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the port, the new file and the baud rate to the parser of this command."""
-    parser.add_argument("port", metavar="PORT", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
+    """Add ports with their new files, baud rates, stamps and what is sent to the parser of this command."""
     parser.add_argument(
-        "file", type=Path, metavar="FILE", help="a new file, such as data/own/finger/single/run000/array.log"
+        "places",
+        nargs="+",
+        metavar="PORT FILE",
+        help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3, and a new file, such as "
+        "data/own/finger/single/run000/array.log",
     )
-    parser.add_argument("--baud", type=int, default=BAUD, metavar="N", help=f"symbols per second (default {BAUD})")
+    parser.add_argument(
+        "--baud", type=int, nargs="+", default=[BAUD], metavar="N", help=f"of all ports, or of each (default {BAUD})"
+    )
+    parser.add_argument("--stamp", action="store_true", help="put this computer's time before every line")
+    parser.add_argument("--start", default="", metavar="TEXT", help="a line that is sent to each device at first")
+    parser.add_argument("--every", type=float, metavar="SECONDS", help="send the line of --start again and again")
 
 
 def main(given: argparse.Namespace) -> None:
-    """Record from the port named on the command line."""
-    lines = record(given.port, given.file, given.baud, Stop())
-    print(f"{given.file}: {lines} lines")
+    """Record from the ports named on the command line."""
+    names, files = given.places[::2], [Path(name) for name in given.places[1::2]]
+    if len(names) != len(files):
+        raise InputError(f"{names[-1]}: give a file for each port: `tactile record PORT FILE PORT FILE`")
+    bauds = given.baud * len(names) if len(given.baud) == 1 else given.baud
+    if len(bauds) != len(names):
+        raise InputError(f"--baud: {len(bauds)} rates for {len(names)} ports; give one, or one for each port")
+    if given.every is not None and (given.every <= 0 or not given.start):
+        raise InputError("--every: needs a time above 0 and --start, the line that is sent")
+    stop, began = Stop(), time.monotonic_ns()
+    start = given.start.encode() + b"\n" if given.start else b""
+    ports = [Port(name, baud, stop, start, given.every) for name, baud in zip(names, bauds, strict=True)]
+    logs = [Log(path, (lambda: (time.monotonic_ns() - began) // 1000) if given.stamp else None) for path in files]
+    for port, baud, log in zip(ports, bauds, logs, strict=True):
+        _say(f"recording {port.name} at {baud} baud to {log.path}; Ctrl-C ends it")
+    record(ports, logs, stop)
+    for log in logs:
+        print(f"{log.path}: {log.lines} lines")

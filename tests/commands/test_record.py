@@ -1,5 +1,6 @@
 """The recorder, against a pseudo-terminal in place of a device."""
 
+import argparse
 import errno
 import os
 import signal
@@ -184,3 +185,102 @@ def test_a_disk_that_fails_is_one_sentence_with_the_lines_it_has(tmp_path, monke
     disk.broken = True
     with pytest.raises(InputError, match=r"log: cannot be written \(.*\); its first 4 lines are safe$"):
         log.add(b"11,12\n")
+
+
+@pytest.fixture
+def second(tmp_path):
+    device = Device(tmp_path / "other_port")
+    yield device
+    device.unplug()
+
+
+def lines_of(path):
+    return path.read_bytes().splitlines()
+
+
+@pytest.mark.slow
+def test_two_ports_are_stamped_by_one_clock(device, second, start, tmp_path):
+    logs = tmp_path / "array.log", tmp_path / "load_cell.log"
+    process = start("--stamp", device.path, logs[0], second.path, logs[1], "--baud", "115200", "9600")
+    assert "at 9600 baud" in process.stderr.readline()
+    for k in range(5):
+        device.print(b"%d,1\n%d,2\n" % (k, k))
+        second.print(b"0.%d\n" % k)
+        until(lambda k=k: len(lines_of(logs[0])) == 2 * k + 2 and len(lines_of(logs[1])) == k + 1)
+        time.sleep(0.02)
+    assert "5 lines" in ended(process)
+    stamped = [[line.split(b",", 1) for line in lines_of(log)] for log in logs]
+    assert [rest for _, rest in stamped[0]] == [b"%d,%d" % (k // 2, k % 2 + 1) for k in range(10)]
+    array, cell = ([int(time_us) for time_us, _ in of] for of in stamped)
+    assert all(a < b for a, b in zip(array, array[1:], strict=False)), "no time repeats"
+    # The two lines of each round came within it, and the rounds 20 ms and more apart.
+    assert all(abs(cell[k] - array[2 * k]) < 1e6 * WAIT_S for k in range(5))
+    assert all(later - earlier > 15_000 for earlier, later in zip(cell, cell[1:], strict=False))
+
+
+@pytest.mark.slow
+def test_a_device_that_prints_when_it_is_asked(device, start, tmp_path):
+    process = start("--start", "?", "--every", "0.05", device.path, tmp_path / "log")
+    for k in range(3):
+        assert os.read(device.end, 2) == b"?\n"
+        device.print(b"%d\n" % k)
+    until(lambda: lines_of(tmp_path / "log") == [b"0", b"1", b"2"])
+    device.unplug()
+    assert "gone" in process.stderr.readline()
+    device.plug()
+    assert "back" in process.stderr.readline()
+    assert os.read(device.end, 2) == b"?\n"
+    ended(process)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [(bytes(range(128, 256)) * 4, "only 0 % of what arrives are printable"), (numbered(0, 100), None)],
+)
+def test_a_wrong_baud_rate_gets_a_word(device, start, tmp_path, data, words):
+    process = start(device.path, tmp_path / "log")
+    device.print(data)
+    until(lambda: (tmp_path / "log").stat().st_size or words)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=WAIT_S)
+    assert (words in said and "--baud" in said) if words else "baud" not in said, said
+
+
+@pytest.mark.slow
+def test_a_terminal_sees_lines_per_second(device, tmp_path):
+    shown, program_end = os.openpty()
+    command = [
+        sys.executable,
+        "-m",
+        "pipeline.commands.command_line",
+        "record",
+        str(device.path),
+        str(tmp_path / "log"),
+    ]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=program_end)
+    seen = b""
+    try:
+        while b"a second" not in seen:
+            seen += os.read(shown, 1000)
+            device.print(b"1,2\n")
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(WAIT_S)
+    assert b"log " in seen and b" lines, " in seen
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["a", "b", "c"], "c: give a file for each port"),
+        (["a", "b", "--baud", "1", "2"], "--baud: 2 rates for 1 ports"),
+        (["a", "b", "--every", "1"], "--every: needs .* --start"),
+    ],
+)
+def test_ports_files_and_rates_that_do_not_go_together(arguments, words):
+    parser = argparse.ArgumentParser()
+    record.add_arguments(parser)
+    with pytest.raises(InputError, match=words):
+        record.main(parser.parse_args(arguments))
