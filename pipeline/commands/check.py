@@ -13,7 +13,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -49,6 +49,9 @@ MOST_KPA = 5000  # ten times the pressure on soft sensors
 SMALL = 0.12  # share of the array's sides; contacts that stay within are given in centimetres, or in one place
 BETTER = 0.2  # share of contacts that another order of the elements must explain beyond the expected one
 LEAST_RIGHT = 0.6  # share of firm contacts in which the pressed element is the strongest; simulated arrays have 0.9
+FEW_TESTS = 50  # rows
+OFTEN = 0.05  # share of a log's lines that have a gap before them
+SLOW_HZ = 25  # a touch device that is slower cannot be aligned to a press's rise of 0.1 s
 FEW = 3  # firm contacts that tell which column answers at one place
 ORDER = "row by row from the bottom row, each from left to right"
 
@@ -125,7 +128,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
         try:
             frames, _, report = experiments.module(experiment).read_recording(folder, settings)
         except InputError as error:
-            problems += [*falls(folder, read, settings), f"{error}{lengths(read, settings)}"]
+            problems += [*reversed_signs(folder, read, settings), f"{error}{lengths(read, settings)}"]
     return Checked(folder, read, frames, report, problems)
 
 
@@ -181,25 +184,47 @@ def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Ite
                 yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
 
 
-def falls(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
-    """Yield a problem where the counts of a touch array fall when pressed.
+def reversed_signs(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
+    """Yield problems of a touch recording that cannot be aligned: z or the counts go the wrong way when pressed.
 
-    Counts vary least at rest, which should be their lowest level. Called only where the logs cannot be aligned: the
-    counts of an array that saturates vary least when pressed.
+    Each is said only where the recording could be read once it is reversed.
     """
     if not {"array.log", "load_cell.log"} <= set(read):
         return
-    array = read["array.log"].rows
-    total = np.sum([array[v].to_numpy().astype(float) for v in array.column_names if re.fullmatch(r"v\d+", v)], axis=0)
-    force = read["load_cell.log"].rows["fz_n"].to_numpy()
-    rest = min(float(np.mean(force <= settings["window"]["contact_threshold_n"])), 0.5)  # share of the time
-    lowest = np.ptp(np.percentile(total, [10 * rest, 90 * rest]))
-    highest = np.ptp(np.percentile(total, [100 - 90 * rest, 100 - 10 * rest]))
-    if 2 * highest < lowest:
-        yield (
-            f"{folder / 'array.log'}: the counts seem to fall when pressed; write "
-            f"{settings['ingest']['highest_count']} minus the count, which rises"
-        )
+    if "cnc.log" in read and aligns(folder, read, "cnc.log", lambda name, v: -v if name == "z_mm" else v, settings):
+        yield f"{folder / 'cnc.log'}: z_mm seems to rise when pressed; write it negative when pressed, 0 at the surface"
+        return
+    highest_count = settings["ingest"]["highest_count"]
+
+    def inverted(name: str, values: np.ndarray) -> np.ndarray:
+        return highest_count - values if re.fullmatch(r"v\d+", name) else values
+
+    if not aligns(folder, read, "array.log", inverted, settings):
+        return
+    yield (
+        f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest_count} minus the count, which "
+        "rises"
+    )
+
+
+def aligns(folder: Path, read: Mapping[str, Log], log: str, change: Callable, settings: Mapping) -> bool:
+    """Tell whether a recording could be read if `change(column, values)` were applied to the columns of one log."""
+    rows = read[log].rows
+    names = [name for name in rows.column_names if name not in ("time_s", "line", "segment")]
+    columns = [change(name, rows[name].to_numpy()) for name in names]
+    with tempfile.TemporaryDirectory() as draft:
+        copy = Path(draft, folder.parent.name, folder.name)
+        copy.mkdir(parents=True)
+        for path in folder.glob("*.log"):
+            if path.name != log:
+                (copy / path.name).symlink_to(path.resolve())
+        lines = (",".join(map(str, line)) for line in zip(*(column.tolist() for column in columns), strict=True))
+        (copy / log).write_text("\n".join(lines) + "\n", encoding="ascii")
+        try:
+            experiments.module("touch").read_recording(copy, settings)
+        except InputError:  # which is the answer
+            return False
+    return True
 
 
 def lengths(read: Mapping[str, Log], settings: Mapping) -> str:
@@ -228,6 +253,13 @@ def understood(recording: Checked) -> Iterator[str]:
         )
         rate = f"{report['rate_hz']:.2f} Hz" if report["rate_hz"] else "rate unknown"
         yield f"{'':19}{rate}, {report['gaps']} gaps, {report['segments']} segments; {ranges(log.rows)}"
+        if report["gaps"] > OFTEN * report["lines"]:
+            yield (
+                f"{'':19}gaps, times between lines of more than {schemas.LONG:g} usual ones, are in "
+                f"{100 * report['gaps'] / report['lines']:.0f} % of them: no window goes over a gap, so few are left"
+            )
+        if name == "array.log" and report["rate_hz"] and report["rate_hz"] < SLOW_HZ:
+            yield f"{'':19}slower than {SLOW_HZ} Hz: presses may not be aligned well, and windows are few"
         for clock in filter(None, report.get("clocks", [report.get("clock")])):
             yield (
                 f"{'':19}clock: offset {clock['offset_ms']:+.0f} ms, drift {clock['drift_ppm']:+.0f} ppm, "
@@ -317,7 +349,13 @@ def touch_findings(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tu
             "write x_mm and y_mm in millimetres, or press in other places too",
         ]
     outside = touching & ((x < 0) | (x > size[0]) | (y < 0) | (y > size[1]))
-    if outside.sum() > OUTSIDE * touching.sum():
+    exchanged = touching & ((y < 0) | (y > size[0]) | (x < 0) | (x > size[1]))
+    if outside.sum() > OUTSIDE * touching.sum() and exchanged.sum() <= OUTSIDE * touching.sum():
+        problems.append(
+            f"{100 * outside.sum() / touching.sum():.0f} % of the contacts are beside the array, and none would be if "
+            "x_mm and y_mm changed places: write x, to the right, before y, to the top"
+        )
+    elif outside.sum() > OUTSIDE * touching.sum():
         problems.append(
             f"{100 * outside.sum() / touching.sum():.0f} % of the contacts are beside the array; x_mm and y_mm are 0 "
             "at its bottom left corner and rise to the right and to the top: shift them, or fix touch.sensor.pitch_mm"
@@ -416,6 +454,8 @@ def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], 
             continue
         counts = {name: int((part == name).sum()) for name in schemas.PARTS[:3]}
         said.append(f"{protocol}: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
+        if 0 < counts["test"] < FEW_TESTS:
+            said[-1] += f"; fewer than {FEW_TESTS} to test on say little: record more"
         if empty := [name for name, count in counts.items() if not count]:
             problems.append(f"{protocol}: nothing to {' and '.join(VERBS[name] for name in empty)}; record more")
     return said, problems
