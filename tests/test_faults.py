@@ -243,7 +243,7 @@ FORMATS = {
     "touch load cell": touch.LOAD_CELL,
     "touch cnc": touch.CNC,
     "strain daq": strain.formats({"sensor": {"channels": 6}})["daq.log"],
-    "strain robot": strain.ROBOT,
+    "strain robot": strain.formats({"sensor": {"channels": 6}})["robot.log"],
     "glove scanner": glove.FORMAT,
     "velostat taxel": velostat_recorded.VELOSTAT,
     "velostat load cell": velostat_recorded.LOAD_CELL,

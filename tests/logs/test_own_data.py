@@ -150,7 +150,7 @@ def test_ingest_refuses_logs_outside(source, root):
     assert not paths.frames("touch").exists()
 
 
-@pytest.mark.parametrize("experiment", check.EXPERIMENTS)
+@pytest.mark.parametrize("experiment", check.LOGS)
 def test_ingest_refuses_a_link_to_a_folder(experiment, root, tmp_path):
     link_to_a_folder(root / "data" / "own" / "it", tmp_path / "elsewhere")
     settings = params.load()[experiment] | {"source": "data/own/it/finger"}
@@ -173,4 +173,4 @@ def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(link)
     monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", "."])
     command_line.main()
-    assert capsys.readouterr().out == "ready: set touch.source: data/own/finger in params.yaml, then `dvc repro`\n"
+    assert capsys.readouterr().out.startswith("ready: `tactile try data/own/finger` for a quick look")
