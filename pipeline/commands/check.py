@@ -28,6 +28,7 @@ from pipeline.base.errors import InputError
 from pipeline.commands.scale import set_values
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
+from pipeline.experiments import touch
 from pipeline.logs import diagnosis, own_data, parse
 from pipeline.logs.report import log_report
 from pipeline.reporting.figures import check as check_figures
@@ -221,7 +222,7 @@ def aligns(folder: Path, read: Mapping[str, Log], log: str, change: Callable, se
         lines = (",".join(map(str, line)) for line in zip(*(column.tolist() for column in columns), strict=True))
         (copy / log).write_text("\n".join(lines) + "\n", encoding="ascii")
         try:
-            experiments.module("touch").read_recording(copy, settings)
+            touch.read_recording(copy, settings)
         except InputError:  # which is the answer
             return False
     return True
