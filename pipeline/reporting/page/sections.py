@@ -27,6 +27,7 @@ CHAPTERS = {
     "physics": "How much physics each scene needs",
     "twins": "How like the recordings the scenes are",
     "material": "How the recorded material behaves",
+    "longer": "Which trainings had ended",
     "benchmarks": "How fast it is",
 }
 STABILITY = ("README.md", "failures.md", "training.md")
@@ -197,28 +198,28 @@ def embedded(values: Mapping) -> list[str]:
     folders = [f"{experiment}/{folder}" for experiment in ran for folder in ("accuracy", "speed")]
     names = [f"{folder}/{file}" for folder in folders for file in files(folder, ".md")]
     names += [f"stability/{name}" for name in STABILITY]
-    return [*names, *chapters().values()]
+    return [*names, *(report for reports in chapters().values() for report in reports)]
 
 
-def chapters() -> dict[str, str]:
-    """Return chapter -> its report, of the CHAPTERS that there are: benchmarks and material are measured by hand."""
-    folders = {chapter: paths.REPORTS / chapter for chapter in CHAPTERS}
-    reports = {chapter: sorted(folder.glob("*.md")) for chapter, folder in folders.items()}
-    return {chapter: f"{chapter}/{names[0].name}" for chapter, names in reports.items() if names}
+def chapters() -> dict[str, list[str]]:
+    """Return chapter -> its reports, of the CHAPTERS that there are: some are measured by hand."""
+    reports = {chapter: sorted((paths.REPORTS / chapter).glob("*.md")) for chapter in CHAPTERS}
+    return {chapter: [f"{chapter}/{file.name}" for file in there] for chapter, there in reports.items() if there}
 
 
 def build(values: Mapping) -> str:
     """Return the whole page; values: params.yaml."""
     pages = Pages(embedded(values))
-    body, contents = [answers.section(pages, values)], [("answers", "Answers", [])]
+    opening = [("compared", "Our errors over the published ones"), ("speed", "Speed against accuracy")]
+    body, contents = [answers.section(pages, values)], [("answers", "Answers", opening)]
     for paper, name, inner, html in paper_sections(pages, values):
         contents.append((paper, name, inner))
         body.append(html)
     contents.append(("stability", "Stability", []))
     body.append(stability_section(pages, values["experiments"]))
-    for chapter, report in chapters().items():
-        text = document(pages, report, 1, fold=False)
-        gallery = pages.rest(chapter, read(report), files(chapter, ".png"))
+    for chapter, reports in chapters().items():
+        text = Markup().join(document(pages, report, 1, fold=False) for report in reports)
+        gallery = pages.rest(chapter, "\n".join(map(read, reports)), files(chapter, ".png"))
         heading = Markup('<section id="{}"><h2>{}</h2>').format(chapter, CHAPTERS[chapter])
         body.append(heading + text + gallery + Markup("</section>"))
         contents.append((chapter, CHAPTERS[chapter], []))

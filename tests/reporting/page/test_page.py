@@ -470,6 +470,37 @@ def test_browser_fits_a_telephone_and_paper(tab, address):
     tab.width(1280)
 
 
+QUESTION = re.compile(r"^\| (.*\?) \| \[(.*)\]\(\.\./reports/index\.html#(\w+)\) \| (.*) \|$", re.MULTILINE)
+QUESTIONS = QUESTION.findall((ROOT / "docs" / "results.md").read_text(encoding="utf-8"))
+WITHIN = {1400: 2, 800: 3, 360: 5}  # screens below the place that a click leads to; the answers come below each other
+
+
+@pytest.mark.parametrize("width", WITHIN)
+def test_browser_answers_ten_questions_by_one_click_each(tab, width):
+    """The questions of docs/results.md: what to look for is open and near where one link of the contents leads."""
+    committed = ROOT / "reports" / "index.html"
+    if not committed.exists():
+        pytest.skip("reports/index.html is not there yet: dvc repro")
+    assert len(QUESTIONS) == 10
+    tab.width(width)
+    for question, link, target, words in QUESTIONS:
+        tab.open(committed.as_uri())
+        entry = f"[...document.querySelectorAll('nav a')].find((one) => one.hash === '#{target}')"
+        if target != "answers":  # the first screen needs no click
+            assert tab.run(f"{entry}?.textContent") == link, question
+            tab.run(f"{entry}.click()")
+        place = json.dumps(words)
+        near = f"""(() => {{
+            const there = document.getElementById('{target}'), from = there.getBoundingClientRect().top;
+            const shown = [...document.querySelectorAll('main *')].filter((one) =>
+                [...one.childNodes].some((node) => node.nodeType === 3 && node.textContent.includes({place})) &&
+                one.checkVisibility() && one.getBoundingClientRect().top >= from);
+            return Math.min(...shown.map((one) => one.getBoundingClientRect().top - from)) / innerHeight;
+        }})()"""
+        assert (screens := tab.run(near)) is not None and screens <= WITHIN[width], (question, screens)
+    tab.width(1280)
+
+
 def test_browser_sorts_and_filters_the_claims(tab, address):
     tab.open(address)
     table = "document.querySelector('#verdicts form + .scroll table')"
