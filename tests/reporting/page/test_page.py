@@ -240,7 +240,7 @@ def reports(tmp_path, monkeypatch) -> Path:
         png(folder / name / "touch.png")
         text = f"# {name}\n\n## Findings\n\nEnough. [Numbers](../{name}.csv)\n\n## Touch\n\n![Curves](touch.png)\n"
         (folder / name / "README.md").write_text(text)
-    for name in ("latency", "stress", "rightsize", "physics", "twins", "benchmarks", "material"):
+    for name in ("latency", "stress", "rightsize", "physics", "twins", "benchmarks", "longer", "material"):
         (folder / f"{name}.csv").write_text("experiment\n")
     (folder / "scores.csv").write_text("experiment,protocol,condition,n\ntouch,press,single,1234\n")
     (folder / "counts.csv").write_text("experiment,model,macs,params,verdict\nglove,cnn,1000,20,reproduced\n")
