@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.base import paths
-from pipeline.scoring.results import read_csv
+from pipeline.scoring.results import PLAIN, R2, read_csv, scale_of
 
 ENDED = 0.01  # a longer training changes the error of one that has ended by less, as a share of it
 COLUMNS = ["protocol", "model", "seed", "epochs", "error", "longer_epochs", "longer_error", "seconds"]
@@ -22,6 +22,17 @@ def read(experiment: str) -> pd.DataFrame:
     if not path(experiment).exists():
         return pd.DataFrame(columns=COLUMNS)
     return read_csv(path(experiment), COLUMNS, f"tactile longer {experiment}")
+
+
+def with_errors(values: pd.Series, metric: str, factor: float) -> pd.Series:
+    """Return values of a metric whose errors are `factor` times as large.
+
+    A share is an error of what is missing to 1; R2 of mean squares, which change by the square of the factor.
+    """
+    scale = scale_of(metric)
+    if scale == PLAIN:
+        return factor * values
+    return 1 - factor ** (2 if scale == R2 else 1) * (1 - values)
 
 
 def changes(trainings: pd.DataFrame) -> pd.DataFrame:

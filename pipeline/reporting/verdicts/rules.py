@@ -22,6 +22,10 @@ A rule asks where the interval lies: all of it where the claim says it is, `repr
 the end (a longer training lowers its validation error by 1 % or more, reports/longer), the recordings are not there,
 or it needs what this project does not have. The numbers that a scene was tuned to are `calibrated`, whatever they are.
 
+At the papers' scale a claim on networks that were not trained to the end has a verdict all the same, where a longer
+training would not change it: where the rule says the same of test errors that are lower by what the longer training
+takes from the validation error, for all of these networks at once and for each of them alone.
+
 A printed number is judged on the split that the paper used, as far as its text says; beside it stands the verdict on
 the stricter one, where nothing is on two sides.
 
@@ -62,6 +66,9 @@ RECORDED_EXPERIMENTS = {"lomp": "velostat_recorded", "latent": "strain_recorded"
 PAPERS = {"lomp": "LoMP (touch)", "latent": "Drift-free latent space (strain)", "sp_resnet": "SP-ResNet (glove)"}
 
 
+Network = tuple[str, str, str]  # experiment, protocol, model
+
+
 class NotTestable(Exception):
     """Why a claim cannot be judged; ours: our number all the same, NaN where there is none."""
 
@@ -96,10 +103,13 @@ class Evidence:
     def __init__(self, values: Mapping, given: Mapping[Hashable, object] | None = None, partial: bool = False):
         self.values, self.partial = values, partial
         self._known = dict(given or {})
-        self.networks: set[tuple[str, str, str]] = set()  # (experiment, protocol, model) whose scores a judge read
+        self.networks: set[Network] = set()  # whose scores a judge read
+        self.read: set[Hashable] = set()  # kinds of content that a judge read
+        self.longer: frozenset[Network] = frozenset()  # networks whose errors are those to expect of a longer training
 
     def once(self, key: Hashable, read: Callable[[], object]) -> object:
-        """Return the content known under `key`; the first time, that is the answer of `read`."""
+        """Return the content known under `key`; the first time, that is what `read` returns."""
+        self.read.add(key[0])
         if key not in self._known:
             try:
                 self._known[key] = read()
@@ -136,26 +146,35 @@ class Evidence:
         except InputError as error:
             raise NotTestable(str(error)) from error
         seeds = self.values[experiment]["protocols"][protocol]["seeds"]
-        return complete(pd.Series(values, index=seeds, dtype=float), f"{model_name(model)} ({protocol}, {condition})")
+        who = f"{model_name(model)} ({protocol}, {condition})"
+        known = complete(pd.Series(values, index=seeds, dtype=float), who)
+        if (experiment, protocol, model) in self.longer:
+            return longer.with_errors(known, metric, 1 + self.change(experiment, protocol, model))
+        return known
 
-    def unended(self) -> list[str]:
-        """Say of the networks whose scores were read by how much a longer training lowers their validation errors.
+    def change(self, experiment: str, protocol: str, model: str) -> float:
+        """Return the share by which a longer training changes a network's validation error; NaN where it is not known.
 
-        Only those that it lowers by ENDED or more. Trainings of another protocol of the same experiment stand for one
-        that was not trained longer itself; those of other numbers of epochs than params.yaml has say nothing.
+        Trainings of another protocol of the same experiment stand for one that was not trained longer itself; those of
+        other numbers of epochs than params.yaml has say nothing.
         """
-        said = []
-        for experiment, protocol, model in sorted(self.networks):
-            if "training" not in params.model_settings(self.values, experiment, model):
-                continue
-            table = self.once(("longer", experiment), lambda name=experiment: longer.changes(longer.read(name)))
-            epochs = params.epochs(params.run_settings(self.values, experiment, model, protocol))
-            rows = table[(table["model"] == model) & (table["epochs"] == epochs)]
-            here = rows[rows["protocol"] == protocol]
-            change = (here if len(here) else rows)["change"].mean()
-            if change <= -longer.ENDED:
-                said.append(f"{model_name(model)} ({100 * change:.0f} % with more epochs)")
-        return list(dict.fromkeys(said))
+        if "training" not in params.model_settings(self.values, experiment, model):
+            return np.nan
+        table = self.once(("longer", experiment), lambda: longer.changes(longer.read(experiment)))
+        epochs = params.epochs(params.run_settings(self.values, experiment, model, protocol))
+        rows = table[(table["model"] == model) & (table["epochs"] == epochs)]
+        here = rows[rows["protocol"] == protocol]
+        return float((here if len(here) else rows)["change"].mean())
+
+    def unended(self) -> dict[Network, float]:
+        """Return the change of each network whose scores were read and whose error a longer training lowers."""
+        changes = {network: self.change(*network) for network in sorted(self.networks)}
+        return {network: change for network, change in changes.items() if change <= -longer.ENDED}
+
+    def at_papers_scale(self, networks: Iterable[Network]) -> bool:
+        """Tell whether params.yaml has the papers' scale for the experiments of these networks."""
+        experiments = {experiment for experiment, _, _ in networks}
+        return all(params.scale_of(name, self.values[name]) != "laptop" for name in experiments)
 
     def latency(self, experiment: str, model: str, column: str = "p50_ms") -> float:
         """Read a number of latency.csv at the first batch size: the median time in ms, or another column."""
@@ -206,6 +225,7 @@ class Evidence:
 
 
 Judge = Callable[[Evidence], Judgement]
+SCORES = {"scores", "absent", "longer"}  # content that is errors of whole runs, which a longer training would lower
 
 
 @dataclass(frozen=True)
@@ -258,15 +278,42 @@ class Claim:
 def testable(judge: Judge, evidence: Evidence) -> Judgement:
     """Return what a judge says; `not testable` where it misses something, or a network was not trained to the end."""
     evidence.networks.clear()
+    evidence.read.clear()
     try:
         judged = judge(evidence)
     except NotTestable as error:
         return Judgement(error.ours, np.nan, np.nan, NOT_TESTABLE, str(error), "")
     if judged.verdict in (REPRODUCED, CONTRADICTED, UNDECIDED) and (unended := evidence.unended()):
-        more = f" and {len(unended) - SHOWN} more" if len(unended) > SHOWN else ""
-        reason = f"validation errors still fall: {', '.join(unended[:SHOWN])}{more}; so far {judged.verdict}"
+        said = list(
+            dict.fromkeys(f"{model_name(m)} ({100 * c:.0f} % with more epochs)" for (_, _, m), c in unended.items())
+        )
+        falling = ", ".join(said[:SHOWN]) + (f" and {len(said) - SHOWN} more" if len(said) > SHOWN else "")
+        if stays(judge, judged.verdict, evidence, unended):
+            reason = f"validation errors still fall, and the verdict stays where test errors fall as much: {falling}"
+            return judged._replace(reason=f"{judged.reason}; {reason}" if judged.reason else reason)
+        reason = f"validation errors still fall: {falling}; so far {judged.verdict}"
         return judged._replace(verdict=NOT_TESTABLE, reason=f"{reason}: {judged.reason}" if judged.reason else reason)
     return judged
+
+
+def stays(judge: Judge, verdict: str, evidence: Evidence, unended: Iterable[Network]) -> bool:
+    """Tell whether a verdict of the papers' scale is the same after longer trainings of these networks.
+
+    Of all at once and of each alone. False where the judge reads other content than SCORES: predictions of a longer
+    training are not known.
+    """
+    if not evidence.read <= SCORES or not evidence.at_papers_scale(unended):
+        return False
+    try:
+        for networks in (frozenset(unended), *(frozenset([network]) for network in unended)):
+            evidence.longer = networks
+            if judge(evidence).verdict != verdict:
+                return False
+    except NotTestable:
+        return False
+    finally:
+        evidence.longer = frozenset()
+    return True
 
 
 def complete(values: pd.Series, who: str) -> pd.Series:

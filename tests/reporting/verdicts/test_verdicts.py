@@ -1,6 +1,7 @@
 """A verdict must follow from the numbers, whatever they are: altered scores turn it."""
 
 import zlib
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -740,8 +741,9 @@ def test_more_strands_help_transfer_where_its_excess_falls_on_both_tasks():
     [(16, "press", 0.98, NOT_TESTABLE), (16, "random_window", 0.98, NOT_TESTABLE), (16, "press", 0.995, REPRODUCED),
      (16, "press", 1.05, REPRODUCED), (8, "press", 0.5, REPRODUCED)],
 )  # fmt: skip
-def test_a_claim_on_a_network_that_still_improves_has_no_verdict(epochs, protocol, longer_error, verdict):
+def test_a_claim_on_a_network_that_still_improves_has_no_verdict(monkeypatch, epochs, protocol, longer_error, verdict):
     """Trained for other epochs than params.yaml says, or no better for longer, says nothing; another split does."""
+    monkeypatch.setattr(rules.params, "scale_of", lambda experiment, settings: "laptop")
     trainings = pd.DataFrame([(protocol, "cnn", 0, epochs, 1.0, 32, longer_error, 9.0)], columns=longer.COLUMNS)
     values = {"touch": {"models": {"cnn": {"training": {"epochs": 16}}}, "protocols": {"press": {"seeds": [0, 1, 2]}}}}
     evidence = rules.Evidence(values, given={("longer", "touch"): longer.changes(trainings)})
@@ -753,3 +755,57 @@ def test_a_claim_on_a_network_that_still_improves_has_no_verdict(epochs, protoco
     judged = rules.testable(judge, evidence)
     assert judged.verdict == verdict and judged.ours == pytest.approx(1.1)
     assert (NOT_TESTABLE in judged.verdict) == ("CNN (-2 % with more epochs)" in judged.reason)
+
+
+def errors_of(values: Mapping[str, float]):
+    """Scores of single touches, three seeds near a mean per model."""
+    return Scores("touch", lambda protocol, condition, model, metric: values[model] * np.array([0.99, 1.0, 1.01]))
+
+
+@pytest.mark.parametrize(
+    ("errors", "scale", "verdict"),
+    [
+        ({"cnn": 2.0, "lomp": 1.5}, "paper", REPRODUCED),  # also where CNN alone falls to 1.8
+        ({"cnn": 2.0, "lomp": 1.5}, "laptop", NOT_TESTABLE),
+        ({"cnn": 2.0, "lomp": 1.9}, "paper", NOT_TESTABLE),  # CNN alone would be ahead
+        ({"cnn": 1.0, "lomp": 1.5}, "paper", CONTRADICTED),
+        ({"cnn": 1.7, "lomp": 1.9}, "paper", NOT_TESTABLE),  # LoMP alone would be ahead
+    ],
+)
+def test_a_verdict_at_the_papers_scale_stays_where_a_longer_training_would_not_change_it(
+    monkeypatch, errors, scale, verdict
+):
+    """Twice the epochs lower the validation error of CNN by 10 %, that of LoMP by 20 %."""
+    monkeypatch.setattr(rules.params, "scale_of", lambda experiment, settings: scale)
+    epochs = {model: VALUES["touch"]["models"][model]["training"]["epochs"] for model in errors}
+    rows = [("press", model, 0, epochs[model], 1.0, 99, {"cnn": 0.9, "lomp": 0.8}[model], 9.0) for model in errors]
+    trainings = longer.changes(pd.DataFrame(rows, columns=longer.COLUMNS))
+    given = {("scores", "touch"): errors_of(errors), ("longer", "touch"): trainings}
+
+    def judge(e: rules.Evidence) -> rules.Judgement:
+        return rules.positive(touch_measures.better(e, "lomp", "cnn"))
+
+    judged = rules.testable(judge, rules.Evidence(VALUES, given))
+    assert judged.verdict == verdict
+    assert ("the verdict stays where test errors fall as much" in judged.reason) == (verdict != NOT_TESTABLE)
+
+
+def test_a_verdict_from_predictions_does_not_stay(monkeypatch):
+    """What a longer training would predict is not known."""
+    monkeypatch.setattr(rules.params, "scale_of", lambda experiment, settings: "paper")
+    epochs = VALUES["touch"]["models"]["cnn"]["training"]["epochs"]
+    trainings = pd.DataFrame([("press", "cnn", 0, epochs, 1.0, 99, 0.9, 9.0)], columns=longer.COLUMNS)
+    given = {("scores", "touch"): errors_of({"cnn": 1.0}), ("longer", "touch"): longer.changes(trainings)}
+
+    def judge(e: rules.Evidence) -> rules.Judgement:
+        e.once(("predictions",), lambda: None)
+        return rules.positive(touch_measures.score(e, "cnn"))
+
+    assert rules.testable(judge, rules.Evidence(VALUES, given)).verdict == NOT_TESTABLE
+
+
+def test_errors_of_a_longer_training():
+    values = pd.Series([0.5, 0.9])
+    assert longer.with_errors(values, "rmse", 0.8).tolist() == pytest.approx([0.4, 0.72])
+    assert longer.with_errors(values, "accuracy", 0.8).tolist() == pytest.approx([0.6, 0.92])
+    assert longer.with_errors(values, "r2", 0.8).tolist() == pytest.approx([0.68, 0.936])
