@@ -219,8 +219,8 @@ def text(claims: pd.DataFrame, tried: Callable[[str], str]) -> str:
         "includes the printed one. A printed number is judged on the split that the paper used, as far as its text "
         "says; `strict` is the verdict on the stricter one, where nothing is on two sides. A claim whose runs failed, "
         "whose recordings are not there, or on a network whose validation error still falls by 1 % or more in a longer "
-        "training (reports/longer), is `not testable`; at the papers' scale it has a verdict where errors that fall as "
-        "much as by the longer training leave it as it is. Not counted are counts of operations and parameters, "
+        "training (reports/longer), is `not testable`; at the papers' scale it has a verdict where test errors that "
+        "fall by as much, or by twice as much, leave it as it is. Not counted are counts of operations and parameters, "
         "claims that hold by construction of a scene, and the numbers that a scene was tuned to (`calibrated`). Rows "
         "marked * rest on measured times and differ between runs and machines.\n",
         "Verdict, number and reason are those of the run at the papers' scale where it could test a claim, else of "

@@ -24,7 +24,8 @@ or it needs what this project does not have. The numbers that a scene was tuned 
 
 At the papers' scale a claim on networks that were not trained to the end has a verdict all the same, where a longer
 training would not change it: where the rule says the same of test errors that are lower by what the longer training
-takes from the validation error, for all of these networks at once and for each of them alone.
+takes from the validation error, once and twice, for all of these networks at once and for each of them alone. Twice is
+what ever longer trainings take together, where each takes half of what the one before took.
 
 A printed number is judged on the split that the paper used, as far as its text says; beside it stands the verdict on
 the stricter one, where nothing is on two sides.
@@ -106,6 +107,7 @@ class Evidence:
         self.networks: set[Network] = set()  # whose scores a judge read
         self.read: set[Hashable] = set()  # kinds of content that a judge read
         self.longer: frozenset[Network] = frozenset()  # networks whose errors are those to expect of a longer training
+        self.gains = 1  # how often the gain of the longer training is expected
 
     def once(self, key: Hashable, read: Callable[[], object]) -> object:
         """Return the content known under `key`; the first time, that is what `read` returns."""
@@ -149,7 +151,7 @@ class Evidence:
         who = f"{model_name(model)} ({protocol}, {condition})"
         known = complete(pd.Series(values, index=seeds, dtype=float), who)
         if (experiment, protocol, model) in self.longer:
-            return longer.with_errors(known, metric, 1 + self.change(experiment, protocol, model))
+            return longer.with_errors(known, metric, (1 + self.change(experiment, protocol, model)) ** self.gains)
         return known
 
     def change(self, experiment: str, protocol: str, model: str) -> float:
@@ -289,7 +291,7 @@ def testable(judge: Judge, evidence: Evidence) -> Judgement:
         )
         falling = ", ".join(said[:SHOWN]) + (f" and {len(said) - SHOWN} more" if len(said) > SHOWN else "")
         if stays(judge, judged.verdict, evidence, unended):
-            reason = f"validation errors still fall, and the verdict stays where test errors fall as much: {falling}"
+            reason = f"stays where test errors fall as validation errors still do, or by twice as much: {falling}"
             return judged._replace(reason=f"{judged.reason}; {reason}" if judged.reason else reason)
         reason = f"validation errors still fall: {falling}; so far {judged.verdict}"
         return judged._replace(verdict=NOT_TESTABLE, reason=f"{reason}: {judged.reason}" if judged.reason else reason)
@@ -305,10 +307,11 @@ def stays(judge: Judge, verdict: str, evidence: Evidence, unended: Iterable[Netw
     if not evidence.read <= SCORES or not evidence.at_papers_scale(unended):
         return False
     try:
-        for networks in (frozenset(unended), *(frozenset([network]) for network in unended)):
-            evidence.longer = networks
-            if judge(evidence).verdict != verdict:
-                return False
+        for networks in (unended, *([network] for network in unended)):
+            for evidence.gains in (1, 2):
+                evidence.longer = frozenset(networks)
+                if judge(evidence).verdict != verdict:
+                    return False
     except NotTestable:
         return False
     finally:

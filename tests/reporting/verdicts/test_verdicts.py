@@ -765,10 +765,10 @@ def errors_of(values: Mapping[str, float]):
 @pytest.mark.parametrize(
     ("errors", "scale", "verdict"),
     [
-        ({"cnn": 2.0, "lomp": 1.5}, "paper", REPRODUCED),  # also where CNN alone falls to 1.8
-        ({"cnn": 2.0, "lomp": 1.5}, "laptop", NOT_TESTABLE),
-        ({"cnn": 2.0, "lomp": 1.9}, "paper", NOT_TESTABLE),  # CNN alone would be ahead
-        ({"cnn": 1.0, "lomp": 1.5}, "paper", CONTRADICTED),
+        ({"cnn": 2.0, "lomp": 1.2}, "paper", REPRODUCED),  # also where CNN alone falls to 1.62
+        ({"cnn": 2.0, "lomp": 1.2}, "laptop", NOT_TESTABLE),
+        ({"cnn": 2.0, "lomp": 1.7}, "paper", NOT_TESTABLE),  # CNN alone would be ahead after the second gain
+        ({"cnn": 0.7, "lomp": 1.5}, "paper", CONTRADICTED),
         ({"cnn": 1.7, "lomp": 1.9}, "paper", NOT_TESTABLE),  # LoMP alone would be ahead
     ],
 )
@@ -787,7 +787,7 @@ def test_a_verdict_at_the_papers_scale_stays_where_a_longer_training_would_not_c
 
     judged = rules.testable(judge, rules.Evidence(VALUES, given))
     assert judged.verdict == verdict
-    assert ("the verdict stays where test errors fall as much" in judged.reason) == (verdict != NOT_TESTABLE)
+    assert ("stays where test errors fall as validation errors still do" in judged.reason) == (verdict != NOT_TESTABLE)
 
 
 def test_a_verdict_from_predictions_does_not_stay(monkeypatch):
