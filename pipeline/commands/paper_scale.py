@@ -96,24 +96,25 @@ def merged(name: str, rows: pd.DataFrame, before: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([before[stay], rows])
 
 
-def keep(experiment: str, protocols: Sequence[str], folder: Path, target: Path) -> None:
-    """Bring what the run in `folder` says to `target`; protocols: of this run, none where all were run."""
-    ours = {
-        "scores.csv": folder / "data" / experiment / "scores.csv",
-        "latency.csv": folder / "data" / experiment / "speed" / "latency.csv",
-        "claims.csv": folder / "reports" / "claims.csv",
-        "longer.csv": folder / "reports" / "longer" / f"{experiment}.csv",
-    }
-    settings = yaml.safe_load((folder / "params.yaml").read_text(encoding="utf-8"))[experiment]
-    for name, path in ours.items():
-        if not path.is_file():
-            continue
-        rows = pd.read_csv(path, dtype=str, keep_default_na=False).assign(scale="paper")
-        if name == "longer.csv":
-            rows = rows[rows["protocol"].isin(list(settings["protocols"]))].assign(experiment=experiment)
-        if (target / name).exists():
-            rows = merged(name, rows, pd.read_csv(target / name, dtype=str, keep_default_na=False))
-        files.write_table(target / name, rows)
+def keep_numbers(experiment: str, folder: Path, target: Path) -> None:
+    """Bring the scores and times of the run in `folder`, and its longer trainings, to `target`."""
+    protocols = list(_settings(experiment, folder)["protocols"])
+    data, trained_longer = folder / "data" / experiment, folder / "reports" / "longer" / f"{experiment}.csv"
+    _keep_rows(data / "scores.csv", target / "scores.csv")
+    _keep_rows(data / "speed" / "latency.csv", target / "latency.csv")
+    if trained_longer.is_file():
+        rows = _rows(trained_longer)
+        rows = rows[rows["protocol"].isin(protocols)].assign(experiment=experiment)
+        files.write_table(target / "longer.csv", _with_earlier(rows, target / "longer.csv"))
+
+
+def keep_verdicts(experiment: str, protocols: Sequence[str], folder: Path, target: Path) -> None:
+    """Bring the verdicts of the run in `folder`, its settings and hashes to `target`.
+
+    protocols: of this run, none where all were run.
+    """
+    _keep_rows(folder / "reports" / "claims.csv", target / "claims.csv")
+    settings = _settings(experiment, folder)
     part = target / experiment / "_and_".join(protocols)
     part.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / "reports" / "claims.md", part / "claims.md")
@@ -121,6 +122,29 @@ def keep(experiment: str, protocols: Sequence[str], folder: Path, target: Path) 
     stages = {name: stage for name, stage in lock["stages"].items() if experiment in name or name in STAGES[experiment]}
     files.write_text(part / "dvc.lock", yaml.safe_dump({"schema": lock["schema"], "stages": stages}, sort_keys=True))
     files.write_text(part / "params.yaml", yaml.safe_dump({experiment: settings}, sort_keys=False))
+
+
+def _settings(experiment: str, folder: Path) -> dict:
+    """Return the experiment's block of the params.yaml of a run."""
+    return yaml.safe_load((folder / "params.yaml").read_text(encoding="utf-8"))[experiment]
+
+
+def _rows(path: Path) -> pd.DataFrame:
+    """Read a CSV file of a run as text, with its scale."""
+    return pd.read_csv(path, dtype=str, keep_default_na=False).assign(scale="paper")
+
+
+def _with_earlier(rows: pd.DataFrame, target: Path) -> pd.DataFrame:
+    """Return rows with those of the file `target` that stay, as `merged` says."""
+    if not target.exists():
+        return rows
+    return merged(target.name, rows, pd.read_csv(target, dtype=str, keep_default_na=False))
+
+
+def _keep_rows(path: Path, target: Path) -> None:
+    """Bring the rows of a CSV file of a run, where there is one, to the file `target`."""
+    if path.is_file():
+        files.write_table(target, _with_earlier(_rows(path), target))
 
 
 def main(given: argparse.Namespace) -> None:
@@ -132,6 +156,7 @@ def main(given: argparse.Namespace) -> None:
         tactile = [sys.executable, "-m", "pipeline.commands.command_line"]
         protocols = ["--protocols", *params.load(folder / paths.PARAMS.name)[given.experiment]["protocols"]]
         run(folder, *tactile, "longer", given.experiment, *protocols)
+    keep_numbers(given.experiment, folder, paths.ROOT / REPORTS)
     run(folder, sys.executable, "-m", "pipeline.stages.judge", given.experiment)
-    keep(given.experiment, given.protocols, folder, paths.ROOT / REPORTS)
+    keep_verdicts(given.experiment, given.protocols, folder, paths.ROOT / REPORTS)
     print(f"{paths.shown(paths.ROOT / REPORTS)}: {given.experiment} at the papers' scale")

@@ -78,19 +78,25 @@ def test_scores_settings_and_hashes_are_kept(tmp_path):
     files = {
         "data/touch/scores.csv": "experiment,protocol,value\ntouch,press,0.1\n",
         "data/touch/speed/latency.csv": "experiment,p50_ms\ntouch,0.5\n",
+        "reports/longer/touch.csv": "protocol,model\npress,cnn\nrandom_window,cnn\n",
         "reports/claims.csv": "id,verdict\nlomp/a,reproduced\n",
         "reports/claims.md": "# Claims\n",
-        "params.yaml": "touch: {sensor: {rows: 5}}\nglove: {}\n",
+        "params.yaml": "touch: {sensor: {rows: 5}, protocols: {press: {}}}\nglove: {}\n",
         "dvc.lock": "schema: '2.0'\nstages: {train_touch: {cmd: a}, evaluate@touch: {cmd: b}, train_glove: {cmd: c}}\n",
     }
     for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(content)
-    paper_scale.keep("touch", ["press"], folder, target)
+    paper_scale.keep_numbers("touch", folder, target)
+    assert not (target / "touch").exists() and not (target / "claims.csv").exists(), "verdicts come after numbers"
+    paper_scale.keep_verdicts("touch", ["press"], folder, target)
     assert (target / "scores.csv").read_text() == "experiment,protocol,value,scale\ntouch,press,0.1,paper\n"
     part = target / "touch" / "press"
     assert set(yaml.safe_load((part / "dvc.lock").read_text())["stages"]) == {"train_touch", "evaluate@touch"}
-    assert yaml.safe_load((part / "params.yaml").read_text()) == {"touch": {"sensor": {"rows": 5}}}
+    assert yaml.safe_load((part / "params.yaml").read_text()) == {
+        "touch": {"sensor": {"rows": 5}, "protocols": {"press": {}}}
+    }
+    assert (target / "longer.csv").read_text() == "protocol,model,scale,experiment\npress,cnn,paper,touch\n"
     assert (part / "claims.md").exists()
 
 

@@ -40,9 +40,17 @@ NAMED_PAIRS = {  # that the paper says are confused, section 3.2
 }
 
 
+def main_protocol(e: Evidence, dataset: str, experiment: str = "glove") -> str:
+    """Return the protocol of a dataset on the main split. Raises NotTestable where params.yaml has none."""
+    protocols = main_protocols(e.values[experiment])
+    if dataset not in protocols:
+        raise NotTestable(f"{experiment} has no protocol of {dataset} images on its main split in params.yaml")
+    return protocols[dataset]
+
+
 def score(e: Evidence, model: str, dataset: str, experiment: str = "glove", split: str | None = None) -> pd.Series:
     """Return seed -> score in % on a split, the main one if None."""
-    protocol = f"{split}_{dataset}" if split else main_protocols(e.values[experiment])[dataset]
+    protocol = f"{split}_{dataset}" if split else main_protocol(e, dataset, experiment)
     return 100 * e.runs(experiment, protocol, dataset, model, METRIC[experiment])
 
 
@@ -86,6 +94,8 @@ def confusions(e: Evidence) -> tuple[dict[str, np.ndarray], list[str]]:
     e.require("glove", "sp_resnet")
 
     def read():
+        for dataset in MODALITIES:
+            main_protocol(e, dataset)
         models = dict.fromkeys(MODALITIES, "sp_resnet")
         return read_confusions("glove", e.values["glove"], e.table("glove"), models), classes(e.table("glove"))
 
@@ -108,7 +118,15 @@ def by_frames(e: Evidence, source: str) -> tuple[str, Mapping[tuple[str, int], p
     """
 
     def read() -> pd.DataFrame:
-        return e.stag() if source == "stag" else read_frames(e.table("glove"), source, e.values["glove"], COMPARED)
+        if source == "stag":
+            return e.stag()
+        settings = e.values["glove"]
+        split = settings["input_frames"]["split"]
+        if main_protocol(e, source) != f"{split}_{source}":
+            raise NotTestable(
+                f"glove.protocols of params.yaml has no {split}_{source}, whose sessions have several frames"
+            )
+        return read_frames(e.table("glove"), source, settings, COMPARED)
 
     e.require("glove", *COMPARED)
     rows = e.once(("frames", source), read)
