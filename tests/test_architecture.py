@@ -297,8 +297,10 @@ def test_links_of_documents_lead_somewhere():
             place = document.parent / name if name else document
             assert place.exists(), f"{document.name}: {target}"
             if anchor:
-                heads = re.findall(r"^#+ (.*)$", place.read_text(), re.MULTILINE)
+                content = place.read_text()
+                heads = re.findall(r"^#+ (.*)$", content, re.MULTILINE)
                 known = {re.sub(r"[^\w -]", "", head.lower()).replace(" ", "-") for head in heads}
+                known |= set(re.findall(r' id="([\w-]+)"', content)) if place.suffix == ".html" else set()
                 assert anchor in known, f"{document.name}: {target}"
 
 

@@ -87,7 +87,7 @@ def read_paper_scale() -> pd.DataFrame:
     """Read claims.csv of the run at the papers' scale; no row where there was none."""
     path = paths.REPORTS / "paper_scale" / "claims.csv"
     if not path.exists():
-        return pd.DataFrame(columns=["id", "verdict"])
+        return pd.DataFrame(columns=["id", "verdict", "ours"])
     table = read_csv(path, ["id", "verdict"], "tactile paper-scale")
     for name in table.select_dtypes(exclude="number"):
         table[name] = table[name].astype(object).where(table[name].notna(), "")
@@ -104,9 +104,11 @@ def by_scale(claims: pd.DataFrame, paper_scale: pd.DataFrame) -> pd.DataFrame:
     claims, there = claims.set_index("id"), paper_scale.set_index("id")
     there = there.loc[[id_ for id_ in claims.index if id_ in there.index]]
     rows = claims.copy()
-    tested_there = there[there["verdict"] != NOT_TESTABLE]
+    # Where neither run has a verdict, the numbers are those of the papers' scale, too, if it has any.
+    neither = (claims["verdict"] == NOT_TESTABLE)[there.index] & there["ours"].notna()
+    first = there[(there["verdict"] != NOT_TESTABLE) | neither]
     columns = [column for column in claims.columns if column in there.columns]
-    rows.loc[tested_there.index, columns] = tested_there[columns]
+    rows.loc[first.index, columns] = first[columns]
     simulated = claims["data"] != RECORDED
     rows["present_verdict"] = claims["verdict"].where(simulated, "")
     rows["paper_scale_verdict"] = claims["verdict"].where(simulated & claims["scale"].isin([PAPER, "both"]), "")

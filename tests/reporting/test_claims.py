@@ -20,18 +20,23 @@ PRESENT = table(
     ("lomp/b", "sentence", "simulated", "reproduced", 2.0, "laptop"),
     ("lomp/c", "number", "simulated", "contradicted", 3.0, "both"),
     ("lomp/a/recorded", "sentence", "recorded", "contradicted", 4.0, "laptop"),
+    ("lomp/d", "number", "simulated", "not testable", 5.0, "laptop"),
+    ("lomp/e", "number", "simulated", "not testable", 6.0, "laptop"),
 )
 AT_PAPERS = table(
     ("lomp/a", "sentence", "simulated", "reproduced", 1.5, "paper"),
     ("lomp/b", "sentence", "simulated", "not testable", float("nan"), "paper"),
     ("lomp/a/recorded", "sentence", "recorded", "undecided", 4.5, "paper"),
+    ("lomp/d", "number", "simulated", "not testable", 5.5, "paper"),
+    ("lomp/e", "number", "simulated", "not testable", float("nan"), "paper"),
 )
 
 
 def test_the_papers_scale_comes_first_where_it_could_test_a_claim():
     rows = claims.by_scale(PRESENT, AT_PAPERS).set_index("id")
-    assert list(rows["verdict"]) == ["reproduced", "reproduced", "contradicted", "undecided"]
-    assert list(rows["ours"]) == [1.5, 2.0, 3.0, 4.5] and list(rows["scale"]) == ["paper", "laptop", "both", "paper"]
+    assert list(rows["verdict"]) == ["reproduced", "reproduced", "contradicted", "undecided", *["not testable"] * 2]
+    assert list(rows["ours"]) == [1.5, 2.0, 3.0, 4.5, 5.5, 6.0]
+    assert list(rows["scale"]) == ["paper", "laptop", "both", "paper", "paper", "laptop"]
 
 
 def test_all_verdicts_stand_beside_each_other():
@@ -47,7 +52,7 @@ def test_all_verdicts_stand_beside_each_other():
 def test_without_a_run_at_the_papers_scale_the_present_one_stands():
     rows = claims.by_scale(PRESENT, AT_PAPERS.iloc[:0])
     assert list(rows["verdict"]) == list(PRESENT["verdict"])
-    assert list(rows["paper_scale_verdict"]) == ["", "", "contradicted", ""]
+    assert list(rows["paper_scale_verdict"]) == ["", "", "contradicted", "", "", ""]
 
 
 def test_recorded_claims_are_counted_before_simulated_ones_and_apart():
@@ -59,7 +64,7 @@ def test_recorded_claims_are_counted_before_simulated_ones_and_apart():
         ["simulated", "all"],
         ["all", ""],
     ]
-    assert [row[-1] for row in rows] == ["1", "1", "3", "3", "4"]
+    assert [row[-1] for row in rows] == ["1", "1", "5", "5", "6"]
 
 
 def test_every_claim_is_of_an_experiment_of_its_own_data():

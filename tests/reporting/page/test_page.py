@@ -471,13 +471,13 @@ def test_browser_fits_a_telephone_and_paper(tab, address):
 
 
 QUESTION = re.compile(r"^\| (.*\?) \| \[(.*)\]\(\.\./reports/index\.html#(\w+)\) \| (.*) \|$", re.MULTILINE)
-QUESTIONS = QUESTION.findall((ROOT / "docs" / "results.md").read_text(encoding="utf-8"))
+QUESTIONS = QUESTION.findall((ROOT / "docs" / "page.md").read_text(encoding="utf-8"))
 WITHIN = {1400: 2, 800: 3, 360: 5}  # screens below the place that a click leads to; the answers come below each other
 
 
 @pytest.mark.parametrize("width", WITHIN)
 def test_browser_answers_ten_questions_by_one_click_each(tab, width):
-    """The questions of docs/results.md: what to look for is open and near where one link of the contents leads."""
+    """The questions of docs/page.md: what to look for is open and near where one link of the contents leads."""
     committed = ROOT / "reports" / "index.html"
     if not committed.exists():
         pytest.skip("reports/index.html is not there yet: dvc repro")
