@@ -342,7 +342,7 @@ MUTANTS = [
     Mutant(
         "double-touches-are-trained-on",
         "pipeline/experiments/touch.py",
-        'single = schemas.names(windows["condition"]) == "single"',
+        'single = np.isin(schemas.names(windows["condition"]), settings["split"].get("train_on", ["single"]))',
         'single = schemas.names(windows["condition"]) != "tape"',
         "experiments/test_splits.py",
     ),
@@ -391,8 +391,8 @@ MUTANTS = [
     Mutant(
         "sigma-is-the-radius",
         "pipeline/datasets/labels.py",
-        'sigma = label["tip_radius_mm"] / 2',
-        'sigma = label["tip_radius_mm"]',
+        "tip_radius_mm, (-1, 1, 1)) / 2",
+        "tip_radius_mm, (-1, 1, 1))",
         "datasets/test_labels.py",
     ),
     Mutant(
