@@ -137,7 +137,7 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
     assert ["a large thing", "1.5 s", "-", "-", "at most 2 s", "yes", "1", "-"] in cells
     assert any(line[0] == "broken" and "**failed**" in line for line in cells)
     assert ["ingest", "1, 4, 16 MB of log", "0.1, 0.4, 1.6", "50, 50, 50", "1.00", "0.00"] in cells
-    assert "![Growth with data](data.png)" in text
+    assert "- [data.png](data.png): With more data, the time of " in text
     assert "[scale_cost.csv](scale_cost.csv)\n\n" in text and "speedruns.csv" not in text
     assert all(f"- {name}: " in text for name in ("machine", "versions", "date"))
 

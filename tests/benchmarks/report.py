@@ -34,7 +34,7 @@ def write(folder: Path) -> None:
         parts += ["## Against what one would write first\n", table(*comparison(rows))]
     if points:
         parts += ["## Growth with the size\n", "All columns: [growth.csv](../growth.csv)\n", table(*exponents(points))]
-        parts += [f"![Growth with {name}]({name}.png)" for name in dict.fromkeys(point["against"] for point in points)]
+        parts += [f"- [{name}.png]({name}.png): {words}" for name, words in captions(points).items()]
     files.write_text(folder / "benchmarks" / "README.md", "\n".join(parts) + "\n")
 
 
@@ -67,6 +67,19 @@ def exponents(points: list[dict]) -> tuple[list[str], list[list[str]]]:
         powers = (f"{float(own[0][key]):.2f}" for key in ("time_exponent", "memory_exponent"))
         lines.append([growth.LOOKS[task][3], f"{sizes} {own[0]['size_unit']}", times, memory, *powers])
     return ["Task", "Sizes", "Time (s)", "Memory (MB)", "Exponent of time", "Exponent of memory"], lines
+
+
+def captions(points: list[dict]) -> dict[str, str]:
+    """Return what a size is of -> the caption of its figure: which task's time grows most with it, and which least."""
+    said = {}
+    for name in dict.fromkeys(point["against"] for point in points):
+        powers = {point["task"]: float(point["time_exponent"]) for point in points if point["against"] == name}
+        most, least = max(powers, key=powers.get), min(powers, key=powers.get)
+        said[name] = (
+            f"With more {name}, the time of {growth.LOOKS[most][3]} grows most, by the power {powers[most]:.2f}"
+            + (f", that of {growth.LOOKS[least][3]} least, by {powers[least]:.2f}." if least != most else ".")
+        )
+    return said
 
 
 def _read(path: Path) -> list[dict]:
