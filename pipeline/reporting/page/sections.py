@@ -30,6 +30,11 @@ CHAPTERS = {
     "longer": "Which trainings had ended",
     "benchmarks": "How fast it is",
 }
+OPENING = {  # what the page begins with
+    "answers": "Answers",
+    "compared": "Our errors over the published ones",
+    "speed": "Speed against accuracy",
+}
 STABILITY = ("README.md", "failures.md", "training.md")
 # The figure that an experiment opens with; the others are folded.
 FIRST_FIGURES = {
@@ -210,8 +215,7 @@ def chapters() -> dict[str, list[str]]:
 def build(values: Mapping) -> str:
     """Return the whole page; values: params.yaml."""
     pages = Pages(embedded(values))
-    opening = [("compared", "Our errors over the published ones"), ("speed", "Speed against accuracy")]
-    body, contents = [answers.section(pages, values)], [("answers", "Answers", opening)]
+    body, contents = [answers.section(pages, values)], [(key, name, []) for key, name in OPENING.items()]
     for paper, name, inner, html in paper_sections(pages, values):
         contents.append((paper, name, inner))
         body.append(html)
