@@ -200,12 +200,11 @@ def reversed_signs(folder: Path, read: Mapping[str, Log], settings: Mapping) -> 
     def inverted(name: str, values: np.ndarray) -> np.ndarray:
         return highest_count - values if re.fullmatch(r"v\d+", name) else values
 
-    if not aligns(folder, read, "array.log", inverted, settings):
-        return
-    yield (
-        f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest_count} minus the count, which "
-        "rises"
-    )
+    if aligns(folder, read, "array.log", inverted, settings):
+        yield (
+            f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest_count} minus the count, "
+            "which rises"
+        )
 
 
 def aligns(folder: Path, read: Mapping[str, Log], log: str, change: Callable, settings: Mapping) -> bool:
