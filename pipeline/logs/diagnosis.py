@@ -11,16 +11,18 @@ from pipeline.logs.parse import OUT_OF_RANGE, Column, Format
 
 START = 1 << 18  # bytes of a log that are looked at: a hundred lines of the widest log
 LINES = 200
+FEW_LINES = 3  # with a number in them, below which words may be all that a log has
 QUOTED = 60  # characters of a line that are quoted
 USUAL = 0.9  # share of the lines in which the time rises
 SLOW_S = 5.0  # no device prints a line in so long
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
 ROW = re.compile(r"""[-+0-9.,;:|eETZ_/"'\t ]*[0-9][-+0-9.,;:|eETZ_/"'\t ]*""")  # numbers and dates, not words
+HEXADECIMAL = re.compile(r"[0-9a-fA-FxX,;: \t]*[0-9][a-fA-FxX][0-9a-fA-FxX,;: \t]*")
 NUMBER = re.compile(r"[ \t]*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?[ \t]*")
 CONVERSIONS = {  # unit -> advice for values that are far outside
     "us": "write microseconds, from any zero",
     "s": "write seconds, from any zero",
-    "N": "write newtons (grams times 0.00981)",
+    "N": "write newtons (grams times 0.00981, millinewtons divided by 1000)",
     "mm": "write millimetres",
     "V": "write volts (millivolts divided by 1000)",
     "counts": "set touch.ingest.highest_count to 4095 for a converter of 12 bits, 65535 for 16",
@@ -37,15 +39,32 @@ def unreadable(path: Path, fmt: Format) -> str | None:
         start = file.read(START)
     if start[:2] in (b"\xff\xfe", b"\xfe\xff") or start.count(0) > len(start) / 4:
         return f"{path}: is UTF-16 (PowerShell's > and some editors write it); save it as ASCII or UTF-8"
-    lines = enumerate(start.decode("ascii", "replace").splitlines()[:LINES], start=1)
-    numbers = [(number, line.strip(" ")) for number, line in lines if ROW.fullmatch(line)]
-    if not numbers:
-        return None
+    if start.count(b"\r\r\n") > start.count(b"\n") / 2:
+        return f"{path}: lines end in CR CR LF (CR LF written once more as text); end them in LF or CR LF"
+    lines = list(enumerate(start.decode("ascii", "replace").splitlines()[:LINES], start=1))
+    filled = [(number, line) for number, line in lines if line.strip()]
+    if filled and 3 * len(filled) < 2 * len(lines):
+        return f"{path}: {len(lines) - len(filled)} of the first {len(lines)} lines are empty; leave empty lines out"
+    numbers = [(number, line.strip(" ")) for number, line in filled if ROW.fullmatch(line)]
+    if not numbers or 2 * len(numbers) < len(filled):
+        return in_words(path, filled, fmt)
     commas = Counter(line.count(",") for _, line in numbers).most_common(1)[0][0]
     alike = [(number, line) for number, line in numbers if line.count(",") == commas]
     number, line = alike[len(alike) // 2]
     wrong = separated(line, fmt) or columns([line.split(",") for _, line in alike], line.split(","), fmt)
     return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}" if wrong else None
+
+
+def in_words(path: Path, lines: list[tuple[int, str]], fmt: Format) -> str | None:
+    """Return the sentence for a log whose lines are not numbers alone, or None; lines: (number, text), none empty."""
+    lines = [(number, line) for number, line in lines if re.search("[0-9]", line)]
+    if len(lines) < FEW_LINES:
+        return None
+    number, line = lines[len(lines) // 2]
+    wrong = "words or units beside the numbers"
+    if sum(bool(HEXADECIMAL.fullmatch(text)) for _, text in lines) > len(lines) / 2:
+        wrong = "hexadecimal numbers; write them in decimal"
+    return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}; a line is {header(fmt)} and nothing else"
 
 
 def separated(line: str, fmt: Format) -> str | None:
@@ -87,6 +106,8 @@ def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
     for field, column in zip(usual, fmt.columns, strict=True):
         if column.integer and not re.fullmatch(r"\s*-?[0-9]+\s*", field):
             if column.name == fmt.time:
+                if interval >= 1 and float(field).is_integer():
+                    return f"{column.name} has decimals; write whole microseconds, {float(field):.0f}"
                 return f"{column.name} is no whole number; write whole microseconds (seconds times 1,000,000)"
             high = f"{column.high:g}"
             return f"{column.name} is no whole number; write the converter's counts, {column.low:g} to {high}"

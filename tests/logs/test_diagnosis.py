@@ -47,6 +47,21 @@ WRONG = {  # file, edit of its lines, what is said
         each(lambda v: [f"2026-03-01 10:00:{float(v[0]):07.4f}", *v[1:]]),
         "time is no number; write seconds",
     ),
+    "decimals of microseconds": (
+        "load_cell.log",
+        each(lambda v: [v[0] + ".0", v[1]]),
+        r"t_us has decimals; write whole microseconds, \d+$",
+    ),
+    "a scale's words": (
+        "load_cell.log",
+        each(lambda v: [v[0], f"ST,GS,{v[1]} N"]),
+        "words or units beside the numbers; a line is t_us,fz_n and nothing else",
+    ),
+    "hexadecimal": (
+        "load_cell.log",
+        each(lambda v: [f"{int(v[0]):x}", "1a"]),
+        "hexadecimal numbers; write them in decimal",
+    ),
     "seconds": ("load_cell.log", each(lambda v: [f"{int(v[0]) / 1e6:.6f}", v[1]]), "t_us is no whole .*seconds times"),
     "microseconds": (
         "daq.log",
@@ -78,6 +93,15 @@ def test_the_mistake_is_named_with_a_line_of_the_log(case, header, tmp_path):
     assert re.search(words, said), said
 
 
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [("\r\r\n", "lines end in CR CR LF.*end them in LF"), ("\n\n", "are empty; leave empty lines out")],
+)
+def test_line_ends_are_named(end, words, tmp_path):
+    (tmp_path / "daq.log").write_bytes("".join(line + end for line in DAQ).encode())
+    assert re.search(words, diagnosis.unreadable(tmp_path / "daq.log", FORMATS["daq.log"]))
+
+
 def test_utf16_is_named(tmp_path):
     for encoding in ("utf-16", "utf-16-le"):
         (tmp_path / "daq.log").write_text("\n".join(DAQ), encoding=encoding)
@@ -96,5 +120,6 @@ def test_the_line_that_is_out_of_range_is_quoted(tmp_path):
     _, rejects = parse.read_log(tmp_path / "load_cell.log", touch.LOAD_CELL)
     said = diagnosis.out_of_range(tmp_path / "load_cell.log", rejects.to_pylist(), touch.LOAD_CELL)
     assert said.endswith(
-        "line 21 is '7250000,1530.5': fz_n is 1530.5, outside -1000 to 1000 N; write newtons (grams times 0.00981)"
+        "line 21 is '7250000,1530.5': fz_n is 1530.5, outside -1000 to 1000 N; write newtons (grams times 0.00981, "
+        "millinewtons divided by 1000)"
     )
