@@ -244,7 +244,7 @@ FORMATS = {
     "touch cnc": touch.CNC,
     "strain daq": strain.formats({"sensor": {"channels": 6}})["daq.log"],
     "strain robot": strain.formats({"sensor": {"channels": 6}})["robot.log"],
-    "glove scanner": glove.FORMAT,
+    "glove scanner": glove.scanner_format({"sensor": {}}),
     "velostat taxel": velostat_recorded.VELOSTAT,
     "velostat load cell": velostat_recorded.LOAD_CELL,
 }
@@ -461,18 +461,18 @@ def test_a_damaged_strain_recording_is_accounted_for(name, damages, strain_recor
 @given(damages=DAMAGE)
 @example(damages=[("odd number", 0, 0, b""), ("long line", 0, 0, b"")])  # 10,000 digits and a letter took seconds
 def test_a_damaged_glove_session_is_accounted_for(damages, tmp_path_factory):
-    lines = valid_lines(glove.FORMAT, 20)
+    lines = valid_lines(glove.scanner_format({"sensor": {}}), 20)
     content = damaged(lines, damages)
     folder = tmp_path_factory.mktemp("glove") / "mug" / "session"
     folder.mkdir(parents=True)
     (folder / glove.LOG).write_bytes(content)
     try:
         with in_time():
-            found = glove.read_recording(folder, {"ingest": LENIENT})
+            found = glove.read_recording(folder, {"ingest": LENIENT, "sensor": {}})
     except InputError as error:
         one_sentence(error)
     else:
-        accounted_for(found, glove.LOG, content, glove.FORMAT.header.encode())
+        accounted_for(found, glove.LOG, content, glove.scanner_format({"sensor": {}}).header.encode())
         assert found[0].num_rows == found[2][glove.LOG]["accepted"] > 0
 
 

@@ -171,6 +171,11 @@ def numbers(change):
 
 MISTAKES = {  # the files of which every whole line is edited, how, and what check says first
     "array of another size": ("array.log", numbers(lambda v: v[:5]), r"5 values per line.*touch\.sensor\.rows"),
+    "no time": (
+        "array.log",
+        lambda lines: [line.partition(",")[2] or line for line in lines],
+        "6 values per line and no time before them; begin each line with t_us",
+    ),
     "rows from the top": (
         "array.log",
         numbers(lambda v: [*v[3:], *v[:3]]),
@@ -489,6 +494,35 @@ def test_two_own_sensors_stand_side_by_side(written, tmp_path):
     assert rmse["single", "rbf"] < 0.8 * rmse["single", "constant"] and np.isfinite(rmse["double", "lomp"])
     accuracy = errors_in(project, "hand", ["`hand`: glove", "fewer than 50 test images", "Session combined"])
     assert accuracy["combined", "naive_bayes"] > accuracy["combined", "constant"]
+
+
+def test_a_mat_of_one_area_end_to_end(tmp_path):
+    """16 x 16 cells of 12 bits: images of 16 x 16 pixels, one dataset, a network among the models."""
+    project = Project(tmp_path)
+    logs = project.folder / "data" / "own" / "mat"
+    own_logs.mat(logs)
+    settled(logs, {"glove.sensor.areas": {"pressure": {"rows": 16, "cols": 16, "highest": 4095}}})
+    project.run(*TACTILE, "try", "data/own/mat")
+    accuracy = errors_in(project, "mat", ["`mat`: glove", "Session pressure (1 run)"])
+    assert accuracy["pressure", "naive_bayes"] > accuracy["pressure", "constant"]
+    predicted = project.run(*TACTILE, "predict", "build/own/mat/trained/sp_resnet", "data/own/mat/cup").stdout
+    assert "accuracy" in predicted
+
+
+def test_a_glove_of_few_channels_end_to_end(tmp_path):
+    """Five sensors of pressure and five of attitude: a hand at rest is no reject, and no network sees ten pixels."""
+    project = Project(tmp_path)
+    logs = project.folder / "data" / "own" / "few"
+    own_logs.few_channels(logs)
+    areas = {"force": {"rows": 1, "cols": 5}, "motion": {"rows": 1, "cols": 5, "lowest": -180, "highest": 180}}
+    settled(logs, {"glove.sensor.scale": "range", "glove.sensor.areas": areas})
+    said = project.run(*TACTILE, "try", "data/own/few").stdout
+    assert "fewer than 8 pixels on a side: constant, naive_bayes, tree, no networks of images" in said
+    assert "12 of 12 recordings can be used" in said
+    accuracy = errors_in(project, "few", ["Session force", "Session motion", "Session combined"])
+    assert accuracy["combined", "tree"] > accuracy["combined", "constant"]
+    predicted = project.run(*TACTILE, "predict", "build/own/few/trained/tree", "data/own/few/pen/day1").stdout
+    assert "pen/day1: 20 readings" in predicted, predicted
 
 
 def test_one_element_end_to_end(tmp_path):

@@ -490,9 +490,28 @@ VelostatRecorded = block(
     models=Models,
     latency=Latency,
 )
+Pixels = whole(1, 512)
 Glove = block(
     source=Text,
-    sensor=block(reference_ohm=Positive),
+    sensor=block(
+        reference_ohm=Positive,
+        scale=(Literal["frame", "range"], "frame"),
+        areas=(
+            dict[
+                Text,
+                block(
+                    rows=Pixels,
+                    cols=Pixels,
+                    top=(whole(0, 512), 0),
+                    left=(whole(0, 512), 0),
+                    joint=(whole(1, 64), 1),
+                    lowest=(Number, 0),
+                    highest=(Number, 1023),
+                ),
+            ],
+            {},
+        ),
+    ),
     yardstick=Yardstick,
     simulate=block(
         seed=whole(0, 2**31),
@@ -528,14 +547,7 @@ Glove = block(
     ingest=RejectLimit,
     window=block(stride=whole(1)),
     split=SplitInThree,
-    protocols=some_of(
-        session_pressure=Seeds,
-        session_strain=Seeds,
-        session_combined=Seeds,
-        random_frames_pressure=Seeds,
-        random_frames_strain=Seeds,
-        random_frames_combined=Seeds,
-    ),
+    protocols=dict[Text, Seeds],
     models=Models,
     augmentation=block(model=Text, split=Text, seeds=distinct(Seed)),
     input_frames=block(

@@ -86,7 +86,7 @@ def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse
     if experiment == "strain":
         return module.formats(settings)
     if experiment == "glove":
-        return {module.LOG: module.FORMAT}
+        return {module.LOG: module.scanner_format(settings)}
     expected = {"array.log": module.array_format(settings)}
     for device, fmt in (("load_cell", module.LOAD_CELL), ("cnc", module.CNC)):
         further = sorted(path.name for path in folder.glob(f"{device}_*.log"))
@@ -141,6 +141,11 @@ def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapp
     expected = len(fmt.columns) - 1
     if values == expected or not values:
         return None
+    if values == expected - 1 and not _begins_with_time(path):
+        return (
+            f"{path}: {values + 1} values per line and no time before them; begin each line with "
+            f"{fmt.columns[0].name}, the device's clock"
+        )
     if path.name == "array.log":
         sensor = settings["sensor"]
         shapes = " or ".join(f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0)
@@ -155,6 +160,14 @@ def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapp
         )
     header = fmt.header if expected < 5 else f"{fmt.columns[0].name},{fmt.columns[1].name},...,{fmt.columns[-1].name}"
     return f"{path}: {values + 1} columns per line; expected {expected + 1}: {header}"
+
+
+def _begins_with_time(path: Path) -> bool:
+    """Tell whether the first column of a log rises from line to line, as a clock does."""
+    with path.open("rb") as file:
+        fields = [line.split(b",")[0].strip() for line, _ in zip(file, range(LINES), strict=False)]
+    times = np.array([float(field) for field in fields if field.replace(b".", b"").isdigit()])
+    return len(times) > 1 and np.mean(np.diff(times) > 0) > diagnosis.USUAL
 
 
 def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
@@ -483,7 +496,7 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
     for recording in read:
         for name, log in recording.logs.items():
             for column in log.rows.column_names:
-                if re.fullmatch(r"[vps]\d+", column):
+                if re.fullmatch(r"[a-z]\d+", column):
                     values = log.rows[column].to_numpy()
                     key = column if name == "array.log" or experiment == "glove" else f"{name} {column}"
                     lowest[key] = min(lowest.get(key, np.inf), values.min())

@@ -19,6 +19,7 @@ from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.commands import check
 from pipeline.commands.scale import set_values
+from pipeline.datasets import images
 from pipeline.logs import own_data
 
 STAGES = {
@@ -26,6 +27,8 @@ STAGES = {
     "strain": ("ingest", "dataset", "train", "evaluate"),
     "glove": ("ingest", "dataset", "train", "evaluate"),
 }
+SMALLEST_IMAGE = 8  # pixels of a side; the networks halve an image two to five times
+WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree")  # for sensors of a few channels, whose image is no picture
 OVERLAPPING = "random"  # protocols whose test part holds what was trained on: the papers' own, of no use here
 SEEDS = [0, 1, 2]
 
@@ -89,7 +92,10 @@ def prepare(experiment: str, folder: Path, seeds: Sequence[int], models: Sequenc
         changed[f"{experiment}.models"] = {
             model: block["models"][model] for model in models if model in block["models"]
         }
-    set_values(changed | check.own_settings(folder), settings)
+    of_sensor = check.own_settings(folder)
+    set_values(changed | of_sensor, settings)
+    if experiment == "glove":
+        set_values(_of_images(params.parsed(settings)["glove"], seeds, of_sensor), settings)
     logs = workspace / "data" / "own"
     shutil.rmtree(logs, ignore_errors=True)
     for path in sorted(folder.rglob("*")):
@@ -98,6 +104,20 @@ def prepare(experiment: str, folder: Path, seeds: Sequence[int], models: Sequenc
             link.parent.mkdir(parents=True, exist_ok=True)
             link.symlink_to(path.resolve())
     return workspace
+
+
+def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict:
+    """Return the settings that follow from a sensor's areas: one protocol per dataset of images, and which models.
+
+    block: `glove` of params.yaml with this sensor's settings; of_sensor: these settings, which go first.
+    """
+    changed = {"glove.window.stride": 1}  # every frame; params.yaml thins out the simulated sessions
+    changed["glove.protocols"] = {f"session_{name}": {"seeds": list(seeds)} for name in images.modalities(block)}
+    if min(images.shape(block)) < SMALLEST_IMAGE:
+        models = {key: value for key, value in block["models"].items() if key in WITHOUT_NETWORKS}
+        changed["glove.models"] = models
+        print(f"fewer than {SMALLEST_IMAGE} pixels on a side: {', '.join(models)}, no networks of images")
+    return {key: value for key, value in changed.items() if key not in of_sensor}
 
 
 def _python(workspace: Path, module: str, *arguments: str, quiet: bool = False) -> None:

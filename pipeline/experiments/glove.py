@@ -1,4 +1,7 @@
-"""Read glove recordings (SP-ResNet paper): the scanner's log as frames, and tactile images by equations 1 to 6."""
+"""Read glove recordings (SP-ResNet paper): the scanner's log as frames, and tactile images by equations 1 to 6.
+
+Any sensor that scans areas is read alike, a mat or a glove of a few sensors: `glove.sensor.areas`.
+"""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -18,29 +21,44 @@ from pipeline.logs.report import log_report
 KIND = "images"
 SETTINGS = "Glove"
 
-PRESSURE = (slice(0, 15), slice(0, 18))  # area (a) of the 32 x 32 scan: rows, columns
-STRAIN = (slice(17, 32), slice(23, 32))  # area (b)
-PRESSURE_CELLS, STRAIN_CELLS = 15 * 18, 15 * 9
-LEVELS = 1024  # of the scanner's converter, equation 2
-JOINT = 3  # cells of a joint's sensor in each direction
+PRESSURE_CELLS, STRAIN_CELLS = (area.cells for area in tactile.GLOVE.values())  # of the paper's glove
+LEVELS = 1024  # of its scanner's converter, equation 2
 LOG = "scanner.log"
-FORMAT = Format(
-    (
-        Column("t_us", "us", 0, 2**53, integer=True),
-        *(Column(f"p{k}", "1", 0, LEVELS - 1, integer=True) for k in range(PRESSURE_CELLS)),
-        *(Column(f"s{k}", "1", 0, LEVELS - 1, integer=True) for k in range(STRAIN_CELLS)),
-    ),
-    time="t_us",
-)
-SCHEMA = tactile.frames(PRESSURE_CELLS, STRAIN_CELLS, pa.int16())
-
-CONSTANT = "constant frame"  # of one area: equation 6 would divide by zero
 SPLITS = ("session", "random_frames")
+PER_FRAME, PER_AREA = "frame", "range"  # what an image is scaled by, `glove.sensor.scale`
+
+
+def scale(settings: Mapping) -> str:
+    """Return what images are scaled by: PER_FRAME, equation 6, or PER_AREA, the range of their area's readings."""
+    return settings["sensor"].get("scale", PER_FRAME)
+
+
+def scanner_format(settings: Mapping) -> Format:
+    """Return the format of the scanner's lines: time, then the areas one after the other, each row by row.
+
+    Columns are named by the first letter of their area: p0, p1, ..., s0, ... With PER_FRAME they are counts of a
+    converter, whole numbers; with PER_AREA any numbers within the area's range.
+    """
+    whole = scale(settings) == PER_FRAME
+    for name, area in tactile.areas(settings).items():
+        if whole and area.lowest != 0:
+            raise InputError(
+                f"glove.sensor.areas.{name}.lowest: is {area.lowest:g}, but counts begin at 0; "
+                "set glove.sensor.scale: range"
+            )
+    cells = (
+        Column(f"{name[0]}{k}", "1", area.lowest, area.highest, integer=whole)
+        for name, area in tactile.areas(settings).items()
+        for k in range(area.cells)
+    )
+    return Format((Column("t_us", "us", 0, 2**53, integer=True), *cells), time="t_us")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
-    """Return the schema of the frames table: the glove is given, whatever `settings` say."""
-    return SCHEMA
+    """Return the schema of the frames table for the sensor's areas."""
+    areas = tactile.areas(settings)
+    small = scale(settings) == PER_FRAME and all(area.highest < 2**15 for area in areas.values())
+    return tactile.frames({name: area.cells for name, area in areas.items()}, pa.int16() if small else pa.float32())
 
 
 def recordings(folder: Path) -> list[Path]:
@@ -64,33 +82,34 @@ def recordings(folder: Path) -> list[Path]:
 def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
     """Read the log of one session as `(frames, rejects, report)`; settings: the block `glove` of params.yaml.
 
-    frames: a table of SCHEMA. Lines of the file = accepted + rejected (+ header). Raises InputError for a missing
-    log, too many rejects, or a session without a usable frame.
+    frames: a table of frames_schema. Lines of the file = accepted + rejected (+ header). A frame of a sensor at rest,
+    all of whose readings are alike, is a frame. Raises InputError for a missing log, too many rejects, or a session
+    without a line that can be read.
     """
-    limit, key = settings["ingest"]["max_reject_fraction"], "glove.ingest.max_reject_fraction"
-    rows, rejects = parse.read_log(folder / LOG, FORMAT, limit=limit, key=key)
-    cells = np.column_stack([rows[name].to_numpy() for name in FORMAT.names[1:]])
-    pressure, strain = cells[:, :PRESSURE_CELLS], cells[:, PRESSURE_CELLS:]
-    constant = (np.ptp(pressure, axis=1) == 0) | (np.ptp(strain, axis=1) == 0)
-    reasons = Counter(rejects["reason"].to_pylist()) + Counter({CONSTANT: int(constant.sum())})
+    limit, key, fmt = (
+        settings["ingest"]["max_reject_fraction"],
+        "glove.ingest.max_reject_fraction",
+        scanner_format(settings),
+    )
+    rows, rejects = parse.read_log(folder / LOG, fmt, limit=limit, key=key)
+    reasons = Counter(rejects["reason"].to_pylist())
     parse.check_rejects(folder / LOG, rejects.num_rows + rows.num_rows, reasons, limit, key)
-    rejects = parse.add_rejects(rejects, folder / LOG, rows["line"].to_numpy()[constant], CONSTANT)
-    kept = np.flatnonzero(~constant)
-    if not len(kept):
-        raise InputError(f"{folder / LOG}: no usable frame is left, most often '{max(reasons, key=reasons.get)}'")
 
-    time_s, segment = rows["t_us"].to_numpy()[kept] / 1e6, rows["segment"].to_numpy()[kept]
+    time_s, segment, schema = rows["t_us"].to_numpy() / 1e6, rows["segment"].to_numpy(), frames_schema(settings)
     columns = {
-        "condition": [folder.parent.name] * len(kept),
-        "recording": [folder.name] * len(kept),
+        "condition": [folder.parent.name] * rows.num_rows,
+        "recording": [folder.name] * rows.num_rows,
         "segment": segment,
         "t_s": time_s,
         "gap_before": schemas.gaps_before(time_s, segment),
-        "pressure": schemas.lists(pressure[kept], pa.int16()),
-        "strain": schemas.lists(strain[kept], pa.int16()),
     }
-    frames = pa.table(columns).select(SCHEMA.names).cast(SCHEMA)
-    return frames, rejects, {LOG: log_report(len(kept), rejects, time_s, segment)}
+    first = 1  # after the time
+    for name, area in tactile.areas(settings).items():
+        cells = np.column_stack([rows[column].to_numpy() for column in fmt.names[first : first + area.cells]])
+        columns[name] = schemas.lists(cells, schema.field(name).type.value_type)
+        first += area.cells
+    frames = pa.table(columns).select(schema.names).cast(schema)
+    return frames, rejects, {LOG: log_report(rows.num_rows, rejects, time_s, segment)}
 
 
 def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
@@ -110,41 +129,53 @@ def places(frames: pa.Table) -> np.ndarray:
 
 
 def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
-    """Return the three datasets of tactile images, each (n, 32, 32) uint8; areas that are not scanned are null.
+    """Return the datasets of tactile images, modality -> (n, rows, cols) uint8; what is not scanned is 0.
 
-    A joint's nine pixels all show their mean conductance (equation 5). `combined` is normalised as one matrix.
+    On the paper's glove these are three, each 32 x 32. The pixels of a joint all show its mean (equation 5). With
+    PER_FRAME images show conductances, and each is stretched to its own range (equation 6), `combined` as one matrix;
+    with PER_AREA readings are scaled by the range of their area, so that how hard the sensor is pressed is kept.
     Differs from paper: the paper does not say where in the image a joint's mean lies; here it fills the joint's 3 x 3
     cells.
     """
-    ohm = settings["sensor"]["reference_ohm"]
-    pressure = conductance(schemas.matrix(frames["pressure"]), ohm).reshape(-1, 15, 18)
-    joints = joint_means(conductance(schemas.matrix(frames["strain"]), ohm).reshape(-1, 15, 9))
-    strain = joints.repeat(JOINT, axis=1).repeat(JOINT, axis=2)
+    areas, matrices = tactile.areas(settings), {}
+    for name, area in areas.items():
+        readings = schemas.matrix(frames[name])
+        if scale(settings) == PER_FRAME:
+            values = conductance(readings, settings["sensor"]["reference_ohm"], area.highest + 1)
+        else:
+            values = tactile.HIGHEST * (readings.astype(float) - area.lowest) / (area.highest - area.lowest)
+        values = values.reshape(-1, area.rows, area.cols)
+        if area.joint > 1:
+            values = joint_means(values, area.joint).repeat(area.joint, axis=1).repeat(area.joint, axis=2)
+        matrices[name] = values
     pictures = {}
-    for modality in tactile.MODALITIES:
-        matrix = np.zeros((frames.num_rows, tactile.SIDE, tactile.SIDE))
-        if modality != "strain":
-            matrix[:, *PRESSURE] = pressure
-        if modality != "pressure":
-            matrix[:, *STRAIN] = strain
-        pictures[modality] = tactile.normalised(matrix)
+    for modality in tactile.modalities(settings):
+        matrix = np.zeros((frames.num_rows, *tactile.shape(settings)))
+        for name, area in areas.items():
+            if modality in (name, tactile.COMBINED):
+                matrix[:, *area.place] = matrices[name]
+        per_frame = scale(settings) == PER_FRAME
+        pictures[modality] = tactile.normalised(matrix) if per_frame else np.round(matrix).astype(np.uint8)
     return pictures
 
 
-def conductance(counts: np.ndarray, reference_ohm: float) -> np.ndarray:
-    """Return siemens for ADC counts 0 .. 1023 (any shape), G = V / (R_ref (1024 - V)) (equations 1 to 4)."""
+def conductance(counts: np.ndarray, reference_ohm: float, levels: float = LEVELS) -> np.ndarray:
+    """Return siemens for ADC counts 0 .. levels - 1 (any shape), G = V / (R_ref (levels - V)) (equations 1 to 4)."""
     counts = counts.astype(float)
-    return counts / (reference_ohm * (LEVELS - counts))
+    return counts / (reference_ohm * (levels - counts))
 
 
-def joint_means(strain: np.ndarray) -> np.ndarray:
-    """Return the mean of each joint's 3 x 3 cells, (n, 5, 3), for conductances of area (b), (n, 15, 9) (equation 5)."""
+def joint_means(strain: np.ndarray, joint: int) -> np.ndarray:
+    """Return the mean of the joint x joint cells of each joint, (n, rows / joint, cols / joint) (equation 5).
+
+    strain: conductances (n, rows, cols); the paper's area (b) has 15 x 9 cells and joints of 3 x 3.
+    """
     n, rows, cols = strain.shape
-    return strain.reshape(n, rows // JOINT, JOINT, cols // JOINT, JOINT).mean(axis=(2, 4))
+    return strain.reshape(n, rows // joint, joint, cols // joint, joint).mean(axis=(2, 4))
 
 
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
-    """Return the part of each image, (n,); the same for the three datasets of one seed. frames: the chosen frames.
+    """Return the part of each image, (n,); the same for all datasets of one seed. frames: the chosen frames.
 
     `session`: whole sessions of every object, drawn by the seed; `random_frames`: frames, as the paper seems to
     have done. Images of other gloves than the seed's are unused. Raises InputError for another name or an object with
@@ -152,9 +183,7 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     Differs from paper: it means 10 runs of a model, which differ in an unknown way; here a run is a seed, of the glove,
     the split and the start. At laptop scale there is 1 on each split.
     """
-    name = tactile.split_name(protocol)
-    if name not in SPLITS:
-        raise InputError(f"params.yaml, glove.protocols: no split '{name}'; there are {', '.join(SPLITS)}")
+    name = tactile.checked_split("glove", protocol, SPLITS, settings)
     share = settings["split"]
     objects, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     here = specimens.of_seed(sessions, seed)

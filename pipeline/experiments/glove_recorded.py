@@ -35,7 +35,7 @@ MATRICES = ((14, 6), (13, 6)) * 3  # rows, columns: proximal and distal link of 
 CELLS = sum(rows * cols for rows, cols in MATRICES)
 FULL_SCALE = 4095  # of a cell
 JOINTS = 7
-SCHEMA = tactile.frames(CELLS, JOINTS, pa.float32())
+SCHEMA = tactile.frames({"pressure": CELLS, "strain": JOINTS}, pa.float32())
 
 # Places in an image: three fingers beside each other, fingertips on top.
 # Matrix -> first row and column; distal matrices are within the paper's area a (rows 1-15, columns 1-18).
@@ -179,9 +179,7 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     validate, the last test, the same for every seed; `random_frames`: frames of every object, so that frames of one
     grasp fall on all sides. Raises InputError for another name, or an object with fewer grasps (frames) than parts.
     """
-    name = tactile.split_name(protocol)
-    if name not in SPLITS:
-        raise InputError(f"params.yaml, glove_recorded.protocols: no split '{name}'; there are {', '.join(SPLITS)}")
+    name = tactile.checked_split("glove_recorded", protocol, SPLITS, settings)
     part = np.empty(frames.num_rows, dtype=object)
     objects, grasps = schemas.names(frames["condition"]), _grasps(frames)
     kind = "frames" if name == "random_frames" else "grasps"

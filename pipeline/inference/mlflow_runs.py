@@ -13,7 +13,7 @@ import numpy as np
 from pipeline import experiments, tracking
 from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
+from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
 from pipeline.inference import packages
 
@@ -101,7 +101,7 @@ def _description(card: cards.Card, predicted: tuple[int, ...], whole: int) -> di
 def _readings(experiment: str, settings: Mapping) -> np.ndarray:
     """Return the readings of an experiment's frames, (n, columns) float32."""
     schema = experiments.module(experiment).frames_schema(settings)
-    names = [name for name in ("v", "pressure", "strain") if name in schema.names]
+    names = ["v"] if "v" in schema.names else images.reading_columns(schema)
     frames = schemas.read(paths.require(paths.frames(experiment), "dvc repro evaluate"), names)
     return np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1).astype(np.float32)
 

@@ -21,7 +21,7 @@ MAP_ORDER = "row by row from the bottom row, each from the left"
 ORDERS = {
     "windows": MAP_ORDER,
     "series": "channels as in the log",
-    "images": "pressure cells, then strain cells, as in the log",
+    "images": "cells of all areas, as in the log",
 }
 UNITS = {"windows": "counts", "series": "V", "images": "levels"}
 OUTPUT_UNITS = {"velostat_recorded": "N", "windows": "kPa", "series": "mm", "images": "probability"}
@@ -80,7 +80,9 @@ class Describer:
             task = experiments.module(experiment).task(protocol, settings)
             names, chosen = [f"{'xyz'[k]}_mm" for k in task.outputs], list(next(iter(task.channels.values())))
         else:
-            spec = tasks.of(experiment).spec(names)
+            from pipeline.learning.image_classifier import spec_of
+
+            spec = spec_of(len(names), images.shape(settings))
         unit = OUTPUT_UNITS.get(experiment, OUTPUT_UNITS[self.kind])
         return cards.Card(
             experiment=experiment,
@@ -105,7 +107,7 @@ def _inputs(experiment: str, kind: str, settings: Mapping) -> cards.Inputs:
     """Return what one reading of an experiment's sensor is."""
     frames = _table(paths.frames(experiment), ["t_s"])
     schema = experiments.module(experiment).frames_schema(settings)
-    columns = ("pressure", "strain") if kind == "images" else ("v",)
+    columns = images.reading_columns(schema) if kind == "images" else ["v"]
     return cards.Inputs(
         columns=sum(schema.field(name).type.list_size for name in columns),
         unit=settings.get("sensor", {}).get("unit", UNITS[kind]),

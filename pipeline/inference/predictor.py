@@ -134,19 +134,17 @@ class Predictor:
         return predicted
 
     def _of_images(self, x: np.ndarray) -> np.ndarray:
-        """Return probabilities (n, classes) for readings (n, cells); NaN for a reading that makes no image."""
-        predicted = np.full((len(x), *self.output_shape), np.nan, np.float32)
+        """Return probabilities (n, classes) for readings (n, cells)."""
+        if not len(x):
+            return np.empty((0, *self.output_shape), np.float32)
         module = experiments.module(self.card.experiment)
         schema = module.frames_schema(self.card.reading)
-        cells = schema.field("pressure").type.list_size
-        parts = {"pressure": x[:, :cells], "strain": x[:, cells:]}
-        # Equation 6 divides by the spread of an area's cells.
-        fine = np.all([np.ptp(part, axis=1) > 0 for part in parts.values()], axis=0)
-        if fine.any():
-            columns = {name: schemas.lists(part[fine], pa.float32()) for name, part in parts.items()}
-            pictures = module.images(pa.table(columns), self.card.reading)[images.modality(self.card.protocol)]
-            predicted[fine] = self.model.predict(pictures.reshape(int(fine.sum()), 1, -1).astype(np.float32))
-        return predicted
+        names = images.reading_columns(schema)
+        edges = np.cumsum([schema.field(name).type.list_size for name in names])[:-1]
+        parts = zip(names, np.split(x, edges, axis=1), strict=True)
+        frames = pa.table({name: schemas.lists(part, pa.float32()) for name, part in parts})
+        pictures = module.images(frames, self.card.reading)[images.modality(self.card.protocol)]
+        return self.model.predict(pictures.reshape(len(x), 1, -1).astype(np.float32))
 
 
 def load(folder: str | Path) -> Predictor:

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from pipeline import experiments, tasks
 from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
+from pipeline.datasets import images, schemas
 from pipeline.datasets.series import Record
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
@@ -76,7 +76,7 @@ def read(path: Path, card: Card) -> Recording:
 
 def _readings(frames: pa.Table) -> np.ndarray:
     """Return the sensor's columns of frames, (n, columns)."""
-    names = [name for name in ("v", "pressure", "strain") if name in frames.column_names]
+    names = ["v"] if "v" in frames.column_names else images.reading_columns(frames.schema)
     return np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1)
 
 

@@ -19,15 +19,15 @@ LARGEST_TURN = 10.0  # degrees
 LARGEST_STRETCH = 0.1  # of the image's size
 
 
-def spec_of(classes: int) -> Spec:
-    """Return the shapes of images (windows of one frame) and of scores per class (maps of one row)."""
-    return Spec(1, SIDE, SIDE, 1, classes)
+def spec_of(classes: int, shape: tuple[int, int] = (SIDE, SIDE)) -> Spec:
+    """Return the shapes of images of `shape` pixels, windows of one frame, and of scores per class, maps of one row."""
+    return Spec(1, *shape, 1, classes)
 
 
 class ImageClassifier(TorchRegressor):
-    """A network from images (n, 1, SIDE, SIDE) in 0 .. 1 to a score per class (n, classes).
+    """A network from images (n, 1, rows, cols) in 0 .. 1 to a score per class (n, classes).
 
-    Windows x are (n, 1, SIDE * SIDE) in 0 .. 255, labels y one-hot (n, classes); `predict` gives probabilities.
+    Windows x are (n, 1, rows * cols) in 0 .. 255, labels y one-hot (n, classes); `predict` gives probabilities.
     Saving, loading and counting are TorchRegressor's. The settings flip, affine and noise are the augmentation methods
     A, C and B (SP-ResNet paper, section 2.2).
     Differs from paper: its initial learning rate, printed as 10^7, is read as 10^-3, Adam's usual one.
@@ -40,7 +40,7 @@ class ImageClassifier(TorchRegressor):
 
     def __init__(self, make_network: Callable[[], nn.Module], spec: Spec, training: AugmentedTraining):
         def from_windows() -> nn.Module:
-            network = nn.Sequential(nn.Unflatten(2, (SIDE, SIDE)), make_network())
+            network = nn.Sequential(nn.Unflatten(2, (spec.rows, spec.cols)), make_network())
             return network.to(memory_format=torch.channels_last)  # 1.1 to 1.9 times as fast to train
 
         super().__init__(from_windows, spec, training)
@@ -105,7 +105,7 @@ class ImageClassifier(TorchRegressor):
             for first, batch in batches(examples, size):
                 schedule.at((epoch + (first + len(batch) / 2) / len(examples)) / training.epochs)
                 numbers = batch.to(place)
-                images = augmented(x[numbers.flatten()].view(-1, 1, SIDE, SIDE), training, order)
+                images = augmented(x[numbers.flatten()].view(-1, 1, self.spec.rows, self.spec.cols), training, order)
                 scores = self._trained_output(images.view(len(batch), frames, -1))
                 loss = nn.functional.cross_entropy(scores, y[numbers[:, 0]])
                 optimiser.zero_grad()
@@ -123,12 +123,12 @@ class ImageClassifier(TorchRegressor):
         return history
 
     def predict(self, x: np.ndarray) -> np.ndarray:
-        """Return probabilities (n, classes), float32, for images x (n, 1, SIDE * SIDE) in 0 .. 255."""
+        """Return probabilities (n, classes), float32, for images x (n, 1, rows * cols) in 0 .. 255."""
         return softmax(super().predict(x), axis=1)
 
 
 def augmented(images: torch.Tensor, training: AugmentedTraining, rng: torch.Generator) -> torch.Tensor:
-    """Return images (n, 1, SIDE, SIDE) in 0 .. 1 altered by flip (method A), noise (B) and affine (C), in this order.
+    """Return images (n, 1, rows, cols) in 0 .. 1 altered by flip (method A), noise (B) and affine (C), in this order.
 
     rng: a generator on the CPU, so that a GPU sees the same images.
     """
@@ -142,7 +142,8 @@ def augmented(images: torch.Tensor, training: AugmentedTraining, rng: torch.Gene
     if training.affine:
         kind = (3 * draw[:, 3]).long()  # 0: translated, 1: rotated, 2: scaled
         amount = (2 * torch.rand(n, 2, generator=rng) - 1) * (draw[:, 2] < training.affine)[:, None]
-        shift = torch.where((kind == 0)[:, None], amount * LARGEST_SHIFT * 2 / SIDE, 0.0)
+        halves = torch.tensor(images.shape[:1:-1]) / 2  # pixels of half a width and half a height: the grid's unit
+        shift = torch.where((kind == 0)[:, None], amount * LARGEST_SHIFT / halves, 0.0)
         turn = torch.where(kind == 1, amount[:, 0] * math.radians(LARGEST_TURN), 0.0)
         stretch = 1 + torch.where(kind == 2, amount[:, 0] * LARGEST_STRETCH, 0.0)
         rows = [

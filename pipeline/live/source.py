@@ -41,7 +41,7 @@ def line_format(card: Card) -> Format:
         return module.array_format(card.reading)
     if card.experiment == "strain":
         return module.formats(card.reading)["daq.log"]
-    return module.FORMAT if card.experiment == "glove" else module.VELOSTAT
+    return module.scanner_format(card.reading) if card.experiment == "glove" else module.VELOSTAT
 
 
 def second(fmt: Format) -> float:

@@ -41,7 +41,7 @@ What depends on the kind of input
 * Windows of a streaming model, which has `streams` True: parts are (x, y, previous), previous (n,) the index of the
   window that ends just before each window starts, or -1. `predict(x, previous=None)` carries states along `previous`;
   `step(frame)` takes the next frame (n, elements) of n parallel streams and returns maps (n, outputs).
-* Images: `fit`, `predict` and `streams` as for windows; x (n, 1, SIDE * SIDE) in 0 .. 255, y one-hot (n, classes),
+* Images: `fit`, `predict` and `streams` as for windows; x (n, 1, rows * cols) in 0 .. 255, y one-hot (n, classes),
   predictions probabilities. A network's losses are mean cross-entropy in nats (pipeline/learning/image_classifier.py).
 * Series: `fit(records, *, seed, device="auto", progress=None, base)`; records (pipeline.datasets.series.Record) hold
   the training and the validation part; `base` is the folder of the saved model-0 that transfer starts from, or None.

@@ -3,7 +3,6 @@
 from torch import nn
 
 from pipeline.base.blocks import AugmentedTraining
-from pipeline.datasets.images import SIDE
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Spec
 
@@ -20,11 +19,11 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
     Differs from paper: the counts printed there are those of 3x224x224 images and 1000 classes; this one sees the
     same images as every other model.
     """
-    return ImageClassifier(lambda: network(1, spec.outputs, SIDE), spec, training)
+    return ImageClassifier(lambda: network(1, spec.outputs, (spec.rows, spec.cols)), spec, training)
 
 
-def network(channels: int, classes: int, side: int) -> nn.Sequential:
-    """Return a network from images (n, channels, side, side) to scores (n, classes).
+def network(channels: int, classes: int, shape: tuple[int, int]) -> nn.Sequential:
+    """Return a network from images (n, channels, *shape) to scores (n, classes).
 
     With 3 channels and 1000 classes it has 4,231,976 parameters.
 
@@ -36,7 +35,7 @@ def network(channels: int, classes: int, side: int) -> nn.Sequential:
         layers += _convolution(width, width, 3, stride, groups=width)
         layers += _convolution(width, wider, 1)
         width = wider
-    last = -(-side // SHRINKING)
+    last = tuple(-(-side // SHRINKING) for side in shape)
     return nn.Sequential(*layers, nn.AvgPool2d(last), nn.Flatten(), nn.Linear(width, classes))
 
 

@@ -479,7 +479,9 @@ def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> str
     pressure, strain = (
         1e3 * glove_experiment.conductance(schemas.matrix(frames[c]), ohm) for c in ("pressure", "strain")
     )
-    joints = glove_experiment.joint_means(strain.reshape(-1, 15, 9)).reshape(len(names), -1)
+    joints = glove_experiment.joint_means(strain.reshape(-1, 15, 9), images.GLOVE["strain"].joint).reshape(
+        len(names), -1
+    )
     values = np.column_stack([pressure, joints[:, joints.any(axis=0)]])
     sequences = {}
     for name in objects:

@@ -138,6 +138,12 @@ def _parts(kind: str, settings: Mapping, rows: pa.Table) -> list[str]:
     return lines
 
 
+def _place(protocol: str, condition: str) -> str:
+    """Return protocol and condition in words; of a protocol's one condition, the protocol alone says it."""
+    named = condition == protocol or protocol.endswith(f"_{condition}")
+    return plain(protocol) if named else f"{plain(protocol)}, {condition}"
+
+
 def _scores(kind: str, settings: Mapping, scores: Scores) -> list[str]:
     """Return a table per protocol and condition: one row per model."""
     text, (first, _) = [], next(iter(METRICS[kind].items()))
@@ -159,7 +165,7 @@ def _scores(kind: str, settings: Mapping, scores: Scores) -> list[str]:
                 )
                 cells.append(number(100 * ours / constant, 0))
             rows.append([model_name(model), *cells])
-        where = plain(protocol) if condition == protocol else f"{plain(protocol)}, {literal(condition)}"
+        where = literal(_place(protocol, condition))
         runs = len(settings["protocols"][protocol]["seeds"])
         text.append(f"### {where[0].upper()}{where[1:]} ({runs} {'run' if runs == 1 else 'runs'})\n")
         text.append(table(header, rows))
@@ -171,7 +177,7 @@ def _findings(kind: str, settings: Mapping, scores: Scores, fits: Sequence[Fit])
     lines, (metric, printed) = [], next(iter(METRICS[kind].items()))
     for protocol, condition in tested(scores):
         order = best(kind, settings, scores, protocol, condition)
-        where = plain(protocol) if condition == protocol else f"{plain(protocol)}, {literal(condition)}"
+        where = literal(_place(protocol, condition))
         if not order:
             lines.append(f"- {where}: every model has a failed run.")
             continue
@@ -201,7 +207,7 @@ def _figures(target: Path, experiment: str, settings: Mapping, scores: Scores, r
         conditions = schemas.names(rows["condition"]) if kind != "images" else np.full(len(part), condition)
         chosen = np.flatnonzero((part == "test") & (conditions == condition))
         guesses = {model: read_predictions(experiment, model, protocol, seed, rows)[chosen] for model in order}
-        where = plain(protocol) if condition == protocol else f"{plain(protocol)}, {condition}"
+        where = _place(protocol, condition)
         title, name = f"{where}, seed {seed}", _file_name(len(captions), kind)
         if kind == "windows":
             truth = schemas.matrix(rows["y"])[chosen]

@@ -78,6 +78,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
+from pipeline.base.errors import InputError
 from pipeline.datasets import specimens
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout
@@ -185,7 +186,15 @@ class Hold(NamedTuple):
 
 
 def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict]]:
-    """Return all recordings, and the function that gives the log of one (`logs_of`); settings: the block `glove`."""
+    """Return all recordings, and the function that gives the log of one (`logs_of`); settings: the block `glove`.
+
+    Raises InputError for areas of another sensor: the scene is of the paper's glove.
+    """
+    if settings["sensor"].get("areas"):
+        raise InputError(
+            "params.yaml, glove.sensor.areas: the simulated glove has the paper's areas; set areas: {}, or "
+            "glove.source to logs of your own"
+        )
     scene = scene_of(settings)
     sessions = [
         specimens.named(specimen, f"session{number:02d}")

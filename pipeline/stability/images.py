@@ -114,7 +114,7 @@ class Run:
 
     def __init__(self, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
         data = images.read(paths.dataset(experiment), protocol, seed)
-        spec = tasks_images.spec(data.objects)
+        spec = tasks_images.spec(data)
         self.model, self.failed = tasks.load(values, experiment, model, protocol, seed, spec)
         self.modality, self.part = images.modality(protocol), data.part
         self.x, self.y = tasks_images.part_of(data, "test")
@@ -157,8 +157,8 @@ def device(module, area: str) -> tuple[float, float, tuple[tuple[int, int], ...]
         if area == "strain":
             return -module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()
         return 0, module.FULL_SCALE, module.MATRICES
-    rows, cols = module.PRESSURE if area == "pressure" else module.STRAIN
-    return 0, module.LEVELS - 1, ((rows.stop - rows.start, cols.stop - cols.start),)
+    known = images.GLOVE[area]
+    return known.lowest, known.highest, ((known.rows, known.cols),)
 
 
 def stressed(

@@ -38,7 +38,7 @@ def count(reduction: int, target: Path) -> None:
     with torch.device("meta"):  # shapes without numbers: nothing is computed
         as_published = [
             ("resnet18", resnet18.network(3, 1000), PHOTO, 1000, ""),
-            ("mobilenet", mobilenet.network(3, 1000, PHOTO[1]), PHOTO, 1000, ""),
+            ("mobilenet", mobilenet.network(3, 1000, PHOTO[1:]), PHOTO, 1000, ""),
             ("resnet3x3", resnet3x3.trunk(1), IMAGE, "", TRUNK),
             ("sp_resnet_nogcam", sp_resnet_nogcam.network(1, 1000), IMAGE, 1000, ""),
             ("sp_resnet", sp_resnet.network(1, 1000, reduction), IMAGE, 1000, trained),
@@ -50,7 +50,7 @@ def count(reduction: int, target: Path) -> None:
         ]
         like_with_like = [
             ("resnet18", resnet18.network(1, OBJECTS), IMAGE, OBJECTS, ""),
-            ("mobilenet", mobilenet.network(1, OBJECTS, IMAGE[1]), IMAGE, OBJECTS, ""),
+            ("mobilenet", mobilenet.network(1, OBJECTS, IMAGE[1:]), IMAGE, OBJECTS, ""),
             ("resnet3x3", resnet3x3.network(1, OBJECTS), IMAGE, OBJECTS, ""),
             ("sp_resnet_nogcam", sp_resnet_nogcam.network(1, OBJECTS), IMAGE, OBJECTS, ""),
             ("sp_resnet", sp_resnet.network(1, OBJECTS, reduction), IMAGE, OBJECTS, trained),

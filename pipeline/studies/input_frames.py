@@ -42,7 +42,7 @@ def train_run(values: Mapping, experiment: str, model: str, frames: int, seed: i
     part[part == "test"] = "too short"
     part[compared[seed]] = "test"
     block = params.model_settings(values, experiment, model)
-    single = models.build(model, tasks_images.spec(data.objects), block, f"{experiment}.models.{model}")
+    single = models.build(model, tasks_images.spec(data), block, f"{experiment}.models.{model}")
     place = single, frames, data.x, data.y, frame_sets.sessions(table), part
     scores = joined_frames.scores(*place, seed=seed, device=values["device"], progress=report)
     return [("trained", model, seed, frames, *row) for row in scores]

@@ -36,7 +36,7 @@ class JoinedFrames(nn.Module):
 
 
 class JoinedClassifier(ImageClassifier):
-    """A network from sets of `frames` images to a score per class; windows x are (n, frames, SIDE * SIDE).
+    """A network from sets of `frames` images to a score per class; windows x are (n, frames, rows * cols).
 
     `single`: the model of one image, whose settings it takes over, with `frames` times the epochs: with as many as of
     one image every set would be seen too seldom to train on. With one frame nothing is joined.

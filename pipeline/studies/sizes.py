@@ -104,7 +104,7 @@ def glove_run(values: Mapping, condition: str, width: float, seed: int, report) 
     block = params.model_settings(values, "glove", "sp_resnet")
     protocol = ladders.protocol("glove", condition)
     data = images.read(paths.dataset("glove"), protocol, seed)
-    spec = tasks_images.spec(data.objects)
+    spec = tasks_images.spec(data)
     train, validation, test = (tasks_images.part_of(data, name) for name in images.PARTS)
     if width == 1:
         run = tasks.load(values, "glove", "sp_resnet", protocol, seed, spec)

@@ -18,7 +18,6 @@ from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import seeding
 from pipeline.logs import stag
 from pipeline.scoring import classification, metrics
-from pipeline.tasks import images as tasks_images
 
 COLUMNS = ("form", "model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")
@@ -33,6 +32,7 @@ def train_run(
     """
     import torch
 
+    from pipeline.learning.image_classifier import spec_of
     from pipeline.studies import joined_frames
 
     torch.set_num_threads(1)
@@ -40,7 +40,7 @@ def train_run(
     y = np.eye(len(data.objects), dtype=np.float32)[data.label]
     part = parts(data, values[experiment]["stag"]["validation"], seed)
     block = params.model_settings(values, experiment, model)
-    classifier = models.build(model, tasks_images.spec(data.objects), block, f"{experiment}.models.{model}")
+    classifier = models.build(model, spec_of(len(data.objects)), block, f"{experiment}.models.{model}")
     names = np.char.add(np.char.add(data.recording, "/"), data.label.astype(str))
     _, group = np.unique(names, return_inverse=True)
     if input_frames > 1:

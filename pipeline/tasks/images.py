@@ -34,11 +34,11 @@ def labelled(table: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa
     return table.schema, [table]
 
 
-def spec(objects: list[str]):
+def spec(data: images.Images):
     """Return the shapes of the task (learning.regressors.Spec): one image, one score per object."""
     from pipeline.learning.image_classifier import spec_of
 
-    return spec_of(len(objects))
+    return spec_of(len(data.objects), data.shape)
 
 
 def base(experiment: str, settings: Mapping, protocol: str) -> None:
@@ -50,7 +50,7 @@ def fit(
 ) -> Fitted:
     """Return a model fitted to the images that a protocol names: pressure, strain or both."""
     data = images.read(path, protocol, seed)
-    classifier = build(spec(data.objects))
+    classifier = build(spec(data))
     train, validation = (part_of(data, name) for name in ("train", "validation"))
     del data
     return fitted(classifier, train, validation, seed=seed, **fitting)
@@ -70,7 +70,7 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
     """Yield the tests of all runs; predictions have one column per class. load: as of windows."""
     for protocol, seed in runs:
         data = images.read(paths.dataset(experiment), protocol, seed)
-        run = load(protocol, seed, spec(data.objects))
+        run = load(protocol, seed, spec(data))
         test = np.flatnonzero(data.part == "test")
         predicted = run.predict(data.x[test])
         scores = metrics.unless_failed(classification.scores(data.y[test], predicted), run.failed)
@@ -80,7 +80,7 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
 def stream(experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
     """Return (spec, test images (n, 1, pixels)) of one run."""
     data = images.read(paths.dataset(experiment), protocol, seed)
-    return spec(data.objects), part_of(data, "test")[0]
+    return spec(data), part_of(data, "test")[0]
 
 
 def timed(model, x: np.ndarray) -> tuple[Callable, np.ndarray]:

@@ -17,7 +17,7 @@ import pyarrow as pa
 from sklearn.tree import DecisionTreeClassifier
 
 from pipeline.base import paths
-from pipeline.datasets import schemas, specimens
+from pipeline.datasets import images, schemas, specimens
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove, glove_recorded
 
@@ -124,7 +124,7 @@ def simulated(settings: Mapping) -> pd.DataFrame:
     ohm, film = block["sensor"]["reference_ohm"], block["simulate"]["film"]
     cells = glove.conductance(schemas.matrix(table["pressure"]), ohm)
     strain = glove.conductance(schemas.matrix(table["strain"]), ohm).reshape(-1, 15, 9)
-    joints = glove.joint_means(strain).reshape(len(cells), -1)
+    joints = glove.joint_means(strain, images.GLOVE["strain"].joint).reshape(len(cells), -1)
     joints = joints[:, joints.any(axis=0)]
     angles = 90 * (joints * film["rest_bend_ohm"] - 1) / film["bend_gain"]
     palm = np.arange(glove.PRESSURE_CELLS).reshape(15, 18)[3:, 9:]

@@ -115,7 +115,8 @@ def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
         "pressure": schemas.lists(rng.integers(0, 1000, (count, glove.PRESSURE_CELLS)).astype(np.int16), pa.int16()),
         "strain": schemas.lists(rng.integers(0, 1000, (count, glove.STRAIN_CELLS)).astype(np.int16), pa.int16()),
     }
-    return pa.table(columns).select(glove.SCHEMA.names).cast(glove.SCHEMA)
+    schema = glove.frames_schema({"sensor": {}})
+    return pa.table(columns).select(schema.names).cast(schema)
 
 
 def at_paper_scale(folder: Path) -> dict:

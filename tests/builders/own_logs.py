@@ -163,3 +163,38 @@ def glove(folder: Path, objects=("ball", "cup"), sessions=("grasp0", "grasp1", "
             lines = stamped(np.arange(frames) / 15, counts, "%d", start_us=900_000)
             lines[8] = lines[8][:300]
             (target / "scanner.log").write_text("\n".join([BANNER, *lines]) + "\n")
+
+
+def mat(folder: Path, objects=("ball", "cup", "plate"), sessions=4, frames=12, seed=0):
+    """Write `<object>/<session>/scanner.log` of a mat of 16 x 16 cells with 12 bits: a disc of each object's size."""
+    rng = np.random.default_rng(seed)
+    row, col = np.mgrid[:16, :16]
+    for size, name in enumerate(objects, start=2):
+        for session in range(sessions):
+            y, x = rng.uniform(5, 11, 2)
+            disc = 3000 * np.clip(size - np.hypot(row - y, col - x), 0, 1).ravel()
+            counts = np.rint(disc * rng.uniform(0.7, 1.0, (frames, 1)) + rng.uniform(0, 40, (frames, 256)))
+            _scanned(folder / name / f"day{session}", counts, "%d")
+
+
+def few_channels(folder: Path, objects=("bottle", "pen", "none"), sessions=4, frames=20, seed=0):
+    """Write `<object>/<session>/scanner.log` of five sensors of pressure, 0 to 1023, and five of attitude in degrees.
+
+    The hand is open in the first frames of a session, so that all of the pressure is 0; with `none` it stays open.
+    """
+    rng = np.random.default_rng(seed)
+    closing = np.clip(np.arange(frames) / 8 - 0.5, 0, 1)[:, None]
+    for name in objects:
+        grip = 0 if name == "none" else rng.uniform(200, 1000, 5)
+        attitude = rng.uniform(-90, 90, 5)
+        for session in range(sessions):
+            force = np.clip(closing * grip * rng.uniform(0.8, 1.0, 5), 0, 1023).round()
+            angle = closing * attitude + rng.normal(0, 6, 5) + rng.normal(0, 1, (frames, 5))
+            _scanned(folder / name / f"day{session}", np.hstack([force, angle]), "%.1f")
+
+
+def _scanned(folder: Path, readings, pattern):
+    """Write scanner.log, 20 frames a second."""
+    folder.mkdir(parents=True)
+    lines = stamped(np.arange(len(readings)) / 20, readings, pattern, start_us=5_000)
+    (folder / "scanner.log").write_text("\n".join(lines) + "\n")

@@ -10,6 +10,7 @@ from pipeline.datasets import images, schemas
 from pipeline.experiments import glove
 
 CELLS = glove.PRESSURE_CELLS + glove.STRAIN_CELLS
+SCHEMA = glove.frames_schema(params.load()["glove"])
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +45,7 @@ def table(objects, sessions, frames):
         "pressure": schemas.lists(rng.integers(0, 1024, (n, glove.PRESSURE_CELLS)), pa.int16()),
         "strain": schemas.lists(rng.integers(0, 1024, (n, glove.STRAIN_CELLS)), pa.int16()),
     }
-    return pa.table(columns).cast(glove.SCHEMA)
+    return pa.table(columns).cast(SCHEMA)
 
 
 def test_equations_one_to_four():
@@ -57,15 +58,14 @@ def test_equations_one_to_four():
 def test_equation_five_averages_nine_cells_of_a_joint():
     strain = np.zeros((1, 15, 9))
     strain[0, 3:6, 6:9] = np.arange(9).reshape(3, 3)
-    means = glove.joint_means(strain)
+    means = glove.joint_means(strain, 3)
     assert means.shape == (1, 5, 3) and means[0, 1, 2] == 4 and means.sum() == 4
 
 
-def test_equation_six_uses_the_whole_range_and_refuses_a_constant():
+def test_equation_six_uses_the_whole_range_and_shows_nothing_of_a_sensor_at_rest():
     matrix = np.array([[[2.0, 4.0], [3.0, 2.0]]])
     assert images.normalised(matrix).tolist() == [[[0, 255], [128, 0]]]
-    with pytest.raises(InputError, match="image 1: all cells are equal"):
-        images.normalised(np.stack([matrix[0], np.ones((2, 2))]))
+    assert images.normalised(np.stack([matrix[0], np.ones((2, 2))]))[1].tolist() == [[0, 0], [0, 0]]
 
 
 def test_images_lie_in_the_two_areas_of_the_scan(settings):
@@ -106,7 +106,7 @@ def test_an_unknown_split_or_dataset_is_named(settings):
     with pytest.raises(InputError, match="no split 'grasp'"):
         glove.split(table(2, 3, 1), settings, "grasp_combined", 0)
     with pytest.raises(InputError, match="must end in one of _pressure, _strain, _combined"):
-        images.modality("session_both")
+        glove.split(table(2, 3, 1), settings, "session_both", 0)
 
 
 def test_shares_are_never_empty():
@@ -129,24 +129,22 @@ def test_bad_lines_go_to_the_rejects_with_their_reason(settings, tmp_path):
     lines[3] = line(3000, good[3][:-1])  # a cell is missing
     lines[7] = line(7000, [*good[7], 5])  # one too many
     lines[11] = line(11000, [2000, *good[11][1:]])
-    lines[15] = line(15000, np.zeros(CELLS, int))  # the scanner lost its supply
-    lines[19] = line(19000, np.r_[np.full(glove.PRESSURE_CELLS, 7), good[19][glove.PRESSURE_CELLS :]])
+    lines[15] = line(15000, np.zeros(CELLS, int))  # at rest, a frame as any other
     folder = write(tmp_path / "can" / "one", lines)
     loose = settings | {"ingest": {"max_reject_fraction": 0.5}}
     frames, rejects, report = glove.read_recording(folder, loose)
     found = dict(zip(rejects["line"].to_pylist(), rejects["reason"].to_pylist(), strict=True))
-    constant = {16: "constant frame", 20: "constant frame"}
-    assert found == {4: "column count", 8: "column count", 12: "out of range"} | constant
-    assert frames.num_rows == 35 and report[glove.LOG]["lines"] == 40
-    assert frames.schema.equals(glove.SCHEMA)
+    assert found == {4: "column count", 8: "column count", 12: "out of range"}
+    assert frames.num_rows == 37 and report[glove.LOG]["lines"] == 40
+    assert frames.schema.equals(SCHEMA)
     assert set(schemas.names(frames["condition"])) == {"can"}
     with pytest.raises(InputError, match=r"scanner\.log: .* of the 40 lines cannot be used.*raise glove\.ingest"):
         glove.read_recording(folder, settings | {"ingest": {"max_reject_fraction": 0.05}})
 
 
 def test_a_log_without_a_usable_frame_is_one_sentence(settings, tmp_path):
-    folder = write(tmp_path / "can" / "one", [line(k, np.zeros(CELLS, int)) for k in range(5)])
-    with pytest.raises(InputError, match="constant frame"):
+    folder = write(tmp_path / "can" / "one", [line(k, np.full(CELLS, 2000)) for k in range(5)])
+    with pytest.raises(InputError, match="no line can be read"):
         glove.read_recording(folder, settings | {"ingest": {"max_reject_fraction": 1.0}})
     (folder / glove.LOG).write_bytes(b"\x00\xff" * 500)
     with pytest.raises(InputError, match=r"scanner\.log"):
@@ -160,3 +158,60 @@ def test_folders_without_objects_or_sessions_are_named(tmp_path):
     (tmp_path / "cup").mkdir()
     with pytest.raises(InputError, match="cup: no session of this object"):
         glove.recordings(tmp_path)
+
+
+MAT = {"sensor": {"reference_ohm": 1000.0, "areas": {"pressure": {"rows": 16, "cols": 16, "highest": 4095}}}}
+FEW = {
+    "sensor": {
+        "scale": "range",
+        "areas": {"force": {"rows": 1, "cols": 5}, "motion": {"rows": 1, "cols": 5, "lowest": -180, "highest": 180}},
+    }
+}
+
+
+def test_areas_of_other_sensors_give_columns_images_and_datasets():
+    mat, few = glove.scanner_format(MAT), glove.scanner_format(FEW)
+    assert len(mat.columns) == 257 and mat.names[-1] == "p255" and mat.columns[-1].high == 4095
+    assert few.names == ["t_us", *(f"f{k}" for k in range(5)), *(f"m{k}" for k in range(5))]
+    assert not few.columns[1].integer and few.columns[-1].low == -180
+    assert images.modalities(MAT) == ("pressure",) and images.shape(MAT) == (16, 16)
+    assert images.modalities(FEW) == ("force", "motion", "combined") and images.shape(FEW) == (1, 10)
+    assert images.shape({"sensor": {}}) == (32, 32)
+
+
+def test_readings_of_few_channels_keep_their_size():
+    frames = pa.table(
+        {
+            "force": schemas.lists(np.array([[0, 0, 0, 0, 0], [1023, 0, 0, 0, 1023]]), pa.float32()),
+            "motion": schemas.lists(np.array([[-180, 0, 180, 0, 0], [0, 0, 0, 0, 90]]), pa.float32()),
+        }
+    )
+    found = glove.images(frames, FEW)
+    assert found["force"][:, 0, :5].tolist() == [[0] * 5, [255, 0, 0, 0, 255]]  # a hand at rest shows nothing
+    assert found["motion"][:, 0, 5:].tolist() == [[0, 128, 255, 128, 128], [128, 128, 128, 128, 191]]
+    assert (found["combined"] == found["force"] + found["motion"]).all()
+
+
+@pytest.mark.parametrize(
+    ("areas", "message"),
+    [
+        ({"combined": {}}, "small letters alone, and not 'combined'"),
+        ({"left_hand": {}}, "small letters alone"),
+        ({"palm": {}, "pads": {}}, "begins like another area"),
+        ({"palm": {"lowest": 9, "highest": 9}}, r"highest \(9\) must be above lowest \(9\)"),
+        ({"palm": {"joint": 3}}, "2 x 2 cells are no whole number of joints of 3"),
+        ({"palm": {}, "tips": {"left": 1}}, "overlaps 'palm' in the image"),
+    ],
+)
+def test_areas_that_cannot_be_are_named(areas, message):
+    areas = {name: {"rows": 2, "cols": 2} | block for name, block in areas.items()}
+    with pytest.raises(InputError, match=rf"^glove\.sensor\.areas\.\w+: .*{message}"):
+        images.areas({"sensor": {"areas": areas}})
+
+
+def test_counts_begin_at_zero_and_protocols_name_an_area():
+    below = {"palm": {"rows": 1, "cols": 1, "lowest": -5}}
+    with pytest.raises(InputError, match=r"counts begin at 0; set glove\.sensor\.scale: range"):
+        glove.scanner_format({"sensor": {"areas": below}})
+    with pytest.raises(InputError, match="'session_strain' must end in one of _pressure"):
+        glove.split(table(2, 3, 2), MAT | {"split": {"train": 0.5, "validation": 0.2}}, "session_strain", 0)

@@ -28,7 +28,7 @@ SETTINGS = {
 def test_a_grasp_becomes_frames_with_interpolated_angles(tmp_path):
     path = save(tmp_path, xml(grasp()))
     frames, rejects, report = read_recording(path, SETTINGS)
-    assert frames.schema.equals(tactile.frames(486, 7, pa.float32())) and frames.num_rows == 10
+    assert frames.schema.equals(tactile.frames({"pressure": 486, "strain": 7}, pa.float32())) and frames.num_rows == 10
     assert rejects.schema.equals(parse.REJECTS)
     assert rejects["reason"].to_pylist() == ["constant frame"] * 3 and rejects["line"].to_pylist() == [1, 2, 3]
     assert rejects["text"][0].as_py() == f"{START_MS} C3F30000"  # -486

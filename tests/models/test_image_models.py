@@ -72,13 +72,13 @@ def accuracy(model, part):
     "network, shape, macs, params",
     [
         (lambda: resnet18.network(3, 1000), (3, 224, 224), 1_824_033_792, 11_689_512),
-        (lambda: mobilenet.network(3, 1000, 224), (3, 224, 224), 588_912_128, 4_231_976),
+        (lambda: mobilenet.network(3, 1000, (224, 224)), (3, 224, 224), 588_912_128, 4_231_976),
         (lambda: resnet3x3.trunk(1), (1, 32, 32), 72_581_120, 674_240),
         (lambda: sp_resnet_nogcam.network(1, 1000), (1, 32, 32), 12_432_512, 217_640),
         (lambda: sp_resnet.network(1, 1000, 16), (1, 32, 32), 12_723_840, 226_160),
         (lambda: sp_resnet.network(1, 1000, 1), (1, 32, 32), 14_728_320, 342_440),
         (lambda: resnet18.network(1, 16), (1, 32, 32), 35_617_792, 11_178_448),
-        (lambda: mobilenet.network(1, 16, 32), (1, 32, 32), 11_867_648, 3_222_800),
+        (lambda: mobilenet.network(1, 16, (32, 32)), (1, 32, 32), 11_867_648, 3_222_800),
         (lambda: resnet3x3.network(1, 16), (1, 32, 32), 72_591_488, 676_304),
         (lambda: sp_resnet_nogcam.network(1, 16), (1, 32, 32), 12_306_560, 90_704),
         (lambda: sp_resnet.network(1, 16, 16), (1, 32, 32), 12_597_888, 99_224),
@@ -151,7 +151,9 @@ def test_shapes_and_parameters(key):
     )
 
 
-@pytest.mark.parametrize("network", [resnet18.network(3, 7), mobilenet.network(3, 7, 72), sp_resnet.network(3, 7, 4)])
+@pytest.mark.parametrize(
+    "network", [resnet18.network(3, 7), mobilenet.network(3, 7, (72, 72)), sp_resnet.network(3, 7, 4)]
+)
 def test_other_sizes(network):
     assert network.eval()(torch.zeros(2, 3, 72, 72)).shape == (2, 7)
 

@@ -80,10 +80,10 @@ def images_dataset(path, wrong: str) -> None:
         {
             "condition": names(np.where(label, "b", "a")),
             "label": pa.array(np.where(PART == wrong, 1 - label, label).astype(np.int16)),
-            "pressure": schemas.lists(halves(label), pa.uint8()),
             schemas.split_column("session_pressure", 0): names(PART),
         }
     )
+    table = images.with_pictures(table, {"pressure": halves(label).reshape(-1, images.SIDE, images.SIDE)})
     schemas.write(path, table.schema, [table])
 
 

@@ -183,9 +183,9 @@ def write_dataset(sessions=6, each=4):
         np.where(y[:, 1], "b", "a"), [f"session{k // 2:02d}" for k in session], part
     )]  # fmt: skip
     columns = {"condition": names[0], "recording": names[1], "label": pa.array(y.argmax(axis=1).astype(np.int16))}
-    columns["combined"] = schemas.lists(x[:, 0].astype(np.uint8), pa.uint8())
     columns[schemas.split_column("session_combined", 0)] = names[2]
-    table = pa.table(columns)
+    pictures = x.reshape(-1, images.SIDE, images.SIDE).astype(np.uint8)
+    table = images.with_pictures(pa.table(columns), {"combined": pictures})
     schemas.write(paths.dataset("glove"), table.schema, [table])
 
 

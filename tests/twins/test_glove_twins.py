@@ -104,7 +104,7 @@ def test_the_scene_gives_back_its_own_misfit(monkeypatch):
         "pressure": schemas.lists(cells[:, : experiment.PRESSURE_CELLS], pa.int16()),
         "strain": schemas.lists(cells[:, experiment.PRESSURE_CELLS :], pa.int16()),
     }
-    table = pa.table(columns).cast(experiment.SCHEMA)
+    table = pa.table(columns).cast(experiment.frames_schema({"sensor": {}}))
     monkeypatch.setattr(glove.paths, "require", lambda path, made_by: path)
     monkeypatch.setattr(glove.schemas, "read", lambda path: table)
     monkeypatch.setattr(glove, "of_set", lambda data, seed: iter(()))

@@ -1,15 +1,16 @@
 """Draw a folder of logs: signals of the first recordings over time, rejected lines, and places that were pressed."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Rectangle
 
-from pipeline.datasets import schemas
+from pipeline.datasets import images, schemas
 from pipeline.logs import alignment
 from pipeline.reporting.figures import style
 
@@ -23,39 +24,45 @@ LINES = (
     (style.ORANGE, "-."),
     (style.GREY, "-"),
 )
-# Panels of an experiment: (title, file pattern, columns); a pattern of columns stands for their sum or mean.
+
+
+class Panel(NamedTuple):
+    """What one panel shows of a recording."""
+
+    title: str
+    files: str  # pattern of the logs' names, without .log
+    columns: str  # pattern
+    combined: Callable[[np.ndarray], np.ndarray] | None = None  # (n, columns) to one line (n,); None: a line each
+
+
 PANELS = {
     "touch": (
-        ("Force (N)", r"load_cell.*", r"fz_n"),
-        ("Array, sum above\nrest (counts)", r"array", r"v\d+"),
-        ("Place (mm)", r"cnc.*", r"[xy]_mm"),
+        Panel("Force (N)", r"load_cell.*", r"fz_n"),
+        Panel(
+            "Array, sum above\nrest (counts)",
+            r"array",
+            r"v\d+",
+            lambda cells: sum(map(alignment.strength_above_rest, cells.T)),
+        ),
+        Panel("Place (mm)", r"cnc.*", r"[xy]_mm"),
     ),
-    "strain": (("Voltage (V)", r"daq", r"u\d+"), ("Place (mm)", r"robot", r"[xyz]_mm")),
-    "glove": (
-        ("Pressure cells,\nmean (counts)", r"scanner", r"p\d+"),
-        ("Joint cells,\nmean (counts)", r"scanner", r"s\d+"),
-    ),
-}
-COMBINED = {  # of (n, cells)
-    "v": lambda cells: sum(map(alignment.strength_above_rest, cells.T)),
-    "p": lambda cells: cells.mean(axis=1),
-    "s": lambda cells: cells.mean(axis=1),
+    "strain": (Panel("Voltage (V)", r"daq", r"u\d+"), Panel("Place (mm)", r"robot", r"[xyz]_mm")),
 }
 SILENT = 20  # median intervals; no line is drawn over a longer silence
 
 
 def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -> None:
     """Draw recordings (pipeline/commands/check.py: `Checked`) side by side, one column each, to `path` (PNG)."""
-    panels = PANELS[experiment]
+    panels = PANELS.get(experiment) or areas_of(settings)
     mapped = experiment == "touch" and any(recording.frames is not None for recording in recordings)
     rows, columns = len(panels) + mapped, len(recordings)
     figure, axes = style.panels(rows * columns, columns, 1.5 + 4.5 * columns, 2.3, int(mapped))
     for column, recording in enumerate(recordings):
         note = "" if recording.report else "\n(not aligned: each log from its own start)"
         axes[0, column].set_title(style.literal(recording.name) + note, pad=20, fontweight="bold")
-        for ax, (label, files, pattern) in zip(axes[:, column], panels, strict=False):
-            signals(ax, recording, files, pattern)
-            ax.set_ylabel(label)
+        for ax, panel in zip(axes[:, column], panels, strict=False):
+            signals(ax, recording, panel)
+            ax.set_ylabel(panel.title)
             ax.set_xlabel("Time (s)")
         if mapped and recording.frames is not None:
             places(axes[-1, column], recording.frames, settings)
@@ -64,17 +71,29 @@ def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -
     style.save(figure, path)
 
 
-def signals(ax: plt.Axes, recording, files: str, pattern: str) -> None:
+def areas_of(settings: Mapping) -> list[Panel]:
+    """Return a panel per area of a sensor of images: every cell where there are few, else their mean."""
+    panels = []
+    for name, area in images.areas(settings).items():
+        title, columns = f"Cells of\n{name}", rf"{name[0]}\d+"
+        if area.cells <= len(LINES):
+            panels.append(Panel(title, "scanner", columns))
+        else:
+            panels.append(Panel(f"{title}, mean", "scanner", columns, lambda cells: cells.mean(axis=1)))
+    return panels
+
+
+def signals(ax: plt.Axes, recording, panel: Panel) -> None:
     """Draw the matching columns of the matching logs of a recording, and ticks at the bottom for rejected lines."""
     looks, ticks = cycle(LINES), []
-    logs = {name: log for name, log in recording.logs.items() if re.fullmatch(files + r"\.log", name)}
+    logs = {name: log for name, log in recording.logs.items() if re.fullmatch(panel.files + r"\.log", name)}
     for name, log in logs.items():
         time = reference_time(log, recording.report.get(name))
         silent = np.flatnonzero(np.abs(np.diff(time)) > SILENT * np.median(np.diff(time))) + 1
-        columns = [column for column in log.rows.column_names if re.fullmatch(pattern, column)]
+        columns = [column for column in log.rows.column_names if re.fullmatch(panel.columns, column)]
         values = {column: log.rows[column].to_numpy() for column in columns}
-        if (combined := COMBINED.get(columns[0][0])) is not None:
-            values = {"all": combined(np.column_stack(list(values.values())))}
+        if panel.combined:
+            values = {"all": panel.combined(np.column_stack(list(values.values())))}
         for (column, value), (colour, dashes) in zip(values.items(), looks, strict=False):
             broken = np.insert(time, silent, np.nan), np.insert(value.astype(float), silent, np.nan)
             label = [name.removesuffix(".log")] * (len(logs) > 1 or len(values) == 1)
