@@ -7,7 +7,7 @@ from pipeline.learning.regressors import Spec
 
 
 def build(spec: Spec) -> SklearnRegressor:
-    """Return a regressor that answers every window with the mean map; 400 fitted numbers for a 20x20 map."""
+    """Return a regressor that predicts the mean map for every window; 400 fitted numbers for a 20x20 map."""
     return SklearnRegressor(
         lambda seed: DummyRegressor(strategy="mean"),
         spec,

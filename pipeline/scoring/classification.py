@@ -32,7 +32,7 @@ def confusion(truth: np.ndarray, predicted: np.ndarray) -> np.ndarray:
 
 
 def by_frames(predicted: np.ndarray, group: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean answers of a one-frame network to sets of images: (first rows (m,), scores (m, classes)).
+    """Return the mean predictions of a one-frame network to sets of images: (first rows (m,), scores (m, classes)).
 
     In place of figure 15, whose networks are trained on all the frames at once.
 

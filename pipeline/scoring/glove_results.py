@@ -21,7 +21,7 @@ BASELINES = ("naive_bayes", "tree")
 COMPARED = ("sp_resnet", "resnet3x3")  # by number of input frames, figure 15
 FORMS = {  # of an answer to several input frames, as input_frames.csv and stag.csv call them
     "trained": "one network trained on all frames",
-    "mean": "mean answer of a one-frame network",
+    "mean": "mean prediction of a one-frame network",
 }
 FRAMES_COLUMNS = ["form", "model", "seed", "frames", "metric", "value"]
 MOST_CONFUSED = 3  # pairs that are listed; one that the paper names must be among them
@@ -90,7 +90,7 @@ def read_frames(table: pa.Table, dataset: str, settings: Mapping, models: Sequen
 def with_one_frame(rows: pd.DataFrame) -> pd.DataFrame:
     """Return scores by number of frames whose networks trained on several have their beginning, the one of one frame.
 
-    That is the one whose answers are averaged, where no other was trained: of the same models and seeds.
+    That is the one whose predictions are averaged, where no other was trained: of the same models and seeds.
     """
     trained, mean = (rows[rows["form"] == form] for form in ("trained", "mean"))
     if len(trained) and not (trained["frames"] == 1).any():
@@ -154,9 +154,9 @@ def ranked_pairs(counts: np.ndarray) -> list[tuple[int, int]]:
 
 
 def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: Sequence[str]) -> pd.DataFrame:
-    """Score the mean answer to 1 .. `most` images of a test session (see `compared_images`); columns as in stag.csv.
+    """Score the mean prediction of 1 .. `most` images of a test session (see `compared_images`).
 
-    table: the dataset's.
+    Columns as in stag.csv. table: the dataset's.
     """
     label, session = table["label"].to_numpy(), frame_sets.sessions(table)
     most, tests = frame_sets.compared_images(table, protocol, settings["protocols"][protocol]["seeds"])

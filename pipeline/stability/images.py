@@ -110,7 +110,7 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 
 
 class Run:
-    """One trained model and its answers to the test images as they are."""
+    """One trained model and its predictions of the test images as they are."""
 
     def __init__(self, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
         data = images.read(paths.dataset(experiment), protocol, seed)
@@ -118,20 +118,20 @@ class Run:
         self.model, self.failed = tasks.load(values, experiment, model, protocol, seed, spec)
         self.modality, self.part = images.modality(protocol), data.part
         self.x, self.y = tasks_images.part_of(data, "test")
-        self.answers = self.model.predict(self.x)
-        self.clean = self._scores(self.answers)
+        self.predicted = self.model.predict(self.x)
+        self.clean = self._scores(self.predicted)
 
     def scores(self, pictures: np.ndarray) -> list:
         """Return the scores of test images (n, SIDE, SIDE) uint8 after a perturbation; predicts the changed."""
         x = pictures.reshape(self.x.shape).astype(np.float32)
         changed = np.flatnonzero((x != self.x).any(axis=(1, 2)))
-        answers = self.answers.copy()
+        predicted = self.predicted.copy()
         if len(changed):
-            answers[changed] = self.model.predict(x[changed])
-        return self._scores(answers)
+            predicted[changed] = self.model.predict(x[changed])
+        return self._scores(predicted)
 
-    def _scores(self, answers: np.ndarray) -> list:
-        return metrics.unless_failed(classification.scores(self.y, answers), self.failed)
+    def _scores(self, predicted: np.ndarray) -> list:
+        return metrics.unless_failed(classification.scores(self.y, predicted), self.failed)
 
 
 def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:

@@ -1,7 +1,7 @@
 """Train the networks of figure 15 on several input frames, as STAG does: see `joined_frames`.
 
 Trains `glove.models`' SP-ResNet and ResNet_3x3 on `input_frames.numbers` of frames of a session and scores them on sets
-of frames of the test sessions: those whose answers of the one-frame network are averaged beside. A number that no
+of frames of the test sessions: those whose predictions of the one-frame network are averaged beside. A number that no
 session has is left out.
 Usage: python -m pipeline.studies.input_frames glove
 """

@@ -1,7 +1,7 @@
 """Train and score the models of figure 15 on the STAG data set, where `glove.stag.file` names its metadata.mat.
 
 Trains the figure's models on the training part, keeping some of its recordings for validation: on one frame, whose
-answers to several are averaged, and on each of `glove.input_frames.numbers` of frames (see `joined_frames`). Scores
+predictions of several are averaged, and on each of `glove.input_frames.numbers` of frames (see `joined_frames`). Scores
 them on the test part. Without the file (`none`) the table has no rows.
 Usage: python -m pipeline.studies.stag glove
 """
@@ -28,7 +28,7 @@ def train_run(
 ) -> list[tuple]:
     """Train one model and score it; rows of stag.csv.
 
-    With one input frame its answers to 1 to MOST_FRAMES frames of a recording are averaged.
+    With one input frame its predictions of 1 to MOST_FRAMES frames of a recording are averaged.
     """
     import torch
 

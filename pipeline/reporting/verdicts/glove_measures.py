@@ -162,7 +162,7 @@ def training(e: Evidence, experiment: str = "glove") -> str:
 
 
 def lookalikes(e: Evidence, dataset: str) -> str:
-    """Say which objects SP-ResNet's wrong answers are about."""
+    """Say which objects SP-ResNet's wrong predictions are about."""
     counts, objects = confusions(e)
     score(e, "sp_resnet", dataset)
     total = counts[dataset].sum(axis=0)
@@ -172,8 +172,8 @@ def lookalikes(e: Evidence, dataset: str) -> str:
         return ""
     share = wrong[np.ix_(alike, alike)].sum() / wrong.sum()
     return (
-        f"Of SP-ResNet's wrong answers, {dataset}, {100 * share:.0f} % confuse {', '.join(objects[k] for k in alike)} "
-        "with each other. "
+        f"Of SP-ResNet's wrong predictions, {dataset}, {100 * share:.0f} % confuse "
+        f"{', '.join(objects[k] for k in alike)} with each other. "
     )
 
 

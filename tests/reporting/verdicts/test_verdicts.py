@@ -295,8 +295,8 @@ def test_number_of_frames():
         assert [judged(key, given).verdict for key in (above, more)] == verdicts
         alone = glove() | {("stag",): frames(last, "mean")}
         assert [judged(key, alone).verdict for key in (above, more)] == verdicts
-        assert "mean answer of a one-frame network" in judged(more, alone).reason
-        # Where networks were trained on several frames, the mean answer decides nothing.
+        assert "mean prediction of a one-frame network" in judged(more, alone).reason
+        # Where networks were trained on several frames, the mean prediction decides nothing.
         both = pd.concat([frames(last), frames(1.1 - last, "mean")])
         assert [judged(key, glove() | {("stag",): both}).verdict for key in (above, more)] == verdicts
         assert "one network trained on all frames" in judged(more, given).reason
