@@ -419,15 +419,15 @@ MUTANTS = [
     Mutant(
         "joints-in-reverse",
         "pipeline/experiments/glove.py",
-        "JOINT, cols // JOINT, JOINT).mean(axis=(2, 4))",
-        "JOINT, cols // JOINT, JOINT).mean(axis=(2, 4))[:, ::-1]",
+        "joint, cols // joint, joint).mean(axis=(2, 4))",
+        "joint, cols // joint, joint).mean(axis=(2, 4))[:, ::-1]",
         "experiments/test_glove.py",
     ),
     Mutant(
         "image-does-not-use-the-whole-range",
         "pipeline/datasets/images.py",
-        "np.round(HIGHEST * (matrix - low) / (high - low))",
-        "np.round(HIGHEST * matrix / high)",
+        "np.round(HIGHEST * (matrix - low) / np.where(high > low, high - low, 1))",
+        "np.round(HIGHEST * matrix / np.where(high > low, high, 1))",
         "experiments/test_glove.py",
     ),
     Mutant(
