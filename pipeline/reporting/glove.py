@@ -442,7 +442,10 @@ def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_press
     bends, period_s = BENDS
     bent_s = np.arange(round(bends * period_s * hz)) / hz
     joint = [
-        (time_s, read(np.repeat(glove_scene.bent_film(angle, film)[:, None], glove_experiment.JOINT**2, axis=1)))
+        (
+            time_s,
+            read(np.repeat(glove_scene.bent_film(angle, film)[:, None], images.GLOVE["strain"].joint ** 2, axis=1)),
+        )
         for time_s, angle in ((held_s, held), (bent_s, HELD_DEG[-1] * triangle(bent_s, period_s)))
     ]
     title = f"Figure 9: a joint of the scene, held at angles and bent {bends} times; its law has no fatigue"
@@ -466,7 +469,7 @@ def draw_grasp(path: Path, table: pa.Table, objects: Sequence[str]) -> str:
         dataset: schemas.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in MODALITIES
     }
     title = style.literal(f"Figure 10: tactile images, {grasped.replace('_', ' ')}, {sessions[grasp]}")
-    glove_figures.tactile_images(path, pictures, glove_experiment.STRAIN, title)
+    glove_figures.tactile_images(path, pictures, images.GLOVE["strain"].place, title)
     return glove_captions.tactile_images(pictures, grasped)
 
 

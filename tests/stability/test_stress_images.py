@@ -178,7 +178,7 @@ def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_number
     run = stress_images.Run.__new__(stress_images.Run)
     run.model, run.failed = SimpleNamespace(predict=predict), False
     run.x, run.y = np.zeros((4, 1, images.SIDE**2), np.float32), np.eye(2)[[0, 1, 1, 1]]
-    run.answers = np.repeat([[0.0, 1.0]], 4, axis=0)
+    run.predicted = np.repeat([[0.0, 1.0]], 4, axis=0)
     pictures = np.zeros((4, images.SIDE, images.SIDE), np.uint8)
     assert run.scores(pictures)[0] == ("accuracy", "1", 0.75, 4) and not asked
     pictures[0] = 1
