@@ -44,7 +44,7 @@ def main(given: argparse.Namespace) -> None:
     """Run the model named on the command line until its source ends."""
     import torch
 
-    from pipeline.inference import packages, predictor
+    from pipeline.inference import onnx_export, packages, predictor
     from pipeline.live import outputs, source
     from pipeline.live.session import Session
 
@@ -56,7 +56,7 @@ def main(given: argparse.Namespace) -> None:
     torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as draft:
         folder, comes_from = packages.locate(given.model, params.load(), Path(draft, "package"))
-        model = predictor.load(folder)
+        model = onnx_export.faster(predictor.load(folder), Path(draft))
     card = model.card
     who, fmt = f"{card.experiment}/{card.model}", source.line_format(card)
     say(f"{who}: {comes_from}")

@@ -15,7 +15,7 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
-from pipeline.inference import packages
+from pipeline.inference.describer import Describer
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
 # What a loaded model imports, and pandas, which MLflow hands it tables with. MLflow finds this out in seconds a model.
@@ -32,7 +32,7 @@ class Writer:
     def __init__(self, values: Mapping):
         """Take params.yaml as nested dictionaries."""
         self.values = values
-        self._of_experiment: dict[str, tuple[packages.Describer, np.ndarray]] = {}
+        self._of_experiment: dict[str, tuple[Describer, np.ndarray]] = {}
         versions = {name: importlib.metadata.version(name).partition("+")[0] for name in REQUIRED}
         self._requirements = [f"{name}=={version}" for name, version in versions.items()]
 
@@ -47,7 +47,7 @@ class Writer:
         from mlflow.types import Schema, TensorSpec
 
         if run.experiment not in self._of_experiment:
-            describer = packages.Describer(self.values, run.experiment)
+            describer = Describer(self.values, run.experiment)
             self._of_experiment[run.experiment] = describer, _readings(run.experiment, self.values[run.experiment])
         describer, readings = self._of_experiment[run.experiment]
         card = describer.card(run.model, run.protocol, run.seed, logged.data.tags.get("git_commit", "unknown"))

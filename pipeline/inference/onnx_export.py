@@ -22,6 +22,7 @@ from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST
 from pipeline.inference import card as cards
 from pipeline.inference.card import Card
+from pipeline.inference.onnx_network import CARD, NAME, READINGS, REPEATED, TENSORS, ZERO, OnnxNetwork, Tensor
 from pipeline.inference.predictor import Predictor
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.lomp_network import Lomp, LompRegressor
@@ -31,26 +32,15 @@ from pipeline.learning.series_regressors import Scaling, StateReadout
 from pipeline.models.lomp_stream import LARGEST_STATE, StreamingLomp
 from pipeline.models.lstm_highpass import HighpassLstm
 
-NAME, INT8_NAME = "model.onnx", "model.int8.onnx"
-METADATA = "tensors"  # key of the file's metadata: what its inputs and outputs are
-READINGS = "readings"  # name of the first input
+INT8_NAME = "model.int8.onnx"
 OUTPUTS = {"kPa": "map_kpa", "N": "force_n", "mm": "position_mm", "probability": "probabilities"}
 MOST_DIFFERENCE = 1e-4  # of full scale, from torch
 MOST_INT8_DIFFERENCE = 0.01  # of full scale, from float32
 ROWS, STEPS = 16, 32  # of a check: windows, images or streams, and readings of a stream
 LARGEST_FOLDED = 1 << 30  # bytes of weights that are computed once, in the export
 MOST_TEST_READINGS = 1000  # windows or images that int8 is compared on: a second or two
+NETWORKS = (TorchRegressor, LstmRegressor, HighpassLstm, StateReadout)
 REACH = 2.0  # spreads from the mean to either end of the range that readings are drawn from
-ZERO, REPEATED = "zero", "the first reading, repeated"  # what a state is before the first reading
-
-
-class Tensor(NamedTuple):
-    """An input or output of the file. In its shape, `n` is any number of windows, images or streams."""
-
-    name: str
-    shape: tuple[int | str, ...]
-    what: str  # unit and order
-    start: str | None = None  # of a state: ZERO or REPEATED
 
 
 class Graph(NamedTuple):
@@ -82,14 +72,13 @@ class Written(NamedTuple):
 def export(model: Predictor, folder: Path) -> Written:
     """Write a saved network as NAME into a folder that exists, and run it on random readings.
 
-    Raises InputError for a model without a network, where a package of the extra `onnx` is absent, and where
-    predictions differ from torch's by more than MOST_DIFFERENCE.
+    Raises InputError for a model without a network, and where predictions differ from torch's by more than
+    MOST_DIFFERENCE.
     """
-    require_packages()
     graph, path = graph_of(model), folder / NAME
     write(graph, model.card, path)
     readings = random_readings(model, graph)
-    differs = difference(model, run(path, graph, readings), by_torch(model, readings))
+    differs = difference(model, run(path, readings), by_torch(model, readings))
     if not differs <= MOST_DIFFERENCE:  # NaN, too
         raise InputError(
             f"{_name(model)}: as ONNX it differs from torch by {differs:.1g} of full scale, more than "
@@ -105,7 +94,7 @@ def export_int8(model: Predictor, folder: Path, readings: np.ndarray) -> Written
     """
     graph, exact, path = graph_of(model), folder / NAME, folder / INT8_NAME
     quantise(exact, path, per_output=not isinstance(graph.module, _LompWindows))
-    differs = difference(model, run(path, graph, readings), run(exact, graph, readings))
+    differs = difference(model, run(path, readings), run(exact, readings))
     if not differs <= MOST_INT8_DIFFERENCE:
         raise InputError(
             f"{_name(model)}: with weights of 8 bits it differs by up to {100 * differs:.2g} % of full scale on test "
@@ -114,18 +103,23 @@ def export_int8(model: Predictor, folder: Path, readings: np.ndarray) -> Written
     return Written(path, differs)
 
 
+def faster(model: Predictor, folder: Path) -> Predictor:
+    """Return a saved model with its network in ONNX Runtime, where that is faster: all networks but LoMP.
+
+    The file is written into `folder`, which exists, and is not needed afterwards. Raises InputError as `export`.
+    """
+    if model.onnx is not None or isinstance(model.model, LompRegressor) or not is_network(model):
+        return model
+    return Predictor(model.model, model.card, OnnxNetwork(export(model, folder).path))
+
+
+def is_network(model: Predictor) -> bool:
+    """Tell whether a model can be written as ONNX."""
+    return isinstance(model.model, NETWORKS)
+
+
 def _name(model: Predictor) -> str:
     return f"{model.card.experiment}/{model.card.model}"
-
-
-def require_packages() -> None:
-    """Raise InputError where a package that writes or runs ONNX is absent."""
-    try:
-        import onnx  # noqa: F401
-        import onnxruntime  # noqa: F401
-        import onnxscript  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise InputError(f"{error.name} is not installed; run `pip install -c constraints.txt -e '.[onnx]'`") from error
 
 
 def graph_of(model: Predictor) -> Graph:
@@ -350,7 +344,7 @@ def write(graph: Graph, card: Card, path: Path) -> None:
     for dimension in (dimension for value in values for dimension in value.type.tensor_type.shape.dim):
         if dimension.dim_param:
             dimension.dim_param = "n"  # the exporter has another name for the number of rows
-    onnx.helper.set_model_props(made, {METADATA: json.dumps(described), "card": card.model_dump_json()})
+    onnx.helper.set_model_props(made, {TENSORS: json.dumps(described), CARD: card.model_dump_json()})
     path.write_bytes(made.SerializeToString())
 
 
@@ -367,34 +361,10 @@ def _quiet() -> Iterator[None]:
         logging.disable(before)
 
 
-def session(path: Path):
-    """Return what runs an ONNX file on one thread of the CPU."""
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 3  # errors
-    return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-
-
-def first_states(graph: Graph, readings: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the states of n streams before their first readings (n, columns), by name."""
-    states = {}
-    for tensor in graph.states:
-        shape = [len(readings) if size == "n" else size for size in tensor.shape]
-        start = np.zeros(shape, np.float32)
-        states[tensor.name] = start + readings[:, None] if tensor.start == REPEATED else start
-    return states
-
-
-def run(path: Path, graph: Graph, readings: np.ndarray) -> np.ndarray:
+def run(path: Path, readings: np.ndarray) -> np.ndarray:
     """Return predictions (steps, n, ...) of a file for readings (steps, n, ...), the state carried along."""
-    runs, states, predicted = session(path), first_states(graph, readings[0]), []
-    for step in readings:
-        outputs, *following = runs.run(None, {READINGS: step, **states})
-        states = dict(zip(states, following, strict=True))
-        predicted.append(outputs)
-    return np.stack(predicted)
+    network = OnnxNetwork(path)
+    return np.stack([network.step(step) for step in readings])
 
 
 def by_torch(model: Predictor, readings: np.ndarray) -> np.ndarray:
@@ -422,7 +392,7 @@ def random_readings(model: Predictor, graph: Graph) -> np.ndarray:
         return (shares + REACH) / (2 * REACH) * brightness
     if card.kind == "windows":
         return inner.input_mean.numpy() + inner.input_spread.numpy() * shares
-    mean, spread = (_in_columns(inner.scaling.tensors[name].numpy(), card) for name in ("x_mean", "x_spread"))
+    mean, spread = (in_columns(inner.scaling.tensors[name].numpy(), card) for name in ("x_mean", "x_spread"))
     return mean + spread * shares
 
 
@@ -438,12 +408,12 @@ def readings_of_test_part(model: Predictor, values: Mapping) -> np.ndarray:
     paths.require(paths.dataset(card.experiment), f"python -m pipeline.stages.dataset {card.experiment}")
     _, x = tasks.of(card.experiment).stream(card.experiment, values[card.experiment], card.protocol, card.seed)
     if card.kind == "series":
-        return _in_columns(x, card)[:, None]
+        return in_columns(x, card)[:, None]
     x = x[np.linspace(0, len(x) - 1, min(len(x), MOST_TEST_READINGS)).astype(int)].astype(np.float32)
     return np.ascontiguousarray(x.transpose(1, 0, 2)) if model.model.streams else x[None]
 
 
-def _in_columns(values: np.ndarray, card: Card) -> np.ndarray:
+def in_columns(values: np.ndarray, card: Card) -> np.ndarray:
     """Return values (..., channels) of a model of series in the columns of a reading (..., columns); others are 0."""
     wide = np.zeros((*values.shape[:-1], card.inputs.columns), np.float32)
     wide[..., slice(None) if card.inputs.chosen is None else card.inputs.chosen] = values

@@ -16,9 +16,12 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, models, tasks
+from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
+from pipeline.inference.onnx_network import NAME, OnnxNetwork
+from pipeline.learning.lomp_network import LompRegressor
 from pipeline.learning.regressors import Spec
 
 SOME_WINDOWS = 4096  # predicted at once: 4 MB of LoMP's windows
@@ -30,8 +33,10 @@ class Predictor:
     `card.outputs`; of each model the first predictions, before it has seen a whole window, are NaN.
     """
 
-    def __init__(self, model, card: cards.Card):
-        self.model, self.card = model, card
+    def __init__(self, model, card: cards.Card, onnx: OnnxNetwork | None = None):
+        """onnx: the model's network in ONNX Runtime, which then takes its place; a whole series is faster in torch."""
+        self.model, self.card, self.onnx = model, card, onnx
+        self._network = onnx or model
         self.reset()
 
     @property
@@ -79,21 +84,21 @@ class Predictor:
             predicted = self._of_images(x)
         elif self.card.kind == "series" or self.model.streams:
             self._put(self._carried[phase])
-            predicted = self.model.step(self._chosen(x))
-            self._carried[phase] = {name: getattr(self.model, name, None) for name in CARRIED}
+            predicted = self._network.step(x if self.onnx else self._chosen(x))
+            self._carried[phase] = {name: getattr(self._network, name, None) for name in CARRIED}
         else:
             self._last.append(x[0])
             if len(self._last) < self._last.maxlen:
                 return np.full(self.output_shape, np.nan, np.float32)
             window = np.stack(list(self._last)[:: self._frame_step])
-            predicted = self.model.predict(window[None])
+            predicted = self._network.predict(window[None])
         return np.asarray(predicted, np.float32).reshape(self.output_shape)
 
     def _put(self, carried: Mapping) -> None:
         """Give the model what a stream has carried along so far; nothing for a new one."""
         for name in CARRIED:
-            if hasattr(self.model, name):
-                setattr(self.model, name, carried.get(name))
+            if hasattr(self._network, name):
+                setattr(self._network, name, carried.get(name))
 
     def _checked(self, readings: np.ndarray) -> np.ndarray:
         """Return readings as (n, columns) float32."""
@@ -118,7 +123,7 @@ class Predictor:
         offsets = np.arange(-reach, 1, self.card.inputs.frame_step)
         for first in range(0, len(rows), SOME_WINDOWS):
             some = rows[first : first + SOME_WINDOWS]
-            predicted[some] = self.model.predict(x[some[:, None] + offsets])
+            predicted[some] = self._network.predict(x[some[:, None] + offsets]).reshape(len(some), -1)
         return predicted
 
     def _streamed(self, x: np.ndarray) -> np.ndarray:
@@ -144,12 +149,13 @@ class Predictor:
         parts = zip(names, np.split(x, edges, axis=1), strict=True)
         frames = pa.table({name: schemas.lists(part, pa.float32()) for name, part in parts})
         pictures = module.images(frames, self.card.reading)[images.modality(self.card.protocol)]
-        return self.model.predict(pictures.reshape(len(x), 1, -1).astype(np.float32))
+        return self._network.predict(pictures.reshape(len(x), 1, -1).astype(np.float32))
 
 
 def load(folder: str | Path) -> Predictor:
     """Return the saved model in a folder that `tactile export` made, ready to predict on the CPU.
 
+    Where model.onnx lies beside the weights, ONNX Runtime runs the network, but for LoMP, which is faster without.
     Raises InputError where the folder lacks its card or weights, or where these do not belong together.
     """
     folder = Path(folder)
@@ -158,4 +164,10 @@ def load(folder: str | Path) -> Predictor:
     built = models.build(card.model, spec, card.settings, f"{cards.NAME}, settings")
     model = tasks.of(card.experiment).adapted(built, spec)
     model.load(folder)
-    return Predictor(model, card)
+    path = folder / NAME
+    if isinstance(model, LompRegressor) or not path.is_file():
+        return Predictor(model, card)
+    onnx = OnnxNetwork(path)
+    if cards.Card.model_validate_json(onnx.card) != card:
+        raise InputError(f"{paths.shown(path)}: is not of the model of {cards.NAME}; make the folder again")
+    return Predictor(model, card, onnx)

@@ -18,6 +18,7 @@ from pipeline import models
 from pipeline.base import files
 from pipeline.inference import card as cards
 from pipeline.inference import onnx_export
+from pipeline.inference.onnx_network import NAME, READINGS, first_states, session
 from pipeline.inference.predictor import Predictor
 from pipeline.learning import image_classifier, lomp_network
 from pipeline.learning.regressors import Spec
@@ -87,12 +88,13 @@ def speeds(values: Mapping, experiment: str, network: str, folder: Path, rounds:
     model = drawn(values, experiment, network)
     graph, inner = onnx_export.graph_of(model), model.model
     onnx_export.export(model, folder)
-    exact, int8 = folder / onnx_export.NAME, folder / onnx_export.INT8_NAME
+    exact, int8 = folder / NAME, folder / onnx_export.INT8_NAME
     onnx_export.quantise(exact, int8, per_output=not isinstance(inner, lomp_network.LompRegressor))
     x = onnx_export.random_readings(model, graph)[0][-1:]
+    quickest = onnx_export.faster(model, folder).onnx or inner
     calls = {
         TORCH: by_torch(graph, x),
-        PREDICTOR: (lambda: inner.step(x)) if graph.states else (lambda: inner.predict(x)),
+        PREDICTOR: (lambda: quickest.step(x)) if graph.states else (lambda: quickest.predict(x)),
         FLOAT32: by_onnx(exact, graph, x),
         INT8: by_onnx(int8, graph, x),
     }
@@ -105,7 +107,7 @@ def speeds(values: Mapping, experiment: str, network: str, folder: Path, rounds:
 def by_torch(graph: onnx_export.Graph, x: np.ndarray) -> Callable[[], object]:
     """Return what runs the graph in torch for readings x (1, ...), the state carried along."""
     module, readings = graph.module.eval(), torch.from_numpy(x)
-    states = [torch.from_numpy(state) for state in onnx_export.first_states(graph, x).values()]
+    states = [torch.from_numpy(state) for state in first_states(graph.states, x).values()]
 
     def call() -> None:
         with torch.no_grad():
@@ -118,10 +120,10 @@ def by_torch(graph: onnx_export.Graph, x: np.ndarray) -> Callable[[], object]:
 
 def by_onnx(path: Path, graph: onnx_export.Graph, x: np.ndarray) -> Callable[[], object]:
     """Return what runs a file for readings x (1, ...), the state carried along."""
-    session, states = onnx_export.session(path), onnx_export.first_states(graph, x)
+    runs, states = session(path), first_states(graph.states, x)
 
     def call() -> None:
-        _, *following = session.run(None, {onnx_export.READINGS: x, **states})
+        _, *following = runs.run(None, {READINGS: x, **states})
         states.update(zip(states, following, strict=True))
 
     return call

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ from pipeline.base.errors import InputError
 from pipeline.commands import export as command
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
-from pipeline.inference import onnx_export, predictor
+from pipeline.inference import onnx_export, onnx_network, predictor
 from pipeline.learning import image_classifier
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling, StateReadout
@@ -170,7 +169,7 @@ def one_thread():
 def described(path: Path) -> dict:
     """Return the description of a file's tensors from its metadata."""
     held = {entry.key: entry.value for entry in onnx.load(path).metadata_props}
-    return json.loads(held[onnx_export.METADATA])
+    return json.loads(held[onnx_network.TENSORS])
 
 
 @pytest.mark.slow
@@ -181,7 +180,7 @@ def test_windows_give_the_maps_of_the_predictor(key, exported):
     maps = model.predict(readings)[4:]  # the first window of three readings, two apart, ends at the fifth
     assert np.abs(maps).max() > 1
     windows = np.stack([readings[last - 4 : last + 1 : 2] for last in range(4, 11)])
-    runs = onnx_export.session(path)
+    runs = onnx_network.session(path)
     np.testing.assert_allclose(runs.run(None, {"readings": windows})[0], maps, rtol=1e-4, atol=1e-3)
     alone = np.concatenate([runs.run(None, {"readings": window[None]})[0] for window in windows])
     np.testing.assert_allclose(alone, maps, rtol=1e-4, atol=1e-3)
@@ -196,7 +195,7 @@ def test_images_give_the_probabilities_of_the_network(key, exported):
     images *= np.linspace(0, 1, 5, dtype=np.float32)[:, None, None]
     probabilities = model.model.predict(images)
     assert probabilities.shape == (5, 4) and np.ptp(probabilities, axis=0).max() > 1e-3
-    runs = onnx_export.session(path)
+    runs = onnx_network.session(path)
     np.testing.assert_allclose(runs.run(None, {"readings": images})[0], probabilities, atol=1e-5)
     np.testing.assert_allclose(runs.run(None, {"readings": images[2:3]})[0], probabilities[2:3], atol=1e-5)
 
@@ -209,12 +208,12 @@ def test_a_series_reading_by_reading_is_the_series_at_once(key, exported):
     readings = np.random.default_rng(3).uniform(1.5, 2.5, (9, COLUMNS)).astype(np.float32)
     places = model.predict(readings)
     assert np.ptp(places, axis=0).min() > 1e-2
-    runs, tensors, predicted = onnx_export.session(path), described(path), []
+    runs, tensors, predicted = onnx_network.session(path), described(path), []
     states = {}
     for name, tensor in tensors.items():
         if "start" in tensor:
             zero = np.zeros([1 if size == "n" else size for size in tensor["shape"]], np.float32)
-            states[name] = zero + readings[:1] if tensor["start"] == onnx_export.REPEATED else zero
+            states[name] = zero + readings[:1] if tensor["start"] == onnx_network.REPEATED else zero
     for reading in readings:
         position, *following = runs.run(None, {"readings": reading[None], **states})
         predicted.append(position[0])
@@ -229,7 +228,7 @@ def test_a_stream_of_frames_carries_its_state(exported):
     readings = np.random.default_rng(3).uniform(40, 200, (7, 2, MAPS.elements)).astype(np.float32)
     model.reset()
     maps = [model.model.step(frames).reshape(2, 4, 6) for frames in readings]
-    runs, state = onnx_export.session(path), np.zeros((MAPS.elements, 2, 8), np.float32)
+    runs, state = onnx_network.session(path), np.zeros((MAPS.elements, 2, 8), np.float32)
     for frames, expected in zip(readings, maps, strict=True):
         predicted, state = runs.run(None, {"readings": frames, "state": state})
         np.testing.assert_allclose(predicted, expected, rtol=1e-4, atol=1e-3)
@@ -241,7 +240,7 @@ def test_a_stream_of_frames_carries_its_state(exported):
 def test_a_stream_cuts_its_state(exported):
     _, (path, _) = exported("lomp_stream")
     high = np.full((MAPS.elements, 1, 8), 1000, np.float32)
-    _, state = onnx_export.session(path).run(
+    _, state = onnx_network.session(path).run(
         None, {"readings": np.zeros((1, MAPS.elements), np.float32), "state": high}
     )
     assert state.max() == 10
@@ -256,9 +255,9 @@ def test_the_file_says_what_goes_in_and_out(exported):
         *("position_mm", "next_recent", "next_h", "next_c"),
     ]
     assert tensors["readings"]["shape"] == ["n", COLUMNS] and tensors["readings"]["what"].startswith("V: ")
-    assert tensors["recent"]["start"] == onnx_export.REPEATED and tensors["h"]["start"] == onnx_export.ZERO
+    assert tensors["recent"]["start"] == onnx_network.REPEATED and tensors["h"]["start"] == onnx_network.ZERO
     assert tensors["position_mm"] == {"shape": ["n", 2], "what": "mm, x_mm, y_mm"}
-    runs = onnx_export.session(path)
+    runs = onnx_network.session(path)
     assert [(given.name, given.shape) for given in runs.get_inputs()] == [
         (name, tensors[name]["shape"]) for name in ("readings", "recent", "h", "c")
     ]
@@ -303,14 +302,6 @@ def test_what_is_no_network_is_refused(key, tmp_path):
         onnx_export.export(model, tmp_path)
 
 
-@pytest.mark.parametrize("package", ["onnx", "onnxruntime", "onnxscript"])
-def test_an_absent_package_is_named(package, tmp_path, monkeypatch):
-    model = predictor.load(save("cnn", tmp_path))
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=rf"^{package} is not installed; run `pip install .*\[onnx\]'`$"):
-        onnx_export.export(model, tmp_path)
-
-
 def test_readings_are_from_the_range_of_the_training(tmp_path):
     model = predictor.load(save("lstm_direct", tmp_path))
     readings = onnx_export.random_readings(model, onnx_export.graph_of(model))
@@ -318,6 +309,48 @@ def test_readings_are_from_the_range_of_the_training(tmp_path):
     scaling = model.model.scaling.tensors
     far = np.abs(readings[..., CHOSEN] - scaling["x_mean"].numpy()) / scaling["x_spread"].numpy()
     assert 1.9 < far.max() <= 2.001
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", ["cnn", "lstm_transfer", "lstm_highpass", "esn"])
+def test_a_package_with_onnx_predicts_in_onnx_runtime(key, tmp_path):
+    torch_alone = predictor.load(save(key, tmp_path))
+    onnx_export.export(torch_alone, tmp_path)
+    model = predictor.load(tmp_path)
+    assert torch_alone.onnx is None and model.onnx is not None
+    columns = model.card.inputs.columns
+    readings = np.random.default_rng(5).uniform(1.5, 2.5, (11, columns)) * (80 if key == "cnn" else 1)
+    by_torch, by_reading = torch_alone.predict(readings), np.stack([model.step(reading) for reading in readings])
+    if key != "cnn":  # a frame every second reading: two streams
+        by_torch = np.stack([torch_alone.step(reading) for reading in readings])
+    model.reset()
+    again = np.stack([model.step(reading) for reading in readings])
+    np.testing.assert_allclose(by_reading, by_torch, rtol=1e-4, atol=1e-3)
+    np.testing.assert_array_equal(by_reading, again)
+    np.testing.assert_allclose(model.predict(readings), torch_alone.predict(readings), rtol=1e-4, atol=1e-3)
+    assert onnx_export.faster(model, tmp_path) is model
+
+
+@pytest.mark.slow
+def test_lomp_stays_in_the_faster_code_of_this_project(tmp_path):
+    model = predictor.load(save("lomp_stream", tmp_path))
+    assert onnx_export.faster(model, tmp_path) is model
+    onnx_export.export(model, tmp_path)
+    assert predictor.load(tmp_path).onnx is None
+
+
+@pytest.mark.slow
+def test_onnx_of_another_model_is_refused(tmp_path):
+    (tmp_path / "other").mkdir()
+    onnx_export.export(predictor.load(save("rnn", tmp_path / "other")), tmp_path)
+    with pytest.raises(InputError, match="model.onnx: is not of the model of card.json; make the folder again"):
+        predictor.load(save("cnn", tmp_path))
+
+
+@pytest.mark.parametrize("key", NO_NETWORKS)
+def test_what_is_no_network_stays_as_it_is(key, tmp_path):
+    model = predictor.load(save(key, tmp_path))
+    assert onnx_export.faster(model, tmp_path) is model
 
 
 def exporting(model: Path, folder: Path, **chosen) -> None:
