@@ -283,6 +283,12 @@ def test_numbers_in_documents_are_those_of_the_reports():
         assert line.replace("](../reports/", "](").replace("](reports/", "](") in reports, f"no report has: {line}"
 
 
+def test_the_readme_says_what_the_papers_scale_changes():
+    text = " ".join((ROOT / "README.md").read_text().split())
+    said = re.search(r"Another verdict at the papers' scale than here: .*? judged at both\.", text)
+    assert said and said[0] in (ROOT / "reports" / "claims.md").read_text()
+
+
 def test_the_readme_fits_on_a_few_screens():
     assert len((ROOT / "README.md").read_text().splitlines()) <= 150
 

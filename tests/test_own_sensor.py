@@ -544,14 +544,16 @@ def test_one_element_end_to_end(tmp_path):
 
 
 def test_own_strain_sensors_end_to_end(written, tmp_path):
-    """Four channels at 12 Hz, with the papers' tasks."""
+    """Four channels at 12 Hz, with the papers' tasks; of the places, those pressed deeper than on average count."""
     project = Project(tmp_path)
     logs = project.folder / "data" / "own" / "finger"
     shutil.copytree(written / "strain", logs)
-    settled(logs, {"strain.sensor.channels": 4, "strain.ingest.rate_hz": 12})
+    settings = {"strain.sensor.channels": 4, "strain.ingest.rate_hz": 12, "strain.sensor.pressed_below_mm": -5.0}
+    settled(logs, settings)
     project.run(*TACTILE, "try", "data/own/finger")
     error = errors_in(project, "finger", ["`finger`: strain", "Task 2 (1 run)"])
     assert error["task_1", "ridge"] < error["task_1", "constant"] / 2
+    assert error["task_1", "press_difference"] < error["task_1", "constant"]
 
 
 def test_one_strain_sensor_of_two_days_end_to_end(tmp_path):

@@ -21,6 +21,7 @@ from pipeline.commands import check
 from pipeline.commands.scale import set_values
 from pipeline.datasets import images
 from pipeline.logs import own_data
+from pipeline.models import press_difference
 
 STAGES = {
     "touch": ("ingest", "window", "dataset", "train", "evaluate"),
@@ -29,6 +30,8 @@ STAGES = {
 }
 SMALLEST_IMAGE = 8  # pixels of a side; the networks halve an image two to five times
 WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree")  # for sensors of a few channels, whose image is no picture
+PRESSED = "strain.sensor.pressed_below_mm"  # the setting that says what a press is
+OF_PRESSES = "press_difference"  # a model that must know it
 OVERLAPPING = "random"  # protocols whose test part holds what was trained on: the papers' own, of no use here
 SEEDS = [0, 1, 2]
 
@@ -88,11 +91,12 @@ def prepare(experiment: str, folder: Path, seeds: Sequence[int], models: Sequenc
         f"{experiment}.source": f"data/own/{name}",
         f"{experiment}.protocols": {key: value | {"seeds": list(seeds)} for key, value in kept.items()},
     }
-    if models:
-        changed[f"{experiment}.models"] = {
-            model: block["models"][model] for model in models if model in block["models"]
-        }
-    of_sensor = check.own_settings(folder)
+    of_sensor, known = check.own_settings(folder), dict(block["models"])
+    if of_sensor.get(PRESSED) is not None:
+        frames = of_sensor.get("strain.window.frames", block["window"]["frames"])
+        of_recorded = params.parsed(settings)["strain_recorded"]["models"][OF_PRESSES]
+        known[OF_PRESSES] = of_recorded | {"press": frames - max(press_difference.REST)}
+    changed[f"{experiment}.models"] = {model: known[model] for model in models or known if model in known}
     set_values(changed | of_sensor, settings)
     if experiment == "glove":
         set_values(_of_images(params.parsed(settings)["glove"], seeds, of_sensor), settings)

@@ -11,7 +11,7 @@ from pipeline.commands import check, own
 
 MODELS = {  # one that knows nothing, quick ones and a network of the papers
     "touch": ("constant", "rbf", "lomp"),
-    "strain": ("constant", "ridge", "lstm_direct"),
+    "strain": ("constant", "ridge", "press_difference", "lstm_direct"),
     "glove": ("constant", "naive_bayes", "tree", "sp_resnet"),
 }
 

@@ -126,7 +126,9 @@ def changed_by_scale(rows: pd.DataFrame) -> str:
     if judged.empty:
         return "No claim was judged at both scales yet."
     changed = int((judged["present_verdict"] != judged["paper_scale_verdict"]).sum())
-    return f"Of {len(judged)} claims that were judged at both scales, {changed} have another verdict at the papers'."
+    return (
+        f"Another verdict at the papers' scale than here: {changed} of {len(judged)} claims that were judged at both."
+    )
 
 
 def claim_sentences(claims: Iterable[Claim], keys: Iterable[str], evidence: Evidence) -> list[str]:

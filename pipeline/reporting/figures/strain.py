@@ -139,7 +139,7 @@ def curves(
         if task in floor:
             handles["Constant (mean)"] = ax.axhline(floor[task], color=style.GREY, linestyle=":")
         ax.set(xscale="log", yscale="log", xlabel=labels["xlabel"], title=task.replace("_", " "))
-        style.plain_log(ax.xaxis)
+        style.plain_log(ax.xaxis, sorted(runs[x].unique()))
         style.plain_log(ax.yaxis)
     axes[0][0].set_ylabel("Test error (mm), mean and 95 % interval")
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=min(4, len(handles)))

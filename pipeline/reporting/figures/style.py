@@ -1,7 +1,7 @@
 """Give all figures one look: nine colours and grey, one fixed style per model, and files that never carry a date."""
 
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.results import Estimate
@@ -90,10 +90,13 @@ def literal(name: str) -> str:
     return name.replace("$", r"\$")
 
 
-def plain_log(axis: matplotlib.axis.Axis) -> None:
-    """Write plain numbers on a logarithmic axis that has its limits: 1, 2, 5, 10; only decades if it is long."""
+def plain_log(axis: matplotlib.axis.Axis, at: Sequence[float] = ()) -> None:
+    """Write plain numbers on a logarithmic axis that has its limits.
+
+    `at` these values, otherwise at 1, 2, 5, 10, and only at decades if the axis is long.
+    """
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,)))
+    axis.set_major_locator(FixedLocator(at) if at else LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 

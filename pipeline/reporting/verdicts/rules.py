@@ -106,8 +106,7 @@ class Evidence:
         self._known = dict(given or {})
         self.networks: set[Network] = set()  # whose scores a judge read
         self.read: set[Hashable] = set()  # kinds of content that a judge read
-        self.longer: frozenset[Network] = frozenset()  # networks whose errors are those to expect of a longer training
-        self.gains = 1  # how often the gain of the longer training is expected
+        self.factors: dict[Network, float] = {}  # of the test errors to expect of a longer training, over those read
 
     def once(self, key: Hashable, read: Callable[[], object]) -> object:
         """Return the content known under `key`; the first time, that is what `read` returns."""
@@ -150,9 +149,7 @@ class Evidence:
         seeds = self.values[experiment]["protocols"][protocol]["seeds"]
         who = f"{model_name(model)} ({protocol}, {condition})"
         known = complete(pd.Series(values, index=seeds, dtype=float), who)
-        if (experiment, protocol, model) in self.longer:
-            return longer.with_errors(known, metric, (1 + self.change(experiment, protocol, model)) ** self.gains)
-        return known
+        return longer.with_errors(known, metric, self.factors.get((experiment, protocol, model), 1.0))
 
     def change(self, experiment: str, protocol: str, model: str) -> float:
         """Return the share by which a longer training changes a network's validation error; NaN where it is not known.
@@ -298,24 +295,24 @@ def testable(judge: Judge, evidence: Evidence) -> Judgement:
     return judged
 
 
-def stays(judge: Judge, verdict: str, evidence: Evidence, unended: Iterable[Network]) -> bool:
+def stays(judge: Judge, verdict: str, evidence: Evidence, unended: Mapping[Network, float]) -> bool:
     """Tell whether a verdict of the papers' scale is the same after longer trainings of these networks.
 
     Of all at once and of each alone. False where the judge reads other content than SCORES: predictions of a longer
-    training are not known.
+    training are not known. unended: network -> change of its validation error.
     """
     if not evidence.read <= SCORES or not evidence.at_papers_scale(unended):
         return False
     try:
         for networks in (unended, *([network] for network in unended)):
-            for evidence.gains in (1, 2):
-                evidence.longer = frozenset(networks)
+            for gains in (1, 2):
+                evidence.factors = {network: (1 + unended[network]) ** gains for network in networks}
                 if judge(evidence).verdict != verdict:
                     return False
     except NotTestable:
         return False
     finally:
-        evidence.longer = frozenset()
+        evidence.factors = {}
     return True
 
 
