@@ -23,6 +23,7 @@ from pipeline.datasets.images import HIGHEST
 from pipeline.inference import card as cards
 from pipeline.inference.card import Card
 from pipeline.inference.onnx_network import CARD, NAME, READINGS, REPEATED, TENSORS, ZERO, OnnxNetwork, Tensor
+from pipeline.inference.onnx_regressions import Regression, is_regression
 from pipeline.inference.predictor import Predictor
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.lomp_network import Lomp, LompRegressor
@@ -72,7 +73,7 @@ class Written(NamedTuple):
 def export(model: Predictor, folder: Path) -> Written:
     """Write a saved network as NAME into a folder that exists, and run it on random readings.
 
-    Raises InputError for a model without a network, and where predictions differ from torch's by more than
+    Raises InputError for a model that ONNX cannot hold, and where predictions differ from its own by more than
     MOST_DIFFERENCE.
     """
     graph, path = graph_of(model), folder / NAME
@@ -81,7 +82,7 @@ def export(model: Predictor, folder: Path) -> Written:
     differs = difference(model, run(path, readings), by_torch(model, readings))
     if not differs <= MOST_DIFFERENCE:  # NaN, too
         raise InputError(
-            f"{_name(model)}: as ONNX it differs from torch by {differs:.1g} of full scale, more than "
+            f"{_name(model)}: as ONNX it differs from itself by {differs:.1g} of full scale, more than "
             f"{MOST_DIFFERENCE:g}; export it without --onnx"
         )
     return Written(path, differs)
@@ -90,8 +91,10 @@ def export(model: Predictor, folder: Path) -> Written:
 def export_int8(model: Predictor, folder: Path, readings: np.ndarray) -> Written:
     """Write INT8_NAME beside the NAME in a folder, and compare the two on readings (steps, n, ...).
 
-    Raises InputError where predictions differ by more than MOST_INT8_DIFFERENCE.
+    Raises InputError for a regression, and where predictions differ by more than MOST_INT8_DIFFERENCE.
     """
+    if is_regression(model.model):
+        raise InputError(f"{_name(model)}: only networks can have weights of 8 bits; export it without --int8")
     graph, exact, path = graph_of(model), folder / NAME, folder / INT8_NAME
     quantise(exact, path, per_output=not isinstance(graph.module, _LompWindows))
     differs = difference(model, run(path, readings), run(exact, readings))
@@ -104,18 +107,18 @@ def export_int8(model: Predictor, folder: Path, readings: np.ndarray) -> Written
 
 
 def faster(model: Predictor, folder: Path) -> Predictor:
-    """Return a saved model with its network in ONNX Runtime, where that is faster: all networks but LoMP.
+    """Return a saved model in ONNX Runtime, where that is faster: all that can be written as ONNX but LoMP.
 
     The file is written into `folder`, which exists, and is not needed afterwards. Raises InputError as `export`.
     """
-    if model.onnx is not None or isinstance(model.model, LompRegressor) or not is_network(model):
+    if model.onnx is not None or isinstance(model.model, LompRegressor) or not can_be_written(model):
         return model
     return Predictor(model.model, model.card, OnnxNetwork(export(model, folder).path))
 
 
-def is_network(model: Predictor) -> bool:
+def can_be_written(model: Predictor) -> bool:
     """Tell whether a model can be written as ONNX."""
-    return isinstance(model.model, NETWORKS)
+    return isinstance(model.model, NETWORKS) or is_regression(model.model)
 
 
 def _name(model: Predictor) -> str:
@@ -123,7 +126,7 @@ def _name(model: Predictor) -> str:
 
 
 def graph_of(model: Predictor) -> Graph:
-    """Return what is to be written of a saved model; InputError for a model without a network."""
+    """Return what is to be written of a saved model; InputError for a model that ONNX cannot hold."""
     inner, card = model.model, model.card
     columns, unit, order = card.inputs.columns, card.inputs.unit, card.inputs.order
     names = f", {', '.join(card.outputs.names)}" if card.outputs.names else ""
@@ -143,6 +146,8 @@ def graph_of(model: Predictor) -> Graph:
     if isinstance(inner, ImageClassifier):
         images = Tensor(READINGS, ("n", 1, inner.spec.elements), f"0 to {HIGHEST:g}: images, row by row")
         return Graph(_Images(inner), images, [], outputs)
+    if is_regression(inner):
+        return Graph(Regression(inner, model.output_shape), windows, [], outputs)
     if isinstance(inner, TorchRegressor):
         return Graph(_Windows(inner, model.output_shape), windows, [], outputs)
     if isinstance(inner, LstmRegressor):
@@ -156,7 +161,8 @@ def graph_of(model: Predictor) -> Graph:
         state = Tensor("state", ("n", len(inner.system["reservoir"])), "state of the reservoir", ZERO)
         return Graph(_Reservoir(inner, card), one, [state], outputs)
     raise InputError(
-        f"{_name(model)}: is no network, and only networks can be written as ONNX; export it without --onnx and --int8"
+        f"{_name(model)}: cannot be written as ONNX, only networks and regressions can; export it without --onnx and "
+        "--int8"
     )
 
 
@@ -390,6 +396,9 @@ def random_readings(model: Predictor, graph: Graph) -> np.ndarray:
     if isinstance(inner, ImageClassifier):
         brightness = np.linspace(0, HIGHEST, ROWS, dtype=np.float32)[:, None, None]  # of all: one object, without doubt
         return (shares + REACH) / (2 * REACH) * brightness
+    if isinstance(graph.module, Regression):
+        mean, spread = graph.module.scaling(graph.readings.shape[1:])
+        return (mean + spread * shares).astype(np.float32)
     if card.kind == "windows":
         return inner.input_mean.numpy() + inner.input_spread.numpy() * shares
     mean, spread = (in_columns(inner.scaling.tensors[name].numpy(), card) for name in ("x_mean", "x_spread"))
@@ -430,8 +439,12 @@ def full_scale(model: Predictor) -> np.ndarray:
 
 
 def difference(model: Predictor, predicted: np.ndarray, others: np.ndarray) -> float:
-    """Return the largest difference of predictions (steps, n, ...), share of full scale; NaN where one is NaN."""
-    return float((np.abs(predicted.reshape(others.shape) - others) / full_scale(model)).max())
+    """Return the largest difference of predictions (steps, n, ...), share of full scale; NaN where one is NaN.
+
+    Of a regression, which does not know its labels' range, full scale is the largest of the other predictions.
+    """
+    scale = np.abs(others).max() if is_regression(model.model) else full_scale(model)
+    return float((np.abs(predicted.reshape(others.shape) - others) / scale).max())
 
 
 def quantise(path: Path, target: Path, per_output: bool) -> None:

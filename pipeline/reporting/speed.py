@@ -103,9 +103,10 @@ def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
         "# Speed against accuracy\n",
         f"Error on test data: mean [95 % t interval] over seeds. Times: median [lowest and highest median of a round] "
         f"and 95th percentile of {calls} predictions (of batches a tenth as many) on {threads} CPU "
-        f"{'thread' if threads == 1 else 'threads'}, all models in turn in every round. Networks run in ONNX Runtime, "
-        "but for LoMP, which has compiled code of its own for one window. Training: median over the seeds of a split. "
-        "Times differ from run to run and from machine to machine. MACs (multiply-accumulates) are "
+        f"{'thread' if threads == 1 else 'threads'}, all models in turn in every round. Networks and regressions "
+        "run in ONNX Runtime, but for LoMP, which has compiled code of its own for one row; trees, naive Bayes and the "
+        "ridge of series run in scikit-learn. Training: median over the seeds of a split. Times differ from run to run "
+        "and from machine to machine. MACs (multiply-accumulates) are "
         "of one prediction. On a Pareto front are the models that no other one equals in time and mean error and beats "
         "in one of them, times that overlap being equal; a model with a failed run never is.\n",
         f"[Time of a prediction](tradeoff.png): {chart_caption(speeds, 'p50_ms')}\n",

@@ -1,9 +1,10 @@
 """Measure how long a prediction takes, and what the model weighs. Runs alone, on one thread.
 
 A prediction is the answer to one window or image, or, on series and streams, to the next sample or frame with the state
-carried along. Networks run in ONNX Runtime, but for LoMP, which has compiled code of its own for one row; other models
-run as they were trained. All models are timed in turn, round after round, so that what else the machine does meets all
-of them; `p50_low_ms` and `p50_high_ms` are the lowest and the highest median of a round.
+carried along. Networks and regressions run in ONNX Runtime, but for LoMP, which has compiled code of its own for one
+row; trees, naive Bayes and ridge run in scikit-learn. All models are timed in turn, round after round, so that what
+else the machine does meets all of them; `p50_low_ms` and `p50_high_ms` are the lowest and the highest median of a
+round.
 Usage: python -m pipeline.stages.latency EXPERIMENT
 """
 
