@@ -31,7 +31,7 @@ STAGES = {
 SMALLEST_IMAGE = 8  # pixels of a side; the networks halve an image two to five times
 WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree")  # for sensors of a few channels, whose image is no picture
 PRESSED = "strain.sensor.pressed_below_mm"  # the setting that says what a press is
-OF_PRESSES = "press_difference"  # a model that must know it
+OF_PRESSES, TREES = "press_difference", {"trees": 50, "min_samples_leaf": 5}  # a model that must know it
 OVERLAPPING = "random"  # protocols whose test part holds what was trained on: the papers' own, of no use here
 SEEDS = [0, 1, 2]
 
@@ -94,8 +94,7 @@ def prepare(experiment: str, folder: Path, seeds: Sequence[int], models: Sequenc
     of_sensor, known = check.own_settings(folder), dict(block["models"])
     if of_sensor.get(PRESSED) is not None:
         frames = of_sensor.get("strain.window.frames", block["window"]["frames"])
-        of_recorded = params.parsed(settings)["strain_recorded"]["models"][OF_PRESSES]
-        known[OF_PRESSES] = of_recorded | {"press": frames - max(press_difference.REST)}
+        known[OF_PRESSES] = TREES | {"press": frames - max(press_difference.REST)}
     changed[f"{experiment}.models"] = {model: known[model] for model in models or known if model in known}
     set_values(changed | of_sensor, settings)
     if experiment == "glove":

@@ -13,6 +13,8 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 
+OPTIONAL = {"strain.sensor.pressed_below_mm"}  # keys that params.yaml lacks until they are set
+
 
 def set_values(values: dict, params_file: Path) -> None:
     """Replace the values of dotted keys (`touch.window.stride`) in a params file; InputError for an unknown key."""
@@ -24,6 +26,8 @@ def set_values(values: dict, params_file: Path) -> None:
         *path, last = dotted.split(".")
         block = content
         for key in [*path, last]:
+            if isinstance(block, dict) and dotted in OPTIONAL:
+                block.setdefault(key)
             if not isinstance(block, dict) or key not in block:
                 near = difflib.get_close_matches(key, list(block) if isinstance(block, dict) else [], n=1)
                 hint = f"; did you mean '{near[0]}'?" if near else ""
