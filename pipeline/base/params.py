@@ -144,6 +144,16 @@ def _at(kind, path: Iterable):
     return kind
 
 
+def is_optional(dotted: str) -> bool:
+    """Tell whether params.yaml may lack a key (`strain.sensor.pressed_below_mm`); False for a key that is unknown."""
+    *path, key = dotted.split(".")
+    try:
+        field = _at(settings_block(), path).model_fields[key]
+    except (AttributeError, IndexError, KeyError):  # of what is no block
+        return False
+    return not field.is_required()
+
+
 def _expected(kind) -> str:
     """Describe in words the values that a setting of this kind can have."""
     limits = {}

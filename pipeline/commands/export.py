@@ -57,7 +57,7 @@ def _write_onnx(package: Path, int8: bool, values: Mapping) -> None:
     model = predictor.load(package)
     readings = onnx_export.readings_of_test_part(model, values) if int8 else None
     written = onnx_export.export(model, package)
-    print(f"{_size(written.path)}, differs from torch by up to {written.difference:.1g} of full scale")
+    print(f"{_size(written.path)}, differs from the model by up to {written.difference:.1g} of full scale")
     if int8:
         written = onnx_export.export_int8(model, package, readings)
         print(f"{_size(written.path)}, differs from {onnx_export.NAME} by up to {100 * written.difference:.2g} % of it")

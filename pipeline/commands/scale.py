@@ -13,11 +13,12 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 
-OPTIONAL = {"strain.sensor.pressed_below_mm"}  # keys that params.yaml lacks until they are set
-
 
 def set_values(values: dict, params_file: Path) -> None:
-    """Replace the values of dotted keys (`touch.window.stride`) in a params file; InputError for an unknown key."""
+    """Set the values of dotted keys (`touch.window.stride`) in a params file; InputError for an unknown key.
+
+    A key that the file lacks is set where it is optional.
+    """
     editor = YAML()
     editor.width = 4096  # never wrap a line
     editor.representer.add_representer(float, _float)
@@ -26,13 +27,12 @@ def set_values(values: dict, params_file: Path) -> None:
         *path, last = dotted.split(".")
         block = content
         for key in [*path, last]:
-            if isinstance(block, dict) and dotted in OPTIONAL:
-                block.setdefault(key)
-            if not isinstance(block, dict) or key not in block:
+            known = isinstance(block, dict) and (key in block or (key == last and params.is_optional(dotted)))
+            if not known:
                 near = difflib.get_close_matches(key, list(block) if isinstance(block, dict) else [], n=1)
                 hint = f"; did you mean '{near[0]}'?" if near else ""
                 raise InputError(f"{params_file.name}: there is no key '{dotted}'{hint}")
-            parent, block = block, block[key]
+            parent, block = block, block.get(key)
         parent[last] = _flow(value)
     with files.replacing(params_file) as draft, open(draft, "w", encoding="utf-8") as file:
         editor.dump(content, file)

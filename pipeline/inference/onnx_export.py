@@ -24,7 +24,7 @@ from pipeline.inference import card as cards
 from pipeline.inference.card import Card
 from pipeline.inference.onnx_network import CARD, NAME, READINGS, REPEATED, TENSORS, ZERO, OnnxNetwork, Tensor
 from pipeline.inference.onnx_regressions import Regression, is_regression
-from pipeline.inference.predictor import Predictor
+from pipeline.inference.predictor import Predictor, onnx_is_faster
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.lomp_network import Lomp, LompRegressor
 from pipeline.learning.lstm import LstmRegressor
@@ -40,7 +40,6 @@ MOST_INT8_DIFFERENCE = 0.01  # of full scale, from float32
 ROWS, STEPS = 16, 32  # of a check: windows, images or streams, and readings of a stream
 LARGEST_FOLDED = 1 << 30  # bytes of weights that are computed once, in the export
 MOST_TEST_READINGS = 1000  # windows or images that int8 is compared on: a second or two
-NETWORKS = (TorchRegressor, LstmRegressor, HighpassLstm, StateReadout)
 REACH = 2.0  # spreads from the mean to either end of the range that readings are drawn from
 
 
@@ -79,7 +78,7 @@ def export(model: Predictor, folder: Path) -> Written:
     graph, path = graph_of(model), folder / NAME
     write(graph, model.card, path)
     readings = random_readings(model, graph)
-    differs = difference(model, run(path, readings), by_torch(model, readings))
+    differs = difference(model, run(path, readings), by_model(model, readings))
     if not differs <= MOST_DIFFERENCE:  # NaN, too
         raise InputError(
             f"{_name(model)}: as ONNX it differs from itself by {differs:.1g} of full scale, more than "
@@ -111,14 +110,18 @@ def faster(model: Predictor, folder: Path) -> Predictor:
 
     The file is written into `folder`, which exists, and is not needed afterwards. Raises InputError as `export`.
     """
-    if model.onnx is not None or isinstance(model.model, LompRegressor) or not can_be_written(model):
+    if model.onnx is not None or not onnx_is_faster(model.model) or not can_be_written(model):
         return model
     return Predictor(model.model, model.card, OnnxNetwork(export(model, folder).path))
 
 
 def can_be_written(model: Predictor) -> bool:
     """Tell whether a model can be written as ONNX."""
-    return isinstance(model.model, NETWORKS) or is_regression(model.model)
+    try:
+        graph_of(model)
+    except InputError:
+        return False
+    return True
 
 
 def _name(model: Predictor) -> str:
@@ -373,8 +376,8 @@ def run(path: Path, readings: np.ndarray) -> np.ndarray:
     return np.stack([network.step(step) for step in readings])
 
 
-def by_torch(model: Predictor, readings: np.ndarray) -> np.ndarray:
-    """Return predictions (steps, n, outputs) of the network itself for readings as of `run`; more than one row."""
+def by_model(model: Predictor, readings: np.ndarray) -> np.ndarray:
+    """Return predictions (steps, n, outputs) of the model itself for readings as of `run`; more than one row."""
     inner, card = model.model, model.card
     model.reset()
     if card.kind == "series":

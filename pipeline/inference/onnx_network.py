@@ -1,7 +1,6 @@
 """Run a network that was written as ONNX, in ONNX Runtime on one thread of the CPU.
 
-One prediction takes a third to an eighth of torch's time (reports/benchmarks/inference.csv). Only LoMP is faster in
-the code of this project (pipeline/learning/lomp_prediction.py).
+One prediction takes a third to an eighth of torch's time (reports/benchmarks/inference.csv).
 """
 
 import json
@@ -55,6 +54,7 @@ class OnnxNetwork:
         self._states = [tensor for tensor in tensors if tensor.start is not None]
         self.streams = bool(self._states)
         self.state: dict[str, np.ndarray] | None = None  # before the next reading; None: of a new stream
+        self._count = 0  # streams of `state`
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Return predictions (n, ...) of a network without a state for windows or images x (n, ...)."""

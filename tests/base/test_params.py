@@ -261,3 +261,17 @@ def test_no_stage_hands_a_value_of_params_yaml_to_the_shell():
         listed = {f"${{item.{axis}}}" for axis, choices in stage.get("matrix", {}).items() if isinstance(choices, list)}
         assert set(re.findall(r"\$\{.*?\}", stage["cmd"])) <= listed, name
         assert not re.search(r"\$(?!\{item)", stage["cmd"]), name
+
+
+@pytest.mark.parametrize(
+    ("key", "optional"),
+    [
+        ("strain.sensor.pressed_below_mm", True),
+        ("strain.sensor.channels", False),
+        ("strain.sensor.wonder", False),
+        ("strain.wonder.channels", False),
+        ("device.wonder", False),
+    ],
+)
+def test_keys_that_params_yaml_may_lack(key, optional):
+    assert params.is_optional(key) is optional

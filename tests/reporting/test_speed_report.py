@@ -217,6 +217,21 @@ def test_a_failed_model_is_marked_at_the_top_and_an_outlier_stays_on_the_chart(t
     assert {text.get_text() for text in figure.legends[0].get_texts()} >= {"failed", "on the front", "dominated"}
 
 
+def test_models_without_an_interval_are_named_apart(tmp_path, monkeypatch):
+    """Runs of a closed form on the same data are equal: three at the same place, as recorded strain has them."""
+    at = (0.024, 6.0, np.nan, np.nan, 3, 0, 10_000)
+    models = {
+        "lstm_direct": at,
+        "lstm_transfer": at,
+        "lstm_transfer_ridge": at,
+        "press_difference": (3.0, 3.4, *at[2:]),
+    }
+    (ax,) = drawn(drawable({"within day xy": models}), tmp_path, monkeypatch).axes
+    frame, boxes = ax.get_window_extent(), [text.get_window_extent() for text in ax.texts]
+    assert all(frame.x0 <= box.x0 and box.x1 <= frame.x1 for box in boxes)
+    assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
+
+
 def test_all_models_failed(tmp_path, monkeypatch):
     models = {model: (time, np.nan, np.nan, np.nan, 0, 1, 10) for model, time in TIMES.items()}
     (ax,) = drawn(drawable({"single": models}), tmp_path, monkeypatch).axes

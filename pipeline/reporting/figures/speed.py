@@ -119,7 +119,7 @@ def _points(ax: plt.Axes, rows: pd.DataFrame, time: str) -> list[tuple[str, floa
         height = max(line.error, least)
         measured = [getattr(line, name) for name in SPREAD[time]]
         ax.plot(measured, (height, height), color=look.color, linewidth=1.3, zorder=2)
-        if line.runs > 1:
+        if np.isfinite(line.low):
             _interval(ax, at, max(line.low, least / 1e3), max(line.high, height), look.color)
         on = getattr(line, FRONTS[time])
         order = 5 - area / 1e3  # small ones stay visible on large ones
