@@ -171,6 +171,7 @@ def section(pages: Pages, values: Mapping) -> Markup:
     return fill(
         "answers",
         claims=len(verdicts.counted(claims)),
+        at_papers=int((verdicts.counted(claims)["scale"] == "paper").sum()),
         scale=scale_words(values),
         cards=[card(pages, paper, claims) for paper in present],
         verdicts=VERDICTS,
