@@ -480,6 +480,11 @@ VERBS = {"train": "train on", "validation": "validate on", "test": "test on"}
 def unfit(experiment: str, settings: Mapping) -> list[str]:
     """Return problems: values of params.yaml that do not fit this sensor, each with the key to change."""
     problems = []
+    if experiment == "touch":
+        try:
+            labels.check_cells(settings["sensor"], settings["label"])
+        except InputError as error:
+            problems.append(str(error))
     for side in ("rows", "cols") if experiment == "touch" and "lomp" in settings["models"] else ():
         cells, elements = settings["label"][f"map_{side}"], settings["sensor"][side]
         if cells % elements:

@@ -46,12 +46,15 @@ def main(given: argparse.Namespace) -> None:
     target = given.out or Path("predictions", given.logs.resolve().stem)
     if target.exists() and not (target / "summary.json").is_file():
         raise InputError(f"{target}: holds something else than predictions; give another place by --out")
-    predicted, scores = [], []
+    predicted, scores, notes = [], [], []
     for path in tqdm(recordings.logs(given.logs, card.experiment), desc="predict", unit="log"):
         recording = recordings.read(path, card)
-        predicted.append((recording, recordings.predict(model, recording)))
+        values, said = recordings.predict(model, recording)
+        predicted.append((recording, values))
+        notes += [f"{recording.name}: {sentence}" for sentence in said]
         known = recordings.has_truth(recording, card)
         scores.append(recordings.scores(model, path) if known else ())
+    print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     with files.replacing_folder(target) as draft:
         summaries = predictions.write(draft, predicted, card, scores)
         for said in summaries[:MOST_LINES]:

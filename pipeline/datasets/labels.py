@@ -1,10 +1,12 @@
 """Compute the labels of touch: Gaussian pressure maps (LoMP paper, section III-A)."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 import pyarrow as pa
 
+from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 
 
@@ -32,6 +34,25 @@ def cell_centres(sensor: Mapping, label: Mapping) -> tuple[np.ndarray, np.ndarra
     x = (np.arange(label["map_cols"]) + 0.5) * width / label["map_cols"]
     y = (np.arange(label["map_rows"]) + 0.5) * height / label["map_rows"]
     return x, y
+
+
+def check_cells(sensor: Mapping, label: Mapping) -> None:
+    """Raise InputError where the cells of a map are wider than a tip: the cell under it then says nothing of its place.
+
+    A map of one cell, which tells no place, may be as wide as its element. sensor, label: blocks of `touch`.
+    """
+    if label["map_rows"] * label["map_cols"] == 1:
+        return
+    radii = [label["tip_radius_mm"], *label.get("tip_radius_by_condition_mm", {}).values()]
+    width_mm = 2 * min(radii)
+    for side in ("rows", "cols"):
+        along_mm = sensor[side] * sensor["pitch_mm"]
+        if (cell_mm := along_mm / label[f"map_{side}"]) > width_mm:
+            least = sensor[side] * math.ceil(along_mm / width_mm / sensor[side])
+            raise InputError(
+                f"params.yaml, touch.label.map_{side}: cells of {cell_mm:.3g} mm are wider than the tip "
+                f"({width_mm:g} mm, touch.label.tip_radius_mm), so that maps have no peak to find; set {least} or more"
+            )
 
 
 def pressure_maps(

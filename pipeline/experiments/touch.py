@@ -341,7 +341,11 @@ def _matrix(rows: pa.Table, columns: list[str]) -> np.ndarray:
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
-    """Return pressure maps (eq. 1) at each window's last frame, (n, map_rows * map_cols) in kPa, float32."""
+    """Return pressure maps (eq. 1) at each window's last frame, (n, map_rows * map_cols) in kPa, float32.
+
+    Errors as labels.check_cells.
+    """
+    labels_kpa.check_cells(settings["sensor"], settings["label"])
     x, y = schemas.matrix(windows["x_mm"]), schemas.matrix(windows["y_mm"])
     peak = labels_kpa.peaks_kpa(windows, settings)
     radius = labels_kpa.tip_radius_mm(windows, settings["label"])

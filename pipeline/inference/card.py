@@ -49,6 +49,7 @@ class Outputs(Part):
     unit: Literal["kPa", "N", "mm", "probability"]
     names: list[str] | None = None
     touch_kpa: float | None = None  # peak of a map from which on it is a touch
+    force_gain: float | None = None  # of a pressure map: force on the load cells in N over the map's integral in N
 
 
 class Score(Part):

@@ -41,7 +41,10 @@ class Describer:
     def card(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
         """Return the card of one run. Raises InputError where it has not been trained, or with other settings."""
         scores = self._scores.get((protocol, model, seed), [])
-        return self.without_scores(model, protocol, seed, commit).model_copy(update={"scores": scores})
+        card = self.without_scores(model, protocol, seed, commit)
+        gain = next((score.value for score in scores if score.metric == "force_gain"), None)
+        outputs = card.outputs.model_copy(update={"force_gain": gain})
+        return card.model_copy(update={"scores": scores, "outputs": outputs})
 
     def without_scores(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
         """Return the card of a run that need not have been evaluated; errors as `card`."""

@@ -56,7 +56,7 @@ def _draw_maps(path: Path, recording: Recording, time: np.ndarray, maps: np.ndar
     for number, k in enumerate(moments):
         ax.axvline(time[k], color=style.GREY, linewidth=0.8, linestyle=":")
         ax.annotate(f" {number + 1}", (time[k], 1), xycoords=("data", "axes fraction"), va="top")
-    ax.set(xlabel="Time (s)", ylabel="Force of the map (N)")
+    ax.set(xlabel="Time (s)", ylabel="Force (N)")
     ax.set_title(style.literal(f"{recording.name}, predicted by {style.model_name(card.model)}"))
     sensor = card.reading["sensor"]
     extent = (0, sensor["cols"] * sensor["pitch_mm"], 0, sensor["rows"] * sensor["pitch_mm"])

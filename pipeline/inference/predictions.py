@@ -70,7 +70,7 @@ def summary(recording: Recording, predicted: np.ndarray, card: Card, scores: Seq
         "readings": len(predicted),
         "seconds": round(lasts, 3),
         "readings_per_second": round((len(predicted) - 1) / lasts, 2) if lasts else None,
-        "gaps": int(recording.starts[1:].sum()),
+        "gaps": recording.gaps,
         "rejected_lines": dict(Counter(recording.rejects["reason"].to_pylist())),
         "without_prediction": int((~known).sum()),
     }

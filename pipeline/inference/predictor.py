@@ -30,7 +30,8 @@ CARRIED = ("state", "recent", "buffer")  # attributes in which models keep what 
 
 class Predictor:
     """A saved model and its card. Readings are in the unit and order that `card.inputs` says, predictions in
-    `card.outputs`; of each model the first predictions, before it has seen a whole window, are NaN.
+    `card.outputs`. Predictions of a model of windows are NaN until it has seen a whole window, also those of a model
+    that carries a state: started in mid-press, or at rest, it reports forces that are not there.
     """
 
     def __init__(self, model, card: cards.Card, onnx: OnnxNetwork | None = None):
@@ -52,21 +53,28 @@ class Predictor:
 
         For readings that come more often than one every `card.inputs.interval_s`; of a series, a frame is a sample.
         """
-        self._frame_step, frames = frame_step or self.card.inputs.frame_step, self.card.shapes.frames
+        self._frame_step = frame_step or self.card.inputs.frame_step
         self._count = 0
         self._carried = [{} for _ in range(self._frame_step)]  # a stream for each reading of a step
-        self._last = deque(maxlen=(frames - 1) * self._frame_step + 1)
+        self._last = deque(maxlen=self._reach(self._frame_step) + 1)
         self._put({})
 
-    def predict(self, readings: np.ndarray) -> np.ndarray:
+    def _reach(self, frame_step: int) -> int:
+        """Return how many readings lie between the first and the last frame of a window: those without a prediction."""
+        return (self.card.shapes.frames - 1) * frame_step if self.card.kind == "windows" else 0
+
+    def predict(self, readings: np.ndarray, frame_step: int | None = None) -> np.ndarray:
         """Return one prediction per reading, (n, *output_shape) float32.
 
-        readings: (n, columns), or (n, rows, cols) of a touch sensor, one reading every `card.inputs.interval_s`. A
-        prediction uses its own reading and earlier ones. Raises InputError for another number of columns.
+        readings: (n, columns), or (n, rows, cols) of a touch sensor, none missing, one every `card.inputs.interval_s`
+        or, if `frame_step` is given, so many of them from one frame of a window to the next. A prediction uses its own
+        reading and earlier ones. Raises InputError for another number of columns.
         """
-        x = self._checked(readings)
-        if self.card.kind == "windows":
-            predicted = self._streamed(x) if self.model.streams else self._windowed(x)
+        x, frame_step = self._checked(readings), frame_step or self.card.inputs.frame_step
+        if self.card.kind == "windows" and len(x):
+            predicted = self._streamed(x, frame_step) if self.model.streams else self._windowed(x, frame_step)
+        elif self.card.kind == "windows":
+            predicted = np.empty((0, *self.output_shape))
         elif self.card.kind == "series":
             predicted = self.model.predict(self._chosen(x)) if len(x) else np.empty((0, *self.output_shape))
         else:
@@ -86,6 +94,8 @@ class Predictor:
             self._put(self._carried[phase])
             predicted = self._network.step(x if self.onnx else self._chosen(x))
             self._carried[phase] = {name: getattr(self._network, name, None) for name in CARRIED}
+            if self._count <= self._reach(self._frame_step):
+                predicted = np.full(self.output_shape, np.nan)
         else:
             self._last.append(x[0])
             if len(self._last) < self._last.maxlen:
@@ -115,27 +125,28 @@ class Predictor:
         """Return the columns that the model sees, in its order."""
         return x if self.card.inputs.chosen is None else x[:, self.card.inputs.chosen]
 
-    def _windowed(self, x: np.ndarray) -> np.ndarray:
+    def _windowed(self, x: np.ndarray, frame_step: int) -> np.ndarray:
         """Return predictions (n, outputs) of the windows that end at each reading, NaN before the first whole one."""
         predicted = np.full((len(x), int(np.prod(self.output_shape))), np.nan, np.float32)
-        reach = self._last.maxlen - 1
+        reach = self._reach(frame_step)
         rows = np.arange(reach, len(x))
-        offsets = np.arange(-reach, 1, self.card.inputs.frame_step)
+        offsets = np.arange(-reach, 1, frame_step)
         for first in range(0, len(rows), SOME_WINDOWS):
             some = rows[first : first + SOME_WINDOWS]
             predicted[some] = self._network.predict(x[some[:, None] + offsets]).reshape(len(some), -1)
         return predicted
 
-    def _streamed(self, x: np.ndarray) -> np.ndarray:
-        """Return predictions (n, outputs) of a model that carries its state, one stream per reading of a step."""
-        step = self.card.inputs.frame_step
-        if not len(x):
-            return np.empty((0, *self.output_shape))
-        missing = -len(x) % step
-        padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, step, x.shape[1])
+    def _streamed(self, x: np.ndarray, frame_step: int) -> np.ndarray:
+        """Return predictions (n, outputs) of a model that carries its state, one stream per reading of a step.
+
+        NaN until a stream has seen as many frames as a window has.
+        """
+        missing = -len(x) % frame_step
+        padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, frame_step, x.shape[1])
         self.model.state = None
         predicted = np.concatenate([self.model.step(frames) for frames in padded])[: len(x)]
         self.model.state = None
+        predicted[: self._reach(frame_step)] = np.nan
         return predicted
 
     def _of_images(self, x: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 Lines are checked and ordered as in training (pipeline/logs/parse.py), and what training left out is left out here.
 """
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from pipeline import experiments, tasks
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.datasets.series import Record
+from pipeline.inference import timing
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
 from pipeline.logs import parse
@@ -22,6 +24,7 @@ from pipeline.scoring import classification, metrics
 # The sensor's log of each experiment, and the logs beside it that hold the ground truth.
 LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}
 TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}
+OF_ONE_ELEMENT = ("load_cell.log",)  # which cannot tell a place
 PATTERNS = {"velostat_recorded": "velostat_data/*/*.txt", "strain_recorded": "*.mat", "glove_recorded": "*.xml"}
 
 
@@ -32,7 +35,8 @@ class Recording(NamedTuple):
     name: str  # <condition>/<recording>
     t_s: np.ndarray  # (n,) on the sensor's clock
     x: np.ndarray  # (n, columns) in the unit of the card
-    starts: np.ndarray  # (n,) bool: readings are missing before this one; True for the first
+    segment: np.ndarray  # (n,) rising; a new one after every restart of the device
+    gaps: int  # times that readings are missing between two
     rejects: pa.Table  # lines that cannot be used, with their reasons
 
 
@@ -58,10 +62,10 @@ def read(path: Path, card: Card) -> Recording:
     if experiment not in LOGS:
         frames, rejects, _ = module.read_recording(path, settings)
         name = f"{schemas.names(frames['condition'])[0]}/{schemas.names(frames['recording'])[0]}"
-        return Recording(path, name, frames["t_s"].to_numpy(), _readings(frames), _starts(frames), rejects)
+        return _of_frames(path, name, frames, rejects)
     if experiment == "glove":
         frames, rejects, _ = module.read_recording(path.parent, settings)
-        return Recording(path, name, frames["t_s"].to_numpy(), _readings(frames), _starts(frames), rejects)
+        return _of_frames(path, name, frames, rejects)
     fmt = module.array_format(settings) if experiment == "touch" else module.formats(settings)[LOGS[experiment]]
     rows, rejects = parse.read_log(path, fmt, limit=settings["ingest"]["max_reject_fraction"], key=limit)
     time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
@@ -69,9 +73,16 @@ def read(path: Path, card: Card) -> Recording:
     if experiment == "strain":
         nowhere = np.full((len(time), 3), np.nan)
         frames = module.resampled(path.parent.parent.name, path.parent.name, time, values, nowhere, settings["ingest"])
-        return Recording(path, name, frames["t_s"].to_numpy(), _readings(frames), _starts(frames), rejects)
+        return _of_frames(path, name, frames, rejects)
     values = module.in_order(values, settings)
-    return Recording(path, name, time, values, schemas.gaps_before(time, rows["segment"].to_numpy()), rejects)
+    segment = rows["segment"].to_numpy()
+    return Recording(path, name, time, values, segment, int(schemas.gaps(time, segment).sum()), rejects)
+
+
+def _of_frames(path: Path, name: str, frames: pa.Table, rejects: pa.Table) -> Recording:
+    gaps = int(frames["gap_before"].to_numpy()[1:].sum())
+    time, segment = (frames[column].to_numpy() for column in ("t_s", "segment"))
+    return Recording(path, name, time, _readings(frames), segment, gaps, rejects)
 
 
 def _readings(frames: pa.Table) -> np.ndarray:
@@ -80,27 +91,38 @@ def _readings(frames: pa.Table) -> np.ndarray:
     return np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1)
 
 
-def _starts(frames: pa.Table) -> np.ndarray:
-    return frames["gap_before"].to_numpy()
+def predict(model: Predictor, recording: Recording) -> tuple[np.ndarray, list[str]]:
+    """Return one prediction per reading, (n, *model.output_shape), and sentences on a rate unlike that of training.
 
-
-def predict(model: Predictor, recording: Recording) -> np.ndarray:
-    """Return one prediction per reading, (n, *model.output_shape).
-
-    Windows never span a gap, so that the first ones after it are NaN; a series goes on over it, as in training.
+    A model of windows is given a few lost readings by interpolation (timing.most_filled). Windows span no longer gap,
+    so that the first predictions after one are NaN; a series goes on over it, as in training.
     """
-    if model.card.kind != "windows":
-        return model.predict(recording.x)
-    edges = np.append(np.flatnonzero(recording.starts), len(recording.x))
-    parts = [model.predict(recording.x[first:last]) for first, last in zip(edges[:-1], edges[1:], strict=True)]
-    return np.concatenate([np.empty((0, *model.output_shape), np.float32), *parts])
+    x, t_s, segment = recording.x, recording.t_s, recording.segment
+    if model.card.kind != "windows" or len(x) < 2:
+        return model.predict(x), []
+    interval_s = timing.interval_s(t_s, segment)
+    step = timing.frame_step(model.card, interval_s)
+    lost = timing.lost(np.diff(t_s, prepend=t_s[0]), interval_s)
+    begins = (np.diff(segment, prepend=segment[0]) != 0) | (lost > timing.most_filled(step))
+    lost[begins] = 0
+    predicted = np.empty((len(x), *model.output_shape), np.float32)
+    edges = [0, *np.flatnonzero(begins), len(x)]
+    for first, last in itertools.pairwise(edges):
+        place = np.arange(last - first) + np.cumsum(lost[first:last])  # of the readings, with the lost ones in between
+        every = np.arange(place[-1] + 1)
+        whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
+        predicted[first:last] = model.predict(whole, step)[place]
+    return predicted, timing.differences(model.card, interval_s, interval_s)
 
 
 def has_truth(recording: Recording, card: Card) -> bool:
     """Tell whether the ground truth lies beside a log, so that predictions can be scored."""
     if card.kind == "images":
         return recording.name.split("/")[0] in card.outputs.names
-    return all((recording.path.parent / name).is_file() for name in TRUTH.get(card.experiment, ()))
+    wanted = TRUTH.get(card.experiment, ())
+    if card.kind == "windows" and card.shapes.rows * card.shapes.cols == 1:
+        wanted = OF_ONE_ELEMENT
+    return all((recording.path.parent / name).is_file() for name in wanted)
 
 
 def scores(model: Predictor, path: Path) -> list[metrics.Row]:
@@ -132,5 +154,10 @@ def _scores_of_windows(model: Predictor, module, task, frames: pa.Table, setting
     windows = task.inputs(frames, {**settings, "window": apart})
     x = schemas.matrix(windows["x"]).astype(np.float32).reshape(windows.num_rows, model.card.shapes.frames, -1)
     previous = (windows["previous"].to_numpy(),) if model.model.streams else ()
-    predicted = model.model.predict(x, *previous)
-    return task.score(module, module.labels(windows, settings), predicted, settings)
+    predicted, truth = model.model.predict(x, *previous), module.labels(windows, settings)
+    rows = task.score(module, truth, predicted, settings)
+    if model.card.outputs.force_gain is not None:
+        contact = metrics.in_contact(truth, settings)
+        force_n = np.nansum(schemas.matrix(windows["force_n"]), axis=1)[contact]
+        rows += metrics.force(force_n, predicted[contact], model.card.outputs.force_gain, settings)
+    return rows

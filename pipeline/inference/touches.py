@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.base.errors import InputError
 from pipeline.inference.card import Card
 from pipeline.scoring import metrics
 
@@ -33,8 +34,14 @@ def touches(maps: np.ndarray, card: Card) -> list[list[Touch]]:
 
 
 def force_n(maps: np.ndarray, card: Card) -> np.ndarray:
-    """Return the force of all touches of each map in N, (n,); maps (n, rows, cols) in kPa.
+    """Return the force of all touches of each map in N, (n,), NaN of a map that holds NaN; maps (n, rows, cols) in kPa.
 
-    The map's integral over the array is metrics.GAUSSIAN_SHARE of the force that the load cells measured.
+    It is the map's integral times the gain that was fitted to the load cells on the model's training part. Raises
+    InputError where the card has none.
     """
-    return metrics.integral_n(maps, card.reading["sensor"]) / metrics.GAUSSIAN_SHARE
+    if card.outputs.force_gain is None:
+        raise InputError(
+            f"{card.experiment}/{card.model}: its card has no force_gain; run `python -m pipeline.stages.evaluate "
+            f"{card.experiment}` and export the model again"
+        )
+    return card.outputs.force_gain * metrics.integral_n(maps, card.reading["sensor"])

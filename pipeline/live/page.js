@@ -256,7 +256,7 @@ function say(picture) {
   } else if (model.touch_kpa !== null) {
     body.replaceChildren(...picture.touches.map((touch, place) =>
       cells("td", [place + 1, touch.x_mm.toFixed(1), touch.y_mm.toFixed(1), touch.kpa.toFixed(0)])));
-    total.textContent = `${picture.touches.length || "No"} touch${picture.touches.length === 1 ? "" : "es"}; force of the map ${picture.force_n.toFixed(1)} N`;
+    total.textContent = `${picture.touches.length || "No"} touch${picture.touches.length === 1 ? "" : "es"}; force ${picture.force_n.toFixed(1)} N`;
     element("prediction").setAttribute("aria-label", `Pressure map: ${picture.touches.map((touch) =>
       `${touch.kpa.toFixed(0)} kPa at ${touch.x_mm.toFixed(0)}, ${touch.y_mm.toFixed(0)} mm`).join("; ") || "no touch"}`);
   } else if (model.kind === "images") {

@@ -11,14 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.datasets import schemas
-from pipeline.inference import touches
+from pipeline.inference import timing, touches
 from pipeline.inference.predictor import Predictor
 from pipeline.live.source import Lines, Reading
 
 MEASURED_S = 1.0  # of the device's clock, in which its rate is measured
 LEAST_MEASURED = 4  # lines, of a slow device
-LESS = 1.1  # times the model's interval: a device that is slower than that is said to be
 MOST_LOAD = 0.8  # share of the time that predictions may take
 TIMED = 20  # predictions that tell what one takes
 KEPT = 1000  # latest lines and predictions that rate and times are taken from
@@ -49,7 +47,7 @@ class Session:
         self._measured: list[tuple[Reading, float]] = []  # readings while the rate is not known, and their arrival
         self._interval_s: float | None = None
         self._frame_step, self._every, self._turn = 1, 1, 0
-        self._last_s = 0.0
+        self._last: Reading | None = None
         self._step_s = self._time_of_a_step()
 
     def take(self, data: bytes | None, arrived_s: float) -> Iterator[Prediction]:
@@ -79,24 +77,30 @@ class Session:
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 and recent[-1] > recent[0] else 0.0
 
     def _predict(self, reading: Reading, arrived_s: float) -> Prediction | None:
-        """Return the prediction for the next reading, None for one that is left out."""
-        apart = reading.t_s - self._last_s
-        self._last_s = reading.t_s
-        longest_s = schemas.LONG * max(self._interval_s, self.card.inputs.interval_s)
-        if self.card.kind == "windows" and (reading.restarted or apart > longest_s):
-            self.model.reset(self._frame_step)  # windows of training span no gap
-            self._turn = 0
-        self._turn += 1
-        if (self._turn - 1) % self._every:
+        """Return the prediction for the next reading, None for one that is left out.
+
+        Few lost lines are filled by interpolation, as in `recordings.predict`; after more of them, a model of windows
+        starts anew, since windows of training span no gap.
+        """
+        lost = int(timing.lost(reading.t_s - self._last.t_s, self._interval_s))
+        if self.card.kind == "windows":
+            if reading.restarted or lost > timing.most_filled(self._every * self._frame_step):
+                self.model.reset(self._frame_step)
+                self._turn = lost = 0
+            for values in timing.between(self._last.values, reading.values, lost):
+                if self._is_predicted():
+                    self.model.step(values)
+        self._last = reading
+        if not self._is_predicted():
             return None
         values, of_map, force_n = self._evaluated(reading.values)
-        if self.card.kind == "windows" and self._turn <= (self.card.shapes.frames - 1) * self._frame_step * self._every:
-            values, of_map = (
-                np.full_like(values, np.nan),
-                [],
-            )  # also of a model that carries a state, still zero at first
         self.count += 1
         return Prediction(self.count, reading, values, of_map, force_n, arrived_s, time.monotonic())
+
+    def _is_predicted(self) -> bool:
+        """Tell whether the next reading is one of those that a device which is too fast has predicted."""
+        self._turn += 1
+        return (self._turn - 1) % self._every == 0
 
     def _evaluated(self, reading: np.ndarray) -> tuple[np.ndarray, list[touches.Touch], float | None]:
         """Return (values, touches, force in N) of the next reading."""
@@ -117,7 +121,7 @@ class Session:
 
     def _start(self) -> Iterator[Prediction]:
         times = [reading.t_s for reading, _ in self._measured]
-        self._interval_s, self._last_s = float(np.median(np.diff(times))), times[0]
+        self._interval_s, self._last = float(np.median(np.diff(times))), self._measured[0][0]
         self._choose_step()
         self.model.reset(self._frame_step)
         for reading, arrived_s in self._measured:
@@ -127,27 +131,17 @@ class Session:
 
     def _choose_step(self) -> None:
         """Find how many readings lie between two frames, and say where the device's rate does not suit the model."""
-        of_model, interval_s = self.card.inputs, self._interval_s
+        interval_s = self._interval_s
         self._every = max(1, int(np.ceil(self._step_s / (MOST_LOAD * interval_s))))
         if self._every > 1:
             self._note(
                 f"A prediction takes {1e3 * self._step_s:.1f} ms, longer than the device's lines are apart "
                 f"({1e3 * interval_s:.1f} ms): one of {self._every} lines is predicted."
             )
-        used_s, wanted_s = self._every * interval_s, of_model.frame_step * of_model.interval_s
-        self._frame_step = max(1, round(wanted_s / used_s))
-        if self.card.kind == "images":
-            return  # one reading, one image: no time is in it
-        if interval_s > LESS * of_model.interval_s:
-            self._note(
-                f"The device prints {1 / interval_s:.3g} lines a second, fewer than the "
-                f"{1 / of_model.interval_s:.3g} of the model's training."
-            )
-        apart_s = self._frame_step * used_s
-        if not wanted_s / LESS <= apart_s <= LESS * wanted_s:
-            self._note(
-                f"Frames are {apart_s:.3g} s apart, in training {wanted_s:.3g} s: expect larger errors than the card's."
-            )
+        used_s = self._every * interval_s
+        self._frame_step = timing.frame_step(self.card, used_s)
+        for sentence in timing.differences(self.card, interval_s, used_s):
+            self._note(sentence)
 
     def _note(self, sentence: str) -> None:
         self.notes.append(sentence)

@@ -211,11 +211,13 @@ def _figures(target: Path, experiment: str, settings: Mapping, scores: Scores, r
         title, name = f"{where}, seed {seed}", _file_name(len(captions), kind)
         if kind == "windows":
             truth = schemas.matrix(rows["y"])[chosen]
-            force = {model: _force_n(maps, settings) for model, maps in guesses.items()}
-            r2 = own_figures.forces(target / f"{name}.png", title, _force_n(truth, settings), force)
-            captions[name] = (
-                f"Force of the predicted maps over the true one, R2: {_values(r2, '', 3)} ({literal(title)})."
-            )
+            contact, force = metrics.in_contact(truth, settings), {}
+            for model, maps in guesses.items():
+                gain = scores.runs(protocol, condition, model, "force_gain")[0]
+                force[model] = gain * metrics.integral_n(metrics.as_maps(maps[contact], settings), settings["sensor"])
+            load_cell_n = np.nansum(schemas.matrix(rows["force_n"])[chosen[contact]], axis=1)
+            r2 = own_figures.forces(target / f"{name}.png", title, load_cell_n, force)
+            captions[name] = f"Predicted force over that on the load cell, R2: {_values(r2, '', 3)} ({literal(title)})."
             name = _file_name(len(captions), kind)
             counts = schemas.matrix(rows["x"])[chosen][:, -settings["sensor"]["rows"] * settings["sensor"]["cols"] :]
             errors = own_figures.maps(target / f"{name}.png", title, counts, truth, guesses, settings)
@@ -238,13 +240,6 @@ def _figures(target: Path, experiment: str, settings: Mapping, scores: Scores, r
                 f"What {model_name(order[0])} takes each object for: {right:.0f} % right ({literal(title)})."
             )
     return captions
-
-
-def _force_n(maps: np.ndarray, settings: Mapping) -> np.ndarray:
-    """Return the force that maps (n, cells) in kPa mean, (n,) in N."""
-    label = settings["label"]
-    maps = maps.reshape(-1, label["map_rows"], label["map_cols"])
-    return metrics.integral_n(maps, settings["sensor"]) / metrics.GAUSSIAN_SHARE
 
 
 def _values(by_model: Mapping[str, float], unit: str, digits: int = 2) -> str:

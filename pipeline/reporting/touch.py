@@ -144,9 +144,8 @@ def table_one(scores: Scores, settings: Mapping, conditions: Sequence[str]) -> s
         f"The further metrics look at windows with a touch of {metrics.touch_threshold_kpa(settings):.0f} kPa or more; "
         "a window of k touches is compared with the k highest peaks of the whole predicted map. Place and pressure are "
         "those of the peaks; touches are found where the map has as many peaks as touches, each within one element of "
-        "its touch; force is the map's integral over its area, whose true value is half the load cell's (eq. 1); "
-        "force RMSE and R2 are those of twice the integral, the force on the load cell. A perfect map has the perfect "
-        "score by each.\n"
+        "its touch; force error is that of the map's integral over its area. Force RMSE and R2 compare this integral, "
+        "times one factor per run fitted on the training part, with the force that the load cells measured.\n"
     )
     for protocol, block in settings["protocols"].items():
         n = len(block["seeds"])

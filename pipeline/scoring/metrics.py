@@ -10,7 +10,6 @@ from scipy.optimize import linear_sum_assignment
 from pipeline.datasets import labels
 from pipeline.datasets.series import Record
 
-GAUSSIAN_SHARE = 0.5  # force under a Gaussian of sigma = r / 2 over that under a flat tip of radius r (eq. 1)
 TIE_KPA = 0.01  # cells that differ by less are equally high: of labels up to 400 kPa in float32, none that tie do
 POOLED = {"velostat_recorded": ("all",)}  # experiment -> name of all test windows of a run together
 
@@ -83,14 +82,12 @@ def touch(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[R
       pitch, the predicted pressure at the touch's place takes its place.
     * touches_found: share of windows whose predicted map has as many peaks of at least touch_threshold_kpa as there are
       touches, each within one pitch of its touch.
-    * force_error: mean |integral of the predicted map over its area - that of the label| in N. The label's is half the
-      load cell's force: under a Gaussian of sigma = r/2, P makes half of what it makes under a flat tip (eq. 1).
-    * force_rmse, force_r2: of twice these integrals, the force on the load cell where no edge cuts a Gaussian.
+    * force_error: mean |integral of the predicted map over its area - that of the label| in N.
     """
     sensor, label = settings["sensor"], settings["label"]
     lowest, shape = touch_threshold_kpa(settings), (-1, label["map_rows"], label["map_cols"])
     rows = overall(truth, predicted, "kPa")
-    contact = truth.max(axis=1, initial=0) >= lowest
+    contact = in_contact(truth, settings)
     true_maps, maps = truth[contact].reshape(shape), predicted[contact].reshape(shape)
     touches = peaks(true_maps, sensor)
     touches = touches.chosen(touches.kpa >= lowest)
@@ -105,9 +102,42 @@ def touch(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[R
     further = (("peak_error", "kPa", off), ("location_error", "mm", away), ("touches_found", "1", right))
     for name, unit, values in (*further, ("force_error", "N", force)):
         rows.append((name, unit, float(values.mean()) if len(values) else float("nan"), len(values)))
-    forces = (integral_n(each, sensor) / GAUSSIAN_SHARE for each in (true_maps, maps))
-    of_force = overall(*forces, "N") if len(maps) else [("rmse", "N", np.nan, 0), ("r2", "1", np.nan, 0)]
-    return rows + [(f"force_{name}", *row) for name, *row in of_force]
+    return rows
+
+
+def in_contact(truth: np.ndarray, settings: Mapping) -> np.ndarray:
+    """Return which of the true maps (n, cells) in kPa have a touch, (n,) bool; settings: the block `touch`."""
+    return truth.max(axis=1, initial=0) >= touch_threshold_kpa(settings)
+
+
+def force_gain(force_n: np.ndarray, maps: np.ndarray, settings: Mapping) -> float:
+    """Return the factor from the integral of a model's maps to the force on the load cells, by least squares.
+
+    force_n: (n,) in N, the sum of all touches, and maps: (n, map_rows * map_cols) in kPa, of the training part;
+    settings: the block `touch` of params.yaml. What the integral of a map is worth depends on the tip, on the cells, on
+    the edges and on how much of a peak a model shows: 2 on the paper's array for a perfect map, 0.5 on one element.
+    NaN where the maps are NaN or 0 everywhere.
+    """
+    integral = integral_n(as_maps(maps, settings), settings["sensor"])
+    squares = float(integral @ integral)
+    return float(integral @ force_n) / squares if squares > 0 else float("nan")
+
+
+def force(force_n: np.ndarray, maps: np.ndarray, gain: float, settings: Mapping) -> list[Row]:
+    """Return scores of the force of maps in N against the load cells: force_rmse, force_r2, and the gain itself.
+
+    force_n: (n,) in N, the sum of all touches; maps: (n, map_rows * map_cols) in kPa; gain: as `force_gain` fitted it.
+    """
+    if not len(maps):
+        return [("force_rmse", "N", np.nan, 0), ("force_r2", "1", np.nan, 0), ("force_gain", "1", gain, 0)]
+    predicted = gain * integral_n(as_maps(maps, settings), settings["sensor"])
+    rows = overall(force_n, predicted, "N")
+    return [*((f"force_{name}", *row) for name, *row in rows), ("force_gain", "1", gain, len(maps))]
+
+
+def as_maps(maps: np.ndarray, settings: Mapping) -> np.ndarray:
+    """Return flat maps (n, cells) as (n, map_rows, map_cols); settings: the block `touch` of params.yaml."""
+    return maps.reshape(-1, settings["label"]["map_rows"], settings["label"]["map_cols"])
 
 
 def integral_n(maps: np.ndarray, sensor: Mapping) -> np.ndarray:

@@ -86,14 +86,35 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
     condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:
         run = load(protocol, seed, spec(settings))
-        test = np.flatnonzero(data.part(protocol, seed) == "test")
+        part = data.part(protocol, seed)
+        test, train = np.flatnonzero(part == "test"), np.flatnonzero(part == "train")
         predicted = run.unless_failed(predict(run.model, data.x[test], data, test))
+        of_force = force_scores(run.model, module, data, train, settings)
         conditions, scores = np.unique(condition[test]), []
         for name in [*conditions, *(pooled if len(conditions) > 1 else ())]:
             chosen = np.full(len(test), name in pooled) | (condition[test] == name)
             values = score(module, data.y[test[chosen]], predicted[chosen], settings)
+            values += of_force(test[chosen], predicted[chosen])
             scores += [(name, *row) for row in metrics.unless_failed(values, run.failed)]
         yield protocol, seed, [(test, predicted, scores)]
+
+
+def force_scores(model, module: ModuleType, data: Dataset, train: np.ndarray, settings: Mapping) -> Callable:
+    """Return what scores the force of pressure maps in contact, given rows of `data` and the maps predicted for them.
+
+    The maps' gain is fitted to the load cells on the training part, the rows `train`. Where the prediction is no
+    pressure map, nothing is scored.
+    """
+    if module.SCORES != "touch":
+        return lambda rows, predicted: []
+    force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1, dtype=float)
+    gain = metrics.force_gain(force_n[train], predict(model, data.x[train], data, train), settings)
+
+    def scored(rows: np.ndarray, predicted: np.ndarray) -> list:
+        contact = metrics.in_contact(data.y[rows], settings)
+        return metrics.force(force_n[rows[contact]], predicted[contact], gain, settings)
+
+    return scored
 
 
 def predict(model, x: np.ndarray, data: Dataset, rows: np.ndarray) -> np.ndarray:

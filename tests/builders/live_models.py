@@ -15,7 +15,7 @@ FRAMES, STEP, INTERVAL_S = 3, 2, 0.02
 LOMP = dict(hidden=8, readout=[6], neighbours=4, alpha=1.0, training=dict(learning_rate=1e-3, batch_size=8, epochs=1))
 TOUCH = {
     "sensor": {"rows": ROWS, "cols": COLS, "pitch_mm": 12.0, "element_mm": 11.5},
-    "ingest": {"highest_count": 1023},
+    "ingest": {"highest_count": 1023, "max_reject_fraction": 0.1},
     "window": {"frames": FRAMES, "frame_step": STEP},
     "label": {"tip_radius_mm": 5.0, "map_rows": MAP[0], "map_cols": MAP[1]},
 }
@@ -46,7 +46,7 @@ def saved(folder: Path, model, key: str, spec: Spec, **changed) -> Path:
         reading=TOUCH,
         shapes=cards.Shapes(**spec._asdict()),
         inputs=cards.Inputs(**inputs | changed.pop("inputs", {})),
-        outputs=cards.Outputs(unit="kPa", touch_kpa=20.0),
+        outputs=cards.Outputs(unit="kPa", touch_kpa=20.0, force_gain=2.0),
         precision=None,
         best_epoch=1,
         scores=[],
@@ -67,10 +67,15 @@ def linear(folder: Path) -> Path:
 
 
 def stream(folder: Path) -> Path:
-    """Save an untrained model of touch that carries a state."""
+    """Save an untrained model of touch that carries a state, its read-out drawn so that its maps are not 0."""
     spec = Spec(FRAMES, ROWS, COLS, *MAP)
     model = models.build("lomp_stream", spec, LOMP, "test")
     model._set_normalisation(torch.full((6,), 200.0), torch.full((6,), 100.0), torch.tensor(250.0))
+    drawn = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for name, weights in model.network.named_parameters():
+            if name.startswith("readout."):
+                weights.normal_(0, 0.5, generator=drawn)
     return saved(folder, model, "lomp_stream", spec, settings=LOMP)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.base import params
+from pipeline.base.errors import InputError
 from pipeline.datasets import labels
 
 
@@ -37,3 +38,14 @@ def test_the_largest_cell_of_a_single_touch_is_its_pressure(settings):
         label = settings["label"] | {"tip_radius_mm": radius}
         maps = labels.pressure_maps(peak[:, None], x[:, None], y[:, None], settings["sensor"], label)
         np.testing.assert_allclose(maps.max(axis=(1, 2)), peak, rtol=1e-6)
+
+
+def test_cells_wider_than_the_tip_are_refused():
+    """A mat of 20 mm pitch with a cell an element and a tip of 10 mm: the map has no peak that tells a place."""
+    sensor, label = {"rows": 16, "cols": 8, "pitch_mm": 20.0}, {"tip_radius_mm": 5.0, "map_rows": 16, "map_cols": 16}
+    with pytest.raises(InputError, match=r"touch\.label\.map_rows: cells of 20 mm are wider than the tip .*set 32 or"):
+        labels.check_cells(sensor, label)
+    labels.check_cells(sensor, label | {"map_rows": 32})
+    with pytest.raises(InputError, match=r"map_cols: cells of 10 mm are wider than the tip \(8 mm"):
+        labels.check_cells(sensor, label | {"map_rows": 48, "tip_radius_by_condition_mm": {"small": 4.0}})
+    labels.check_cells({"rows": 1, "cols": 1, "pitch_mm": 20.0}, label | {"map_rows": 1, "map_cols": 1})

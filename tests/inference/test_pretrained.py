@@ -58,14 +58,46 @@ def test_step_by_step_is_all_at_once(folder):
     model = predictor.load(folder)
     columns = model.card.inputs.columns
     scale = {"counts": 300, "V": 0.1, "levels": 500}[model.card.inputs.unit]
-    readings = np.random.default_rng(0).uniform(1, 2, (24, columns)) * scale
+    readings = np.random.default_rng(0).uniform(1, 2, (60, columns)) * scale
     at_once = model.predict(readings)
-    assert at_once.shape == (24, *model.output_shape) and at_once.dtype == np.float32
-    one_by_one = np.stack([model.step(reading) for reading in readings])
-    full_scale = max(1.0, float(np.abs(at_once).max()))
-    assert np.abs(at_once - one_by_one).max() < 1e-3 * full_scale
-    model.reset()
-    assert np.abs(model.step(readings[0]) - at_once[0]).max() < 1e-3 * full_scale
+    assert at_once.shape == (60, *model.output_shape) and at_once.dtype == np.float32
+    without = {"windows": (model.card.shapes.frames - 1) * model.card.inputs.frame_step}.get(model.card.kind, 0)
+    assert np.isnan(at_once[:without]).all() and np.isfinite(at_once[without:]).all()
+    full_scale = max(1.0, float(np.nanmax(np.abs(at_once))))
+    for _ in range(2):  # and once more after a reset
+        one_by_one = np.stack([model.step(reading) for reading in readings])
+        assert np.array_equal(np.isnan(one_by_one), np.isnan(at_once))
+        assert np.nanmax(np.abs(at_once - one_by_one)) < 1e-3 * full_scale
+        model.reset()
+
+
+def test_an_untouched_sensor_has_no_touch_and_no_force():
+    model = predictor.load(TOUCH)
+    rest = np.full((200, 25), 32)
+    stepped = np.stack([model.step(reading) for reading in rest])
+    for maps in (model.predict(rest), stepped):
+        assert not any(touches.touches(maps, model.card))
+        assert np.nanmax(np.abs(touches.force_n(maps, model.card))) < 0.5, "N, of a load cell's 0.05 N of noise"
+        assert np.isnan(touches.force_n(maps, model.card)[:35]).all()
+
+
+def test_a_lost_line_makes_no_touch_and_no_force(double, tmp_path):
+    """Lines lost in mid-press, one by one and a few in a row, against the same log with all of its lines."""
+    model = predictor.load(TOUCH)
+    whole = recordings.read(double[0], model.card)
+    expected, _ = recordings.predict(model, whole)
+    rng, kept = np.random.default_rng(0), np.ones(len(whole.x), bool)
+    kept[rng.choice(np.arange(100, len(kept) - 10), 40, replace=False)] = False
+    kept[5000:5004] = False  # as many as are filled: one fewer than lie between two frames
+    lost = whole._replace(t_s=whole.t_s[kept], x=whole.x[kept], segment=whole.segment[kept])
+    predicted, notes = recordings.predict(model, lost)
+    assert notes == [] and np.array_equal(np.isnan(predicted), np.isnan(expected[kept]))
+    force, of_all = (touches.force_n(maps, model.card) for maps in (predicted, expected))
+    assert np.nanmax(np.abs(force - of_all[kept])) < 0.05 * np.nanmax(of_all)
+    kept[7000:7005] = False
+    longer = whole._replace(t_s=whole.t_s[kept], x=whole.x[kept], segment=whole.segment[kept])
+    without = np.isnan(recordings.predict(model, longer)[0]).any(axis=(1, 2))
+    assert without.sum() == 2 * 35, "after the start, and after a gap of five lines"
 
 
 def test_the_program_in_the_documents_runs(capsys):
@@ -124,7 +156,11 @@ def test_touches_and_force_of_a_map():
     (of_map,) = touches.touches(maps, card)
     assert [(round(touch.x_mm, 1), round(touch.y_mm, 1)) for touch in of_map] == [(13.5, 13.5), (46.5, 31.5)]
     assert [touch.kpa for touch in of_map] == pytest.approx(kpa[0].tolist(), rel=1e-3)
-    assert touches.force_n(maps, card) == pytest.approx([6.0], rel=0.05), "of both touches together, as load cells say"
+    perfect = card.model_copy(update={"outputs": card.outputs.model_copy(update={"force_gain": 2.0})})
+    assert touches.force_n(maps, perfect) == pytest.approx([6.0], rel=0.05), "of both together, as load cells say"
+    without = card.model_copy(update={"outputs": card.outputs.model_copy(update={"force_gain": None})})
+    with pytest.raises(InputError, match="touch/lomp_stream: its card has no force_gain"):
+        touches.force_n(maps, without)
     assert touches.touches(np.full((1, 20, 20), np.nan), card) == [[]]
 
 

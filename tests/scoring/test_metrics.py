@@ -39,8 +39,31 @@ def test_touch_metrics_of_known_predictions(settings):
     force_n = truth[:2].sum(axis=1) * 9e-3
     assert force_n[0] == pytest.approx(200e3 * np.pi * 5e-3**2 / 2, rel=0.01)
     assert off["force_error"][0] == pytest.approx(force_n.mean() / 2)
-    assert off["force_rmse"] == (pytest.approx(np.sqrt(np.mean(force_n**2))), contact)
     assert off["rmse"][0] == pytest.approx(np.sqrt(np.mean((shifted - truth.astype(float)) ** 2)), rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.4])
+def test_the_gain_of_force_is_that_of_the_training_part(settings, share):
+    """A model that shows a share of every peak still tells the force on the load cell, and another's gain does not."""
+    pi_r2 = 1e-3 * np.pi * settings["label"]["tip_radius_mm"] ** 2  # kPa to N
+    truth = maps_of(settings, *[[(kpa, 31.5, 31.5)] for kpa in (100,)])
+    kpa = np.array([20.0, 50.0, 100.0, 300.0])
+    maps = share * truth * kpa[:, None] / 100
+    force_n = pi_r2 * kpa
+    gain = metrics.force_gain(force_n[:2], maps[:2], settings)
+    assert gain == pytest.approx(2.0 / share, rel=0.01), (
+        "eq. 1: a Gaussian of sigma r / 2 holds half of the tip's force"
+    )
+    rows = {name: (unit, value, n) for name, unit, value, n in metrics.force(force_n, maps, gain, settings)}
+    assert rows["force_rmse"] == ("N", pytest.approx(0.0, abs=1e-4), 4)
+    assert rows["force_r2"][1] == pytest.approx(1.0) and rows["force_gain"][1] == gain
+    wrong = {name: value for name, _, value, _ in metrics.force(force_n, maps, gain / 2, settings)}
+    assert wrong["force_rmse"] == pytest.approx(np.sqrt(np.mean((force_n / 2) ** 2)), rel=1e-3)
+
+
+def test_maps_of_nothing_have_no_gain(settings):
+    for value in (0.0, np.nan):
+        assert np.isnan(metrics.force_gain(np.ones(3), np.full((3, 400), value), settings))
 
 
 def test_a_touch_is_searched_in_the_whole_map(settings):

@@ -41,10 +41,18 @@ def touch_maps(settings, touches: int) -> np.ndarray:
 def test_touch(touches):
     settings = VALUES["touch"]
     truth = touch_maps(settings, touches)
-    expected = {"rmse", "r2", "peak_error", "location_error", "touches_found", "force_error", "force_rmse", "force_r2"}
+    expected = {"rmse", "r2", "peak_error", "location_error", "touches_found", "force_error"}
     assert check(metrics.touch(truth, truth, settings)) == expected
     wrong = {row[0]: row[2] for row in metrics.touch(truth, np.roll(truth, 7, axis=0), settings)}
     assert all(wrong[name] != PERFECT[name] for name in expected)
+
+
+def test_force_of_maps():
+    settings = VALUES["touch"]
+    maps = touch_maps(settings, 2)
+    force_n = 1.8 * metrics.integral_n(metrics.as_maps(maps, settings), settings["sensor"])
+    *rows, gain = metrics.force(force_n, maps, 1.8, settings)
+    assert check(rows) == {"force_rmse", "force_r2"} and gain[0] == "force_gain"
 
 
 def test_touch_of_another_array():

@@ -14,7 +14,7 @@ MOST_POINTS = 2000  # of a cloud of forces
 
 
 def forces(path: Path, title: str, truth: np.ndarray, predicted: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Draw predicted force against the true one, one panel per model; both (n,) in N. Returns model -> R2."""
+    """Draw predicted force against that on the load cell, one panel per model; both (n,) in N. Returns model -> R2."""
     figure, axes = style.panels(len(predicted), len(predicted), 3.3 * len(predicted) + 0.3, 3.2, 0.6, sharey=True)
     top = 1.05 * max(truth.max(initial=0), *(guess.max(initial=0) for guess in predicted.values()), 1e-9)
     spread, few = np.square(truth - truth.mean()).sum(), slice(None, None, -(-len(truth) // MOST_POINTS) or 1)
@@ -23,8 +23,13 @@ def forces(path: Path, title: str, truth: np.ndarray, predicted: Mapping[str, np
         r2[model] = float(1 - np.square(guess - truth).sum() / spread) if spread > 0 else np.nan
         ax.plot([0, top], [0, top], **style.MEASURED)
         ax.plot(truth[few], guess[few], ".", color=style.model_style(model).color, markersize=3, alpha=0.6)
-        ax.set(xlim=(0, top), ylim=(0, top), xlabel="True force (N)", title=f"{model_name(model)}, R2 {r2[model]:.3f}")
-    axes[0, 0].set_ylabel("Force of the map (N)")
+        ax.set(
+            xlim=(0, top),
+            ylim=(0, top),
+            xlabel="Force on the load cell (N)",
+            title=f"{model_name(model)}, R2 {r2[model]:.3f}",
+        )
+    axes[0, 0].set_ylabel("Predicted force (N)")
     figure.suptitle(style.literal(title))
     style.save(figure, path)
     return r2
