@@ -13,7 +13,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -106,17 +106,24 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
             problems.append(diagnosis.missing(path, fmt, expected))
             continue
         try:
+            printed = parse.printed_format(path, fmt)
+        except InputError as error:
+            problems.append(str(error))
+            continue
+        try:
             rows, rejects = parse.read_log(path, fmt)
         except InputError as error:
-            wrong = diagnosis.unreadable(path, fmt) or wrong_columns(experiment, path, fmt, settings)
+            wrong = diagnosis.unreadable(path, printed) or wrong_columns(experiment, path, printed, settings)
             problems.append(wrong or str(error))
             continue
+        if fmt is touch.LOAD_CELL:
+            rows, rejects = touch.without_spikes(path, rows, rejects, settings)
         if rejects.num_rows > settings["ingest"]["max_reject_fraction"] * (rows.num_rows + rejects.num_rows):
             beyond = rejects.filter(pc.equal(rejects["reason"], parse.OUT_OF_RANGE))
             if wrong := (
-                wrong_columns(experiment, path, fmt, settings)
-                or diagnosis.out_of_range(path, beyond.slice(0, parse.TEXTS).to_pylist(), fmt)
-                or diagnosis.unreadable(path, fmt)
+                wrong_columns(experiment, path, printed, settings)
+                or diagnosis.out_of_range(path, beyond.slice(0, parse.TEXTS).to_pylist(), printed)
+                or diagnosis.unreadable(path, printed)
             ):
                 problems.append(wrong)
                 continue
@@ -129,7 +136,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
         try:
             frames, _, report = experiments.module(experiment).read_recording(folder, settings)
         except InputError as error:
-            problems += [*reversed_signs(folder, read, settings), f"{error}{lengths(read, settings)}"]
+            problems.append(f"{error}{lengths(read, settings)}")
     return Checked(folder, read, frames, report, problems)
 
 
@@ -171,7 +178,7 @@ def _begins_with_time(path: Path) -> bool:
 
 
 def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
-    """Yield problems of logs that can be read: wrong units of time, force and place, and a wrong sign."""
+    """Yield problems of logs that can be read: wrong units of time, force and place."""
     for name, log in read.items():
         path, rate = folder / name, log.report["rate_hz"]
         if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
@@ -183,7 +190,7 @@ def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Ite
             low, rest, high = np.percentile(force, [0.5, 10, 99.5])
             threshold = settings["window"]["contact_threshold_n"]
             if -low > high:
-                yield f"{path}: pressing makes fz_n negative; write it positive"
+                yield f"{path}: {touch.PULLED}"
             elif rest > threshold:
                 yield (
                     f"{path}: fz_n rests at {rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
@@ -196,48 +203,6 @@ def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Ite
             moves = max(np.ptp(log.rows[axis].to_numpy()) for axis in axes)
             if moves < LEAST_MM:
                 yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
-
-
-def reversed_signs(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
-    """Yield problems of a touch recording that cannot be aligned: z or the counts go the wrong way when pressed.
-
-    Each is said only where the recording could be read once it is reversed.
-    """
-    if not {"array.log", "load_cell.log"} <= set(read):
-        return
-    if "cnc.log" in read and aligns(folder, read, "cnc.log", lambda name, v: -v if name == "z_mm" else v, settings):
-        yield f"{folder / 'cnc.log'}: z_mm seems to rise when pressed; write it negative when pressed, 0 at the surface"
-        return
-    highest_count = settings["ingest"]["highest_count"]
-
-    def inverted(name: str, values: np.ndarray) -> np.ndarray:
-        return highest_count - values if re.fullmatch(r"v\d+", name) else values
-
-    if aligns(folder, read, "array.log", inverted, settings):
-        yield (
-            f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest_count} minus the count, "
-            "which rises"
-        )
-
-
-def aligns(folder: Path, read: Mapping[str, Log], log: str, change: Callable, settings: Mapping) -> bool:
-    """Tell whether a recording could be read if `change(column, values)` were applied to the columns of one log."""
-    rows = read[log].rows
-    names = [name for name in rows.column_names if name not in ("time_s", "line", "segment")]
-    columns = [change(name, rows[name].to_numpy()) for name in names]
-    with tempfile.TemporaryDirectory() as draft:
-        copy = Path(draft, folder.parent.name, folder.name)
-        copy.mkdir(parents=True)
-        for path in folder.glob("*.log"):
-            if path.name != log:
-                (copy / path.name).symlink_to(path.resolve())
-        lines = (",".join(map(str, line)) for line in zip(*(column.tolist() for column in columns), strict=True))
-        (copy / log).write_text("\n".join(lines) + "\n", encoding="ascii")
-        try:
-            touch.read_recording(copy, settings)
-        except InputError:  # which is the answer
-            return False
-    return True
 
 
 def lengths(read: Mapping[str, Log], settings: Mapping) -> str:
@@ -274,13 +239,28 @@ def understood(recording: Checked) -> Iterator[str]:
         if name == "array.log" and report["rate_hz"] and report["rate_hz"] < SLOW_HZ:
             yield f"{'':19}slower than {SLOW_HZ} Hz: presses may not be aligned well, and windows are few"
         for clock in filter(None, report.get("clocks", [report.get("clock")])):
-            yield (
-                f"{'':19}clock: offset {clock['offset_ms']:+.0f} ms, drift {clock['drift_ppm']:+.0f} ppm, "
-                f"correlation {clock['correlation']:.2f}"
-            )
+            yield f"{'':19}clock: {of_clock(clock)}"
+        yield from (f"{'':19}finding: {warning}" for warning in report.get("warnings", []))
         for channel, fault in report.get("channels", {}).items():
             yield f"{'':19}{channel}: {fault['fault']} in {100 * fault['share']:.0f} % of the time"
     yield from (f"  problem: {problem}" for problem in recording.problems)
+
+
+def of_clock(clock: Mapping) -> str:
+    """Return the numbers of a clock in words; clock: as ingest reports it."""
+    if "correlation" not in clock:
+        return "shared; the other logs are measured against this one"
+    if clock["correlation"] is None:
+        return "shared, not measured: too few presses, or too little motion, to tell"
+    if "measured_offset_ms" in clock:
+        return (
+            f"shared, correlation {clock['correlation']:.2f}; best {clock['best_correlation']:.2f}, at an offset of "
+            f"{clock['measured_offset_ms']:+.0f} ms, which is not applied"
+        )
+    return (
+        f"offset {clock['offset_ms']:+.0f} ms, drift {clock['drift_ppm']:+.0f} ppm, "
+        f"correlation {clock['correlation']:.2f}"
+    )
 
 
 def ranges(rows: pa.Table) -> str:

@@ -38,6 +38,10 @@ FINE_S = 0.4  # reach of the fine search: rates alone misplace simulated stretch
 CLIP = 95  # percentile: a slip changes voltages far more than the arm's motion
 STUCK_S = 60.0  # the voltage of a working sensor changes within this time
 STEP_V = 3.2e-4  # a step of a 16-bit converter for +-10 V (0.305 mV), rounded: a dead input may flicker by one
+# Offset of logs said to be of one clock that is named: simulated recordings on one clock are placed 0.11 s beside the
+# truth at most, and a strand's own delay looks the same. One of more than 1 s is no delay: logs are refused then, also
+# where slow strokes keep 0.9 of the correlation (simulated sliding, the robot 1.5 s early; 0.3 where it is late).
+SHIFTED_S, REFUSED_S = 0.2, 1.0
 LEAST_TRUTH = 0.5  # share of the DAQ's samples that must have ground truth
 
 
@@ -76,12 +80,18 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     `settings`: the block `strain` of params.yaml. frames: as `frames_schema`; jitter and single missing lines are
     interpolated, a gap of more than `ingest.max_gap_s` starts a new segment. Lines of a file = accepted + rejected
     (+ header). Raises InputError for a missing log, too many rejects, a clock that was set back, clocks that cannot
-    be aligned, ground truth for less than half of the samples, channels that are all dead, and a folder of no task.
+    be aligned or are said to be shared and are not, a depth of presses without z, ground truth for less than half of the samples, channels that are all dead, and a folder of no task.
     """
     if folder.parent.name not in tasks(settings):
         raise InputError(
             f"{folder}: '{folder.parent.name}' is no task; the tasks are {', '.join(tasks(settings))} (your own: "
             "strain.sensor.tasks)"
+        )
+    below, asked = settings["sensor"].get("pressed_below_mm"), formats(settings)["robot.log"].names
+    if below is not None and "z_mm" not in asked:
+        raise InputError(
+            "params.yaml, strain.sensor.pressed_below_mm: no task asks for z, so that robot.log has no z_mm and nothing "
+            "would count as pressed; add z to a task of strain.sensor.tasks, or remove pressed_below_mm"
         )
     ingest, who = settings["ingest"], f"{folder.parent.name}/{folder.name}"
     rows, rejects = {}, {}
@@ -106,8 +116,10 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     channels = stuck(folder / "daq.log", at, volts, STEP_V if settings["sensor"].get("unit", "V") == "V" else 0.0)
     if ingest.get("clock") == "shared":
         clock = alignment.Clock(0.0)
+        measured = shared_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
     else:
         clock = robot_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
+        measured = {"clock": clock.report()}
     truth, known = alignment.interpolated(at, clock(robot["t_s"].to_numpy()), place)
     if known.mean() < LEAST_TRUTH:
         raise InputError(
@@ -117,7 +129,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     rejects["daq.log"] = parse.add_rejects(rejects["daq.log"], folder / "daq.log", unknown, NO_GROUND_TRUTH)
 
     frames = resampled(folder.parent.name, folder.name, at[known], volts[known], truth[known], ingest)
-    if (below := settings["sensor"].get("pressed_below_mm")) is not None:
+    if below is not None:
         press = presses(schemas.matrix(frames["y_mm"])[:, AXES.index("z")] < below)
         frames = frames.set_column(frames.column_names.index("press"), "press", pa.array(press))
     report = {}
@@ -125,7 +137,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         time = rows[name]["t_s"].to_numpy()
         report[name] = log_report(accepted, rejects[name], time, np.zeros(len(time), int))
     report["daq.log"]["channels"] = channels
-    report["robot.log"]["clock"] = clock.report()
+    report["robot.log"] |= measured
     return frames, pa.concat_tables(rejects.values()), report
 
 
@@ -207,25 +219,78 @@ def robot_clock(
     log that are longer than a stretch are left out. daq_s (n,), volts (n, channels), robot_s (m,), place (m, 3).
     Raises InputError below `ingest.min_correlation`, and where such gaps leave too little.
     """
-    grid = np.arange(daq_s[0], daq_s[-1], GRID_S)
-    grid = grid[np.diff(daq_s)[np.searchsorted(daq_s, grid, side="right") - 1] <= STRETCH_S]
-    lasts, least = len(grid) * GRID_S, _shortest_s(ingest)
-    if lasts < least:
+    if wrong := _incomparable(daq_s, robot_s, place, ingest):
+        raise InputError(f"{who}: {wrong}")
+    clock, _ = _placed(daq_s, volts, robot_s, place, ingest, {0.0, float(daq_s[0] - robot_s[0])})
+    if not clock.correlation >= ingest["min_correlation"]:
         raise InputError(
-            f"{who}: daq.log lasts {lasts:.1f} s without its gaps of more than {STRETCH_S:g} s; "
+            f"{who}: robot.log and daq.log do not follow each other (best correlation {clock.correlation:.2f}, "
+            f"strain.ingest.min_correlation {ingest['min_correlation']:g}); check that they belong to one capture; if "
+            "one computer stamped both, set strain.ingest.clock: shared"
+        )
+    return clock
+
+
+def shared_clock(
+    daq_s: np.ndarray, volts: np.ndarray, robot_s: np.ndarray, place: np.ndarray, ingest: Mapping, who: str
+) -> dict:
+    """Return what the report says of a robot's clock that is said to be the DAQ's: `clock` and `warnings`.
+
+    No offset is applied; the one at which the logs agree best is measured as `robot_clock` does. It is not where they
+    are too short, move too little or follow each other too little to tell. Arguments as there. Raises InputError for
+    clocks that are not shared.
+    """
+    report = {"clock": {"offset_ms": 0.0, "drift_ppm": 0.0} | alignment.UNMEASURED}
+    if _incomparable(daq_s, robot_s, place, ingest):
+        return report
+    clock, at_zero = _placed(daq_s, volts, robot_s, place, ingest, {0.0})
+    if not clock.correlation >= ingest["min_correlation"]:
+        return report
+    found = alignment.Agreement(clock.offset_s, at_zero, clock.correlation)
+    report["clock"] |= found.report()
+    if abs(found.offset_s) > SHIFTED_S:
+        said = f"robot.log and daq.log {found.said()}"
+        if found.refuted or abs(found.offset_s) > REFUSED_S:
+            raise InputError(
+                f"{who}: {said}, so they do not share a clock; set strain.ingest.clock: own, or add "
+                f"{found.offset_s:+.2f} s to the times of robot.log"
+            )
+        report["warnings"] = [f"{said}: look at what delays one"]
+    return report
+
+
+def _grid(daq_s: np.ndarray) -> np.ndarray:
+    """Return times GRID_S apart within the DAQ's log, those in gaps of more than a stretch left out."""
+    grid = np.arange(daq_s[0], daq_s[-1], GRID_S)
+    return grid[np.diff(daq_s)[np.searchsorted(daq_s, grid, side="right") - 1] <= STRETCH_S]
+
+
+def _incomparable(daq_s: np.ndarray, robot_s: np.ndarray, place: np.ndarray, ingest: Mapping) -> str | None:
+    """Say why two logs cannot tell how their clocks differ, or None."""
+    lasts, least = len(_grid(daq_s)) * GRID_S, _shortest_s(ingest)
+    if lasts < least:
+        return (
+            f"daq.log lasts {lasts:.1f} s without its gaps of more than {STRETCH_S:g} s; "
             f"at least {least:g} s are needed, record longer"
         )
     moving = float(np.diff(robot_s)[(np.diff(place, axis=0) != 0).any(axis=1)].sum() / np.ptp(robot_s))
     if moving < LEAST_MOVING:
-        raise InputError(
-            f"{who}: the arm moves in {100 * moving:.1f} % of the time, too little to tell how the clocks of robot.log "
+        return (
+            f"the arm moves in {100 * moving:.1f} % of the time, too little to tell how the clocks of robot.log "
             "and daq.log differ; if one computer stamped both, set strain.ingest.clock: shared, else record more motion"
         )
+    return None
+
+
+def _placed(
+    daq_s: np.ndarray, volts: np.ndarray, robot_s: np.ndarray, place: np.ndarray, ingest: Mapping, centres: set[float]
+) -> tuple[alignment.Clock, float]:
+    """Return the robot's clock, its offset near one of `centres` (s), and the correlation of the logs as they are."""
+    grid = _grid(daq_s)
     rates = _on(grid, *_rates(daq_s, volts))
     rates = np.column_stack([rates, np.gradient(rates, axis=0)])
     speed = _rates(robot_s, place)
-    centres = sorted({0.0, float(daq_s[0] - robot_s[0])})
-    tried = [_best_lag(grid, rates, speed, centre, ingest["max_clock_offset_s"]) for centre in centres]
+    tried = [_best_lag(grid, rates, speed, centre, ingest["max_clock_offset_s"]) for centre in sorted(centres)]
     lag, _ = max(tried, key=lambda lag_and_score: lag_and_score[1])
     length, stretches = round(STRETCH_S / GRID_S), []
     for first in range(0, len(grid) - length // 2, length):
@@ -242,13 +307,8 @@ def robot_clock(
             drift, offset, _, _ = theilslopes(lags, times - times.mean())  # a stretch may be far off
             clock = alignment.Clock(float(offset), float(drift), float(times.mean()))
     correlation = _explained(rates, _on(grid, clock(speed[0]), speed[1]))
-    if not correlation >= ingest["min_correlation"]:
-        raise InputError(
-            f"{who}: robot.log and daq.log do not follow each other (best correlation {correlation:.2f}, "
-            f"strain.ingest.min_correlation {ingest['min_correlation']:g}); check that they belong to one capture; if "
-            "one computer stamped both, set strain.ingest.clock: shared"
-        )
-    return alignment.Clock(clock.offset_s, clock.drift, clock.middle_s, correlation)
+    at_zero = _explained(rates, _on(grid, *speed))
+    return alignment.Clock(clock.offset_s, clock.drift, clock.middle_s, correlation), at_zero
 
 
 def _shortest_s(ingest: Mapping) -> float:

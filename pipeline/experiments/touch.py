@@ -1,12 +1,14 @@
 """Read touch recordings (LoMP paper): the formats of the devices' logs, and a recording as frames with ground truth."""
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+from scipy.ndimage import median_filter
 
 from pipeline.base.errors import InputError
 from pipeline.datasets import labels as labels_kpa
@@ -28,8 +30,20 @@ CNC = Format((CLOCK, *(Column(name, "mm", -2e3, 2e3) for name in ("x_mm", "y_mm"
 
 NO_GROUND_TRUTH = "no ground truth at this time"
 TOO_SHORT = "segment too short to align"
+SPIKE = "spike"  # of a load cell: a single reading far from both of its neighbours
+PULLED = "pressing makes fz_n negative; write it positive"
 LIMIT = "touch.ingest.max_reject_fraction"
 PART = 1 << 18  # frames made at once: an hour of a recording at 70 Hz
+# A spike is further from both neighbours than 4 times the steps of the log, of which 99.5 % are smaller: spikes of 100 N
+# among presses of 30 N are so by 5 times and more, even at 10 Hz and with 5 % of spikes; clean logs, simulated and
+# recorded, stay below 2.4 times, but for a recording of presses of 1 N with jumps of up to 2 N. Hence also 2.5 times the
+# threshold of contact (3 N): smaller jumps are noise.
+LEAP = 4.0
+LEAST_LEAP = 2.5
+CALM = 0.25  # of the leap; neighbours, and readings before or after, are that near to each other: a fast press moves them
+SLOWEST_PRESS_HZ = 40.0  # a slower log may have but one reading of a press, so a spike is beyond twice all others
+FEWEST_PRESSES = 5  # to measure clocks by: fewer agree by chance
+SHIFTED = 0.1  # of a press; a larger offset of logs said to be of one clock is named
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
 
 
@@ -89,8 +103,8 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     asked for: all frames of a log take more memory than the log. `rejects` has the columns of `parse.REJECTS`, `report`
     the numbers of each file. Lines of a file = accepted + rejected (+ header).
 
-    Raises InputError for a missing or unknown log, more than `max_touches` touches, too many rejects, and
-    clocks that cannot be aligned.
+    Raises InputError for a missing or unknown log, more than `max_touches` touches, too many rejects, counts or depths
+    with the wrong sign, clocks that cannot be aligned, and clocks that are said to be shared and are not.
     """
     ingest, elements = settings["ingest"], settings["sensor"]["rows"] * settings["sensor"]["cols"]
     touches = _touches(folder, ingest["max_touches"], placeless=elements == 1)
@@ -102,8 +116,16 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     rows, rejects = {}, {}
     for name, fmt in formats.items():
         rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
+        if fmt is LOAD_CELL:
+            lines = rows[name].num_rows + rejects[name].num_rows
+            rows[name], rejects[name] = without_spikes(folder / name, rows[name], rejects[name], settings)
+            reasons = Counter(rejects[name]["reason"].to_pylist())
+            parse.check_rejects(folder / name, lines, reasons, ingest["max_reject_fraction"], LIMIT)
 
-    clocks = _clocks(rows, touches, ingest, f"{folder.parent.name}/{folder.name}")
+    _check_signs(folder, rows, ingest)
+    who = f"{folder.parent.name}/{folder.name}"
+    clocks = _clocks(rows, touches, ingest, who)
+    measured = _measured(rows, touches, settings, who) if ingest.get("clock") == "shared" else {}
     time = {}
     for name in formats:
         placed = np.array([clock is not None for clock in clocks[name]])[rows[name]["segment"].to_numpy()]
@@ -151,6 +173,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         accepted = int(known.sum()) if name == "array.log" else rows[name].num_rows
         report[name] = log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy())
         report[name]["clocks"] = [clock and clock.report() for clock in clocks[name]]
+        report[name] |= measured.get(name, {})
     return parts(), pa.concat_tables(rejects.values()), report
 
 
@@ -255,6 +278,117 @@ def _clocks(
             raise InputError(f"{who}: {cnc} and {cell} share a clock, but only one of them was reset; record again")
         clocks[cnc] = clocks[cell]
     return clocks
+
+
+def without_spikes(path: Path, rows: pa.Table, rejects: pa.Table, settings: Mapping) -> tuple[pa.Table, pa.Table]:
+    """Return the rows and rejects of a load cell's log, its spikes moved from the one to the other."""
+    wrong = spikes(_seconds(rows), rows["fz_n"].to_numpy(), settings["window"]["contact_threshold_n"])
+    if not wrong.any():
+        return rows, rejects
+    rejects = parse.add_rejects(rejects, path, rows["line"].to_numpy()[wrong], SPIKE)
+    return rows.filter(pa.array(~wrong)), rejects
+
+
+def spikes(time_s: np.ndarray, force: np.ndarray, contact_n: float) -> np.ndarray:
+    """Find single readings that no press explains, as HX711 boards print them: (n,) bool, for times and forces (n,).
+
+    Such a reading is above, or below, both of its neighbours by more than `LEAP` steps of the log and `LEAST_LEAP` times
+    `contact_n`, while its neighbours, and those on one side of it, stay where they were. A log whose readings stay in
+    contact nowhere has none: each of its presses is a single reading.
+    """
+    usual = median_filter(force, 5, mode="nearest")
+    if len(force) < 5 or np.ptp(usual) <= contact_n:
+        return np.zeros(len(force), dtype=bool)
+    wide = np.pad(force, 2, mode="reflect")
+    far, near, after, beyond = wide[:-4], wide[1:-3], wide[3:-1], wide[4:]
+    rises, falls = np.minimum(force - near, force - after), np.minimum(near - force, after - force)
+    leap = np.maximum(rises, falls)
+    least = max(LEAP * np.quantile(np.abs(np.diff(usual)), 0.995), LEAST_LEAP * contact_n)
+    calm = np.maximum(np.abs(after - near), np.minimum(np.abs(near - far), np.abs(beyond - after)))
+    found = (leap > least) & (calm < CALM * leap)
+    if (len(force) - 1) / max(np.ptp(time_s), 1e-9) < SLOWEST_PRESS_HZ:
+        low, high = usual.min(), usual.max()
+        found &= (force > 2 * high - low) | (force < 2 * low - high)
+    return found
+
+
+def _check_signs(folder: Path, rows: Mapping[str, pa.Table], ingest: Mapping) -> None:
+    """Raise InputError where counts fall, or z rises, when the force does, or where the force itself is reversed."""
+    limits = {"one_clock": ingest.get("clock") == "shared", "min_correlation": ingest["min_correlation"]}
+    force = _longest(rows["load_cell.log"], ["fz_n"])
+    counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
+    falls = alignment.direction(_longest(rows["array.log"], counts), force, **limits) < 0
+    rises = "cnc.log" in rows and alignment.direction(_longest(rows["cnc.log"], ["z_mm"]), force, **limits) > 0
+    low, high = np.percentile(rows["load_cell.log"]["fz_n"].to_numpy(), [0.5, 99.5])
+    if (falls or rises) and -low > high:
+        raise InputError(f"{folder / 'load_cell.log'}: {PULLED}")
+    if rises:
+        raise InputError(
+            f"{folder / 'cnc.log'}: z_mm seems to rise when pressed; write it negative when pressed, 0 at the surface"
+        )
+    if falls:
+        highest = ingest["highest_count"]
+        raise InputError(
+            f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest} minus the count, which rises"
+        )
+
+
+def _longest(rows: pa.Table, columns: list[str]) -> alignment.Signal:
+    """Return the sum of columns of a log in its longest segment."""
+    pieces = _signals(rows, lambda values: values, columns)
+    return max(pieces, key=lambda piece: piece.duration_s)
+
+
+def _measured(rows: Mapping[str, pa.Table], touches: list[str], settings: Mapping, who: str) -> dict[str, dict]:
+    """Return log -> what its report says of a clock that is said to be shared: `clocks` and `warnings`.
+
+    The array is measured against the sum of all forces, the CNC against the first, and further load cells against the
+    array. The first load cell is what others are measured against, and targets of further touches tell no depth: they
+    have no numbers. Raises InputError for clocks that are not shared.
+    """
+    ingest, threshold = settings["ingest"], settings["window"]["contact_threshold_n"]
+    limits = {"reach_s": ingest["max_clock_offset_s"], "min_correlation": ingest["min_correlation"]}
+    names = [f"load_cell{suffix}.log" for suffix in touches]
+    forces = {name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"])[0] for name in names}
+    first = forces[names[0]]
+    total = _plus(first, [forces[name] for name in names[1:]])
+    counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
+    array = _signals(rows["array.log"], alignment.strength_above_rest, counts)[0]
+    pairs = {"array.log": (array, total, None)}
+    if "cnc.log" in rows:
+        pairs["cnc.log"] = (_signals(rows["cnc.log"], alignment.depth_strength, ["z_mm"])[0], first, None)
+    for name in names[1:]:
+        pairs[name] = (forces[name], array, _plus(first, [forces[other] for other in names[1:] if other != name]))
+    reports = {name: {"clocks": [{"offset_ms": 0.0, "drift_ppm": 0.0}]} for name in rows}
+    strangers = []  # said last: where one log is shifted, others seem to follow nothing
+    for name, (piece, against, beside) in pairs.items():
+        lasts, other = _presses_s(forces.get(name, first), threshold), "array.log" if name in names else names[0]
+        found = alignment.agreement(piece, against, beside=beside, **limits) if len(lasts) >= FEWEST_PRESSES else None
+        reports[name]["clocks"][0] |= found.report() if found else alignment.UNMEASURED
+        if found and not found.best >= ingest["min_correlation"]:
+            strangers.append(
+                f"{who}, {name} against {other}: the signals do not follow each other (best correlation "
+                f"{max(found.best, 0.0):.2f}, touch.ingest.min_correlation {ingest['min_correlation']:g}); check that "
+                "the logs belong to one capture"
+            )
+        elif found and abs(found.offset_s) > SHIFTED * np.median(lasts):
+            said = f"{name} and {other} {found.said()}"
+            if found.refuted:
+                raise InputError(
+                    f"{who}: {said}, so they do not share a clock; set touch.ingest.clock: own, or add "
+                    f"{found.offset_s:+.2f} s to the times of {name}"
+                )
+            reports[name]["warnings"] = [f"{said}; a press lasts {np.median(lasts):.1f} s: look at what delays one"]
+    if strangers:
+        raise InputError(strangers[0])
+    return reports
+
+
+def _presses_s(force: alignment.Signal, threshold_n: float) -> np.ndarray:
+    """Return how long each press of a force above rest lasts, (presses,) in s."""
+    edges = np.flatnonzero(np.diff(force.value > threshold_n, prepend=False, append=False))
+    ends = np.append(force.time_s, force.time_s[-1])
+    return ends[edges[1::2]] - ends[edges[::2]]
 
 
 def _force_clocks(

@@ -11,6 +11,9 @@ where the two signals agree best:
 3. the drift is the slope of the offsets of stretches of `STRETCH_S`, for segments of at least `STRETCHES` of
    them. In shorter ones a relative drift of 60 ppm moves the ends by less than 4 ms, which is left alone.
 
+Devices that one computer stamps share a clock, and nothing is shifted. Whether they do is measured all the same:
+`agreement` compares the logs as they are with the best offset, `direction` tells a reversed sign.
+
 With several touches the array answers to their sum, so the sum of all forces takes the place of the force. A
 further load cell with a clock of its own is placed where it, together with the others, fits the array best.
 """
@@ -38,6 +41,10 @@ LONG_S = 600.0  # in a longer segment, its middle tells where its stretches are 
 SHORTEST_S = 3.0  # a segment with fewer than about three presses cannot be placed
 CONTACT = 0.05  # share of the 99th percentile at which contact is half of full; noise is 0.01 of it and less
 HOLE = 5.0  # intervals; ground truth is not interpolated over longer holes
+# Share of the best correlation that presses on one clock keep as they are. Simulated ones, on one clock, keep 0.998 and
+# more; where a device is late by a fifth of a press, 0.9 to 0.5; by half of one, 0.6 and less; by 1.5 s, 0.15 and less of
+# presses of 2 s, 0.5 of presses of 1 s.
+KEPT = 0.75
 AMBIGUOUS = 0.97  # another offset with this share of the best correlation: presses too regular to tell
 
 
@@ -74,6 +81,42 @@ class Clock:
             "drift_ppm": 1e6 * self.drift,
             "correlation": self.correlation,
         }
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How two logs of one clock agree: their correlation as they are, and the best, of the one `offset_s` later.
+
+    without: the correlation that is left of further devices, which are compared together with the one.
+    """
+
+    offset_s: float
+    correlation: float
+    best: float
+    without: float = 0.0
+
+    @property
+    def refuted(self) -> bool:
+        """Tell whether the logs agree so much better with an offset that they cannot be of one clock."""
+        return self.correlation - self.without < KEPT * (self.best - self.without)
+
+    def said(self) -> str:
+        """Return the numbers in words, to follow the names of the two logs."""
+        return (
+            f"agree best with the first {abs(self.offset_s):.2f} s {'later' if self.offset_s > 0 else 'earlier'} "
+            f"(correlation {self.best:.2f}, as they are {self.correlation:.2f})"
+        )
+
+    def report(self) -> dict[str, float]:
+        """Return the numbers for the report of ingest, beside the offset that is applied, 0."""
+        return {
+            "measured_offset_ms": 1e3 * self.offset_s,
+            "correlation": self.correlation,
+            "best_correlation": self.best,
+        }
+
+
+UNMEASURED = {"measured_offset_ms": None, "correlation": None, "best_correlation": None}
 
 
 def strength_above_rest(values: np.ndarray) -> np.ndarray:
@@ -188,6 +231,58 @@ def place_all(
     return _any_placed(clocks, who)
 
 
+def agreement(
+    piece: Signal, against: Signal, *, reach_s: float, min_correlation: float, beside: Signal | None = None
+) -> Agreement | None:
+    """Return how a device agrees with another on the same clock; None where they overlap for less than `SHORTEST_S`.
+
+    The best offset within `reach_s` is sought; of offsets that fit alike, as they do where presses are regular, it is
+    the one nearest to 0. `beside`: as in `place_all`.
+    """
+    first, last = max(piece.time_s[0], against.time_s[0]), min(piece.time_s[-1], against.time_s[-1])
+    if last - first < SHORTEST_S:
+        return None
+    steps = round(min(reach_s, (last - first) / 4) / ROUGH_S)  # of a short overlap, half is compared at every lag
+    lags = np.arange(-steps, steps + 1) * ROUGH_S
+    grid = np.arange(first + steps * ROUGH_S, last - steps * ROUGH_S, ROUGH_S)
+    level = np.interp(grid, against.time_s, against.value)
+    more = np.interp(grid, beside.time_s, beside.value) if beside is not None else 0
+    scores = np.array([_correlation(np.interp(grid - lag, piece.time_s, piece.value) + more, level) for lag in lags])
+    alike = np.flatnonzero(scores >= scores.max() - (1 - AMBIGUOUS) * abs(scores.max()))
+    top = int(alike[np.argmin(np.abs(lags[alike]))])
+    while scores[max(top - 1, 0) : top + 2].max() > scores[top]:
+        top += 1 if scores[top + 1 : top + 2].max(initial=-1) > scores[top] else -1
+    near = float(lags[top])
+    middle = (first + last) / 2
+    part = _between(piece, middle - LONG_S / 2, middle + LONG_S / 2)
+    for edge_s in EDGES_S:
+        lag, score = _fine_lag(part, against, near, edge_s, beside) if len(part.time_s) else (near, -1.0)
+        if score >= min_correlation:
+            break
+    else:
+        lag = near
+    at_zero, best = (_level_correlation(piece, against, Clock(offset), beside) for offset in (0.0, lag))
+    without = 0.0 if beside is None else _level_correlation(beside, against, Clock(0.0), None)
+    return Agreement(lag, at_zero, best, without)
+
+
+def direction(piece: Signal, against: Signal, *, one_clock: bool, min_correlation: float) -> int:
+    """Return 1 where a device's levels rise with the other's, -1 where they fall, 0 where neither is clear.
+
+    The sign is that of the strongest correlation, positive or negative, at any offset. Of offsets that fit alike, it is
+    the nearest to 0 for devices of one clock, and else a positive one: at half a period, regular presses seem reversed.
+    """
+    lags, products, alike = _rough_products(piece, against)
+    correlations = products / max(alike, np.finfo(float).tiny)
+    strength = np.abs(correlations)
+    if not strength.max() >= min_correlation:
+        return 0
+    best = np.flatnonzero(strength >= AMBIGUOUS * strength.max())
+    if one_clock:
+        best = best[[np.argmin(np.abs(lags[best]))]]
+    return 1 if (correlations[best] > 0).any() else -1
+
+
 def _any_placed(clocks: list[Clock | None], who: str) -> list[Clock | None]:
     """Return the clocks; raise InputError where no segment has one."""
     if not any(clocks):
@@ -267,7 +362,20 @@ def _between(piece: Signal, first_s: float, last_s: float) -> Signal:
 
 
 def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple[float, float | None]:
-    """Return the lag in s, to the grid, with the highest cross-correlation of levels, and another lag as good, or None.
+    """Return the lag in s, to the grid, with the highest cross-correlation of levels, and another lag as good, or None."""
+    lags, products, _ = _rough_products(piece, against)
+    possible = (lags >= low) & (lags <= high)
+    if not possible.any():
+        return (low + high) / 2, None
+    lags, products = lags[possible], products[possible]
+    best = int(np.argmax(products))
+    peaks = np.flatnonzero((products[1:-1] > products[:-2]) & (products[1:-1] >= products[2:])) + 1
+    rivals = peaks[(np.abs(lags[peaks] - lags[best]) > NEAR_S) & (products[peaks] > AMBIGUOUS * products[best])]
+    return float(lags[best]), float(lags[rivals[0]]) if len(rivals) and products[best] > 0 else None
+
+
+def _rough_products(piece: Signal, against: Signal) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return all lags (n,) in s, the products of the levels at each, (n,), and that of signals that are alike.
 
     Both signals have zero mean and are zero outside their span, so a small overlap cannot win.
     """
@@ -280,14 +388,7 @@ def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple
     first, second = levels[0] - levels[0].mean(), levels[1] - levels[1].mean()
     products = irfft(rfft(first, size) * rfft(second[::-1], size), size)[:count]
     lags = (np.arange(count) - (len(levels[1]) - 1)) * ROUGH_S + against.time_s[0] - piece.time_s[0]
-    possible = (lags >= low) & (lags <= high)
-    if not possible.any():
-        return (low + high) / 2, None
-    lags, products = lags[possible], products[possible]
-    best = int(np.argmax(products))
-    peaks = np.flatnonzero((products[1:-1] > products[:-2]) & (products[1:-1] >= products[2:])) + 1
-    rivals = peaks[(np.abs(lags[peaks] - lags[best]) > NEAR_S) & (products[peaks] > AMBIGUOUS * products[best])]
-    return float(lags[best]), float(lags[rivals[0]]) if len(rivals) and products[best] > 0 else None
+    return lags, products, float(np.linalg.norm(first) * np.linalg.norm(second))
 
 
 def _fine_lag(

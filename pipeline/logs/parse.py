@@ -12,7 +12,7 @@ from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
@@ -41,6 +41,7 @@ REJECTS = pa.schema([("file", pa.string()), ("line", pa.int64()), ("reason", pa.
 TEXT_LENGTH = 200  # characters of a rejected line that are kept
 TEXTS = 1000  # rejected lines per reason whose text is kept; all others keep their number and reason
 PIECE = 1 << 22  # bytes parsed at once; 4 MiB was the fastest of 1 to 8 MiB
+LONGEST_HEADER = 1 << 16  # bytes
 LONGEST_LINE = 64 << 20  # bytes; a file without line ends must not fill the memory
 HOPELESS = 100_000  # lines rejected before the first good one: the file is no log, reading stops
 MOST_KNOWN = 1000  # different lines whose reason is remembered: a device that is stuck repeats itself
@@ -48,6 +49,8 @@ BLOCK = 1 << 18  # rows out of order that are examined together
 MOST_RESETS = 1000  # a device that starts more often does not run
 LONGEST_S = 1e5  # 28 hours; one wrong time at the end must not make a log last years
 MOST_NOTED = 1000  # lines per piece that are noted because the clock does not rise; others are read again
+HEAD = 200  # lines; banners and comments before the names of the columns are fewer
+LISTED = 6  # names in a sentence
 STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
 
 
@@ -86,6 +89,102 @@ class Format:
     def header(self) -> str:
         """Return the line that would name the columns."""
         return self.separator.join(self.names)
+
+
+def printed(line: bytes, fmt: Format, where: str) -> Format | None:
+    """Return the format with its columns in the order in which a header names them, or None for a line that is none.
+
+    A header has as many fields as the format has columns, each of them a name: one word, or two, such as `Fz (N)`.
+    Besides, it holds one of the format's names or a word for time, or has three fields or more; so `HX711, ready` is a
+    banner. Capitals, blanks, quotation marks and brackets do not matter: that is fz_n. A part of the usual header,
+    where a capture began or a line was torn, is a banner too; after a comment sign, so is whatever names not all columns.
+
+    Names of which the format has none are in the usual order where that shows: a time in its place, and beside it one
+    name, such as `Time,Force`, or one word with numbers that rise by one, such as `Time,Ch1,Ch2`. Raises InputError, in a sentence that `where` begins (file and line), for other names that the format has not,
+    for one that is there twice, and for one that is missing.
+    """
+    text, separator = _content(line).strip(), fmt.separator.encode()
+    bare = text.lstrip(b"#%;/ \t")
+    fields = bare.split(separator)
+    if text in fmt.header.encode() and text != fmt.header.encode():
+        return None
+    if not all(_NAME.fullmatch(field) and len(field.split()) <= 2 for field in fields):
+        return None
+    names = [re.sub(r"[^a-z0-9]+", "_", field.decode().lower()).strip("_") for field in fields]
+    known = [name for name in names if name in fmt.names]
+    if len(names) != len(fmt.columns):
+        # Data lines of another width are rejected anyway; these may have the usual width.
+        if len(set(known)) == len(names) > 1 and bare == text:
+            raise InputError(f"{where} names {len(names)} columns without {_listed(fmt.names, known)}; {_RENAME}")
+        return None
+    if sorted(names) == sorted(fmt.names):
+        return replace(fmt, columns=tuple(fmt.columns[fmt.names.index(name)] for name in names))
+    if bare != text or not (known or len(names) > 2 or any(map(_TIME.match, names))):
+        return None
+    if not known and _in_turn(names, fmt):
+        return fmt
+    if strange := [field.decode().strip() for field, name in zip(fields, names, strict=True) if name not in fmt.names]:
+        raise InputError(
+            f"{where} names the column{'s' * (len(strange) > 1)} {_listed(strange)}; known are "
+            f"{_listed(fmt.names)}: {_RENAME}"
+        )
+    twice = next(name for name in names if names.count(name) > 1)
+    raise InputError(f"{where} names {twice} twice and not {_listed(fmt.names, names)}; {_RENAME}")
+
+
+_RENAME = "rename them, or remove the header line if the columns are in the usual order"
+_NAME = re.compile(rb"""[ \t"']*[A-Za-z_][\w .%/-]*([\[(][\w/% .]*[\])])?[ \t"']*""", re.ASCII)
+_TIME = re.compile(r"t(ime(_?stamp)?)?(_|$)")
+
+
+def _in_turn(names: list[str], fmt: Format) -> bool:
+    """Tell whether names are a time, where the format's is, and one other, or a word with numbers that rise by one."""
+    at = fmt.names.index(fmt.time)
+    numbered = [re.fullmatch(r"(.*?)(\d+)", name) for k, name in enumerate(names) if k != at]
+    if not _TIME.match(names[at]):
+        return False
+    if len(numbered) == 1:
+        return True
+    if not all(numbered):
+        return False
+    words, numbers = {each[1] for each in numbered}, [int(each[2]) for each in numbered]
+    return len(words) == 1 and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+
+
+def _listed(names: Iterable[str], without: Iterable[str] = ()) -> str:
+    """Return names for a sentence, the middle ones left out where there are many."""
+    names = [name for name in names if name not in set(without)]
+    return ", ".join(names if len(names) <= LISTED else [*names[:2], "...", names[-1]])
+
+
+def is_header(line: bytes, fmt: Format) -> bool:
+    """Tell whether a line names the columns in the order of `fmt`, by these names or by others that `printed` takes."""
+    try:
+        found = printed(line, fmt, "")
+    except InputError:  # which is the answer
+        return False
+    return found is not None and found.names == fmt.names
+
+
+def printed_format(path: Path, fmt: Format) -> Format:
+    """Return the format of a log's lines: `fmt`, its columns in the order of the log's header, where it has one.
+
+    The header is line 1, or the first one among the first `HEAD` lines, before the first line of numbers: boot text and
+    comments may stand above it. Errors as `printed`; a file that is missing or empty has no header.
+    """
+    if not path.is_file():
+        return fmt
+    with path.open("rb") as file:
+        for number in range(1, HEAD + 1):
+            line = file.readline(LONGEST_HEADER)
+            if number == 1:
+                line = line.removeprefix(b"\xef\xbb\xbf")
+            fields = _content(line).split(fmt.separator.encode())
+            if not line.endswith(b"\n") or len(fields) == len(fmt.columns) and all(map(_FLOAT.fullmatch, fields)):
+                break
+            if found := printed(line, fmt, f"{path}: line {number}"):
+                return found
+    return fmt
 
 
 class _Rejects:
@@ -145,17 +244,19 @@ def read_log(
 ) -> tuple[pa.Table, pa.Table]:
     """Read a log: `(rows, rejects)`; rows + rejects (+ 1 if line 1 is the header) = lines of the file.
 
-    `rows` has the format's columns, `line` (int32, from 1) and `segment` (int16, from 0; a new one after each
+    A header before the first line of numbers says in which order the columns are, see `printed`; without one they are in
+    the format's. `rows` has the format's columns in the format's order, `line` (int32, from 1) and `segment` (int16, from 0; a new one after each
     reset of the device); its time rises strictly within a segment. `rejects` has the columns of `REJECTS` in
     the order of the lines, with `name` (default: the file's name) as its file; the text of a line is null after the
     first `TEXTS` lines of its reason.
 
-    Raises InputError when the file is missing or empty, has no line of this format, lasts more than `LONGEST_S`, is of
-    a device that was reset more than `MOST_RESETS` times, or when more than the share `limit` of its lines is rejected
+    Raises InputError when the file is missing or empty, has a header of other names or, further on, of another order, has
+    no line of this format, lasts more than `LONGEST_S`, is of a device that was reset more than `MOST_RESETS` times, or when more than the share `limit` of its lines is rejected
     (as soon as that is certain); `key`: the name of that limit in params.yaml.
     """
     if not path.is_file():
         raise InputError(f"{path}: log not found; check the folder named in params.yaml")
+    names, fmt = fmt.names, printed_format(path, fmt)
     pieces, rejects, lines, noted = _parse_file(path, fmt, limit, key)
     if not pieces:
         raise InputError(_nothing_parsed(path, fmt, lines))
@@ -167,6 +268,7 @@ def read_log(
     if back > HOPELESS:  # each is a reset or a lost line, but to find out which takes minutes
         lost = {f"{DUPLICATE} or {OUT_OF_ORDER}": int(back) - MOST_RESETS}
         check_rejects(path, lines, rejects.reasons() | lost, limit, key)
+    _check_headers(path, fmt, rejects)
     keep, segment = order(time, line, rejects.lines(TEXT))
     _check_clock(path, fmt, time[keep], line[keep], segment[keep])
     wanted = []
@@ -186,7 +288,17 @@ def read_log(
         start = rows.stop
         piece = piece.append_column("segment", pa.array(segment[rows], pa.int16()))
         pieces[index] = piece if keep[rows].all() else piece.filter(pa.array(keep[rows]))
-    return pa.concat_tables(pieces), rejects.table(path.name if name is None else name)
+    rows = pa.concat_tables(pieces).select([*names, "line", "segment"])
+    return rows, rejects.table(path.name if name is None else name)
+
+
+def _check_headers(path: Path, fmt: Format, rejects: _Rejects) -> None:
+    """Raise InputError for a further header, printed after a restart, that names the columns in another order."""
+    for number, text in rejects.texts.items():
+        if len(text) < TEXT_LENGTH and sorted(text.split(fmt.separator)) == sorted(fmt.names) and text != fmt.header:
+            raise InputError(
+                f"{path}: line {number} names the columns in another order than the lines before it; divide the log there"
+            )
 
 
 def texts(path: Path, numbers: list[int]) -> list[str]:
@@ -349,7 +461,7 @@ def _parse_file(
     pieces = _pieces(path)
     first = next(pieces, b"")
     header, _, rest = first.partition(b"\n")
-    if header.strip() == fmt.header.encode():
+    if is_header(header, fmt):
         first, lines = rest, 1
     pieces = chain([first] if first else [], pieces)
     workers = os.cpu_count() or 1
@@ -591,7 +703,7 @@ def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:
         return f"{path}: the file is empty; {expected}"
     with path.open("rb") as file:
         first = _content(file.readline(4 * TEXT_LENGTH))
-    if first.strip() == fmt.header.encode():
+    if is_header(first, fmt):
         return f"{path}: the file has a header but no line of numbers; {expected}"
     reason = _reason(first, fmt)
     count = len(first.split(fmt.separator.encode()))
