@@ -16,6 +16,7 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 from pipeline.datasets.schemas import LONG
 
 LEAST = 32  # intervals from which packets can be told
+SPANS = 100_000  # that are looked at, about, of a long log
 SPAN = 256  # lines that a mean interval is taken over, or a quarter of the log
 TINY, SHARE = 0.1, 0.01  # of the mean interval; where so many are shorter, lines come in packets
 OFF, LINES = 0.03, 8  # of the usual interval; lines in all: by more, the mean differs from it where lines come in steps
@@ -30,7 +31,7 @@ class Rate(NamedTuple):
     """How lines follow each other, in the unit of their times."""
 
     interval: float  # between two lines; inf where there are no two
-    packet: float  # time between two packets, 0 where times are of single lines
+    packet: float  # time between two packets, about; 0 where times are of single lines
 
 
 def rate(time: np.ndarray, segment: np.ndarray | None = None) -> Rate:
@@ -49,8 +50,8 @@ def rate(time: np.ndarray, segment: np.ndarray | None = None) -> Rate:
     ends = np.concatenate([[0], np.cumsum(interval)])
 
     def spans(most: int) -> np.ndarray:
-        lines = min(most, len(interval) // 4)
-        return (ends[lines:] - ends[:-lines]) / lines
+        lines, step = min(most, len(interval) // 4), max(1, len(interval) // SPANS)
+        return (ends[lines::step] - ends[:-lines:step]) / lines
 
     long = spans(SPAN)
     usual = np.quantile(long, 0.5, method="lower")  # one of them
@@ -63,7 +64,7 @@ def rate(time: np.ndarray, segment: np.ndarray | None = None) -> Rate:
         lines = min(EVEN, len(interval) // 4)
         low, high = np.quantile(spans(EVEN), [0.05, 0.95])
         if (high - low) * lines <= (1 + lines / 48) * median:
-            return Rate(mean, packet)
+            return Rate(mean, min(packet, float(np.ptp(np.quantile(interval, [0.02, 0.98])))))
     return Rate(median, 0.0)
 
 
