@@ -231,6 +231,11 @@ def understood(recording: Checked) -> Iterator[str]:
         )
         rate = f"{report['rate_hz']:.2f} Hz" if report["rate_hz"] else "rate unknown"
         yield f"{'':19}{rate}, {report['gaps']} gaps, {report['segments']} segments; {ranges(log.rows)}"
+        if packet_s := parse.packet_s(log.rows):
+            yield (
+                f"{'':19}times come in packets of {1e3 * packet_s:.0f} ms, or in such steps, as a serial adapter hands "
+                "lines on: they were spread evenly"
+            )
         if report["gaps"] > OFTEN * report["lines"]:
             yield (
                 f"{'':19}gaps, times between lines of more than {schemas.LONG:g} usual ones, are in "

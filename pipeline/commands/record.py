@@ -8,7 +8,8 @@ recording after the line that is arriving; a line that does not end within LAST_
 
 Several ports, each with its file, are recorded side by side. With --stamp every line begins with the microseconds since
 this program started, on one clock for all ports: for devices that print no time. It is the moment at which the end of
-the line was read; a USB adapter hands bytes on in packets, every 1 to 16 ms. --start sends a line to the device once it
+the line was read. A USB adapter hands bytes on in packets, every 1 to 16 ms: lines that come several at a time get
+times apart as at their rate so far, of which none is later than the moment it was read. --start sends a line to the device once it
 is open, and --every repeats it: for devices that print when they are asked.
 """
 
@@ -33,6 +34,10 @@ SILENT_S = 5.0  # a device that prints nothing, or no end of a line, for so long
 JUDGED = 400  # bytes after which it is clear whether they are text
 TEXT = 0.9  # share of bytes that are printable in what a device prints; of a wrong baud rate about a third are
 PROGRESS_S = 1.0  # between two reports of the lines so far, on a terminal
+PACKET_US = 16_000  # that an adapter may keep a line
+SILENT_US = 100_000  # without a line; the rate of lines is then taken anew
+SEVERAL = 1.1  # lines a read, of lines that come in packets
+HURRY = 1.002  # times the rate's interval, so that times stay close to those of the lines that came without delay
 
 
 class Stop:
@@ -56,7 +61,7 @@ class Log:
     def __init__(self, path: Path, clock_us: Callable[[], int] | None = None):
         """path: a new file; clock_us: gives the time that is put before every line, None where none is."""
         self.path, self.lines, self.rest = path, 0, b""
-        self._clock_us, self._last_us = clock_us, -1
+        self._stamps = None if clock_us is None else Stamps(clock_us)
         self.safe, self.synced = 0, time.monotonic()  # lines that the disk has, and since when it has them
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -87,14 +92,11 @@ class Log:
         self.file.close()
 
     def _stamped(self, lines: bytes) -> bytes:
-        """Return lines with the time before each; lines that came at once are 1 us apart, for no time may repeat."""
-        if self._clock_us is None or not lines:
+        """Return lines that were read at once, with the time before each."""
+        if self._stamps is None or not lines:
             return lines
-        stamped = []
-        for line in lines.splitlines(keepends=True):
-            self._last_us = max(self._clock_us(), self._last_us + 1)
-            stamped.append(b"%d,%s" % (self._last_us, line))
-        return b"".join(stamped)
+        each = lines.splitlines(keepends=True)
+        return b"".join(b"%d,%s" % pair for pair in zip(self._stamps.of(len(each)), each, strict=True))
 
     def sync(self) -> None:
         """Wait until the disk has all that was written."""
@@ -114,6 +116,36 @@ class Log:
 
     def _cannot(self, error: OSError) -> InputError:
         return InputError(f"{self.path}: cannot be written ({error.strerror}); its first {self.safe} lines are safe")
+
+
+class Stamps:
+    """Gives times to lines as they are read, in whole microseconds that rise from line to line."""
+
+    def __init__(self, clock_us: Callable[[], int]):
+        self._clock_us, self._last_us, self._read_us = clock_us, -1, -SILENT_US
+        self._first_us, self._lines, self._reads = 0, 0, 0  # since lines have come without a silence
+
+    def of(self, count: int) -> list[int]:
+        """Return the times of `count` lines that were read now, and at once.
+
+        Where reads bring several lines, each is one interval of their rate after the one before, but not later than now
+        and not earlier than an adapter may have kept it. Else it is now.
+        """
+        now = self._clock_us()
+        if now - self._read_us >= SILENT_US:
+            self._first_us, self._lines, self._reads = now, 0, 0
+            interval_us = 0.0
+        else:
+            self._lines, self._reads = self._lines + count, self._reads + 1
+            interval_us = (now - self._first_us) / self._lines
+        self._read_us = now
+        earliest = now - max(PACKET_US, count * interval_us) if self._lines >= SEVERAL * self._reads > 0 else now
+        times, due_us = [], float(self._last_us)
+        for _ in range(count):
+            due_us = min(max(due_us + HURRY * interval_us, earliest), now)
+            self._last_us = max(round(due_us), self._last_us + 1)
+            times.append(self._last_us)
+        return times
 
 
 class Port:

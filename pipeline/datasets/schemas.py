@@ -12,7 +12,7 @@ import pyarrow.parquet
 from pipeline.base import files
 from pipeline.base.errors import InputError
 
-LONG = 1.5  # median intervals; a longer one means that a frame is missing
+LONG = 1.5  # median intervals; a longer one means that a frame is missing. Times are of frames, not of packets
 
 NAME = pa.dictionary(pa.int32(), pa.string())  # few different values, many rows
 

@@ -40,7 +40,9 @@ PART = 1 << 18  # frames made at once: an hour of a recording at 70 Hz
 # threshold of contact (3 N): smaller jumps are noise.
 LEAP = 4.0
 LEAST_LEAP = 2.5
-CALM = 0.25  # of the leap; neighbours, and readings before or after, are that near to each other: a fast press moves them
+CALM = (
+    0.25  # of the leap; neighbours, and readings before or after, are that near to each other: a fast press moves them
+)
 SLOWEST_PRESS_HZ = 40.0  # a slower log may have but one reading of a press, so a spike is beyond twice all others
 FEWEST_PRESSES = 5  # to measure clocks by: fewer agree by chance
 SHIFTED = 0.1  # of a press; a larger offset of logs said to be of one clock is named

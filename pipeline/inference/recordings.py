@@ -18,7 +18,7 @@ from pipeline.datasets.series import Record
 from pipeline.inference import timing
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
-from pipeline.logs import parse
+from pipeline.logs import packets, parse
 from pipeline.scoring import classification, metrics
 
 # The sensor's log of each experiment, and the logs beside it that hold the ground truth.
@@ -100,9 +100,9 @@ def predict(model: Predictor, recording: Recording) -> tuple[np.ndarray, list[st
     x, t_s, segment = recording.x, recording.t_s, recording.segment
     if model.card.kind != "windows" or len(x) < 2:
         return model.predict(x), []
-    interval_s = timing.interval_s(t_s, segment)
+    interval_s = packets.rate(t_s, segment).interval
     step = timing.frame_step(model.card, interval_s)
-    lost = timing.lost(np.diff(t_s, prepend=t_s[0]), interval_s)
+    lost = np.maximum(0, np.round(np.diff(t_s, prepend=t_s[0]) / interval_s).astype(int) - 1)
     begins = (np.diff(segment, prepend=segment[0]) != 0) | (lost > timing.most_filled(step))
     lost[begins] = 0
     predicted = np.empty((len(x), *model.output_shape), np.float32)

@@ -10,16 +10,6 @@ from pipeline.inference.card import Card
 TOLERANCE = 1.1  # ratio of times; a device within it of the model's training is taken as one of the same rate
 
 
-def interval_s(t_s: np.ndarray, segment: np.ndarray) -> float:
-    """Return the time between two lines of a log in s; t_s, segment: (n,), at least two of one segment."""
-    return float(np.median(np.diff(t_s)[segment[1:] == segment[:-1]]))
-
-
-def lost(apart_s: np.ndarray | float, interval_s: float) -> np.ndarray:
-    """Return how many lines are lost between two that are `apart_s` (n,) apart in time, (n,) int, 0 or more."""
-    return np.maximum(0, np.round(np.asarray(apart_s) / interval_s).astype(int) - 1)
-
-
 def frame_step(card: Card, interval_s: float) -> int:
     """Return how many readings lie between two frames of a window, of a device that reads every `interval_s` seconds.
 

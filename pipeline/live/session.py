@@ -14,6 +14,7 @@ import numpy as np
 from pipeline.inference import timing, touches
 from pipeline.inference.predictor import Predictor
 from pipeline.live.source import Lines, Reading
+from pipeline.logs import packets
 
 MEASURED_S = 1.0  # of the device's clock, in which its rate is measured
 LEAST_MEASURED = 4  # lines, of a slow device
@@ -45,7 +46,7 @@ class Session:
         self.to_prediction_s: deque[float] = deque(maxlen=KEPT)
         self._arrivals: deque[float] = deque(maxlen=KEPT)
         self._measured: list[tuple[Reading, float]] = []  # readings while the rate is not known, and their arrival
-        self._interval_s: float | None = None
+        self._rate: packets.Rate | None = None
         self._frame_step, self._every, self._turn = 1, 1, 0
         self._last: Reading | None = None
         self._step_s = self._time_of_a_step()
@@ -57,7 +58,7 @@ class Session:
         """
         count = self.lines.count
         for reading in self.lines.take(data):
-            if self._interval_s is None:
+            if self._rate is None:
                 yield from self._measure(reading, arrived_s)
             elif (prediction := self._predict(reading, arrived_s)) is not None:
                 self.to_prediction_s.append(prediction.predicted_s - arrived_s)
@@ -66,7 +67,7 @@ class Session:
 
     def finish(self) -> Iterator[Prediction]:
         """Yield the predictions for lines that ended before their rate was known."""
-        if self._interval_s is None and len(self._measured) >= LEAST_MEASURED:
+        if self._rate is None and len(self._measured) >= LEAST_MEASURED:
             yield from self._start()
 
     def lines_per_s(self) -> float:
@@ -74,7 +75,8 @@ class Session:
         arrivals = list(self._arrivals)
         recent = [at for at in arrivals if at > arrivals[-1] - 2.0] if arrivals else []
         recent = recent if len(recent) > 2 else arrivals[-3:]
-        return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 and recent[-1] > recent[0] else 0.0
+        later = sum(at > recent[0] for at in recent)  # without the lines that came with the first
+        return later / (recent[-1] - recent[0]) if later else 0.0
 
     def _predict(self, reading: Reading, arrived_s: float) -> Prediction | None:
         """Return the prediction for the next reading, None for one that is left out.
@@ -82,7 +84,7 @@ class Session:
         Few lost lines are filled by interpolation, as in `recordings.predict`; after more of them, a model of windows
         starts anew, since windows of training span no gap.
         """
-        lost = int(timing.lost(reading.t_s - self._last.t_s, self._interval_s))
+        lost = packets.missing_before(self._rate, self._last.t_s, reading.t_s)
         if self.card.kind == "windows":
             if reading.restarted or lost > timing.most_filled(self._every * self._frame_step):
                 self.model.reset(self._frame_step)
@@ -120,8 +122,8 @@ class Session:
             yield from self._start()
 
     def _start(self) -> Iterator[Prediction]:
-        times = [reading.t_s for reading, _ in self._measured]
-        self._interval_s, self._last = float(np.median(np.diff(times))), self._measured[0][0]
+        times = np.array([reading.t_s for reading, _ in self._measured])
+        self._rate, self._last = packets.rate(times), self._measured[0][0]
         self._choose_step()
         self.model.reset(self._frame_step)
         for reading, arrived_s in self._measured:
@@ -131,7 +133,7 @@ class Session:
 
     def _choose_step(self) -> None:
         """Find how many readings lie between two frames, and say where the device's rate does not suit the model."""
-        interval_s = self._interval_s
+        interval_s = self._rate.interval
         self._every = max(1, int(np.ceil(self._step_s / (MOST_LOAD * interval_s))))
         if self._every > 1:
             self._note(

@@ -44,11 +44,6 @@ def line_format(card: Card) -> Format:
     return module.scanner_format(card.reading) if card.experiment == "glove" else module.VELOSTAT
 
 
-def second(fmt: Format) -> float:
-    """Return what a second is in the unit of a format's time."""
-    return 1e6 if next(column.unit for column in fmt.columns if column.name == fmt.time) == "us" else 1.0
-
-
 class Lines:
     """Takes bytes as they come and gives readings; counts the lines that are none, by the reasons of `ingest`.
 
@@ -66,7 +61,7 @@ class Lines:
         self.format, self.name, self.who, self.order = fmt, name, who, list(order)
         self._printed, self._places = fmt, list(range(len(fmt.columns)))  # as printed, and where each column is then
         self.count, self.rejects, self.rejected = 0, Counter(), ""  # rejected: the last such line
-        self._rest, self._separator, self._second = b"", fmt.separator.encode(), second(fmt)
+        self._rest, self._separator, self._second = b"", fmt.separator.encode(), parse.second(fmt)
         self._time = fmt.names.index(fmt.time)
         self._last: float | None = None  # time of the last good line, s
         self._late: list[float] = []  # times of the latest lines, one after the other, that are not later than _last
@@ -161,7 +156,7 @@ def replay(path: Path, fmt: Format, stop, speed: float = 1.0, loop: bool = False
         with path.open("rb") as file:
             for line in file:
                 if parse._reason(line, fmt) is None:
-                    t_s = float(line.split(separator)[place]) / second(fmt)
+                    t_s = float(line.split(separator)[place]) / parse.second(fmt)
                     due += min(max(0.0, t_s - (t_s if last is None else last)), LONGEST_WAIT_S) / speed
                     last = t_s
                 while not stop and (wait := due - time.monotonic()) > 0:

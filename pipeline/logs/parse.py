@@ -22,6 +22,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from pipeline.base.errors import InputError
+from pipeline.logs import packets
 
 EMPTY = "empty line"
 UNREADABLE = "unreadable bytes"  # NUL, control or non-ASCII bytes: noise on the line, a wrong baud rate
@@ -37,6 +38,8 @@ REASONS = (
     *(OUT_OF_RANGE, DUPLICATE, OUT_OF_ORDER),
 )
 REJECTS = pa.schema([("file", pa.string()), ("line", pa.int64()), ("reason", pa.string()), ("text", pa.string())])
+
+PACKET = b"packet_s"  # key in the metadata of rows whose lines came in packets
 
 TEXT_LENGTH = 200  # characters of a rejected line that are kept
 TEXTS = 1000  # rejected lines per reason whose text is kept; all others keep their number and reason
@@ -100,8 +103,9 @@ def printed(line: bytes, fmt: Format, where: str) -> Format | None:
     where a capture began or a line was torn, is a banner too; after a comment sign, so is whatever names not all columns.
 
     Names of which the format has none are in the usual order where that shows: a time in its place, and beside it one
-    name, such as `Time,Force`, or one word with numbers that rise by one, such as `Time,Ch1,Ch2`. Raises InputError, in a sentence that `where` begins (file and line), for other names that the format has not,
-    for one that is there twice, and for one that is missing.
+    name, such as `Time,Force`, or one word with numbers that rise by one, such as `Time,Ch1,Ch2`. Raises InputError, in
+    a sentence that `where` begins (file and line), for other names that the format has not, for one that is there
+    twice, and for one that is missing.
     """
     text, separator = _content(line).strip(), fmt.separator.encode()
     bare = text.lstrip(b"#%;/ \t")
@@ -245,8 +249,10 @@ def read_log(
     """Read a log: `(rows, rejects)`; rows + rejects (+ 1 if line 1 is the header) = lines of the file.
 
     A header before the first line of numbers says in which order the columns are, see `printed`; without one they are in
-    the format's. `rows` has the format's columns in the format's order, `line` (int32, from 1) and `segment` (int16, from 0; a new one after each
-    reset of the device); its time rises strictly within a segment. `rejects` has the columns of `REJECTS` in
+    the format's. `rows` has the format's columns in the format's order, `line` (int32, from 1) and `segment` (int16, from
+    0; a new one after each reset of the device); its time rises strictly within a segment. Lines that came in packets
+    have the times at which they were printed, see `packets.spread`, and `packet_s` tells it. `rejects` has the columns of
+    `REJECTS` in
     the order of the lines, with `name` (default: the file's name) as its file; the text of a line is null after the
     first `TEXTS` lines of its reason.
 
@@ -281,6 +287,9 @@ def read_log(
     unknown = [number for number in wanted if number not in noted]
     known = noted | dict(zip(unknown, texts(path, unknown) if unknown else [], strict=True))
     rejects.texts |= {number: known[number] for number in wanted}
+    printed_at, rate = packets.spread(time[keep], segment[keep], second(fmt) * 1e-6)
+    if not rate.packet:
+        del printed_at  # of the times as they are
     del time, line  # a third of what is in memory
     start = 0
     for index, piece in enumerate(pieces):  # one by one, so that the log is never in memory twice
@@ -289,6 +298,10 @@ def read_log(
         piece = piece.append_column("segment", pa.array(segment[rows], pa.int16()))
         pieces[index] = piece if keep[rows].all() else piece.filter(pa.array(keep[rows]))
     rows = pa.concat_tables(pieces).select([*names, "line", "segment"])
+    if rate.packet:
+        place = rows.column_names.index(fmt.time)
+        rows = rows.set_column(place, rows.schema.field(place), pa.array(printed_at))
+        rows = rows.replace_schema_metadata({PACKET: repr(rate.packet / second(fmt))})
     return rows, rejects.table(path.name if name is None else name)
 
 
@@ -299,6 +312,16 @@ def _check_headers(path: Path, fmt: Format, rejects: _Rejects) -> None:
             raise InputError(
                 f"{path}: line {number} names the columns in another order than the lines before it; divide the log there"
             )
+
+
+def second(fmt: Format) -> float:
+    """Return what a second is in the unit of a format's time."""
+    return 1e6 if next(column.unit for column in fmt.columns if column.name == fmt.time) == "us" else 1.0
+
+
+def packet_s(rows: pa.Table) -> float | None:
+    """Return the time in s between the packets in which the lines of a log came; None where they did not."""
+    return float(rows.schema.metadata[PACKET]) if rows.schema.metadata else None
 
 
 def texts(path: Path, numbers: list[int]) -> list[str]:
@@ -421,13 +444,11 @@ def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, se
         raise InputError(
             f"{path}: the device was reset {segment[-1]} times, more than {MOST_RESETS}; check its supply, record again"
         )
-    unit = next(column.unit for column in fmt.columns if column.name == fmt.time)
-    second = 1e6 if unit == "us" else 1
     ends = np.append(np.flatnonzero(np.diff(segment)), len(time) - 1)  # the last row of each segment
     starts = np.append(0, ends[:-1] + 1)
-    lasts = float((time[ends] - time[starts]).sum()) / second
+    lasts = float((time[ends] - time[starts]).sum()) / second(fmt)
     if lasts > LONGEST_S:
-        interval = np.where(segment[1:] == segment[:-1], np.diff(time), 0) / second
+        interval = np.where(segment[1:] == segment[:-1], np.diff(time), 0) / second(fmt)
         at = int(np.argmax(interval))
         raise InputError(
             f"{path}: lasts {lasts:.0f} s, more than the {LONGEST_S:.0f} s of a log; the clock jumps by "
