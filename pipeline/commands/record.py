@@ -9,8 +9,8 @@ recording after the line that is arriving; a line that does not end within LAST_
 Several ports, each with its file, are recorded side by side. With --stamp every line begins with the microseconds since
 this program started, on one clock for all ports: for devices that print no time. It is the moment at which the end of
 the line was read. A USB adapter hands bytes on in packets, every 1 to 16 ms: lines that come several at a time get
-times apart as at their rate so far, of which none is later than the moment it was read. --start sends a line to the device once it
-is open, and --every repeats it: for devices that print when they are asked.
+times apart as at their rate so far, none later than the moment at which it was read. --start sends a line to the device
+once it is open, and --every repeats it: for devices that print when they are asked.
 """
 
 import argparse
