@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from builders import own_logs
+from builders.packets import arrived, stamps_us
 from builders.project import ROOT, Project
 
 from pipeline import experiments
@@ -370,6 +371,20 @@ def test_ingest_says_that_check_knows_more(root, small):
     settings = values["touch"] | {"source": "data/own/sensor"}
     with pytest.raises(InputError, match=rf"{logs}.* \(`tactile check touch data/own/sensor` says more\)$"):
         ingest.ingest("touch", settings)
+
+
+def test_check_says_that_times_come_in_packets(root, small, undrawn, tmp_path, capsys):
+    folder, values = small
+    shutil.copytree(folder, tmp_path / "logs")
+    log = tmp_path / "logs" / "single" / "day1_0" / "load_cell.log"
+    lines = [line.split(",", 1) for line in log.read_text().splitlines() if re.match(r"\d+,", line)]
+    times_s = np.array([int(t_us) for t_us, _ in lines]) / 1e6
+    stamped = stamps_us(arrived(times_s, 0.016, np.random.default_rng(0)))
+    log.write_text("".join(f"{t_us},{rest}\n" for t_us, (_, rest) in zip(stamped, lines, strict=True)))
+    assert check.check("touch", tmp_path / "logs", values) is None
+    said = capsys.readouterr().out
+    assert "times come in packets of 16 ms" in said
+    assert float(re.search(r"load_cell.log.*\n *([\d.]+) Hz", said)[1]) == pytest.approx(80, rel=0.005)
 
 
 @pytest.mark.parametrize("name", ["load_cell.csv", "Load_Cell.txt", None])

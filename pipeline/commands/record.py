@@ -9,8 +9,8 @@ recording after the line that is arriving; a line that does not end within LAST_
 Several ports, each with its file, are recorded side by side. With --stamp every line begins with the microseconds since
 this program started, on one clock for all ports: for devices that print no time. It is the moment at which the end of
 the line was read. A USB adapter hands bytes on in packets, every 1 to 16 ms: lines that come several at a time get
-times apart as at their rate so far, of which none is later than the moment it was read. --start sends a line to the device once it
-is open, and --every repeats it: for devices that print when they are asked.
+times apart as at their rate so far, none later than the moment at which it was read. --start sends a line to the device
+once it is open, and --every repeats it: for devices that print when they are asked.
 """
 
 import argparse
@@ -34,7 +34,7 @@ SILENT_S = 5.0  # a device that prints nothing, or no end of a line, for so long
 JUDGED = 400  # bytes after which it is clear whether they are text
 TEXT = 0.9  # share of bytes that are printable in what a device prints; of a wrong baud rate about a third are
 PROGRESS_S = 1.0  # between two reports of the lines so far, on a terminal
-PACKET_US = 16_000  # that an adapter may keep a line
+PACKET_US = 32_000  # that an adapter and a busy computer may keep a line
 SILENT_US = 100_000  # without a line; the rate of lines is then taken anew
 SEVERAL = 1.1  # lines a read, of lines that come in packets
 HURRY = 1.002  # times the rate's interval, so that times stay close to those of the lines that came without delay
@@ -129,7 +129,7 @@ class Stamps:
         """Return the times of `count` lines that were read now, and at once.
 
         Where reads bring several lines, each is one interval of their rate after the one before, but not later than now
-        and not earlier than an adapter may have kept it. Else it is now.
+        and not earlier than PACKET_US ago. Else it is now.
         """
         now = self._clock_us()
         if now - self._read_us >= SILENT_US:

@@ -24,7 +24,7 @@ EVEN = 64  # lines of a stretch, or a quarter of the log
 FROM_LONG = 0.25  # of the long intervals; where lines are lost, each raises the mean by a whole one
 WINDOW = 16, 8  # lines, packets: in the longer of the two, one line comes without delay
 LOST = 0.75, 0.5  # intervals, packets: lines that stay later by more than the longer of the two follow lost ones
-LATE = 2.5  # packets; a longer time between two lines is no late packet
+LATE = 4  # packets, between two lines; after longer, lines are missing
 
 
 class Rate(NamedTuple):

@@ -134,9 +134,13 @@ def press(n: int, rate_hz: float = 1 / INTERVAL_S, element: int = 4) -> np.ndarr
 
 
 def printed(
-    readings: np.ndarray, rate_hz: float = 1 / INTERVAL_S, begin_us: int = 1_000_000, end: bytes = b"\n"
+    readings: np.ndarray,
+    rate_hz: float = 1 / INTERVAL_S,
+    begin_us: int = 1_000_000,
+    end: bytes = b"\n",
+    times_us: np.ndarray | None = None,
 ) -> bytes:
-    """Return what an array prints for readings (n, columns) in counts."""
-    times = begin_us + (np.arange(len(readings)) * 1e6 / rate_hz).astype(int)
+    """Return what an array prints for readings (n, columns) in counts, at a rate or at `times_us` (n,)."""
+    times = begin_us + (np.arange(len(readings)) * 1e6 / rate_hz).astype(int) if times_us is None else times_us
     rows = zip(times.tolist(), readings.tolist(), strict=True)
     return b"".join(",".join(map(str, [t_us, *values])).encode() + b"\n" for t_us, values in rows)

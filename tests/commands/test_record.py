@@ -8,12 +8,17 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from builders.devices import WAIT_S, Device, until
+from builders.packets import arrived
 from builders.project import ROOT
 
 from pipeline.base.errors import InputError
 from pipeline.commands import record
+from pipeline.experiments import touch
+from pipeline.logs import parse
+from pipeline.logs.report import log_report
 
 
 @pytest.fixture
@@ -187,6 +192,34 @@ def test_a_disk_that_fails_is_one_sentence_with_the_lines_it_has(tmp_path, monke
         log.add(b"11,12\n")
 
 
+@pytest.mark.parametrize(("hz", "packet_s"), [(100, 0.016), (1000, 0.016), (1000, 0.004), (20, 0.001)])
+def test_lines_of_a_packet_get_times_as_far_apart_as_they_were_printed(tmp_path, hz, packet_s):
+    """Bytes of a packet, the last line torn; then silence, after which a line is not stamped back into it."""
+    now, log_of = 0.0, tmp_path / "log"
+    log = record.Log(log_of, lambda: int(1e6 * now))
+    ends_s = 1 + np.arange(10 * hz) / hz
+    arrives_s = arrived(ends_s, packet_s, np.random.default_rng(0))
+    printed = b"".join(b"%d,1\n" % k for k in range(len(ends_s)))
+    ends = np.flatnonzero(np.frombuffer(printed, np.uint8) == 10) + 1
+    sent = 0
+    for now in np.unique(arrives_s):
+        until_byte = ends[np.searchsorted(arrives_s, now, side="right") - 1] + 2
+        log.add(printed[sent:until_byte])
+        sent = until_byte
+        log.add(b"")
+    now += 2.0
+    log.add(b"last\n")
+    log.close()
+    stamps = np.array([int(line.split(b",")[0]) for line in lines_of(log_of)])
+    assert len(stamps) == len(ends_s) + 1 and (np.diff(stamps) > 0).all()
+    assert stamps[-1] == int(1e6 * now)
+    late_s = stamps[:-1] / 1e6 - ends_s
+    assert 1e6 / np.median(np.diff(stamps)) == pytest.approx(hz, rel=0.01)
+    assert (late_s[hz:] < packet_s / 2).mean() > 0.9 and late_s[hz:].max() < 3.1 * packet_s
+    if hz == 20:
+        assert (stamps[:-1] == (1e6 * arrives_s).astype(int)).all()  # one by one: when they arrived
+
+
 @pytest.fixture
 def second(tmp_path):
     device = Device(tmp_path / "other_port")
@@ -216,6 +249,25 @@ def test_two_ports_are_stamped_by_one_clock(device, second, start, tmp_path):
     # The two lines of each round came within it, and the rounds 20 ms and more apart.
     assert all(abs(cell[k] - array[2 * k]) < 1e6 * WAIT_S for k in range(5))
     assert all(later - earlier > 15_000 for earlier, later in zip(cell, cell[1:], strict=False))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hz", [100, 1000])
+def test_the_rate_of_lines_that_come_in_packets_is_the_devices(device, start, tmp_path, hz):
+    process, log, sent = start("--stamp", device.path, tmp_path / "log"), tmp_path / "log", 0
+    began = time.monotonic()
+    for packet in range(1, 1 + round(4 / 0.016)):
+        time.sleep(max(0, began + 0.016 * packet - time.monotonic()))
+        due = int((time.monotonic() - began) * hz)
+        device.print(b"".join(b"0.%d\n" % k for k in range(sent, due)))
+        sent = due
+    until(lambda: len(lines_of(log)) == sent)
+    lasted = time.monotonic() - began
+    ended(process)
+    rows, rejects = parse.read_log(log, touch.LOAD_CELL)
+    report = log_report(sent, rejects, rows["t_us"].to_numpy() / 1e6, rows["segment"].to_numpy())
+    assert rejects.num_rows == 0 and report["rate_hz"] == pytest.approx(sent / lasted, rel=0.01)
+    assert report["rate_hz"] == pytest.approx(hz, rel=0.01)
 
 
 @pytest.mark.slow

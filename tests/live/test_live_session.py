@@ -8,6 +8,7 @@ import socket
 import numpy as np
 import pytest
 from builders.live_models import FRAMES, INTERVAL_S, STEP, map_over, press, printed
+from builders.packets import arrived, stamps_us
 
 from pipeline.base.errors import InputError
 from pipeline.inference import predictor, recordings, touches
@@ -87,6 +88,36 @@ def test_a_log_with_lost_lines_is_the_same_live_and_at_once(kind, package, tmp_p
     assert np.nanmax(force) == pytest.approx(np.nanmax(touches.force_n(predicted, model.card)), rel=1e-3)
     off = np.abs(values[70:78] - whole[71:79]).max()
     assert off < 0.05 * np.nanmax(np.abs(whole)), "after a lost line as if it had come"
+
+
+@pytest.mark.parametrize("hz", [100, 500])
+def test_lines_in_packets_are_predicted_as_lines_one_by_one(hz, package, monkeypatch):
+    monkeypatch.setattr(Session, "_time_of_a_step", lambda self: 1e-4)
+    readings = press(3 * hz, rate_hz=hz)
+    printed_s = 1 + np.arange(3 * hz) / hz
+    stamped = stamps_us(arrived(printed_s, 0.016, np.random.default_rng(0)))
+    session = session_of(package("linear"))
+    came = np.stack([each.values for each in taken(session, printed(readings, times_us=stamped))])
+    single = np.stack([each.values for each in taken(session_of(package("linear")), printed(readings, rate_hz=hz))])
+    assert len(came) == 3 * hz and session.notes == []
+    np.testing.assert_array_equal(came, single)
+
+
+def test_windows_span_no_gap_between_packets(package, monkeypatch):
+    monkeypatch.setattr(Session, "_time_of_a_step", lambda self: 1e-4)
+    printed_s = 1 + np.arange(1500) / 500
+    printed_s[1000:] += 0.5
+    data = printed(press(1500, 500), times_us=stamps_us(arrived(printed_s, 0.016, np.random.default_rng(0))))
+    values = np.stack([each.values for each in taken(session_of(package("linear")), data)])
+    missing = np.flatnonzero(np.isnan(values).any(axis=(1, 2)))
+    assert missing.tolist() == [*range(10 * WINDOW), *range(1000, 1000 + 10 * WINDOW)]
+
+
+def test_lines_a_second_of_packets(package):
+    session = session_of(package("linear"))
+    for k in range(200):  # 16 lines every 16 ms
+        list(session.take(printed(press(16), 1000, begin_us=1_000_000 + 16_000 * k), 0.016 * k))
+    assert session.lines_per_s() == pytest.approx(1000, rel=1e-3)
 
 
 def test_touches_and_force_of_a_press(package):
