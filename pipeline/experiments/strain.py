@@ -80,7 +80,8 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     `settings`: the block `strain` of params.yaml. frames: as `frames_schema`; jitter and single missing lines are
     interpolated, a gap of more than `ingest.max_gap_s` starts a new segment. Lines of a file = accepted + rejected
     (+ header). Raises InputError for a missing log, too many rejects, a clock that was set back, clocks that cannot
-    be aligned or are said to be shared and are not, a depth of presses without z, ground truth for less than half of the samples, channels that are all dead, and a folder of no task.
+    be aligned or are said to be shared and are not, a depth of presses without z, ground truth for less than half of
+    the samples, channels that are all dead, and a folder of no task.
     """
     if folder.parent.name not in tasks(settings):
         raise InputError(
@@ -90,7 +91,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     below, asked = settings["sensor"].get("pressed_below_mm"), formats(settings)["robot.log"].names
     if below is not None and "z_mm" not in asked:
         raise InputError(
-            "params.yaml, strain.sensor.pressed_below_mm: no task asks for z, so that robot.log has no z_mm and nothing "
+            "params.yaml, strain.sensor.pressed_below_mm: no task asks for z, so robot.log has no z_mm and nothing "
             "would count as pressed; add z to a task of strain.sensor.tasks, or remove pressed_below_mm"
         )
     ingest, who = settings["ingest"], f"{folder.parent.name}/{folder.name}"
@@ -249,7 +250,7 @@ def shared_clock(
     found = alignment.Agreement(clock.offset_s, at_zero, clock.correlation)
     report["clock"] |= found.report()
     if abs(found.offset_s) > SHIFTED_S:
-        said = f"robot.log and daq.log {found.said()}"
+        said = found.said("robot.log", "daq.log")
         if found.refuted or abs(found.offset_s) > REFUSED_S:
             raise InputError(
                 f"{who}: {said}, so they do not share a clock; set strain.ingest.clock: own, or add "

@@ -35,9 +35,9 @@ PULLED = "pressing makes fz_n negative; write it positive"
 LIMIT = "touch.ingest.max_reject_fraction"
 PART = 1 << 18  # frames made at once: an hour of a recording at 70 Hz
 # A spike is further from both neighbours than 4 times the steps of the log, of which 99.5 % are smaller: spikes of 100 N
-# among presses of 30 N are so by 5 times and more, even at 10 Hz and with 5 % of spikes; clean logs, simulated and
-# recorded, stay below 2.4 times, but for a recording of presses of 1 N with jumps of up to 2 N. Hence also 2.5 times the
-# threshold of contact (3 N): smaller jumps are noise.
+# among presses of 30 N are so by 5 times and more, even at 10 Hz and with 5 % of spikes. Clean logs, simulated and
+# recorded, stay below 2.4 times, but for two recordings of presses of 1 N with jumps of up to 2 N. Hence also 2.5 times
+# the threshold of contact (3 N): smaller jumps are noise.
 LEAP = 4.0
 LEAST_LEAP = 2.5
 CALM = (
@@ -294,8 +294,8 @@ def without_spikes(path: Path, rows: pa.Table, rejects: pa.Table, settings: Mapp
 def spikes(time_s: np.ndarray, force: np.ndarray, contact_n: float) -> np.ndarray:
     """Find single readings that no press explains, as HX711 boards print them: (n,) bool, for times and forces (n,).
 
-    Such a reading is above, or below, both of its neighbours by more than `LEAP` steps of the log and `LEAST_LEAP` times
-    `contact_n`, while its neighbours, and those on one side of it, stay where they were. A log whose readings stay in
+    Such a reading is above, or below, both of its neighbours by more than `LEAP` steps of the log and `LEAST_LEAP`
+    times `contact_n`, while its neighbours, and those on one side of it, stay where they were. A log whose readings stay in
     contact nowhere has none: each of its presses is a single reading.
     """
     usual = median_filter(force, 5, mode="nearest")
@@ -331,7 +331,8 @@ def _check_signs(folder: Path, rows: Mapping[str, pa.Table], ingest: Mapping) ->
     if falls:
         highest = ingest["highest_count"]
         raise InputError(
-            f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest} minus the count, which rises"
+            f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest} minus the count, which "
+            "rises"
         )
 
 
@@ -374,7 +375,7 @@ def _measured(rows: Mapping[str, pa.Table], touches: list[str], settings: Mappin
                 "the logs belong to one capture"
             )
         elif found and abs(found.offset_s) > SHIFTED * np.median(lasts):
-            said = f"{name} and {other} {found.said()}"
+            said = found.said(name, other)
             if found.refuted:
                 raise InputError(
                     f"{who}: {said}, so they do not share a clock; set touch.ingest.clock: own, or add "

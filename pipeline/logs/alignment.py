@@ -42,8 +42,8 @@ SHORTEST_S = 3.0  # a segment with fewer than about three presses cannot be plac
 CONTACT = 0.05  # share of the 99th percentile at which contact is half of full; noise is 0.01 of it and less
 HOLE = 5.0  # intervals; ground truth is not interpolated over longer holes
 # Share of the best correlation that presses on one clock keep as they are. Simulated ones, on one clock, keep 0.998 and
-# more; where a device is late by a fifth of a press, 0.9 to 0.5; by half of one, 0.6 and less; by 1.5 s, 0.15 and less of
-# presses of 2 s, 0.5 of presses of 1 s.
+# more; where a device is late by a fifth of a press, 0.9 to 0.5; by half of one, 0.6 and less; by 1.5 s, 0.15 and less
+# of presses of 2 s, 0.5 of presses of 1 s.
 KEPT = 0.75
 AMBIGUOUS = 0.97  # another offset with this share of the best correlation: presses too regular to tell
 
@@ -100,11 +100,12 @@ class Agreement:
         """Tell whether the logs agree so much better with an offset that they cannot be of one clock."""
         return self.correlation - self.without < KEPT * (self.best - self.without)
 
-    def said(self) -> str:
-        """Return the numbers in words, to follow the names of the two logs."""
+    def said(self, one: str, other: str) -> str:
+        """Return the numbers in words; one, other: the names of the two logs."""
         return (
-            f"agree best with the first {abs(self.offset_s):.2f} s {'later' if self.offset_s > 0 else 'earlier'} "
-            f"(correlation {self.best:.2f}, as they are {self.correlation:.2f})"
+            f"{one} and {other} agree best with {one} {abs(self.offset_s):.2f} s "
+            f"{'later' if self.offset_s > 0 else 'earlier'} (correlation {self.best:.2f}, as they are "
+            f"{self.correlation:.2f})"
         )
 
     def report(self) -> dict[str, float]:
@@ -362,7 +363,7 @@ def _between(piece: Signal, first_s: float, last_s: float) -> Signal:
 
 
 def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple[float, float | None]:
-    """Return the lag in s, to the grid, with the highest cross-correlation of levels, and another lag as good, or None."""
+    """Return the lag in s with the highest cross-correlation of levels, to the grid, and another one as good, or None."""
     lags, products, _ = _rough_products(piece, against)
     possible = (lags >= low) & (lags <= high)
     if not possible.any():

@@ -100,7 +100,8 @@ def printed(line: bytes, fmt: Format, where: str) -> Format | None:
     A header has as many fields as the format has columns, each of them a name: one word, or two, such as `Fz (N)`.
     Besides, it holds one of the format's names or a word for time, or has three fields or more; so `HX711, ready` is a
     banner. Capitals, blanks, quotation marks and brackets do not matter: that is fz_n. A part of the usual header,
-    where a capture began or a line was torn, is a banner too; after a comment sign, so is whatever names not all columns.
+    where a capture began or a line was torn, is a banner too; so is what follows a comment sign, unless it names all
+    columns.
 
     Names of which the format has none are in the usual order where that shows: a time in its place, and beside it one
     name, such as `Time,Force`, or one word with numbers that rise by one, such as `Time,Ch1,Ch2`. Raises InputError, in
@@ -248,17 +249,17 @@ def read_log(
 ) -> tuple[pa.Table, pa.Table]:
     """Read a log: `(rows, rejects)`; rows + rejects (+ 1 if line 1 is the header) = lines of the file.
 
-    A header before the first line of numbers says in which order the columns are, see `printed`; without one they are in
-    the format's. `rows` has the format's columns in the format's order, `line` (int32, from 1) and `segment` (int16, from
-    0; a new one after each reset of the device); its time rises strictly within a segment. Lines that came in packets
-    have the times at which they were printed, see `packets.spread`, and `packet_s` tells it. `rejects` has the columns of
-    `REJECTS` in
-    the order of the lines, with `name` (default: the file's name) as its file; the text of a line is null after the
-    first `TEXTS` lines of its reason.
+    A header before the first line of numbers says in which order the columns are, see `printed`; without one they are
+    in the format's. `rows` has the format's columns in the format's order, `line` (int32, from 1) and `segment` (int16,
+    from 0; a new one after each reset of the device); its time rises strictly within a segment. Lines that came in
+    packets have the times at which they were printed, see `packets.spread`, and `packet_s` tells it. `rejects` has the
+    columns of `REJECTS` in the order of the lines, with `name` (default: the file's name) as its file; the text of a
+    line is null after the first `TEXTS` lines of its reason.
 
-    Raises InputError when the file is missing or empty, has a header of other names or, further on, of another order, has
-    no line of this format, lasts more than `LONGEST_S`, is of a device that was reset more than `MOST_RESETS` times, or when more than the share `limit` of its lines is rejected
-    (as soon as that is certain); `key`: the name of that limit in params.yaml.
+    Raises InputError when the file is missing or empty, has a header of other names or, further on, of another order,
+    has no line of this format, lasts more than `LONGEST_S`, is of a device that was reset more than `MOST_RESETS`
+    times, or when more than the share `limit` of its lines is rejected (as soon as that is certain); `key`: the name of
+    that limit in params.yaml.
     """
     if not path.is_file():
         raise InputError(f"{path}: log not found; check the folder named in params.yaml")
@@ -310,7 +311,7 @@ def _check_headers(path: Path, fmt: Format, rejects: _Rejects) -> None:
     for number, text in rejects.texts.items():
         if len(text) < TEXT_LENGTH and sorted(text.split(fmt.separator)) == sorted(fmt.names) and text != fmt.header:
             raise InputError(
-                f"{path}: line {number} names the columns in another order than the lines before it; divide the log there"
+                f"{path}: line {number} names the columns in another order than those above it have; divide the log there"
             )
 
 
