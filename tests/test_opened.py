@@ -15,8 +15,8 @@ OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|p
 DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
 WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")
-# The stage track always runs: what it reads of DVC is never stale, and MLflow's store is no output of DVC's.
-TRACK = re.compile(r"dvc\.lock|mlruns(/.*)?")
+# These stages always run: what they read of DVC is never stale, and what they write is no output of DVC's.
+ALWAYS = {"track": re.compile(r"dvc\.lock|mlruns(/.*)?"), "agreement": re.compile(r"reports/agreement\.md(\..*)?")}
 
 
 def covered(path: str, places: Sequence[str]) -> bool:
@@ -62,8 +62,8 @@ def test_dvc_knows_what_every_stage_opens(miniature):
     for stage, (deps, outs) in locked(miniature.folder).items():
         opened = notes(folder, stage)
         assert opened, f"{stage}: nothing was noted"
-        if stage == "track":
-            opened = {(how, path) for how, path in opened if not TRACK.fullmatch(path)}
+        if stage in ALWAYS:
+            opened = {(how, path) for how, path in opened if not ALWAYS[stage].fullmatch(path)}
         if wrong := undeclared(miniature.folder, opened, deps, outs):
             found[stage] = wrong
         paths = [path for _, path in opened]

@@ -19,3 +19,13 @@ def why_not_run(experiment: str) -> str | None:
         raise InputError(
             f"{path}: no report of ingest ({error}); run `python -m pipeline.stages.ingest {experiment}`"
         ) from error
+
+
+def has_report(experiment: str) -> bool:
+    """Tell whether reports/<experiment> holds results, of this machine or committed ones."""
+    return (paths.REPORTS / experiment / "speed" / "table2.csv").is_file()
+
+
+def why_not_shown(experiment: str) -> str | None:
+    """Return why there are no results of an experiment to show, neither new nor committed; None where there are."""
+    return None if has_report(experiment) else why_not_run(experiment)

@@ -4,7 +4,6 @@ Importing MLflow and reading the model files takes seconds, and `track` is part 
 `mlruns/tracked.json` says for which files, settings and code the store was found complete.
 """
 
-import fcntl
 import hashlib
 import json
 import os
@@ -14,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from pipeline.base import files, paths
+from pipeline.base import files, paths, processes
 
 # Files that decide how files become runs.
 CODE = (
@@ -89,13 +88,8 @@ def checkout() -> str:
 @contextmanager
 def one_at_a_time() -> Iterator[None]:
     """Let one process at a time write runs for this checkout: queued experiments may end at the same moment."""
-    folder().mkdir(parents=True, exist_ok=True)
-    with open(folder() / "lock", "w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            print("MLflow: waiting for another `python -m pipeline.stages.track` to end", flush=True)
-            fcntl.flock(lock, fcntl.LOCK_EX)
+    sentence = "MLflow: waiting for another `python -m pipeline.stages.track` to end"
+    with processes.holding(folder() / "lock", lambda: print(sentence, flush=True)):
         yield
 
 

@@ -530,12 +530,17 @@ def experiment_of(folder: Path) -> str:
     """Return the experiment that the logs in a folder are of, by their names; InputError where that is not clear."""
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
-    present = [experiment for experiment, log in LOGS.items() if next(folder.glob(f"*/*/{log}"), None)]
+    present = kinds_of(folder)
     if len(present) != 1:
         wanted = ", ".join(f"{log} ({experiment})" for experiment, log in LOGS.items())
         held = "logs of several kinds" if present else "no log of a sensor"
         raise InputError(f"{folder}: {held} in <folder>/<recording>/; expected one of {wanted}")
     return present[0]
+
+
+def kinds_of(folder: Path) -> list[str]:
+    """Return the experiments of which a folder holds logs, each in <folder>/<recording>/."""
+    return [experiment for experiment, log in LOGS.items() if next(folder.glob(f"*/*/{log}"), None)]
 
 
 def own_settings(folder: Path) -> dict:

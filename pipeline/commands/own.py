@@ -1,10 +1,11 @@
 """Train models on your own logs, apart from all else, and write what they score: reports/own/NAME.
 
-FOLDER lies in data/own, and NAME is its last part. Its logs say what they are of: array.log a pressure array, daq.log
-strain sensors, scanner.log a glove. FOLDER/settings.yaml, where there is one, sets what differs from params.yaml, by
-dotted keys such as `touch.sensor.rows: 4`. The logs are checked first, as by `tactile check`. Nothing is simulated, and
-no file that git follows changes: what the stages write is in build/own/NAME, with every trained model in
-build/own/NAME/trained, for `tactile predict MODEL LOGS`. What is up to date is not trained again.
+FOLDER lies in data/own, and NAME is its path in there; no sensor lies in the folder of another, and one process at a
+time trains on a sensor. Its logs say what they are of: array.log a pressure array, daq.log strain sensors, scanner.log
+a glove. FOLDER/settings.yaml, where there is one, sets what differs from params.yaml, by dotted keys such as
+`touch.sensor.rows: 4`. The logs are checked first, as by `tactile check`. Nothing is simulated, and no file that git
+follows changes: what the stages write is in build/own/NAME, with every trained model in build/own/NAME/trained, for
+`tactile predict MODEL LOGS`. What is up to date is not trained again.
 """
 
 import argparse
@@ -15,7 +16,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pipeline.base import files, params, paths
+from pipeline.base import files, params, paths, processes
 from pipeline.base.errors import InputError
 from pipeline.commands import check
 from pipeline.commands.scale import set_values
@@ -43,22 +44,57 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(given: argparse.Namespace) -> None:
     """Train all models of params.yaml on the logs named on the command line."""
-    experiment = check.experiment_of(given.folder)
-    workspace = prepare(experiment, given.folder, SEEDS)
-    run(experiment, given.folder, workspace, params.load(workspace / paths.PARAMS.name))
+    train(given.folder, SEEDS)
 
 
-def run(experiment: str, folder: Path, workspace: Path, values: Mapping) -> None:
-    """Check logs, train on them and write their report; workspace, values: see `prepare`, and its params.yaml.
+def train(folder: Path, seeds: Sequence[int], models: Mapping[str, Sequence[str]] | None = None) -> None:
+    """Check logs, train on them and write their report; seeds, models: as of `prepare`, models by experiment.
 
-    Raises InputError that names the first thing to fix.
+    Raises InputError that names the first thing to fix, and where another process trains on the same sensor.
     """
-    if problem := check.check(experiment, folder, values) or own_data.unnoticed(folder):
+    experiment, name = check.experiment_of(folder), name_of(folder)
+
+    def refuse() -> None:
+        raise InputError(
+            f"`tactile own {folder}` or `tactile try {folder}` runs already; wait until it ends, or stop it"
+        )
+
+    workspace = paths.ROOT / "build" / "own" / name
+    with processes.holding(workspace / "lock", refuse):
+        prepare(experiment, folder, name, workspace, seeds, models and models[experiment])
+        _run(experiment, folder, name, workspace)
+
+
+def name_of(folder: Path) -> str:
+    """Return the path of a sensor's folder below data/own, such as `finger` or `left/finger`.
+
+    Raises InputError for a folder elsewhere, and for one in, or around, the folder or the report of another sensor.
+    """
+    folder = Path(os.path.abspath(folder))  # without ..
+    if problem := own_data.unnoticed(folder):
+        raise InputError(f"fix first: {problem}")
+    _, _, *parts = Path(own_data.setting(folder)).parts
+    if not parts:
+        raise InputError(f"{folder}: holds the folders of sensors; move its logs into one, such as data/own/finger")
+    outer = [around for around in list(folder.parents)[: len(parts) - 1] if check.kinds_of(around)]
+    logs = [log for name in check.LOGS.values() for log in folder.rglob(name)]
+    inner = sorted(log.parents[2] for log in logs if len(log.relative_to(folder).parts) > 3)
+    reports = paths.REPORTS.joinpath("own", *parts)
+    inner += sorted(path for path in reports.glob("*") if path.is_dir())
+    if other := outer or inner:
+        raise InputError(f"{folder}: lies in one folder with {other[0]}, another sensor; move one of them")
+    return "/".join(parts)
+
+
+def _run(experiment: str, folder: Path, name: str, workspace: Path) -> None:
+    """Check logs, train on them and write their report; workspace: see `prepare`."""
+    values = params.load(workspace / paths.PARAMS.name)
+    if problem := check.check(experiment, folder, values):
         raise InputError(f"fix first: {problem}")
     for stage in STAGES[experiment]:
         _python(workspace, f"pipeline.stages.{stage}", experiment)
     _python(workspace, "pipeline.stages.render", experiment)
-    target = paths.REPORTS / "own" / workspace.name
+    target = paths.REPORTS / "own" / name
     with files.replacing_folder(target) as draft:
         shutil.copytree(workspace / "reports" / experiment / "accuracy", draft, dirs_exist_ok=True)
     trained = workspace / "trained"
@@ -72,14 +108,14 @@ def run(experiment: str, folder: Path, workspace: Path, values: Mapping) -> None
     print(f"{paths.shown(trained)}: {names}, for `tactile predict MODEL LOGS`")
 
 
-def prepare(experiment: str, folder: Path, seeds: Sequence[int], models: Sequence[str] | None = None) -> Path:
-    """Return build/own/NAME, made or renewed: a copy of the code, params.yaml with this sensor's settings, its logs.
+def prepare(
+    experiment: str, folder: Path, name: str, workspace: Path, seeds: Sequence[int], models: Sequence[str] | None
+) -> None:
+    """Make or renew a workspace: a copy of the code, params.yaml with this sensor's settings, its logs.
 
-    The logs are links to the files of `folder`. What the stages have written there stays. seeds: of every protocol;
-    models: keys of params.yaml, None: all that it has.
+    The logs are links to the files of `folder`. What the stages have written there stays. name: see `name_of`; seeds:
+    of every protocol; models: keys of params.yaml, None: all that it has.
     """
-    name = folder.resolve().name
-    workspace = paths.ROOT / "build" / "own" / name
     for part in ("pipeline", "scales"):
         shutil.rmtree(workspace / part, ignore_errors=True)
         shutil.copytree(paths.ROOT / part, workspace / part, ignore=shutil.ignore_patterns("__pycache__"))
@@ -106,7 +142,6 @@ def prepare(experiment: str, folder: Path, seeds: Sequence[int], models: Sequenc
             link = logs / name / path.relative_to(folder)
             link.parent.mkdir(parents=True, exist_ok=True)
             link.symlink_to(path.resolve())
-    return workspace
 
 
 def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict:
@@ -127,6 +162,9 @@ def _python(workspace: Path, module: str, *arguments: str, quiet: bool = False) 
     """Run a module of the workspace's own code; InputError where it fails: its message is on the screen."""
     environment = os.environ | {"PYTHONPATH": str(workspace)}
     command = [sys.executable, "-m", module, *arguments]
-    done = subprocess.run(command, cwd=workspace, env=environment, stdout=subprocess.DEVNULL if quiet else None)
+    out = subprocess.DEVNULL if quiet else None
+    # A killed `own` frees its lock: no stage of it may go on.
+    ended = processes.die_with_parent if os.name == "posix" else None
+    done = subprocess.run(command, cwd=workspace, env=environment, stdout=out, preexec_fn=ended)
     if done.returncode:
         raise InputError(f"{paths.shown(workspace)}: `{module} {' '.join(arguments)}` failed; its message is above")

@@ -3,13 +3,13 @@
 MODEL is a folder that `tactile export` made, EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout
 trained, else the pretrained one), EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of a run in MLflow. LOGS is a log of the
 sensor (array.log, daq.log, scanner.log), or a folder with such logs in it or below. Lines are read, cut into windows
-and normalised as in training. OUT, predictions/<name of LOGS> if not said, gets predictions.parquet (one row per
-reading), summary.json, of each recording a picture, and of a touch sensor's an animation. Where the ground truth lies
-beside a log, the model is scored against it.
+and normalised as in training. OUT gets predictions.parquet (one row per reading), summary.json, of each recording a
+picture, and of a touch sensor's an animation. Where the ground truth lies beside a log, the model is scored against it.
+A recording is called by its path below LOGS. OUT is predictions/NAME where --out does not say it, NAME that of the
+folder or log; there, predictions of another model or of other logs are not replaced.
 """
 
 import argparse
-import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -43,12 +43,15 @@ def main(given: argparse.Namespace) -> None:
         model = predictor.load(folder)
     card = model.card
     print(f"{card.experiment}/{card.model}: {comes_from}")
-    target = given.out or Path("predictions", given.logs.resolve().stem)
-    if target.exists() and not (target / "summary.json").is_file():
+    place = recordings.absolute(given.logs)
+    logs = recordings.logs(place, card.experiment)
+    names = recordings.names(place, logs, card.experiment)
+    target = given.out or _default_place(place, card)
+    if target.exists() and predictions.held(target) is None:
         raise InputError(f"{target}: holds something else than predictions; give another place by --out")
     predicted, scores, notes = [], [], []
-    for path in tqdm(recordings.logs(given.logs, card.experiment), desc="predict", unit="log"):
-        recording = recordings.read(path, card)
+    for path, name in zip(tqdm(logs, desc="predict", unit="log"), names, strict=True):
+        recording = recordings.read(path, name, card)
         values, said = recordings.predict(model, recording)
         predicted.append((recording, values))
         notes += [f"{recording.name}: {sentence}" for sentence in said]
@@ -56,26 +59,38 @@ def main(given: argparse.Namespace) -> None:
         scores.append(recordings.scores(model, path) if known else ())
     print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     with files.replacing_folder(target) as draft:
-        summaries = predictions.write(draft, predicted, card, scores)
+        summaries = predictions.write(draft, place, predicted, card, scores)
         for said in summaries[:MOST_LINES]:
             print(sentence(said))
         if len(summaries) > MOST_LINES:
             print(f"and {len(summaries) - MOST_LINES} more recordings, in summary.json")
         if not given.no_pictures:
-            _draw(draft, predicted[:MOST_PICTURES], card)
+            _draw(draft, predicted[:MOST_PICTURES], predictions.file_names(names), card)
     if len(predicted) > MOST_PICTURES and not given.no_pictures:
         print(f"the first {MOST_PICTURES} recordings are drawn")
     print(f"written to {target}")
 
 
-def _draw(folder: Path, predicted: list, card) -> None:
-    """Draw every recording that has a prediction."""
+def _default_place(logs: Path, card) -> Path:
+    """Return predictions/NAME; InputError where it holds predictions of another model or of other logs."""
+    from pipeline.inference import predictions, recordings
+
+    folder = logs if logs.is_dir() else recordings.without_log(logs, card.experiment)
+    target = Path("predictions", *predictions.file_names([folder.name]))
+    held = predictions.held(target)
+    if held not in (None, predictions.origin(predictions.model_of(card), logs)):
+        raise InputError(f"{target}: holds predictions of {held}; give another place by --out, or remove these")
+    return target
+
+
+def _draw(folder: Path, predicted: list, names: list[str], card) -> None:
+    """Draw every recording that has a prediction; names: of the files of all recordings, without suffix."""
     from pipeline.inference import pictures
 
-    for recording, values in tqdm(predicted, desc="draw", unit="recording"):
+    drawn = zip(tqdm(predicted, desc="draw", unit="recording"), names, strict=False)
+    for (recording, values), name in drawn:
         if not len(values) or (values != values).all():
             continue
-        name = re.sub(r"[^\w.-]+", "-", recording.name)
         pictures.draw(folder / f"{name}.png", recording, values, card)
         if card.outputs.touch_kpa is not None:
             pictures.animate(folder / f"{name}.gif", recording, values, card)

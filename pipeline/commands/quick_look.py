@@ -6,8 +6,7 @@ FOLDER is as `tactile own` takes it, and what is written as there, until `tactil
 import argparse
 from pathlib import Path
 
-from pipeline.base import params, paths
-from pipeline.commands import check, own
+from pipeline.commands import own
 
 MODELS = {  # one that knows nothing, quick ones and a network of the papers
     "touch": ("constant", "rbf", "lomp"),
@@ -23,6 +22,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(given: argparse.Namespace) -> None:
     """Look at the logs named on the command line."""
-    experiment = check.experiment_of(given.folder)
-    workspace = own.prepare(experiment, given.folder, [0], MODELS[experiment])
-    own.run(experiment, given.folder, workspace, params.load(workspace / paths.PARAMS.name))
+    own.train(given.folder, [0], MODELS)

@@ -1,8 +1,10 @@
 """Write what a model predicted for recordings: a table, a summary, a picture, and of maps an animation."""
 
+import itertools
 import json
+import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,8 @@ from pipeline.inference import touches
 from pipeline.inference.card import Card
 from pipeline.inference.recordings import Recording
 
+SUMMARY = "summary.json"
+LONGEST = 120  # characters of the name of a file: systems take 255 bytes
 Predicted = tuple[Recording, np.ndarray]  # a recording and its predictions (n, *output_shape)
 
 
@@ -101,10 +105,42 @@ def _range(predicted: np.ndarray, card: Card) -> dict:
     }
 
 
-def write(folder: Path, predicted: Sequence[Predicted], card: Card, scores: Sequence[Sequence[tuple]]) -> list[dict]:
+def file_names(names: Iterable[str]) -> list[str]:
+    """Return a name of a file for each name of a recording, no two alike, not even where case does not count."""
+    chosen: dict[str, str] = {}
+    for name in names:
+        plain = re.sub(r"[^\w.-]+", "-", name).strip(".-")[-LONGEST:] or "recording"
+        numbered = (f"{plain}-{k}" for k in itertools.count(2))
+        free = next(each for each in itertools.chain([plain], numbered) if each.casefold() not in chosen)
+        chosen[free.casefold()] = free
+    return list(chosen.values())
+
+
+def held(folder: Path) -> str | None:
+    """Say what the predictions in a folder are of, as `origin`; None for a folder that holds none."""
+    try:
+        summary_ = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        return origin(summary_["model"], summary_.get("logs", "unknown logs"))
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+
+
+def origin(model: Mapping, logs: Path | str) -> str:
+    """Say which model and which logs predictions are of; model: as `model_of`, logs: the absolute path of LOGS."""
+    return f"{model['experiment']}/{model['model']}/{model['protocol']}/{model['seed']} for {logs}"
+
+
+def model_of(card: Card) -> dict:
+    """Return what tells a model from others."""
+    return {"experiment": card.experiment, "model": card.model, "protocol": card.protocol, "seed": card.seed}
+
+
+def write(
+    folder: Path, logs: Path, predicted: Sequence[Predicted], card: Card, scores: Sequence[Sequence[tuple]]
+) -> list[dict]:
     """Write predictions.parquet and summary.json to a folder; return the summaries, one per recording.
 
-    scores: as of `summary`, one entry per recording.
+    logs: the absolute path of LOGS; scores: as of `summary`, one entry per recording.
     """
     parts = (part for recording, values in predicted for part in rows(recording, values, card))
     schemas.write(folder / "predictions.parquet", schema(card), parts)
@@ -112,6 +148,6 @@ def write(folder: Path, predicted: Sequence[Predicted], card: Card, scores: Sequ
         summary(recording, values, card, of_recording)
         for (recording, values), of_recording in zip(predicted, scores, strict=True)
     ]
-    model = {"experiment": card.experiment, "model": card.model, "protocol": card.protocol, "seed": card.seed}
-    files.write_text(folder / "summary.json", json.dumps({"model": model, "recordings": said}, indent=1) + "\n")
+    content = {"model": model_of(card), "logs": str(logs), "recordings": said}
+    files.write_text(folder / SUMMARY, json.dumps(content, indent=1) + "\n")
     return said

@@ -4,7 +4,7 @@ Lines are checked and ordered as in training (pipeline/logs/parse.py), and what 
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,7 +32,8 @@ class Recording(NamedTuple):
     """One log: n readings in the order of time."""
 
     path: Path  # of the log
-    name: str  # <condition>/<recording>
+    name: str  # as of `names`
+    condition: str  # folder above the recording's, or of recorded data what their names say; the object of a grasp
     t_s: np.ndarray  # (n,) on the sensor's clock
     x: np.ndarray  # (n, columns) in the unit of the card
     segment: np.ndarray  # (n,) rising; a new one after every restart of the device
@@ -53,36 +54,58 @@ def logs(place: Path, experiment: str) -> list[Path]:
     return logs_
 
 
-def read(path: Path, card: Card) -> Recording:
+def names(place: Path, logs_: Sequence[Path], experiment: str) -> list[str]:
+    """Return a name for each of `logs_`, which `logs(place, experiment)` returned; place: as of `absolute`.
+
+    It is the path below `place` of the recording's folder, or of a log that is named otherwise of the log without its
+    suffix; of a recording that is `place` itself the last two parts of its path. Raises InputError for equal names.
+    """
+    found: dict[str, Path] = {}
+    for path in logs_:
+        whole = without_log(path, experiment)
+        below = whole.relative_to(place).parts if place.is_dir() else ()
+        name = "/".join(below or whole.parts[1:][-2:]) or path.stem
+        if name in found:
+            raise InputError(f"{found[name]} and {path} would both be called '{name}'; rename a folder of one of them")
+        found[name] = path
+    return list(found)
+
+
+def without_log(path: Path, experiment: str) -> Path:
+    """Return the folder of a log that is called as the experiment's, else the log's path without its suffix."""
+    return path.parent if path.name == LOGS.get(experiment) else path.with_suffix("")
+
+
+def absolute(place: Path) -> Path:
+    """Return a path with no `..` in it, and where it had none with its links as they are."""
+    return place.resolve() if ".." in place.parts else place.absolute()
+
+
+def read(path: Path, name: str, card: Card) -> Recording:
     """Read the log of one recording of the sensor that a model was trained for. Errors as parse.read_log."""
     experiment, settings = card.experiment, card.reading
     module = experiments.module(experiment)
-    name = f"{path.parent.parent.name}/{path.parent.name}"
     limit = f"{experiment}.ingest.max_reject_fraction"
-    if experiment not in LOGS:
-        frames, rejects, _ = module.read_recording(path, settings)
-        name = f"{schemas.names(frames['condition'])[0]}/{schemas.names(frames['recording'])[0]}"
-        return _of_frames(path, name, frames, rejects)
-    if experiment == "glove":
-        frames, rejects, _ = module.read_recording(path.parent, settings)
+    if experiment not in LOGS or experiment == "glove":
+        frames, rejects, _ = module.read_recording(path.parent if experiment in LOGS else path, settings)
         return _of_frames(path, name, frames, rejects)
     fmt = module.array_format(settings) if experiment == "touch" else module.formats(settings)[LOGS[experiment]]
     rows, rejects = parse.read_log(path, fmt, limit=settings["ingest"]["max_reject_fraction"], key=limit)
     time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
     values = np.column_stack([rows[column].to_numpy() for column in fmt.names[1:]])
+    condition = path.parent.parent.name
     if experiment == "strain":
         nowhere = np.full((len(time), 3), np.nan)
-        frames = module.resampled(path.parent.parent.name, path.parent.name, time, values, nowhere, settings["ingest"])
+        frames = module.resampled(condition, path.parent.name, time, values, nowhere, settings["ingest"])
         return _of_frames(path, name, frames, rejects)
-    values = module.in_order(values, settings)
-    segment = rows["segment"].to_numpy()
-    return Recording(path, name, time, values, segment, int(schemas.gaps(time, segment).sum()), rejects)
+    values, segment = module.in_order(values, settings), rows["segment"].to_numpy()
+    return Recording(path, name, condition, time, values, segment, int(schemas.gaps(time, segment).sum()), rejects)
 
 
 def _of_frames(path: Path, name: str, frames: pa.Table, rejects: pa.Table) -> Recording:
-    gaps = int(frames["gap_before"].to_numpy()[1:].sum())
+    condition, gaps = schemas.names(frames["condition"])[0], int(frames["gap_before"].to_numpy()[1:].sum())
     time, segment = (frames[column].to_numpy() for column in ("t_s", "segment"))
-    return Recording(path, name, time, _readings(frames), segment, gaps, rejects)
+    return Recording(path, name, condition, time, _readings(frames), segment, gaps, rejects)
 
 
 def _readings(frames: pa.Table) -> np.ndarray:
@@ -118,7 +141,7 @@ def predict(model: Predictor, recording: Recording) -> tuple[np.ndarray, list[st
 def has_truth(recording: Recording, card: Card) -> bool:
     """Tell whether the ground truth lies beside a log, so that predictions can be scored."""
     if card.kind == "images":
-        return recording.name.split("/")[0] in card.outputs.names
+        return recording.condition in card.outputs.names
     wanted = TRUTH.get(card.experiment, ())
     if card.kind == "windows" and card.shapes.rows * card.shapes.cols == 1:
         wanted = OF_ONE_ELEMENT

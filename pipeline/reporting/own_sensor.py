@@ -69,7 +69,7 @@ FITTED = {
 def write(target: Path, experiment: str, settings: Mapping) -> None:
     """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of params.yaml."""
     kind, scores, rows = experiments.module(experiment).KIND, Scores(experiment, settings), read_windows(experiment)
-    name = Path(settings["source"]).name
+    name = settings["source"].removeprefix("data/own/")
     report = json.loads(paths.require(paths.ingest_report(experiment), "tactile own").read_text(encoding="utf-8"))
     fits = [
         read_fit(experiment, model, protocol, seed)

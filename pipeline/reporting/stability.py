@@ -3,6 +3,7 @@
 The rules are in pipeline/reporting/verdicts/stability.py.
 """
 
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from pipeline.reporting.words.labels import (
     model_name,
     perturbation_name,
 )
+from pipeline.scoring.kept import kept_rows
 
 # Conditions that are drawn in the figure of another one.
 JOINED = {"single_anew": "single", "several": "double"}
@@ -57,12 +59,23 @@ WRONG = "share of images classified incorrectly"  # the error of an image classi
 UNNAMED = ("severity", "see params.yaml")
 
 
-def write(values: Mapping, folder: Path) -> None:
-    """Write figures, tables and texts of all experiments of params.yaml (`values`) into the empty `folder`."""
+def write(values: Mapping, folder: Path, former: Path) -> None:
+    """Write figures, tables and texts of all experiments of params.yaml (`values`) into the empty `folder`.
+
+    former: the folder that is replaced; of experiments that were not run, what it holds is kept.
+    """
     failures, trainings, pictures, absent = [], [], {}, {}
+    not_run = {name: reason for name in values["experiments"] if (reason := why_not_run(name))}
+    kept = {name: kept_rows(former / f"{name}.csv", not_run) for name in ("failures", "training")}
     for experiment in values["experiments"]:
-        if reason := why_not_run(experiment):
-            absent[experiment] = reason[0].upper() + reason[1:]
+        if experiment in not_run:
+            judged, trained = (table[table["experiment"] == experiment] for table in kept.values())
+            if judged.empty:
+                absent[experiment] = not_run[experiment][0].upper() + not_run[experiment][1:]
+                continue
+            failures.append(judged)
+            trainings.append(trained)
+            pictures[experiment] = kept_figures(former, folder, experiment, judged)
             continue
         if experiment not in values["stress"]:
             raise InputError(f"params.yaml, stress: there is no block '{experiment}'; add one")
@@ -89,6 +102,22 @@ def write(values: Mapping, folder: Path) -> None:
     files.write_text(folder / "README.md", findings(judged, trained, pictures, absent))
     files.write_text(folder / "failures.md", failure_text(judged))
     files.write_text(folder / "training.md", training_text(trained))
+
+
+def kept_figures(former: Path, folder: Path, experiment: str, judged: pd.DataFrame) -> dict[str, str]:
+    """Copy the figures of an experiment from folder to folder, and return their captions as `findings` takes them.
+
+    judged: its rows of FAILURES.
+    """
+    curves, maps = {}, {}
+    for place, rows in judged.groupby(["protocol", "condition"], sort=False):
+        name, title = curves_file(experiment, *place), heading(experiment, *place)
+        curves[name.removesuffix(".png")] = curves_caption(rows, title)
+        maps[name.removesuffix(".png") + "_heat_map"] = heat_map_caption(rows, title)
+    captions = {name: text for name, text in (curves | maps).items() if (former / f"{name}.png").is_file()}
+    for name in captions:
+        shutil.copy(former / f"{name}.png", folder)
+    return captions
 
 
 def panels(table: pd.DataFrame, experiment: str) -> list[tuple[str, str, list]]:

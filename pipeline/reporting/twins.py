@@ -1,5 +1,6 @@
 """Write for people how recordings and the scenes that stand for them compare: reports/twins."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from pipeline.reporting.sentences import caption, picture
 from pipeline.reporting.words import markdown
 from pipeline.reporting.words.labels import capitalised, plain
 from pipeline.scoring import results
+from pipeline.scoring.kept import kept_rows
 
 TITLES = {
     "touch": "Touch: the recorded Velostat taxel and the array's element",
@@ -23,24 +25,34 @@ SUMMARY = ["experiment", "statistic", "unit", *(f"{side}{end}" for side in SIDES
 SUMMARY += ["inside", "meaning", "note"]  # columns of reports/twins.csv
 
 
-def write(folder: Path) -> pd.DataFrame:
-    """Write README.md and one figure per experiment into the empty `folder`, and return reports/twins.csv."""
+def write(folder: Path, former: Path) -> pd.DataFrame:
+    """Write README.md and one figure per experiment into the empty `folder`, and return reports/twins.csv.
+
+    former: the folder that is replaced. Where recordings are absent, their side of its twins.csv and its figure stay.
+    """
     tables = {
         name: results.read_csv(paths.twins(name), COLUMNS, f"python -m pipeline.stages.twins {name}") for name in TITLES
     }
-    summary = {name: summarised(name, table) for name, table in tables.items()}
+    absent = [name for name, table in tables.items() if set(table["source"]) == {"simulated"}]
+    kept = kept_rows(former.with_suffix(".csv"), absent)
+    summary = {
+        name: summarised(name, table, kept[kept["experiment"] == name] if name in absent else None)
+        for name, table in tables.items()
+    }
     for name, table in tables.items():
         if set(SIDES) <= set(table["source"]):
             twins_figure.positions(folder / f"{name}.png", TITLES[name], table, summary[name])
+        elif summary[name]["inside"].notna().any() and (former / f"{name}.png").is_file():
+            shutil.copy(former / f"{name}.png", folder)
     files.write_text(folder / "README.md", readme(summary))
     return pd.concat(summary.values(), ignore_index=True)
 
 
-def summarised(experiment: str, table: pd.DataFrame) -> pd.DataFrame:
+def summarised(experiment: str, table: pd.DataFrame, kept: pd.DataFrame | None = None) -> pd.DataFrame:
     """Return one row per statistic: median, lowest and highest of the recordings and of the simulated ones.
 
-    table: data/<experiment>/twins.csv. `inside` tells whether the simulated median lies within the recorded range; it
-    is missing where one side is.
+    table: data/<experiment>/twins.csv; kept: rows of a former reports/twins.csv, for their recorded side. `inside`
+    tells whether the simulated median lies within the recorded range; it is missing where one side is.
     """
     rows = []
     for statistic, values in table.groupby("statistic", sort=False):
@@ -49,6 +61,8 @@ def summarised(experiment: str, table: pd.DataFrame) -> pd.DataFrame:
             numbers = values[values["source"] == side]["value"].to_numpy(float)
             ends = (np.median(numbers), numbers.min(), numbers.max()) if len(numbers) else (np.nan,) * 3
             row |= dict(zip((side, f"{side}_low", f"{side}_high"), ends, strict=True))
+        for former in [] if kept is None else kept[kept["statistic"] == statistic].to_dict("records"):
+            row |= {name: former[name] for name in ("recorded", "recorded_low", "recorded_high")}
         known = np.isfinite(row["recorded"]) and np.isfinite(row["simulated"])
         inside = row["recorded_low"] <= row["simulated"] <= row["recorded_high"]
         row |= {"inside": inside if known else None}

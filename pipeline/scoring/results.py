@@ -1,5 +1,6 @@
 """Read scores, fits, times and predictions for the reports. A missing file or row is an error, no gap."""
 
+import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -82,15 +83,20 @@ def scale_of(metric: str) -> str:
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
     """Read a CSV table that has at least `columns`. Raises InputError otherwise."""
     try:
-        # A condition is named by its folder, and a folder may be called NA or 001: it is never missing, nor a number.
-        missing = {name: MISSING for name in pd.read_csv(paths.require(path, made_by), nrows=0) if name != "condition"}
-        table = pd.read_csv(path, dtype={"condition": str}, keep_default_na=False, na_values=missing)
+        table = parse_csv(paths.require(path, made_by).read_bytes())
     except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
         raise InputError(f"{paths.shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
     for column in columns:
         if column not in table.columns:
             raise InputError(f"{paths.shown(path)}: column '{column}' is missing; run `{made_by}` again")
     return table
+
+
+def parse_csv(content: bytes) -> pd.DataFrame:
+    """Return a CSV table as the stages write it."""
+    # A condition is named by its folder, and a folder may be called NA or 001: it is never missing, nor a number.
+    missing = {name: MISSING for name in pd.read_csv(io.BytesIO(content), nrows=0) if name != "condition"}
+    return pd.read_csv(io.BytesIO(content), dtype={"condition": str}, keep_default_na=False, na_values=missing)
 
 
 class Scores:

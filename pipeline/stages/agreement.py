@@ -1,16 +1,11 @@
-"""Compare this machine's scores with the committed ones: reports/agreement.md.
+"""Compare this machine's scores with the committed ones, those of git's HEAD: reports/agreement.md.
 
-The committed fingerprint has every score of the run that the reports were made by, and the digest of the settings that
-each model was made with. Networks are trained to other last digits by other processors, and from there apart; how far
-apart a number may be is measured by how far apart the seeds are.
-`accept` takes this machine's scores as the fingerprint instead.
-Usage: python -m pipeline.stages.agreement [accept]
+Networks are trained to other last digits by other processors, and from there apart; how far apart a number may be is
+measured by how far apart the seeds are. The report is of this machine and this moment, so neither git nor DVC keeps it.
+Usage: python -m pipeline.stages.agreement
 """
 
-import hashlib
-import json
-from collections.abc import Mapping
-from pathlib import Path
+import subprocess
 
 import numpy as np
 import pandas as pd
@@ -20,33 +15,24 @@ from pipeline.base.errors import run_stage
 from pipeline.reporting.words.markdown import table
 from pipeline.scoring import results
 
-FINGERPRINT = Path(__file__).with_name("fingerprint.csv")
 GROUP = ["experiment", "protocol", "condition", "model", "metric"]
 KEY = [*GROUP, "seed"]
-COLUMNS = [*KEY, "value", "tolerance", "settings"]
 LEAST = 0.02  # of the value: three seeds can be closer together by chance than other digits may take them apart
 ROUNDING = 1e-6
 VERDICTS = ("to the bit", "to six digits", "within tolerance", "beyond", "only here", "only committed")
-LISTED = 20  # of the numbers beyond tolerance
-
-
-def fingerprint(scores: pd.DataFrame, settings: Mapping[tuple[str, str], str]) -> pd.DataFrame:
-    """Return COLUMNS for every score; settings: (experiment, model) -> digest.
-
-    The tolerance is the standard deviation over the seeds, at least LEAST of the value, in the score's own unit.
-    """
-    spread = scores.groupby(GROUP)["value"].transform("std").fillna(0.0)
-    tolerance = np.maximum(spread, LEAST * scores["value"].abs())
-    digest = [settings[pair] for pair in zip(scores["experiment"], scores["model"], strict=True)]
-    return scores[[*KEY, "value"]].assign(tolerance=tolerance, settings=digest)
+LISTED = 50  # of the numbers that do not agree
+COMMITTED = "HEAD:./reports/scores.csv"  # of git, relative to the repository's root
 
 
 def compare(committed: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
-    """Return KEY, `value`, `here`, `tolerance` and one of VERDICTS for every number of either table.
+    """Return KEY, `value`, `here`, `tolerance` and one of VERDICTS for every number of either table (KEY, `value`).
 
-    Two failed runs (NaN) agree; a failed one and a number do not.
+    The tolerance is the standard deviation over the committed seeds, at least LEAST of the value, in the score's own
+    unit. Two failed runs (NaN) agree; a failed one and a number do not.
     """
-    merged = committed.merge(scores[[*KEY, "value"]].rename(columns={"value": "here"}), "outer", KEY, indicator=True)
+    spread = committed.groupby(GROUP)["value"].transform("std").fillna(0.0)
+    there = committed[[*KEY, "value"]].assign(tolerance=np.maximum(spread, LEAST * committed["value"].abs()))
+    merged = there.merge(scores[[*KEY, "value"]].rename(columns={"value": "here"}), "outer", KEY, indicator=True)
     both, off = merged["_merge"] == "both", (merged["here"] - merged["value"]).abs()
     same = (merged["here"] == merged["value"]) | (merged["here"].isna() & merged["value"].isna())
     rules = [
@@ -60,70 +46,59 @@ def compare(committed: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
     return merged
 
 
-def digests(values: Mapping) -> dict[tuple[str, str], str]:
-    """Return (experiment, model) -> digest of its blocks of params.yaml, without other models and `latency`."""
-    by_model = {}
-    for experiment in values["experiments"]:
-        shared = {key: block for key, block in values[experiment].items() if key not in ("latency", "models")}
-        for model, block in values[experiment]["models"].items():
-            text = json.dumps([shared, model, block], sort_keys=True)
-            by_model[experiment, model] = hashlib.sha256(text.encode()).hexdigest()[:16]
-    return by_model
-
-
-def report(committed: pd.DataFrame, scores: pd.DataFrame, settings: Mapping[tuple[str, str], str]) -> tuple[str, str]:
-    """Return agreement.md and its first sentence."""
-    rows, compared, elsewhere = [], [], []
-    for experiment in dict.fromkeys(experiment for experiment, _ in settings):
-        there = committed[committed["experiment"] == experiment]
-        here = scores[scores["experiment"] == experiment]
-        if here.empty or there.empty:
-            elsewhere.append(f"{experiment}: no scores {'here' if here.empty else 'in the fingerprint'}.")
-            continue
-        new = sorted(set(here["model"]) - set(there["model"]))
-        digests_there = there.groupby("model")["settings"].agg(set)
-        changed = [model for model, used in digests_there.items() if used != {settings.get((experiment, model))}]
-        elsewhere += [f"{experiment}, {model}: no scores in the fingerprint." for model in new]
-        elsewhere += [
-            f"{experiment}, {model}: its settings in params.yaml are not those of the fingerprint." for model in changed
-        ]
-        left_out = {*new, *changed}
-        if left_out >= set(there["model"]):
-            continue
-        compared.append(compare(*(part[~part["model"].isin(left_out)] for part in (there, here))))
-        counts = compared[-1]["verdict"].value_counts()
-        rows.append([experiment, *(str(counts.get(name, 0)) for name in VERDICTS)])
-    numbers = pd.concat(compared) if compared else pd.DataFrame(columns=["verdict"])
-    wrong = numbers[~numbers["verdict"].isin(VERDICTS[:3])]
-    exact = int((numbers["verdict"] == VERDICTS[0]).sum())
-    sentence = f"{len(numbers) - len(wrong)} of {len(numbers)} numbers agree, {exact} of them to the bit."
+def report(committed: pd.DataFrame, scores: pd.DataFrame) -> tuple[str, str]:
+    """Return agreement.md and its first sentence. Experiments without a score here are named, not compared."""
+    absent = committed[~committed["experiment"].isin(scores["experiment"])]["experiment"].value_counts(sort=False)
+    numbers = compare(committed[~committed["experiment"].isin(absent.index)], scores)
+    counts = numbers["verdict"].value_counts().reindex(VERDICTS, fill_value=0)
+    compared = counts.sum() - counts["only here"]
+    said = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if counts[name] or name == VERDICTS[0])
+    sentence = f"{counts.iloc[:3].sum()} of {compared} numbers agree: {said}."
+    if len(absent):
+        held = ", ".join(f"{experiment} ({count})" for experiment, count in absent.items())
+        sentence += f" No scores here: {held} of {len(committed)} committed numbers; `tactile fetch` gets recordings."
+    by_experiment = numbers.groupby("experiment", sort=False)["verdict"].value_counts().unstack(fill_value=0)
+    cells = by_experiment.reindex(columns=VERDICTS, fill_value=0).astype(str)
     lines = [
         "# Agreement with the committed results\n",
         f"{sentence} Tolerance: the standard deviation over the seeds, at least {100 * LEAST:.0f} % of the value.\n",
-        table(["experiment", *VERDICTS], rows),
+        table(["experiment", *VERDICTS], [[name, *row] for name, row in zip(cells.index, cells.values, strict=True)]),
     ]
-    lines += [f"Not compared: {text}\n" for text in elsewhere]
+    wrong = numbers[~numbers["verdict"].isin(VERDICTS[:3])]
     if len(wrong):
-        listed = wrong.head(LISTED)
-        lines.append(f"## Numbers that do not agree ({len(listed)} of {len(wrong)} shown)\n")
-        cells = [
+        lines.append(f"## Numbers that do not agree ({min(LISTED, len(wrong))} of {len(wrong)} shown)\n")
+        rows = [
             [" ".join(str(row[name]) for name in KEY), *(f"{row[name]:.6g}" for name in ("value", "here", "tolerance"))]
-            for _, row in listed.iterrows()
+            for _, row in wrong.head(LISTED).iterrows()
         ]
-        lines.append(table(["number", "committed", "here", "tolerance"], cells))
+        lines.append(table(["number", "committed", "here", "tolerance"], rows))
     return "\n".join(lines), sentence
 
 
+def committed_scores() -> pd.DataFrame | str:
+    """Return reports/scores.csv as git's HEAD has it, or why there is none."""
+    try:
+        done = subprocess.run(["git", "show", COMMITTED], cwd=paths.ROOT, capture_output=True, check=True)
+        return results.parse_csv(done.stdout)
+    except FileNotFoundError:
+        return "there is no git on this machine"
+    except subprocess.CalledProcessError as error:
+        return (error.stderr.decode(errors="replace").strip().splitlines() or ["git gives no reason"])[0]
+
+
 def main() -> None:
-    """Compare, or accept."""
-    accept = arguments.parse(__doc__, accept=("accept", None)).accept
-    scores = results.read_csv(paths.REPORTS / "scores.csv", [*KEY, "value"], "python -m pipeline.stages.collect")
-    settings = digests(params.load())
-    if accept:
-        files.write_table(FINGERPRINT, fingerprint(scores, settings), missing="nan")
-        return
-    committed = results.read_csv(FINGERPRINT, COLUMNS, "python -m pipeline.stages.agreement accept")
-    text, sentence = report(committed, scores, settings)
+    """Compare the scores of all experiments of params.yaml."""
+    arguments.parse(__doc__)
+    experiments = params.load()["experiments"]
+    here = [results.read_csv(paths.scores(name), [*KEY, "value"], "dvc repro evaluate") for name in experiments]
+    committed = committed_scores()
+    if isinstance(committed, str):
+        sentence = f"Not compared with the committed scores, {COMMITTED} of git: {committed}."
+        text = f"# Agreement with the committed results\n\n{sentence}\n"
+    else:
+        text, sentence = report(
+            committed, pd.concat([scores for scores in here if len(scores)] or [committed.iloc[:0]])
+        )
     files.write_text(paths.REPORTS / "agreement.md", text)
     print(sentence)
 

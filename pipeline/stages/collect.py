@@ -1,34 +1,47 @@
 """Collect scores, latencies and stress of all experiments in one file each, in full precision.
 
-Each row of scores.csv says the scale of its experiment (`params.scale_of`).
+Each row of scores.csv says the scale of its experiment (`params.scale_of`). Of an experiment without recordings the
+committed rows stay.
 Usage: python -m pipeline.stages.collect
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import InputError, run_stage
+from pipeline.scoring.kept import kept_rows
 
 # Of reports/stress.csv: what others read first.
 STRESS = ("experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition")
 
 
-def collect(parts: list[Path], target: Path, first: Sequence[str] = (), scales: Sequence[str] = ()) -> None:
-    """Write the rows of all `parts` (CSV files with one header) to `target`, digit for digit.
+def collect(
+    parts: Mapping[str, Path], target: Path, first: Sequence[str] = (), scales: Mapping[str, str] | None = None
+) -> None:
+    """Write the rows of all `parts` (experiment -> CSV file, all with one header) to `target`, digit for digit.
 
-    first: columns that come first, in this order, the others after them as they are. scales: the last column, `scale`,
-    of each part; none where there are no scales.
+    A part without a row, of an experiment that was not run, gets the rows that `target` has of it. first: columns that
+    come first, in this order, the others after them as they are. scales: experiment -> the last column, `scale`; None
+    where there is none.
     """
-    tables = [pd.read_csv(paths.require(part, "dvc repro"), dtype=str, keep_default_na=False) for part in parts]
-    for part, table in zip(parts, tables, strict=True):
-        if list(table.columns) != list(tables[0].columns):
-            raise InputError(f"{part}: its columns differ from those of {parts[0]}; run `dvc repro` again")
+    tables = {
+        name: pd.read_csv(paths.require(part, "dvc repro"), dtype=str, keep_default_na=False)
+        for name, part in parts.items()
+    }
+    columns = list(next(iter(tables.values())))
+    for name, table in tables.items():
+        if list(table.columns) != columns:
+            raise InputError(f"{parts[name]}: its columns differ from those of the others; run `dvc repro` again")
     if scales:
-        tables = [table.assign(scale=scale) for table, scale in zip(tables, scales, strict=True)]
-    together = pd.concat(tables)
+        tables = {name: table.assign(scale=scales[name]) for name, table in tables.items()}
+    kept = kept_rows(target, [name for name, table in tables.items() if table.empty], text=True)
+    columns = list(next(iter(tables.values())))
+    if set(kept) >= set(columns):
+        tables = {name: table if len(table) else kept[kept["experiment"] == name] for name, table in tables.items()}
+    together = pd.concat(tables.values())[columns]
     order = [*first, *(column for column in together.columns if column not in first)]
     files.write_table(target, together[order])
 
@@ -38,10 +51,10 @@ def main() -> None:
     arguments.parse(__doc__)
     values = params.load()
     experiments = values["experiments"]
-    scales = [params.scale_of(name, values[name]) for name in experiments]
-    collect([paths.scores(name) for name in experiments], paths.REPORTS / "scores.csv", scales=scales)
-    collect([paths.latency(name) for name in experiments], paths.REPORTS / "latency.csv")
-    collect([paths.stress(name) for name in experiments], paths.REPORTS / "stress.csv", STRESS)
+    scales = {name: params.scale_of(name, values[name]) for name in experiments}
+    collect({name: paths.scores(name) for name in experiments}, paths.REPORTS / "scores.csv", scales=scales)
+    collect({name: paths.latency(name) for name in experiments}, paths.REPORTS / "latency.csv")
+    collect({name: paths.stress(name) for name in experiments}, paths.REPORTS / "stress.csv", STRESS)
 
 
 if __name__ == "__main__":

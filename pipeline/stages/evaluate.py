@@ -45,7 +45,9 @@ def main() -> None:
     models, runs = list(values[experiment]["models"]), params.runs(values, experiment)
     scores = {}
     with files.replacing_folder(paths.predictions(experiment)) as draft:
-        if why_not_run(experiment) is None:
+        if reason := why_not_run(experiment):
+            files.write_text(draft / "not_run.txt", reason + "\n")  # DVC warns of an empty folder
+        else:
             calls = {model: (values, experiment, model, draft) for model in models}
             with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
                 scores = dict(workers.run(evaluate_model, calls, bar, steps=len(runs)))

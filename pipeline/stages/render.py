@@ -1,14 +1,15 @@
 """Write what people read of one experiment: tables, figures and findings in reports/<experiment>.
 
 Everything with a measured time in it is in reports/<experiment>/speed; reports/<experiment>/accuracy is the
-same in every run.
+same in every run. Without its recordings, the committed folder of an experiment stays.
 Usage: python -m pipeline.stages.render EXPERIMENT
 """
 
 from pipeline.base import arguments, files, params, paths
-from pipeline.base.availability import why_not_run
+from pipeline.base.availability import has_report, why_not_run
 from pipeline.base.errors import run_stage
 from pipeline.reporting import glove, glove_recorded, own_sensor, strain, strain_recorded, touch, velostat_recorded
+from pipeline.scoring.kept import say_kept
 
 REPORTS = {  # each module is named as its experiment
     report.__name__.rpartition(".")[2]: report
@@ -17,11 +18,14 @@ REPORTS = {  # each module is named as its experiment
 
 
 def main() -> None:
-    """Render the experiment named on the command line; its folder in reports/ is replaced whole."""
+    """Render the experiment named on the command line; its folder in reports/ is replaced whole, or kept."""
     values = params.load()
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     target = paths.REPORTS / experiment
     reason = why_not_run(experiment)
+    if reason and has_report(experiment):
+        say_kept("reports", [experiment])
+        return
     with files.replacing_folder(target) as draft:
         for part in ("accuracy", "speed"):
             (draft / part).mkdir()

@@ -9,11 +9,11 @@ from pipeline.reporting import stability
 
 
 def main() -> None:
-    """Render all experiments of params.yaml; the folder in reports/ is replaced whole."""
+    """Render all experiments of params.yaml; the folder in reports/ is replaced whole, but for what was not run."""
     arguments.parse(__doc__)
     target = paths.REPORTS / "stability"
     with files.replacing_folder(target) as draft:
-        stability.write(params.load(), draft)
+        stability.write(params.load(), draft, former=target)
     print(f"reports/stability: {sum(path.is_file() for path in target.rglob('*'))} files")
 
 

@@ -11,8 +11,9 @@ from pipeline.reporting import twins
 def main() -> None:
     """Render all three comparisons; reports/twins is replaced whole."""
     arguments.parse(__doc__)
-    with files.replacing_folder(paths.REPORTS / "twins") as draft:
-        summary = twins.write(draft)
+    target = paths.REPORTS / "twins"
+    with files.replacing_folder(target) as draft:
+        summary = twins.write(draft, former=target)
     files.write_table(paths.REPORTS / "twins.csv", summary)
     within = summary["inside"].dropna()
     print(f"reports/twins: {int(within.sum())} of {len(within)} simulated values lie in the recorded range")

@@ -1,5 +1,6 @@
 """The models that come with the repository do what their cards say, on logs that the scenes write."""
 
+import argparse
 import json
 import os
 import shutil
@@ -14,9 +15,10 @@ import pytest
 from pipeline import experiments, scenes
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.commands import predict
 from pipeline.datasets import schemas, series, specimens
 from pipeline.inference import card as cards
-from pipeline.inference import packages, predictor, recordings, touches
+from pipeline.inference import packages, pictures, predictor, recordings, touches
 from pipeline.scoring import classification, metrics
 
 VALUES = params.load()
@@ -194,13 +196,72 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
 
 def test_a_folder_of_something_else_is_kept(double, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    from pipeline.commands import predict
-    from pipeline.commands.command_line import argparse
-
     given = argparse.Namespace(model=str(TOUCH), logs=double[0], out=tmp_path, no_pictures=True)
     with pytest.raises(InputError, match="holds something else than predictions"):
         predict.main(given)
     assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def predicted(place, out=None) -> list[str]:
+    """Predict with `tactile predict`, and return the names of the recordings in its summary."""
+    predict.main(argparse.Namespace(model=str(TOUCH), logs=Path(place), out=out, no_pictures=False))
+    (summary,) = Path(out or "predictions").rglob("summary.json")
+    return [each["recording"] for each in json.loads(summary.read_text())["recordings"]]
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Empty files in place of pictures, which take seconds."""
+    monkeypatch.setattr(pictures, "draw", lambda path, *rest: path.touch())
+    monkeypatch.setattr(pictures, "animate", lambda path, *rest: path.touch())
+
+
+def write_log(path: Path) -> Path:
+    """Write a log of 20 frames of an array."""
+    path.parent.mkdir(parents=True)
+    path.write_text("".join(f"{20000 * k}," + ",".join(["20"] * 25) + "\n" for k in range(20)))
+    return path
+
+
+def test_no_two_recordings_have_one_name(undrawn, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_log(tmp_path / "day1/a b/run0/array.log")
+    write_log(tmp_path / "day1/a-b/run0/array.log")
+    write_log(tmp_path / "day2/a b/run0/array.log")
+    everything = predicted(".", tmp_path / "out")
+    assert everything == ["day1/a b/run0", "day1/a-b/run0", "day2/a b/run0"]
+    table = pyarrow.parquet.read_table(tmp_path / "out" / "predictions.parquet")
+    assert schemas.names(table["recording"]).tolist() == [name for name in everything for _ in range(20)]
+    drawn = sorted(path.name for path in (tmp_path / "out").glob("*.png"))
+    assert drawn == ["day1-a-b-run0-2.png", "day1-a-b-run0.png", "day2-a-b-run0.png"]
+    # A log in a folder, and beside it folders that end as the path of that folder does.
+    parts = tmp_path.parts[-1], "day3"
+    write_log(tmp_path / "day3/array.log")
+    write_log(tmp_path.joinpath("day3", *parts, "array.log"))
+    with pytest.raises(InputError, match=f"would both be called '{'/'.join(parts)}'; rename a folder"):
+        predicted("day3")
+
+
+def test_a_log_named_from_its_own_folder_or_from_beside_it(undrawn, tmp_path, monkeypatch):
+    log = write_log(tmp_path / "five" / "array.log")
+    (tmp_path / "six").mkdir()
+    for folder, place in ((log.parent, "array.log"), (tmp_path / "six", "../five/array.log"), (tmp_path, "five")):
+        monkeypatch.chdir(folder)
+        assert predicted(place, tmp_path / "out") == [f"{tmp_path.name}/five"]
+        assert [path.name for path in (tmp_path / "out").glob("*.png")] == [f"{tmp_path.name}-five.png"]
+    assert recordings.names(Path("/array.log"), [Path("/array.log")], "touch") == ["array"]
+
+
+def test_predictions_of_other_logs_are_not_replaced(undrawn, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for day in ("day1", "day2"):
+        write_log(tmp_path / day / "run" / "array.log")
+    assert predicted("day1/run/array.log") == predicted("day1/run/array.log") == ["day1/run"]
+    before = (tmp_path / "predictions" / "run" / "summary.json").read_text()
+    with pytest.raises(InputError, match=r"predictions/run: holds predictions of touch/lomp.*day1/run.*give .* --out"):
+        predicted("day2/run/array.log")
+    assert (tmp_path / "predictions" / "run" / "summary.json").read_text() == before
+    assert predicted("day2/run", tmp_path / "predictions" / "run") == ["day2/run"], "as --out says"
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 
 # Stages that keep books on all settings, whether or not anything reads them.
-BOOKKEEPERS = ("pipeline.stages.track", "pipeline.stages.agreement")
+BOOKKEEPERS = ("pipeline.stages.track",)
 
 
 class Noted(dict):

@@ -196,7 +196,7 @@ def test_a_repeated_row_is_refused(root):
 
 def test_stress_of_all_experiments_is_one_file_with_the_agreed_columns(root):
     target = paths.REPORTS / "stress.csv"
-    collect.collect([paths.stress(name) for name in ("touch", "velostat_recorded")], target, collect.STRESS)
+    collect.collect({name: paths.stress(name) for name in ("touch", "velostat_recorded")}, target, collect.STRESS)
     found = pd.read_csv(target)
     first = ["experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value"]
     assert list(found.columns) == [*first, "protocol", "condition", "n"]

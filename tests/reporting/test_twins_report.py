@@ -63,12 +63,12 @@ def test_files_are_written_and_read(tmp_path, monkeypatch):
         made(LIKE | UNLIKE).to_csv(paths.twins(experiment), index=False)
     target = tmp_path / "twins"
     target.mkdir()
-    summary = twins.write(target)
+    summary = twins.write(target, tmp_path / "former")
     assert summary["experiment"].tolist() == [name for name in twins.TITLES for _ in range(2)]
     assert {path.name for path in target.iterdir()} == {"README.md", *(f"{name}.png" for name in twins.TITLES)}
     paths.twins("glove").unlink()
     with pytest.raises(InputError, match="python -m pipeline.stages.twins glove"):
-        twins.write(target)
+        twins.write(target, tmp_path / "former")
 
 
 @pytest.mark.parametrize("experiment", twins_stage.MODULES)

@@ -112,7 +112,7 @@ def test_every_setting_of_recorded_data_is_read(experiment, stages, tmp_path, mo
 def test_real_recordings_have_the_committed_scores(experiment, stages, recordings):
     folder = recordings(experiment)
     stages(experiment, folder, settings(experiment, MODEL[experiment]))
-    committed = pd.read_csv(agreement.FINGERPRINT)
+    committed = pd.read_csv(paths.REPORTS / "scores.csv")
     chosen = (committed["experiment"] == experiment) & (committed["model"] == MODEL[experiment])
     committed = committed[chosen & committed["protocol"].isin(PROTOCOLS[experiment])]
     both = committed.merge(pd.read_csv(paths.scores(experiment)), on=agreement.KEY, how="outer", suffixes=("", "_here"))

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from markupsafe import Markup
 
 from pipeline.base import params, paths
-from pipeline.base.availability import why_not_run
+from pipeline.base.availability import has_report, why_not_run
 from pipeline.base.errors import InputError
 from pipeline.logs.sources import SOURCES
 from pipeline.reporting.page.templates import SIGNS, Cell, Row, fill, part
@@ -69,6 +69,7 @@ def section(values: Mapping) -> Markup:
         tested = scores[scores["experiment"] == experiment].groupby("condition", sort=False)["n"].max()
         items = ", ".join(f"{condition}: {n:,}" for condition, n in tested.items()) or "-"
         run = "no: " + reason if (reason := why_not_run(experiment)) else "yes"
+        run += "; its results are the committed ones" if reason and has_report(experiment) else ""
         data.append(Row([Cell(experiment), Cell(data_of(experiment, values)), Cell(run), Cell(items)]))
     counts = read_csv(paths.REPORTS / "counts.csv", ["experiment", "model", "macs", "params"], "dvc repro")
     return fill(

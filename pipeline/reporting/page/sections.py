@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from markupsafe import Markup
 
 from pipeline.base import paths
-from pipeline.base.availability import why_not_run
+from pipeline.base.availability import why_not_shown
 from pipeline.base.errors import InputError
 from pipeline.reporting.page import answers, charts, leaderboards, provenance, verdicts
 from pipeline.reporting.page.hypertext import FIGURE, Pages, anchor, check_references, read, sections, title
@@ -116,7 +116,7 @@ def experiment_section(pages: Pages, experiment: str, values: Mapping) -> tuple[
     if values[experiment].get("source") == "simulated":
         name = f"{name}: simulated"
     common = {"experiment": experiment, "name": name, "data": provenance.data_of(experiment, values)}
-    if reason := why_not_run(experiment):
+    if reason := why_not_shown(experiment):
         return name, fill("experiment", **common, reason=reason)
     reports = [file for file in files(folder, ".md") if file != "README.md"]
     everything = "\n".join(read(f"{folder}/{file}") for file in ("README.md", *reports))
@@ -191,7 +191,7 @@ def stability_section(pages: Pages, experiments: Sequence[str]) -> Markup:
                 html = Markup('<div id="{}">{}</div>').format(anchor(f"stability/{name}"), html)
             first = place == 0 and name == "README.md"
             general.append(html if first else part("folded", heading or title(text), html))
-    each = [stability_of(pages, key, experiments) for key in experiments if not why_not_run(key)]
+    each = [stability_of(pages, key, experiments) for key in experiments if not why_not_shown(key)]
     return Markup('<section id="stability"><h2>Where trained models fail</h2>{}</section>').format(
         Markup().join([general[0], *each, *general[1:]])
     )
@@ -199,7 +199,7 @@ def stability_section(pages: Pages, experiments: Sequence[str]) -> Markup:
 
 def embedded(values: Mapping) -> list[str]:
     """Return the names of the reports that are on the page, each under an id of its own."""
-    ran = [experiment for experiment in values["experiments"] if not why_not_run(experiment)]
+    ran = [experiment for experiment in values["experiments"] if not why_not_shown(experiment)]
     folders = [f"{experiment}/{folder}" for experiment in ran for folder in ("accuracy", "speed")]
     names = [f"{folder}/{file}" for folder in folders for file in files(folder, ".md")]
     names += [f"stability/{name}" for name in STABILITY]

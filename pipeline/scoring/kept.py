@@ -1,0 +1,30 @@
+"""Keep the committed results on recordings where this machine has no recordings.
+
+A stage that writes a table of several experiments takes their rows from the file that it replaces: its output has
+`persist` in dvc.yaml, so that DVC leaves the file until then.
+"""
+
+from collections.abc import Collection
+from pathlib import Path
+
+import pandas as pd
+
+
+def kept_rows(path: Path, names: Collection[str], by: str = "experiment", text: bool = False) -> pd.DataFrame:
+    """Return the rows of a table whose column `by` is one of `names`, and say so; none where there is no such file.
+
+    Numbers are read to the last digit; text: everything is left as text.
+    """
+    if not path.is_file():
+        return pd.DataFrame(columns=[by])
+    how = {"dtype": str, "keep_default_na": False} if text else {}
+    table = pd.read_csv(path, **how)
+    rows = table[table[by].isin(names)]
+    if len(rows):
+        say_kept(path.name, rows["experiment"].unique() if "experiment" in rows else [f"{len(rows)} rows"])
+    return rows
+
+
+def say_kept(place: str, names: Collection[str]) -> None:
+    """Print which results in a file or folder are not of this machine."""
+    print(f"{place}: kept from the committed results: {', '.join(names)}; `tactile fetch` gets the recordings")

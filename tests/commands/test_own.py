@@ -1,0 +1,86 @@
+"""Sensors of one's own keep their results apart, whatever their folders are called, and one process trains on each."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from pipeline.base import paths, processes
+from pipeline.base.errors import InputError
+from pipeline.commands import own
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """An empty repository root."""
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
+    return tmp_path
+
+
+def sensor(root, name):
+    """Write an empty log of a sensor in data/own."""
+    folder = root / "data" / "own" / name
+    (folder / "single" / "run0").mkdir(parents=True)
+    (folder / "single" / "run0" / "array.log").touch()
+    return folder
+
+
+def test_sensors_of_one_name_in_two_folders_share_nothing(root, monkeypatch):
+    made = []
+    monkeypatch.setattr(own, "prepare", lambda experiment, folder, name, workspace, *rest: made.append(workspace))
+    monkeypatch.setattr(own, "_run", lambda experiment, folder, name, workspace: made.append(name))
+    for name in ("a/finger", "b/finger"):
+        own.train(sensor(root, name), [0])
+    assert made == [root / "build/own/a/finger", "a/finger", root / "build/own/b/finger", "b/finger"]
+
+
+def test_a_sensor_in_the_folder_of_another_is_refused(root, monkeypatch):
+    outer, inner = sensor(root, "a"), sensor(root, "a/finger")
+    for one, other in ((outer, inner), (inner, outer)):
+        with pytest.raises(InputError, match=f"{one}: lies in one folder with {other}, another sensor"):
+            own.name_of(one)
+    report = root / "reports" / "own" / "b" / "finger"
+    report.mkdir(parents=True)
+    with pytest.raises(InputError, match=f"data/own/b: lies in one folder with {report}"):
+        own.name_of(sensor(root, "b"))
+    sensor(root, "")
+    with pytest.raises(InputError, match="data/own: holds the folders of sensors"):
+        own.name_of(root / "data" / "own")
+    monkeypatch.chdir(sensor(root, "c"))
+    assert own.name_of(outer.parent / "a" / ".." / "c") == "c"
+    with pytest.raises(InputError, match="is not in data/own"):
+        own.name_of(root / "data")
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from pipeline.base import processes
+with processes.holding(Path(sys.argv[1]), lambda: None):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_second_run_on_a_sensor_is_refused_until_the_first_has_ended(root, monkeypatch):
+    folder, done = sensor(root, "finger"), []
+    monkeypatch.setattr(own, "prepare", lambda *given: None)
+    monkeypatch.setattr(own, "_run", lambda *given: done.append(given[2]))
+    lock = root / "build" / "own" / "finger" / "lock"
+    command = [sys.executable, "-c", HOLD, str(lock)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ, cwd=paths.CODE.parent) as other:
+        assert other.stdout.readline() == "held\n"
+        with pytest.raises(InputError, match="`tactile try .*finger` runs already; wait"):
+            own.train(folder, [0])
+        assert not done
+        other.kill()
+    own.train(folder, [0])
+    assert done == ["finger"]
+
+
+def test_a_system_without_locks_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(processes, "fcntl", None)
+    with processes.holding(tmp_path / "lock", lambda: None):
+        assert f"cannot lock {tmp_path / 'lock'}" in capsys.readouterr().err

@@ -1,0 +1,107 @@
+"""On a machine without recordings, the committed results on them stay as they are."""
+
+import json
+import shutil
+
+import pandas as pd
+import pytest
+
+from pipeline.base import availability, params, paths
+from pipeline.reporting import twins
+from pipeline.stages import collect, evaluate, judge, latency, render, render_stability, stress
+
+RECORDED = ("velostat_recorded", "strain_recorded", "glove_recorded")
+REASON = "recordings not downloaded; run `tactile fetch`"
+
+
+@pytest.fixture
+def clone(tmp_path, monkeypatch):
+    """A fresh clone's reports on recordings, and what the stages before write where recordings are absent."""
+    committed = paths.REPORTS
+    reports = tmp_path / "reports"
+    for name in ("scores.csv", "latency.csv", "stress.csv", "stability", *RECORDED):
+        copy = shutil.copytree if (committed / name).is_dir() else shutil.copy
+        reports.mkdir(exist_ok=True)
+        copy(committed / name, reports / name)
+    values = params.load() | {"experiments": list(RECORDED)}
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "REPORTS", reports)
+    monkeypatch.setattr(params, "load", lambda: values)
+    for name in RECORDED:
+        paths.latency(name).parent.mkdir(parents=True)
+        paths.ingest_report(name).write_text(json.dumps({"run": False, "reason": REASON}))
+        for path, module in ((paths.latency, latency), (paths.stress, stress)):
+            path(name).write_text(",".join(module.COLUMNS) + "\n")
+        run(monkeypatch, evaluate, name)
+    return committed
+
+
+def run(monkeypatch, stage, *arguments):
+    monkeypatch.setattr("sys.argv", [stage.__name__, *arguments])
+    stage.main()
+
+
+def rows(path, name):
+    return [line for line in path.read_text().splitlines() if line.startswith(f"{name},")]
+
+
+def test_committed_results_on_recordings_stay(clone, monkeypatch, capsys):
+    run(monkeypatch, collect)
+    for name in RECORDED:
+        run(monkeypatch, render, name)
+    run(monkeypatch, render_stability)
+    for name in RECORDED:
+        for table in ("scores.csv", "latency.csv", "stress.csv", "stability/failures.csv", "stability/training.csv"):
+            kept = rows(paths.REPORTS / table, name)
+            assert kept == rows(clone / table, name) and kept, table
+        for path in [*(clone / name).rglob("*.*"), *(clone / "stability").glob(f"{name}_*.png")]:
+            assert (paths.REPORTS / path.relative_to(clone)).read_bytes() == path.read_bytes()
+        assert (paths.predictions(name) / "not_run.txt").read_text() == REASON + "\n"  # DVC warns of an empty folder
+    assert "Recorded Velostat taxel: all recordings" in (paths.REPORTS / "stability" / "README.md").read_text()
+    said = capsys.readouterr().out
+    assert f"scores.csv: kept from the committed results: {', '.join(RECORDED)}; `tactile fetch` gets" in said
+
+
+def test_without_committed_results_an_experiment_is_not_run(clone, monkeypatch):
+    shutil.rmtree(paths.REPORTS)
+    run(monkeypatch, collect)
+    run(monkeypatch, render, "strain_recorded")
+    run(monkeypatch, render_stability)
+    assert (paths.REPORTS / "scores.csv").read_text().count("\n") == 1
+    for place in ("strain_recorded/accuracy", "strain_recorded/speed", "stability"):
+        assert ": not run\n\nRecordings not downloaded" in (paths.REPORTS / place / "README.md").read_text()
+    assert availability.why_not_shown("strain_recorded") == REASON
+
+
+def test_the_recorded_side_of_a_comparison_stays(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    table = pd.DataFrame([("noise", "1", "simulated", "r", 2.0, "What it is.", "")], columns=twins.COLUMNS)
+    for experiment in twins.TITLES:
+        paths.twins(experiment).parent.mkdir(parents=True)
+        table.to_csv(paths.twins(experiment), index=False)
+    former, folder = tmp_path / "twins", tmp_path / "new"
+    former.mkdir()
+    folder.mkdir()
+    (former / "touch.png").touch()
+    kept = pd.DataFrame([("touch", "noise", "1", 1 / 3, 0.1, 3.0, 9.0, 9.0, 9.0, False, "", "")], columns=twins.SUMMARY)
+    kept.to_csv(tmp_path / "twins.csv", index=False)
+    touch, strain, glove = twins.write(folder, former).to_dict("records")
+    assert (touch["recorded"], touch["recorded_high"], touch["simulated"], touch["inside"]) == (1 / 3, 3.0, 2.0, True)
+    assert pd.isna(strain["recorded"]) and pd.isna(glove["inside"])
+    assert [path.name for path in folder.glob("*.png")] == ["touch.png"]
+    assert "1 of 1 simulated values lie in the recorded range" in (folder / "README.md").read_text()
+
+
+def test_verdicts_on_absent_recordings_stay_with_what_was_tried(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "REPORTS", tmp_path)
+    columns = ["id", "claim", "ours", "verdict", "strict"]
+    here = [("a", "A is.", 1.5, "reproduced", ""), ("a/recorded", "A is.", float("nan"), "not testable", "")]
+    there = [("a", "A is.", 9.0, "undecided", ""), ("a/recorded", "A is.", 1 / 3, "contradicted", "")]
+    judged = pd.DataFrame(here, columns=columns)
+    assert judge.with_kept(judged, {"a/recorded"})[0] is judged, "nothing is committed"
+    pd.DataFrame(there, columns=columns).to_csv(tmp_path / "claims.csv", index=False)
+    texts = "- **A is** (undecided; x)\n\nOf a scene.\n\n- **A is** [recorded] (contradicted; x)\n\nTried.\n"
+    (tmp_path / "claims.md").write_text(texts)
+    together, tried = judge.with_kept(judged, {"a/recorded"})
+    assert list(together.itertuples(index=False, name=None)) == [here[0], there[1]]
+    assert tried == {"a/recorded": "Tried."}
