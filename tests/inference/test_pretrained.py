@@ -86,7 +86,7 @@ def test_an_untouched_sensor_has_no_touch_and_no_force():
 def test_a_lost_line_makes_no_touch_and_no_force(double, tmp_path):
     """Lines lost in mid-press, one by one and a few in a row, against the same log with all of its lines."""
     model = predictor.load(TOUCH)
-    whole = recordings.read(double[0], model.card)
+    whole = recordings.read(double[0], "double", model.card)
     expected, _ = recordings.predict(model, whole)
     rng, kept = np.random.default_rng(0), np.ones(len(whole.x), bool)
     kept[rng.choice(np.arange(100, len(kept) - 10), 40, replace=False)] = False

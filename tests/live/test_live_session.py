@@ -76,7 +76,7 @@ def test_a_log_with_lost_lines_is_the_same_live_and_at_once(kind, package, tmp_p
     log = tmp_path / "array.log"
     log.write_bytes(data)
     model = predictor.load(package(kind))
-    predicted, notes = recordings.predict(model, recordings.read(log, model.card))
+    predicted, notes = recordings.predict(model, recordings.read(log, "single", model.card))
     live = taken(session_of(package(kind)), data)
     values = np.stack([each.values for each in live])
     missing = np.flatnonzero(np.isnan(values).any(axis=(1, 2)))
