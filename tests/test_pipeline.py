@@ -408,7 +408,7 @@ def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_pa
     added = {
         "__init__.py": {
             'Literal["touch", ': 'Literal["bench", "touch", ',
-            "    touch: Touch =": '    bench: Touch = Field(description="The array on another bench")\n    touch: Touch =',
+            "    touch: Touch =": '    bench: Touch = Field(description="Bench")\n    touch: Touch =',
         },
         "stress.py": {
             "    touch: StressTouch =": '    bench: StressTouch = Field(description="Bench")\n    touch: StressTouch =',

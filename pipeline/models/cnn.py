@@ -20,7 +20,6 @@ def build(spec: Spec, *, channels: list[int], hidden: list[int], training: Windo
     """Return the untrained CNN.
 
     Convolutions 3x3 8-32-64-64 on 5x5 and linear 1600-256-256-400 are 636,208 parameters.
-    `channels`: width of each convolution; `hidden`: width of each hidden linear layer.
 
     Differs from paper: sizes are "as in previous research", whose sensors are others; here chosen for 5x5 elements.
     """

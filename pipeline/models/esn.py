@@ -31,8 +31,7 @@ def build(
     """Return the network with states s <- (1 - leak) s + leak tanh(W s + V tanh(x) + b); only the read-out is fitted.
 
     The inputs x go through the same tanh as the LSTM's. W (units, units) has LINKS numbers per row and the spectral
-    radius `spectral_radius`; V and b are uniform in +-`input_scale`. `leak`: share of the state that a sample replaces;
-    `ridge`: penalty as for `ridge_weights`.
+    radius `spectral_radius`; V and b are uniform in +-`input_scale`.
     """
 
     def make(channels: int, seed: int) -> dict[str, np.ndarray]:

@@ -16,8 +16,5 @@ class Settings(Block):
 
 
 def build(spec: Spec, *, ridge: float) -> LstmRegressor:
-    """Return the model before transfer, with as many parameters as `lstm_transfer`.
-
-    `ridge`: penalty against the mean squared error of normalised outputs.
-    """
+    """Return the model before transfer, with as many parameters as `lstm_transfer`."""
     return LstmRegressor(spec, 1, None, transfer=True, ridge=ridge)

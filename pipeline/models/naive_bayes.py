@@ -20,8 +20,8 @@ def build(spec: Spec, *, smoothing: float) -> SklearnRegressor:
 
     They are a mean and a variance per pixel and object, and 16 priors.
 
-    `smoothing`: added to all variances, in units of the largest variance of a pixel; above 0, because a pixel that
-    is not wired never varies. Multiply-accumulates: a square and a weighting per pixel and object.
+    `smoothing` is above 0, because a pixel that is not wired never varies. Multiply-accumulates: a square and a
+    weighting per pixel and object.
     Differs from paper: it does not say which naive Bayes; pixels are numbers, so the normal one.
     """
     return SklearnRegressor(

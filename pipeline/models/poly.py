@@ -30,8 +30,6 @@ def build(spec: Spec, *, degree: int, ridge: float) -> SklearnRegressor:
 
     Differs from paper: degree and regularisation are not given there; here 2 and a ridge, on the last frame alone
     (products of a whole window would be 20,300).
-
-    `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
     """
     features = comb(spec.elements + degree, degree) - 1
     return SklearnRegressor(

@@ -26,8 +26,6 @@ def build(spec: Spec, *, degree: int, ridge: float) -> SklearnRegressor:
 
     The paper does not say whether its polynomial has products. `poly` has them, and with them weights that single
     touches leave free; here two touches add up. The window's products would be 20,300 features, more than windows.
-
-    `ridge`: as in `poly`.
     """
     features = degree * spec.frames * spec.elements
     return SklearnRegressor(

@@ -36,7 +36,7 @@ class Settings(Block):
 
 
 def build(spec: Spec, *, press: int, trees: int, min_samples_leaf: int) -> "PressDifference":
-    """Return the unfitted model; `press`: within how many samples the step is looked for, almost a press's length.
+    """Return the unfitted model.
 
     Fitted numbers: one threshold per inner node, the outputs of every leaf. No multiply-accumulates: trees compare.
     Raises InputError where windows are too short for `press`.

@@ -33,9 +33,6 @@ def build(spec: Spec, *, centres: int, width: float, ridge: float) -> SklearnReg
 
     Differs from paper: number, places and widths of the Gaussians are not given there; here k-means centres of one
     width, all frames of a window.
-
-    `width`: width of all Gaussians in units of the mean distance from a centre to its nearest neighbour.
-    `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
     """
     return SklearnRegressor(
         lambda seed: make_pipeline(

@@ -19,10 +19,7 @@ class Settings(Block):
 
 
 def build(spec: Spec, *, ridge: float) -> SklearnRegressor:
-    """Return the unfitted model.
-
-    `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
-    """
+    """Return the unfitted model."""
     return SklearnRegressor(
         lambda seed: make_pipeline(StandardScaler(), Ridge(ridge)),
         spec,

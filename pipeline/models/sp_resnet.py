@@ -21,7 +21,7 @@ def build(spec: Spec, *, reduction: int, training: AugmentedTraining) -> ImageCl
     """Return the untrained network.
 
     On 1x32x32 images of 16 objects it has 99,224 parameters at reduction 16, 106,976 at 8 and 215,504 at 1.
-    `reduction`: a block's channels per channel of the attention's bottleneck. Raises InputError below 1 and above 64.
+    Raises InputError for a reduction below 1 and above 64.
     Differs from paper: the text does not give the reduction, and with none of them do its counts for 1000 classes
     (16.332e6 multiply-accumulates, 3.26e5 parameters) come out: the attention as Hou et al. 2021 define it gives
     12.7e6 to 14.7e6 and 2.26e5 to 3.42e5 (reduction 16 to 1). As many classes as there are objects.

@@ -2,10 +2,13 @@
 
 `touch.sensor.pitch_mm` is the field `pitch_mm` of the class `Sensor` in touch.py: a file for each block at the top of
 params.yaml, a class for each block inside. A model's settings stand in its own file in pipeline/models (models.py says
-how), the recipes of networks in training.py, and what several blocks share in shared.py. params.schema.json is made of
-these classes, for editors: `python -m pipeline.settings > params.schema.json`.
+how), the recipes of networks in training.py, and what several blocks share in shared.py. Editors complete and explain
+keys by params.schema.json, which is made of these classes:
+
+    python -c "from pipeline.settings import schema; print(schema())" > params.schema.json
 """
 
+import json
 from typing import Literal
 
 from pydantic import Field
@@ -38,3 +41,8 @@ class Params(Block):
     stress: Stress = Field(description="What goes wrong after training, by experiment")
     physics: Physics = Field(description="Every effect of a scene left out in turn, by experiment")
     rightsize: Rightsize = Field(description="Size ladders, by experiment")
+
+
+def schema() -> str:
+    """Return the JSON schema of params.yaml, the content of params.schema.json."""
+    return json.dumps(Params.model_json_schema(), indent=1)

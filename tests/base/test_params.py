@@ -3,7 +3,6 @@
 import argparse
 import ast
 import copy
-import json
 import os
 import re
 import shutil
@@ -18,7 +17,7 @@ from builders.project import ROOT
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import check
-from pipeline.settings import Params
+from pipeline.settings import Params, schema
 from pipeline.settings import models as settings_of_models
 
 WHOLE = params.load()
@@ -189,9 +188,9 @@ def test_settings_of_a_model_are_read_without_its_other_imports(tmp_path):
     assert settings(k=3).k == 3 and meaning == "Build the nearest neighbours."
 
 
-def described(schema: dict) -> list[str]:
+def undescribed(whole: dict) -> list[str]:
     """Keys of a JSON schema, with their class, that have no description."""
-    classes = {"Params": schema} | schema["$defs"]
+    classes = {"Params": whole} | whole["$defs"]
     return [
         f"{name}.{key}"
         for name, block in classes.items()
@@ -201,19 +200,19 @@ def described(schema: dict) -> list[str]:
 
 
 def test_every_key_has_a_meaning():
-    schema = Params.model_json_schema()
-    assert not described(schema)
-    assert len(schema["$defs"]) > 100, "the classes of all blocks, of models too"
-    schema["$defs"]["LookBack"]["properties"]["frames"]["description"] = ""
-    assert described(schema) == ["LookBack.frames"]
+    whole = Params.model_json_schema()
+    assert not undescribed(whole)
+    assert len(whole["$defs"]) > 100, "the classes of all blocks, of models too"
+    whole["$defs"]["LookBack"]["properties"]["frames"]["description"] = ""
+    assert undescribed(whole) == ["LookBack.frames"]
 
 
 def test_every_key_of_params_yaml_is_in_the_schema():
     """Or is a name: of a protocol, a task, a row of an ablation, a condition."""
-    schema, named = Params.model_json_schema(), set()
+    whole, named = Params.model_json_schema(), set()
 
     def walk(value, field: dict, where: str) -> None:
-        field = schema["$defs"][field["$ref"].rpartition("/")[2]] if "$ref" in field else field
+        field = whole["$defs"][field["$ref"].rpartition("/")[2]] if "$ref" in field else field
         for key, inside in value.items() if isinstance(value, dict) else ():
             if key in field.get("properties", {}):
                 walk(inside, field["properties"][key], f"{where}.{key}")
@@ -222,7 +221,7 @@ def test_every_key_of_params_yaml_is_in_the_schema():
                 extra = field["additionalProperties"]
                 walk(inside, extra if isinstance(extra, dict) else {"additionalProperties": True}, where)
 
-    walk(WHOLE, schema, "")
+    walk(WHOLE, whole, "")
     assert named == {
         ".glove.protocols",
         ".glove_recorded.protocols",
@@ -240,8 +239,8 @@ def test_every_key_of_params_yaml_is_in_the_schema():
 
 def test_the_schema_for_editors_is_up_to_date():
     assert (ROOT / "params.yaml").read_text().startswith("# yaml-language-server: $schema=params.schema.json\n")
-    now = json.loads((ROOT / "params.schema.json").read_text())
-    assert now == Params.model_json_schema(), "run: python -m pipeline.settings > params.schema.json"
+    made_anew = 'python -c "from pipeline.settings import schema; print(schema())" > params.schema.json'
+    assert (ROOT / "params.schema.json").read_text() == f"{schema()}\n", f"run {made_anew}"
 
 
 @pytest.mark.parametrize(

@@ -232,6 +232,6 @@ def test_naive_bayes_gives_no_chance_to_an_object_it_never_saw():
 
 def test_naive_bayes_needs_smoothing():
     with pytest.raises(
-        InputError, match="glove.models.naive_bayes.smoothing: input should be greater than or equal to 1e-12"
+        InputError, match="glove.models.naive_bayes.smoothing: input should be greater than or equal to 0.0"
     ):
         params.check_model("naive_bayes", {"smoothing": 0.0}, "glove.models.naive_bayes")
