@@ -31,7 +31,7 @@ from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
 from pipeline import models
-from pipeline.base import availability, blocks, params, paths
+from pipeline.base import availability, params, paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import fits, schemas, series
 from pipeline.datasets.windows import read_dataset
@@ -40,6 +40,8 @@ from pipeline.learning.regressors import Spec
 from pipeline.logs import own_data, parse, stag
 from pipeline.scenes import strain as strain_scene
 from pipeline.scoring import results
+from pipeline.settings.shared import Block
+from pipeline.settings.touch import Touch
 
 pytestmark = pytest.mark.slow
 
@@ -663,8 +665,7 @@ def test_a_damaged_params_file_is_one_sentence_or_read(damages, changes, tmp_pat
     path = tmp_path / "params.yaml"
     path.write_bytes(overwritten(damaged(SETTINGS, damages, b": "), changes, 1000))
     with pytest.MonkeyPatch.context() as patch:
-        touch_alone = pydantic.create_model("Settings", __base__=blocks.Block, touch=(blocks.Touch, ...))
-        patch.setattr(blocks, "Settings", touch_alone)
+        patch.setattr(params, "Params", pydantic.create_model("TouchAlone", __base__=Block, touch=(Touch, ...)))
         try:
             params.load(path)
         except InputError as error:

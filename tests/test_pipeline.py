@@ -294,9 +294,12 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     # MLflow stores absolute paths: a copied store is refused, a new one is made.
     shutil.rmtree(copy / "mlruns")
     (copy / "pipeline" / "models" / "nearest.py").write_text(
-        "from sklearn.neighbors import KNeighborsRegressor\n\n"
-        "from pipeline.learning.estimators import SklearnRegressor\nfrom pipeline.base.blocks import Count\n\n\n"
-        "def build(spec, *, k: Count):\n"
+        "from pydantic import Field\nfrom sklearn.neighbors import KNeighborsRegressor\n\n"
+        "from pipeline.learning.estimators import SklearnRegressor\n"
+        "from pipeline.settings.shared import Block, Count\n\n\n"
+        "class Settings(Block):\n"
+        "    k: Count = Field(description='Number of neighbours')\n\n\n"
+        "def build(spec, *, k: int):\n"
         "    return SklearnRegressor(lambda seed: KNeighborsRegressor(k), spec, count=lambda fitted: 0, macs=None,\n"
         "                            trusted=('sklearn.metrics._dist_metrics.EuclideanDistance64',\n"
         "                                     'sklearn.neighbors._kd_tree.KDTree'))\n"
@@ -390,7 +393,6 @@ BENCH = '''"""The array on another bench: own logs, in the formats of touch."""
 from pipeline.experiments.touch import SCORES, STRESSED, frames_schema, labels, read_recording, recordings, split
 
 KIND = "windows"
-SETTINGS = "Touch"
 __all__ = ["SCORES", "STRESSED", "frames_schema", "labels", "read_recording", "recordings", "split"]
 '''
 
@@ -403,6 +405,22 @@ def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_pa
     project.folder = copy
     project.environment = miniature.environment | {"PYTHONPATH": str(copy)}
     (copy / "pipeline" / "experiments" / "bench.py").write_text(BENCH)
+    added = {
+        "__init__.py": {
+            'Literal["touch", ': 'Literal["bench", "touch", ',
+            "    touch: Touch =": '    bench: Touch = Field(description="Bench")\n    touch: Touch =',
+        },
+        "stress.py": {
+            "    touch: StressTouch =": '    bench: StressTouch = Field(description="Bench")\n    touch: StressTouch =',
+        },
+    }
+    for name, changes in added.items():
+        path = copy / "pipeline" / "settings" / name
+        text = path.read_text()
+        for old, new in changes.items():
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        path.write_text(text)
     shutil.copytree(copy / "data" / "touch" / "logs", copy / "data" / "own" / "bench")
     values = yaml.safe_load((copy / "params.yaml").read_text())
     values["experiments"].append("bench")
@@ -433,7 +451,7 @@ def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_pa
     [
         ({"models: {constant: {}": "models: {lompp: {}, constant: {}"}, ["lompp", "did you mean 'lomp'"]),
         ({"stride: 40": "strid: 40"}, ["touch.window", "strid", "did you mean 'stride'"]),
-        ({"max_touches: 5": "max_touches: five"}, ["touch.ingest.max_touches", "whole number", "'five'"]),
+        ({"max_touches: 5": "max_touches: five"}, ["touch.ingest.max_touches", "valid integer", "'five'"]),
         ({", max_touches: 5": ""}, ["touch.ingest", "max_touches", "missing"]),
         ({"silicone_spread_mm: 1.7": "silicone_spread_mm: 2e-3x"}, ["silicone_spread_mm", "number"]),
     ],

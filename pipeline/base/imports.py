@@ -14,6 +14,7 @@ from pipeline.base.errors import InputError
 
 # Rooms whose __init__ imports a file of the room by a name that params.yaml or dvc.yaml gives.
 DOORS = ("experiments", "models", "scenes", "tasks")
+NO_NUMBER = ("base", "settings")  # rooms that can change no number: what they refuse is not run
 
 
 def room(file: str) -> str:

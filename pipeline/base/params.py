@@ -1,78 +1,47 @@
-"""Load params.yaml and reject unknown or missing keys and impossible values."""
+"""Load params.yaml; unknown or missing keys and impossible values are refused, see pipeline/settings."""
 
-import ast
 import difflib
 import functools
-import re
 import reprlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
-from pydantic import ValidationError, create_model
+from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 
-from pipeline.base import blocks, paths
+from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.settings import Params
+from pipeline.settings.models import Models
+from pipeline.settings.shared import Block
 
 DEEPEST = 20  # blocks and lists inside each other; params.yaml has 8. The parser in C crashes at some 30,000
 SCALES = ("laptop", "paper")  # files of scales/
-MODEL_KEY = re.compile(r"[a-z][a-z0-9_]*")  # a key becomes a file's, a folder's and a stage's name
 
 
-def load(path: Path = paths.PARAMS) -> dict:
-    """Return params.yaml as nested dictionaries, every key and value checked against pipeline/base/blocks.py.
+def load(path: Path = paths.PARAMS, sources: Mapping[str, str] | None = None) -> dict:
+    """Return params.yaml as nested dictionaries, every key and value checked against pipeline/settings.
 
     A stage calls it once, in its `main`, and hands the values on: a file that changes while a stage runs must not
-    reach a part of it.
+    reach a part of it. sources: as in `check`.
     Raises InputError when the file is missing or not YAML, or a key is unknown, missing or of the wrong kind.
     """
     if not path.is_file():
         raise InputError(f"{path.name}: not found; run the command from a checkout of the repository")
     values = parsed(path)
-    check(values)
+    check(values, sources)
     return values
 
 
-def check(values) -> None:
-    """Check params.yaml against pipeline/base/blocks.py and pipeline/models; InputError names the first fault."""
-    check_block(values, settings_block(), "")
-    for experiment, block in values.items():
-        if isinstance(block, Mapping) and "models" in block:
-            check_models(block["models"], f"{experiment}.models")
-    for experiment, block in values.get("physics", {}).items():
-        check_models(block["models"], f"physics.{experiment}.models")
+def check(values, sources: Mapping[str, str] | None = None) -> None:
+    """Check all of params.yaml against pipeline/settings; InputError names the first fault, unknown keys first.
 
-
-@functools.cache
-def settings_block() -> type[blocks.Block]:
-    """Return the pydantic model of params.yaml: one block per file of pipeline/experiments, beside blocks.Settings.
-
-    A file names the class of its block as SETTINGS. It is parsed, not imported, as the models' are.
+    sources: the file that a dotted key was set from, where that is not params.yaml; a sentence names it in its place.
     """
-    files = sorted(path for path in paths.EXPERIMENTS.glob("*.py") if path.stem != "__init__")
-    experiments = {path.stem: (getattr(blocks, _assigned(path, "SETTINGS")), ...) for path in files}
-    stressed = {
-        path.stem: (blocks.SeededStress if _assigned(path, "KIND") == "images" else blocks.Stress, ...)
-        for path in files
-    }
-    stress = create_model("StressTests", __base__=blocks.Block, **stressed)
-    names = blocks.distinct(Literal[tuple(experiments)])
-    return create_model(
-        "Settings", __base__=blocks.Settings, experiments=(names, ...), stress=(stress, ...), **experiments
-    )
-
-
-def _assigned(path: Path, name: str, default=None):
-    """Return what a file assigns to a name at its top level, `default` where nothing; InputError without a default."""
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == name:
-            return ast.literal_eval(node.value)
-    if default is not None:
-        return default
-    raise InputError(f"pipeline/experiments/{path.name}: {name} is missing; name a class of pipeline/base/blocks.py")
+    check_block(values, Params, "", sources)
 
 
 def parsed(path: Path):
@@ -101,77 +70,83 @@ def _shown(value) -> str:
     return short.repr(value)
 
 
-def check_block(given, kind: type[blocks.Block], where: str) -> blocks.Block:
-    """Return a block of params.yaml as its pydantic model; InputError names the key that fails, unknown ones first."""
+def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str] | None = None) -> Block:
+    """Return a block of params.yaml as its pydantic model; InputError names the key that fails, unknown ones first.
+
+    where: the dotted key of the block; sources: as in `check`.
+    """
     try:
         return kind.model_validate(given)
     except ValidationError as error:
         faults = error.errors(include_url=False)
-        fault = next((fault for fault in faults if fault["type"] == "extra_forbidden"), faults[0])
+    fault = next((fault for fault in faults if fault["type"] == "extra_forbidden"), faults[0])
     *path, key = fault["loc"] or ("",)
     if key == "[key]":  # pydantic's name for the key of a mapping; that of a block comes as it is
         *path, key = path
-        fault = fault | {"type": "invalid_key"}
+        fault |= {"type": "invalid_key"}
+    inside, name = _dotted(where, *path), _dotted(where, *path, key)
+    file = next((file for dotted, file in (sources or {}).items() if _share(dotted, name)), "params.yaml")
+    block, place = file + ", " + (inside or "top level"), file + ", " + (name or "top level")
     if fault["type"] == "invalid_key":
-        raise InputError(f"params.yaml, {_dotted(where, *path)}: expected text as a key, got {_shown(key)}")
-    inside = _dotted(where, *path) or "top level"
+        raise InputError(f"{block}: expected text as a key, got {_shown(key)}")
+    if fault["type"] == "extra_forbidden" and _at(kind, path)[0] is Models:
+        raise InputError(f"{block}: there is no pipeline/models/{key}.py; {hint(key, Models.model_fields)}")
     if fault["type"] == "extra_forbidden":
-        check_known([key], _at(kind, path).model_fields, inside)
+        raise InputError(f"{block}: unknown key '{key}'; {hint(key, _at(kind, path)[0].model_fields)}")
     if fault["type"] == "missing":
-        raise InputError(f"params.yaml, {inside}: key '{key}' is missing; add it")
-    name = _dotted(where, *(step for step in fault["loc"] if not isinstance(step, int))) or "top level"
-    if fault["type"] == "value_error":  # a rule of blocks.py's own, which says what should be
-        raise InputError(f"params.yaml, {name}: {fault['ctx']['error']}")
-    each = "a list of which each is " if isinstance(key, int) else ""
-    expected = each + _expected(_at(kind, fault["loc"]))
-    raise InputError(f"params.yaml, {name}: expected {expected}, got {_shown(fault['input'])}")
+        raise InputError(f"{block}: key '{key}' is missing; add it{_at(kind, fault['loc'])[1]}")
+    if fault["type"] == "value_error":  # a rule of our own, which says what should be
+        raise InputError(f"{place}: {fault['ctx']['error']}")
+    expected, meaning = _at(kind, fault["loc"])
+    wrong = fault["msg"][0].lower() + fault["msg"][1:]
+    if fault["type"] in ("model_type", "dict_type"):
+        keys = expected.model_fields if isinstance(expected, type) and issubclass(expected, Block) else {}
+        wrong = f"input should be a block of settings ({', '.join(keys)})" if keys else "input should be a block"
+    raise InputError(f"{place}: {wrong}, got {_shown(fault['input'])}{meaning}")
 
 
 def _dotted(*names) -> str:
-    """Join the names of nested keys to one, `touch.models.cnn`."""
-    return ".".join(str(name) for name in names if name != "")
+    """Join the names of nested keys to one, `touch.models.cnn`; entries of lists are `channels[0]`."""
+    text = "".join(f"[{name}]" if isinstance(name, int) else f".{name}" for name in names if name != "")
+    return text.removeprefix(".")
 
 
-def _at(kind, path: Iterable):
-    """Return the kind (an annotation) of the value at `path`, keys and places in lists, in a value of this kind."""
+def _share(one: str, other: str) -> bool:
+    """Tell whether one of two dotted keys is the other, or leads to it."""
+    one, other = (f"{dotted}.".replace("[", ".") for dotted in (one, other))
+    return one.startswith(other) or other.startswith(one)
+
+
+def _at(kind, path: Iterable) -> tuple[Any, str]:
+    """Return the type at `path`, keys and places in lists, in a value of this type, and what its key means.
+
+    The meaning is in brackets and has a space before it; it is empty where the last key of a block has none.
+    """
+    meaning = ""
     for step in path:
-        plain = get_args(kind)[0] if get_origin(kind) is Annotated else kind
-        if isinstance(plain, type) and issubclass(plain, blocks.Block):
-            field = plain.model_fields[step]
-            kind = Annotated[field.annotation, field] if field.metadata else field.annotation
+        if isinstance(kind, type) and issubclass(kind, Block):
+            field = kind.model_fields[step]
+            kind, meaning = field.annotation, f" (meaning: {field.description})"
         else:
-            kind = get_args(plain)[-1]  # of the entries of a list, or of the values of a mapping
-    return kind
+            kind = get_args(kind)[-1]  # of the entries of a list, or of the values of a mapping
+        kind = get_args(kind)[0] if get_origin(kind) is Annotated else kind
+    return kind, meaning
 
 
 def is_optional(dotted: str) -> bool:
     """Tell whether params.yaml may lack a key (`strain.sensor.pressed_below_mm`); False for a key that is unknown."""
     *path, key = dotted.split(".")
     try:
-        field = _at(settings_block(), path).model_fields[key]
+        field = _at(Params, path)[0].model_fields[key]
     except (AttributeError, IndexError, KeyError):  # of what is no block
         return False
     return not field.is_required()
 
 
-def _expected(kind) -> str:
-    """Describe in words the values that a setting of this kind can have."""
-    limits = {}
-    while get_origin(kind) is Annotated:
-        kind, *extras = get_args(kind)
-        for limit in (limit for extra in extras for limit in getattr(extra, "metadata", ())):
-            limits |= {name: getattr(limit, name) for name in ("ge", "le", "max_length") if hasattr(limit, name)}
-    number = "d" if kind is int else "g"
-    span = f" from {limits['ge']:{number}} to {limits['le']:{number}}" if "ge" in limits else ""
-    if get_origin(kind) is Literal:
-        return f"one of {', '.join(map(str, get_args(kind)))}"
-    if get_origin(kind) is list:
-        return f"a list of 1 to {limits['max_length']} entries"
-    if get_origin(kind) is dict or not isinstance(kind, type):
-        return "a non-empty block"
-    if issubclass(kind, blocks.Block):
-        return f"a block of settings ({', '.join(kind.model_fields) or '{}'})"
-    return {int: "a whole number", float: "a number", bool: "true or false", str: "text"}[kind] + span
+def hint(key: object, expected: Iterable[str]) -> str:
+    """Return what to say of an unknown key: the likely right one, or all."""
+    near = difflib.get_close_matches(str(key), list(expected), n=1)
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(expected) or 'none'}"
 
 
 def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
@@ -179,60 +154,16 @@ def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
     expected = list(expected)
     for key in given:
         if key not in expected:
-            near = difflib.get_close_matches(str(key), expected, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(expected) or 'none'}"
-            raise InputError(f"params.yaml, {where}: unknown key '{key}'; {hint}")
+            raise InputError(f"params.yaml, {where}: unknown key '{key}'; {hint(key, expected)}")
 
 
-def check_models(models: Mapping, where: str) -> None:
-    """Check a block of models against pipeline/models: every key a file's name, every setting one of its `build`.
-
-    Raises InputError that names the first key or setting that fails.
-    """
-    for key, settings in models.items():
-        if not isinstance(key, str) or not MODEL_KEY.fullmatch(key):
-            raise InputError(
-                f"params.yaml, {where}: {_shown(key)} cannot name a model; keys have small letters, digits and _"
-            )
-        check_model(key, settings, f"{where}.{key}")
-
-
-def check_model(key: str, settings, where: str) -> blocks.Block:
-    """Return one model's block, checked against the signature of its `build`; InputError names the first fault."""
-    known = model_keys()
-    if key not in known:
-        near = difflib.get_close_matches(key, known, n=1)
-        hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
-        raise InputError(f"params.yaml, {where}: there is no pipeline/models/{key}.py; {hint}")
-    return check_block(settings, model_block(paths.MODELS / f"{key}.py"), where)
-
-
-def model_keys() -> list[str]:
-    """Return the names of the files in pipeline/models."""
-    return sorted(path.stem for path in paths.MODELS.glob("*.py") if path.stem != "__init__")
-
-
-@functools.cache
-def model_block(path: Path) -> type[blocks.Block]:
-    """Return the pydantic model of a model's block: the keyword-only arguments of `build`, of their annotations' kinds.
-
-    The file is parsed, not imported: imports of torch and scikit-learn would cost every stage 3 s.
-    """
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    (build,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "build")
-    kinds = {argument.arg: (_kind(argument, path), ...) for argument in build.args.kwonlyargs}
-    return create_model(path.stem, __base__=blocks.Block, **kinds)
-
-
-def _kind(argument: ast.arg, path: Path):
-    """Return the kind in `blocks` that annotates an argument of `build`."""
-    name = argument.annotation.id if isinstance(argument.annotation, ast.Name) else ""
-    if not hasattr(blocks, name):
+def check_model(key: str, settings, where: str) -> Block:
+    """Return one model's block, checked against `Settings` in its file; InputError names the first fault."""
+    if key not in Models.model_fields:
         raise InputError(
-            f"pipeline/models/{path.name}: build's argument '{argument.arg}' needs a kind of pipeline/base/blocks.py "
-            "as its annotation, such as Count, Positive or WindowTraining"
+            f"params.yaml, {where}: there is no pipeline/models/{key}.py; {hint(key, Models.model_fields)}"
         )
-    return getattr(blocks, name)
+    return check_block(settings, Models.model_fields[key].annotation, where)
 
 
 def scale_settings(name: str, experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
@@ -296,8 +227,8 @@ def run_settings(values: Mapping, experiment: str, model: str, protocol: str) ->
 
 
 def transfers(model: str) -> bool:
-    """Tell whether a model starts from model-0: its file says `TRANSFER = True`. The file is parsed, not imported."""
-    return _assigned(paths.MODELS / f"{model}.py", "TRANSFER", False)
+    """Tell whether a model starts from model-0: its file says `TRANSFER = True`. The file is read, not imported."""
+    return "\nTRANSFER = True\n" in (paths.MODELS / f"{model}.py").read_text(encoding="utf-8")
 
 
 def training_command(experiment: str) -> str:

@@ -568,8 +568,9 @@ def main(given: argparse.Namespace) -> None:
     place = Path(os.path.abspath(folder))  # without ..
     with tempfile.TemporaryDirectory() as draft:
         changed = Path(shutil.copy(paths.PARAMS, draft))
-        set_values(own_settings(folder), changed)
-        values = params.load(changed)
+        of_sensor, source = own_settings(folder), str(folder / SETTINGS)
+        set_values(of_sensor, changed, source)
+        values = params.load(changed, dict.fromkeys(of_sensor, source))
     first = check(experiment, folder, values) or own_data.unnoticed(place)
     if first is not None:
         sys.exit(f"fix first: {first}")

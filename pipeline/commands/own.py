@@ -132,7 +132,10 @@ def prepare(
         frames = of_sensor.get("strain.window.frames", block["window"]["frames"])
         known[OF_PRESSES] = TREES | {"press": frames - max(press_difference.REST)}
     changed[f"{experiment}.models"] = {model: known[model] for model in models or known if model in known}
-    set_values(changed | of_sensor, settings)
+    set_values({key: value for key, value in changed.items() if key not in of_sensor}, settings)
+    source = str(folder / check.SETTINGS)
+    set_values(of_sensor, settings, source)
+    params.check(params.parsed(settings), dict.fromkeys(of_sensor, source))
     if experiment == "glove":
         set_values(_of_images(params.parsed(settings)["glove"], seeds, of_sensor), settings)
     logs = workspace / "data" / "own"

@@ -71,7 +71,7 @@ def prepare(experiment: str, protocols: Sequence[str], folder: Path) -> None:
         run(folder, *git, "fetch", "--quiet", "origin")
     run(folder, *git, "checkout", "--quiet", "--force", commit)
     settings = folder / "params.yaml"
-    set_values(params.parsed(paths.SCALES / "paper.yaml"), settings)
+    set_values(params.parsed(paths.SCALES / "paper.yaml"), settings, "scales/paper.yaml")
     if protocols:
         known = params.parsed(settings)[experiment]["protocols"]
         unknown = [name for name in protocols if name not in known]

@@ -4,7 +4,6 @@ A scale is a file scales/<name>.yaml of dotted keys and values; all other settin
 """
 
 import argparse
-import difflib
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -14,24 +13,24 @@ from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 
 
-def set_values(values: dict, params_file: Path) -> None:
+def set_values(values: dict, params_file: Path, source: str = paths.PARAMS.name) -> None:
     """Set the values of dotted keys (`touch.window.stride`) in a params file; InputError for an unknown key.
 
-    A key that the file lacks is set where it is optional.
+    A key that the file lacks is set where it is optional. `source`: the file that the values are from, which a sentence
+    about an unknown key names; params.load names it for a wrong value.
     """
     editor = YAML()
     editor.width = 4096  # never wrap a line
     editor.representer.add_representer(float, _float)
     content = editor.load(params_file.read_text(encoding="utf-8"))
     for dotted, value in values.items():
-        *path, last = dotted.split(".")
+        *path, last = str(dotted).split(".")
         block = content
         for key in [*path, last]:
             known = isinstance(block, dict) and (key in block or (key == last and params.is_optional(dotted)))
             if not known:
-                near = difflib.get_close_matches(key, list(block) if isinstance(block, dict) else [], n=1)
-                hint = f"; did you mean '{near[0]}'?" if near else ""
-                raise InputError(f"{params_file.name}: there is no key '{dotted}'{hint}")
+                hint = params.hint(key, block) if isinstance(block, dict) else "name a setting"
+                raise InputError(f"{source}: there is no key '{dotted}'; {hint}")
             parent, block = block, block.get(key)
         parent[last] = _flow(value)
     with files.replacing(params_file) as draft, open(draft, "w", encoding="utf-8") as file:
@@ -66,7 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(given: argparse.Namespace) -> None:
     """Apply the scale named on the command line."""
-    values = params.parsed(paths.SCALES / f"{given.name}.yaml")
-    set_values(values, paths.PARAMS)
-    params.load()
+    scale = paths.SCALES / f"{given.name}.yaml"
+    values, source = params.parsed(scale), paths.shown(scale)
+    set_values(values, paths.PARAMS, source)
+    params.load(paths.PARAMS, dict.fromkeys(values, source))
     print(f"params.yaml: {len(values)} values set to the {given.name} scale; run `dvc repro`")

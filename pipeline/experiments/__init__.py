@@ -2,8 +2,7 @@
 
 Every module provides
 
-* `KIND`: `windows`, `series` or `images`, the kind of input its models see (pipeline/tasks), and `SETTINGS`: the name
-  of the class in pipeline/base/blocks.py that its block of params.yaml must fit;
+* `KIND`: `windows`, `series` or `images`, the kind of input its models see (pipeline/tasks);
 * `recordings(folder)` -> the recordings in a folder of raw logs, sorted;
 * `read_recording(path, settings)` -> (frames, rejected lines, report) of one recording; a module whose recordings may
   be long also has `read_in_parts`, which returns the frames part by part;
@@ -21,7 +20,7 @@ and, by kind:
 import importlib
 from types import ModuleType
 
-EVERY = ("KIND", "SETTINGS", "recordings", "read_recording", "frames_schema", "split")
+EVERY = ("KIND", "recordings", "read_recording", "frames_schema", "split")
 OF_KIND = {"windows": ("labels", "SCORES", "STRESSED"), "series": ("task",), "images": ("chosen", "images")}
 
 

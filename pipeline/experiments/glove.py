@@ -19,7 +19,6 @@ from pipeline.logs.parse import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "images"
-SETTINGS = "Glove"
 
 PRESSURE_CELLS, STRAIN_CELLS = (area.cells for area in tactile.GLOVE.values())  # of the paper's glove
 LEVELS = 1024  # of its scanner's converter, equation 2

@@ -29,7 +29,6 @@ from pipeline.logs import parse
 from pipeline.logs.report import log_report
 
 KIND = "images"
-SETTINGS = "GloveRecorded"
 
 MATRICES = ((14, 6), (13, 6)) * 3  # rows, columns: proximal and distal link of each finger
 CELLS = sum(rows * cols for rows, cols in MATRICES)

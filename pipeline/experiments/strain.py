@@ -15,7 +15,6 @@ from pipeline.logs.parse import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "series"
-SETTINGS = "Strain"
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)

@@ -18,7 +18,6 @@ from pipeline.logs import matlab, parse
 from pipeline.logs.report import log_report
 
 KIND = "series"
-SETTINGS = "StrainRecorded"
 
 FILES = {"day_1": "new_test/para5_long.mat", "day_2": "para5_long_n.mat"}  # 30 and 31 July 2019
 VARIABLES = ("voltage", "tim", "pos", "deformation")  # of the many in the workspace

@@ -19,7 +19,6 @@ from pipeline.logs.parse import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "windows"
-SETTINGS = "Touch"
 SCORES = "touch"
 STRESSED = ("single", "double")
 

@@ -14,7 +14,6 @@ from pipeline.logs.parse import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "windows"
-SETTINGS = "VelostatRecorded"
 SCORES = "velostat_recorded"
 STRESSED = ("all",)
 

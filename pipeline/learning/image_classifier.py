@@ -8,11 +8,11 @@ import torch
 from scipy.special import softmax
 from torch import nn
 
-from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows, batches
 from pipeline.learning.training import Epoch, Progress, Schedule, run_epochs
+from pipeline.settings.training import AugmentedTraining
 
 LARGEST_SHIFT = 2.0  # pixels; a glove sits so differently on a hand: pads are 3 pixels wide
 LARGEST_TURN = 10.0  # degrees

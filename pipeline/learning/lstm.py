@@ -6,13 +6,13 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline.base.blocks import SequenceTraining
 from pipeline.base.errors import InputError
 from pipeline.datasets.series import Record
 from pipeline.learning import cost, weights
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling, ridge_weights
 from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, new_network, run_epochs, solved
+from pipeline.settings.training import SequenceTraining
 
 
 class Lstm(nn.Module):

@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline.base.blocks import ScheduledTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import cost, weights
 from pipeline.learning.training import (
@@ -23,6 +22,7 @@ from pipeline.learning.training import (
     products_in,
     run_epochs,
 )
+from pipeline.settings.training import ScheduledTraining
 
 NORMALISATION = ("input_mean", "input_spread", "output_scale")  # constants saved beside the weights
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal

@@ -2,13 +2,13 @@
 
 What a model's file provides
 ----------------------------
-`build(spec, *, setting: Kind, ...)` returns the model, not yet trained.
+`class Settings(Block)` declares its settings, those of its block in params.yaml, as pydantic fields, each with its
+limits and a description (pipeline/settings; the class is read without running the rest of the file, and may use what
+pipeline/settings/models.py names). `build(spec, *, <the same names>)` returns the model, not yet trained.
 
 * `spec` (pipeline.learning.regressors.Spec) gives the shapes of the task. Images are windows of one frame, and a series
   is one row of channels; `spec.frames` is then how many samples a model of windows sees.
-* Every setting is keyword-only, has no default, and is annotated with the bare name of a kind from
-  pipeline/base/blocks.py (`Count`, `Width`, `WindowTraining` ...). The signature is read without importing the file,
-  and the model's block in params.yaml is checked against it.
+* Every setting is keyword-only and has no default.
 * `build` raises InputError for settings that do not fit each other or `spec`. It neither reads files nor needs data.
 * `TRANSFER = True` stands in the file of a model of series that starts from model-0; `fit` of others gets no `base`.
 * A docstring's line that starts with "Differs from paper" and a colon is printed in the reports, up to an empty line.
@@ -61,7 +61,7 @@ from pipeline.base import params
 def build(key: str, spec, settings: Mapping, where: str):
     """Return the model of `pipeline/models/<key>.py`, built for `spec` with its block of params.yaml.
 
-    Raises InputError when there is no such file or when the block does not fit `build`'s signature.
+    Raises InputError when there is no such file or when the block does not fit its `Settings`.
     """
     return importlib.import_module(f"pipeline.models.{key}").build(
         spec, **dict(params.check_model(key, settings, where))

@@ -1,16 +1,25 @@
 """Build the CNN of the LoMP paper (Table I, its reference 19): a window's frames are the channels of one image."""
 
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import Widths, WindowTraining
 from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
+from pipeline.settings.shared import Block, Listed, Width
+from pipeline.settings.training import WindowTraining
 
 
-def build(spec: Spec, *, channels: Widths, hidden: Widths, training: WindowTraining) -> TorchRegressor:
+class Settings(Block):
+    """Settings of a model `cnn` in params.yaml."""
+
+    channels: Listed[Width] = Field(description="Width of each convolution")
+    hidden: Listed[Width] = Field(description="Width of each hidden linear layer")
+    training: WindowTraining = Field(description="How it is trained")
+
+
+def build(spec: Spec, *, channels: list[int], hidden: list[int], training: WindowTraining) -> TorchRegressor:
     """Return the untrained CNN.
 
     Convolutions 3x3 8-32-64-64 on 5x5 and linear 1600-256-256-400 are 636,208 parameters.
-    `channels`: width of each convolution; `hidden`: width of each hidden linear layer.
 
     Differs from paper: sizes are "as in previous research", whose sensors are others; here chosen for 5x5 elements.
     """

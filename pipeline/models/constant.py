@@ -4,6 +4,11 @@ from sklearn.dummy import DummyRegressor
 
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block
+
+
+class Settings(Block):
+    """There are none."""
 
 
 def build(spec: Spec) -> SklearnRegressor:

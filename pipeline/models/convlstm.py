@@ -1,13 +1,22 @@
 """Build the ConvLSTM of the LoMP paper (Table I, its reference 15): an LSTM whose states are images of the sensor."""
 
 import torch
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import Width, WindowTraining
 from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
+from pipeline.settings.shared import Block, Width
+from pipeline.settings.training import WindowTraining
 
 
-def build(spec: Spec, *, filters: Width, training: WindowTraining) -> TorchRegressor:
+class Settings(Block):
+    """Settings of a model `convlstm` in params.yaml."""
+
+    filters: Width = Field(description="Filters of the states")
+    training: WindowTraining = Field(description="How it is trained")
+
+
+def build(spec: Spec, *, filters: int, training: WindowTraining) -> TorchRegressor:
     """Return the untrained ConvLSTM; 32 filters 3x3 on 5x5 (38,144) and linear 800-400 are 358,544 parameters.
 
     Differs from paper: sizes are "as in previous research", whose sensor is another; here chosen for 5x5 elements.

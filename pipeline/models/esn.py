@@ -1,12 +1,13 @@
 """Build an echo state network (the latent-space paper's reference 19): a random reservoir with a ridge read-out."""
 
 import numpy as np
+from pydantic import Field
 from scipy import sparse
 
-from pipeline.base.blocks import NotNegative, Positive, Share, Width
 from pipeline.datasets.seeding import generator
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import StateReadout
+from pipeline.settings.shared import Block, NotNegative, Positive, Share, Width
 
 LINKS = 10  # connections per unit: makes a step cost units x 10 instead of units squared
 # A long series is cut into PIECES that run side by side, each started FORGOTTEN samples early from rest: nothing was
@@ -14,14 +15,23 @@ LINKS = 10  # connections per unit: makes a step cost units x 10 instead of unit
 PIECES, FORGOTTEN = 16, 500
 
 
+class Settings(Block):
+    """Settings of a model `esn` in params.yaml."""
+
+    units: Width = Field(description="Units of the reservoir")
+    spectral_radius: Positive = Field(description="Largest absolute eigenvalue of the reservoir")
+    leak: Share = Field(description="Share of the state that a sample replaces")
+    input_scale: Positive = Field(description="Largest weight of an input, and largest bias")
+    ridge: NotNegative = Field(description="Penalty of the read-out against the mean squared error")
+
+
 def build(
-    spec: Spec, *, units: Width, spectral_radius: Positive, leak: Share, input_scale: Positive, ridge: NotNegative
+    spec: Spec, *, units: int, spectral_radius: float, leak: float, input_scale: float, ridge: float
 ) -> StateReadout:
     """Return the network with states s <- (1 - leak) s + leak tanh(W s + V tanh(x) + b); only the read-out is fitted.
 
     The inputs x go through the same tanh as the LSTM's. W (units, units) has LINKS numbers per row and the spectral
-    radius `spectral_radius`; V and b are uniform in +-`input_scale`. `leak`: share of the state that a sample replaces;
-    `ridge`: penalty as for `ridge_weights`.
+    radius `spectral_radius`; V and b are uniform in +-`input_scale`.
     """
 
     def make(channels: int, seed: int) -> dict[str, np.ndarray]:

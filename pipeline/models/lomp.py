@@ -3,15 +3,31 @@
 Its equations and the network are in pipeline/learning/lomp_network.py.
 """
 
-import numpy as np
+from typing import Literal
 
-from pipeline.base.blocks import Neighbours, Number, Width, Widths, WindowTraining
+import numpy as np
+from pydantic import Field
+
 from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, Listed, Number, Width
+from pipeline.settings.training import WindowTraining
+
+
+class Settings(Block):
+    """Settings of a model `lomp` in params.yaml."""
+
+    hidden: Width = Field(description="Numbers in h, h1, s and m of every element")
+    readout: Listed[Width] = Field(description="Width of each hidden layer of the read-out f")
+    neighbours: Literal[4, 8] = Field(
+        description="Elements that send messages: sharing an edge (4), or also a corner (8)"
+    )
+    alpha: Number = Field(description="Weight of the messages (equation 4)")
+    training: WindowTraining = Field(description="How it is trained")
 
 
 def build(
-    spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: WindowTraining
+    spec: Spec, *, hidden: int, readout: list[int], neighbours: int, alpha: float, training: WindowTraining
 ) -> "WindowLomp":
     """Return the untrained network; its settings are those of `lomp_network.maker`.
 

@@ -11,23 +11,38 @@ too, the validation error is 1 to 4 % larger in each of three seeds.
 """
 
 from collections.abc import Callable, Iterator
+from typing import Literal
 
 import numpy as np
 import torch
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import Neighbours, Number, ScheduledTraining, Width, Widths
 from pipeline.learning import cost
 from pipeline.learning.lomp_network import LompRegressor, maker
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, batches
 from pipeline.learning.training import products_in
+from pipeline.settings.shared import Block, Listed, Number, Width
+from pipeline.settings.training import ScheduledTraining
 
 QUIET = 0.3  # share of U's first weights that is left
 LARGEST_STATE = 10.0  # states of trained networks reach 7 to 9 on validation windows
 
 
+class Settings(Block):
+    """Settings of a model `lomp_stream` in params.yaml."""
+
+    hidden: Width = Field(description="Numbers in h, h1, s and m of every element")
+    readout: Listed[Width] = Field(description="Width of each hidden layer of the read-out f")
+    neighbours: Literal[4, 8] = Field(
+        description="Elements that send messages: sharing an edge (4), or also a corner (8)"
+    )
+    alpha: Number = Field(description="Weight of the messages (equation 4)")
+    training: ScheduledTraining = Field(description="How it is trained")
+
+
 def build(
-    spec: Spec, *, hidden: Width, readout: Widths, neighbours: Neighbours, alpha: Number, training: ScheduledTraining
+    spec: Spec, *, hidden: int, readout: list[int], neighbours: int, alpha: float, training: ScheduledTraining
 ) -> "StreamingLomp":
     """Return the untrained network; settings as `lomp`'s. A frame costs its share of a window and one read-out.
 

@@ -19,18 +19,29 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import StretchTraining, Taps, Width
 from pipeline.base.errors import InputError
 from pipeline.datasets.series import Record
 from pipeline.learning import cost, weights
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling
 from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, new_network, run_epochs
+from pipeline.settings.shared import Block, Width
+from pipeline.settings.training import StretchTraining
 
 
-def build(spec: Spec, *, filters: Width, taps: Taps, units: Width, training: StretchTraining) -> "HighpassLstm":
+class Settings(Block):
+    """Settings of a model `lstm_highpass` in params.yaml."""
+
+    filters: Width = Field(description="High-pass filters")
+    taps: int = Field(ge=2, le=100, description="Samples of a filter; without a constant it needs 2")
+    units: Width = Field(description="Units of the LSTM")
+    training: StretchTraining = Field(description="How it is trained")
+
+
+def build(spec: Spec, *, filters: int, taps: int, units: int, training: StretchTraining) -> "HighpassLstm":
     """Return the untrained network: `filters` filters of `taps` samples, an LSTM of `units`, a linear read-out."""
     return HighpassLstm(spec, filters, taps, units, training)
 

@@ -1,13 +1,21 @@
 """Build transfer (latent-space paper, section III-B): model-0's recurrent part, frozen; a read-out trained by Adam."""
 
 import torch
+from pydantic import Field
 
-from pipeline.base.blocks import SequenceTraining
 from pipeline.datasets.series import Record
 from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block
+from pipeline.settings.training import SequenceTraining
 
 TRANSFER = True
+
+
+class Settings(Block):
+    """Settings of a model `lstm_transfer` in params.yaml."""
+
+    training: SequenceTraining = Field(description="How the read-out is trained")
 
 
 def build(spec: Spec, *, training: SequenceTraining) -> "Transfer":

@@ -1,15 +1,20 @@
 """Build transfer with the read-out solved in one step: ridge regression on the frozen states of model-0."""
 
-from pipeline.base.blocks import NotNegative
+from pydantic import Field
+
 from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, NotNegative
 
 TRANSFER = True
 
 
-def build(spec: Spec, *, ridge: NotNegative) -> LstmRegressor:
-    """Return the model before transfer, with as many parameters as `lstm_transfer`.
+class Settings(Block):
+    """Settings of a model `lstm_transfer_ridge` in params.yaml."""
 
-    `ridge`: penalty against the mean squared error of normalised outputs.
-    """
+    ridge: NotNegative = Field(description="Penalty against the mean squared error of normalised outputs")
+
+
+def build(spec: Spec, *, ridge: float) -> LstmRegressor:
+    """Return the model before transfer, with as many parameters as `lstm_transfer`."""
     return LstmRegressor(spec, 1, None, transfer=True, ridge=ridge)

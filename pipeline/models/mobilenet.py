@@ -1,14 +1,22 @@
 """Build MobileNet, version 1, width 1.0 (Howard et al. 2017, table 1; a row of the SP-ResNet paper's Table 1)."""
 
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import AugmentedTraining
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block
+from pipeline.settings.training import AugmentedTraining
 
 # (channels, stride) of each pair of a 3x3 depthwise convolution, which has the stride, and a 1x1 one
 PAIRS = ((64, 1), (128, 2), (128, 1), (256, 2), (256, 1), (512, 2), *[(512, 1)] * 5, (1024, 2), (1024, 1))
 SHRINKING = 32  # an image's side over that of the last map
+
+
+class Settings(Block):
+    """Settings of a model `mobilenet` in params.yaml."""
+
+    training: AugmentedTraining = Field(description="How it is trained")
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:

@@ -1,20 +1,27 @@
 """Build Gaussian naive Bayes on the pixels (SP-ResNet paper, Table 1): every pixel normal, given the object."""
 
 import numpy as np
+from pydantic import Field
 from sklearn.naive_bayes import GaussianNB
 
-from pipeline.base.blocks import Positive
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, Positive
 
 
-def build(spec: Spec, *, smoothing: Positive) -> SklearnRegressor:
+class Settings(Block):
+    """Settings of a model `naive_bayes` in params.yaml."""
+
+    smoothing: Positive = Field(description="Added to all variances, in units of the largest variance of a pixel")
+
+
+def build(spec: Spec, *, smoothing: float) -> SklearnRegressor:
     """Return the unfitted model; 32,784 fitted numbers on 1x32x32 images of 16 objects.
 
     They are a mean and a variance per pixel and object, and 16 priors.
 
-    `smoothing`: added to all variances, in units of the largest variance of a pixel; above 0, because a pixel that
-    is not wired never varies. Multiply-accumulates: a square and a weighting per pixel and object.
+    `smoothing` is above 0, because a pixel that is not wired never varies. Multiply-accumulates: a square and a
+    weighting per pixel and object.
     Differs from paper: it does not say which naive Bayes; pixels are numbers, so the normal one.
     """
     return SklearnRegressor(

@@ -2,16 +2,26 @@
 
 from math import comb
 
+from pydantic import Field
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from pipeline.base.blocks import Degree, NotNegative
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, NotNegative
 
 
-def build(spec: Spec, *, degree: Degree, ridge: NotNegative) -> SklearnRegressor:
+class Settings(Block):
+    """Settings of a model `poly` in params.yaml."""
+
+    degree: int = Field(ge=1, le=5, description="Highest degree of a product")
+    ridge: NotNegative = Field(
+        description="Weight of the squared coefficients against the squared error summed over the training windows"
+    )
+
+
+def build(spec: Spec, *, degree: int, ridge: float) -> SklearnRegressor:
     """Return the unfitted model; degree 2 of 25 elements gives 350 features and the intercept: 140,400 fitted numbers.
 
     Double touch is where it must fail: products of two elements that are not neighbours were never far from zero
@@ -20,8 +30,6 @@ def build(spec: Spec, *, degree: Degree, ridge: NotNegative) -> SklearnRegressor
 
     Differs from paper: degree and regularisation are not given there; here 2 and a ridge, on the last frame alone
     (products of a whole window would be 20,300).
-
-    `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
     """
     features = comb(spec.elements + degree, degree) - 1
     return SklearnRegressor(

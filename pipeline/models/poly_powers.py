@@ -1,23 +1,31 @@
 """Build polynomial regression without products (LoMP paper, Table I): ridge regression on powers of single values."""
 
 import numpy as np
+from pydantic import Field
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from pipeline.base.blocks import Degree, NotNegative
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, NotNegative
 
 
-def build(spec: Spec, *, degree: Degree, ridge: NotNegative) -> SklearnRegressor:
+class Settings(Block):
+    """Settings of a model `poly_powers` in params.yaml."""
+
+    degree: int = Field(ge=1, le=5, description="Highest power")
+    ridge: NotNegative = Field(
+        description="Weight of the squared coefficients against the squared error summed over the training windows"
+    )
+
+
+def build(spec: Spec, *, degree: int, ridge: float) -> SklearnRegressor:
     """Return the unfitted model; degree 2 of 8 frames of 25 elements gives 400 features: 160,400 fitted numbers.
 
     The paper does not say whether its polynomial has products. `poly` has them, and with them weights that single
     touches leave free; here two touches add up. The window's products would be 20,300 features, more than windows.
-
-    `ridge`: as in `poly`.
     """
     features = degree * spec.frames * spec.elements
     return SklearnRegressor(

@@ -9,23 +9,34 @@ which no network is given. A prediction uses the past alone.
 import warnings
 
 import numpy as np
+from pydantic import Field
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.exceptions import DataConversionWarning
 from sklearn.pipeline import make_pipeline
 
-from pipeline.base.blocks import Count
 from pipeline.base.errors import InputError
 from pipeline.datasets.series import Record
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Windowed
+from pipeline.settings.shared import Block
 
 REST = (2, 3)  # samples before the first one after the step
 
 
-def build(spec: Spec, *, press: Count, trees: Count, min_samples_leaf: Count) -> "PressDifference":
-    """Return the unfitted model; `press`: within how many samples the step is looked for, almost a press's length.
+class Settings(Block):
+    """Settings of a model `press_difference` in params.yaml."""
+
+    press: int = Field(
+        ge=1, le=100_000, description="Samples within which the step is looked for, almost a press's length"
+    )
+    trees: int = Field(ge=1, le=100_000, description="Number of trees")
+    min_samples_leaf: int = Field(ge=1, le=100_000, description="Fewest samples of a leaf")
+
+
+def build(spec: Spec, *, press: int, trees: int, min_samples_leaf: int) -> "PressDifference":
+    """Return the unfitted model.
 
     Fitted numbers: one threshold per inner node, the outputs of every leaf. No multiply-accumulates: trees compare.
     Raises InputError where windows are too short for `press`.

@@ -1,28 +1,38 @@
 """Build the RBF-Net of the LoMP paper (Table I, its reference 17): Gaussians at k-means centres, ridge read-out."""
 
 import numpy as np
+from pydantic import Field
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.cluster import KMeans
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from pipeline.base.blocks import Count, NotNegative, Positive
 from pipeline.base.errors import InputError
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, NotNegative, Positive
 
 
-def build(spec: Spec, *, centres: Count, width: Positive, ridge: NotNegative) -> SklearnRegressor:
+class Settings(Block):
+    """Settings of a model `rbf` in params.yaml."""
+
+    centres: int = Field(ge=1, le=100_000, description="Number of Gaussians")
+    width: Positive = Field(
+        description="Width of all Gaussians in units of the mean distance from a centre to its nearest neighbour"
+    )
+    ridge: NotNegative = Field(
+        description="Weight of the squared coefficients against the squared error summed over the training windows"
+    )
+
+
+def build(spec: Spec, *, centres: int, width: float, ridge: float) -> SklearnRegressor:
     """Return the unfitted model; 300,400 fitted numbers for 500 centres on 200 inputs and 400 outputs.
 
     They are 100,000 of the centres and 200,400 of the read-out.
 
     Differs from paper: number, places and widths of the Gaussians are not given there; here k-means centres of one
     width, all frames of a window.
-
-    `width`: width of all Gaussians in units of the mean distance from a centre to its nearest neighbour.
-    `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
     """
     return SklearnRegressor(
         lambda seed: make_pipeline(

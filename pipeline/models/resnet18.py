@@ -1,11 +1,19 @@
 """Build ResNet-18 (He et al. 2016, table 1; SP-ResNet paper, Table 1: the network that SP-ResNet makes lighter)."""
 
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import AugmentedTraining
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import BasicBlock
+from pipeline.settings.shared import Block
+from pipeline.settings.training import AugmentedTraining
+
+
+class Settings(Block):
+    """Settings of a model `resnet18` in params.yaml."""
+
+    training: AugmentedTraining = Field(description="How it is trained")
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:

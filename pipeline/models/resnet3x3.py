@@ -1,11 +1,19 @@
 """Build ResNet_3x3 (Sundaram et al. 2019, the STAG glove; SP-ResNet paper, Table 1): half of ResNet-18, 3x3 stem."""
 
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import AugmentedTraining
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import BasicBlock
+from pipeline.settings.shared import Block
+from pipeline.settings.training import AugmentedTraining
+
+
+class Settings(Block):
+    """Settings of a model `resnet3x3` in params.yaml."""
+
+    training: AugmentedTraining = Field(description="How it is trained")
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:

@@ -1,19 +1,25 @@
 """Build ridge regression on the raw voltages of the last samples: the linear floor of the strain experiments."""
 
+from pydantic import Field
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from pipeline.base.blocks import NotNegative
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, NotNegative
 
 
-def build(spec: Spec, *, ridge: NotNegative) -> SklearnRegressor:
-    """Return the unfitted model.
+class Settings(Block):
+    """Settings of a model `ridge` in params.yaml."""
 
-    `ridge`: weight of the squared coefficients against the squared error summed over the training windows.
-    """
+    ridge: NotNegative = Field(
+        description="Weight of the squared coefficients against the squared error summed over the training windows"
+    )
+
+
+def build(spec: Spec, *, ridge: float) -> SklearnRegressor:
+    """Return the unfitted model."""
     return SklearnRegressor(
         lambda seed: make_pipeline(StandardScaler(), Ridge(ridge)),
         spec,

@@ -1,13 +1,23 @@
 """Build the RNN of the LoMP paper (Table I, its reference 18): an LSTM over frames, read out from its last state."""
 
 import torch
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import Layers, Width, WindowTraining
 from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
+from pipeline.settings.shared import Block, Width
+from pipeline.settings.training import WindowTraining
 
 
-def build(spec: Spec, *, layers: Layers, hidden: Width, training: WindowTraining) -> TorchRegressor:
+class Settings(Block):
+    """Settings of a model `rnn` in params.yaml."""
+
+    layers: int = Field(ge=1, le=32, description="Layers of the LSTM")
+    hidden: Width = Field(description="Units of a layer")
+    training: WindowTraining = Field(description="How it is trained")
+
+
+def build(spec: Spec, *, layers: int, hidden: int, training: WindowTraining) -> TorchRegressor:
     """Return the untrained network; LSTM 2 x 128 on (8, 25) and linear 128-400 are 263,056 parameters.
 
     Differs from paper: kind and sizes are "as in previous research"; here an LSTM of two layers of 128.

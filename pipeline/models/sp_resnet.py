@@ -1,18 +1,27 @@
 """Build SP-ResNet (SP-ResNet paper, section 2.3): separable residual blocks with attention to rows and columns."""
 
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import AugmentedTraining, Reduction
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import separable_network
+from pipeline.settings.shared import Block
+from pipeline.settings.training import AugmentedTraining
 
 
-def build(spec: Spec, *, reduction: Reduction, training: AugmentedTraining) -> ImageClassifier:
+class Settings(Block):
+    """Settings of a model `sp_resnet` in params.yaml."""
+
+    reduction: int = Field(ge=1, le=64, description="Channels of a block per channel of the attention's bottleneck")
+    training: AugmentedTraining = Field(description="How it is trained")
+
+
+def build(spec: Spec, *, reduction: int, training: AugmentedTraining) -> ImageClassifier:
     """Return the untrained network.
 
     On 1x32x32 images of 16 objects it has 99,224 parameters at reduction 16, 106,976 at 8 and 215,504 at 1.
-    `reduction`: a block's channels per channel of the attention's bottleneck. Raises InputError below 1 and above 64.
+    Raises InputError for a reduction below 1 and above 64.
     Differs from paper: the text does not give the reduction, and with none of them do its counts for 1000 classes
     (16.332e6 multiply-accumulates, 3.26e5 parameters) come out: the attention as Hou et al. 2021 define it gives
     12.7e6 to 14.7e6 and 2.26e5 to 3.42e5 (reduction 16 to 1). As many classes as there are objects.

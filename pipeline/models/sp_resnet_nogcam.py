@@ -1,11 +1,19 @@
 """Build SP-ResNet without its attention (SP-ResNet paper, section 2.3 and Table 1, "deleted GCAM")."""
 
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import AugmentedTraining
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import separable_network
+from pipeline.settings.shared import Block
+from pipeline.settings.training import AugmentedTraining
+
+
+class Settings(Block):
+    """Settings of a model `sp_resnet_nogcam` in params.yaml."""
+
+    training: AugmentedTraining = Field(description="How it is trained")
 
 
 def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:

@@ -1,13 +1,21 @@
 """Build decision tree regression (LoMP paper, Table I): one tree, a whole map in every leaf."""
 
+from pydantic import Field
 from sklearn.tree import DecisionTreeRegressor
 
-from pipeline.base.blocks import Count, Share
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, Share
 
 
-def build(spec: Spec, *, min_samples_leaf: Count, max_features: Share) -> SklearnRegressor:
+class Settings(Block):
+    """Settings of a model `tree` in params.yaml."""
+
+    min_samples_leaf: int = Field(ge=1, le=100_000, description="Fewest windows of a leaf")
+    max_features: Share = Field(description="Share of the inputs, drawn anew, that a split tries")
+
+
+def build(spec: Spec, *, min_samples_leaf: int, max_features: float) -> SklearnRegressor:
     """Return a tree that tries the share `max_features` of the inputs (drawn by the seed) at every split.
 
     Fitted numbers: one threshold per inner node and one map per leaf, so a tree of one leaf counts as much as

@@ -1,16 +1,25 @@
 """Build the VGG-16 of the LoMP paper (Table I, its reference 20): a window's frames are the channels of one image."""
 
 import torch
+from pydantic import Field
 from torch import nn
 
-from pipeline.base.blocks import Widths, WindowTraining
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
+from pipeline.settings.shared import Block, Listed, Width
+from pipeline.settings.training import WindowTraining
 
 CONVOLUTIONS = (2, 2, 3, 3, 3)  # per stage; 13 of the 16 layers
 
 
-def build(spec: Spec, *, channels: Widths, training: WindowTraining) -> TorchRegressor:
+class Settings(Block):
+    """Settings of a model `vgg` in params.yaml."""
+
+    channels: Listed[Width] = Field(description="Width of the convolutions of each of the five stages")
+    training: WindowTraining = Field(description="How it is trained")
+
+
+def build(spec: Spec, *, channels: list[int], training: WindowTraining) -> TorchRegressor:
     """Return the untrained network.
 
     Channels 64, 128, 256, 512, 512 on 5x5 and linear 512-400 are 14,926,992 parameters.

@@ -17,6 +17,7 @@ from pipeline.datasets import images, schemas, series, specimens
 from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Trained
 from pipeline.scoring import classification, metrics
+from pipeline.settings import Params
 from pipeline.tasks import images as tasks_images
 from pipeline.tasks import series as tasks_series
 from pipeline.tasks import windows as tasks_windows
@@ -38,11 +39,10 @@ def settings_of(values: Mapping, experiment: str, changes: Mapping, where: str) 
     """Return the experiment's block of params.yaml with the values of `changes`, block by block.
 
     where: the place in params.yaml that a sentence about a wrong value names. Raises InputError where the result is
-    not what pipeline/base/blocks.py allows.
+    not what pipeline/settings allows.
     """
     settings = _merged(values[experiment], changes)
-    block = params.settings_block().model_fields[experiment].annotation
-    params.check_block(settings, block, f"{experiment} with {where}")
+    params.check_block(settings, Params.model_fields[experiment].annotation, f"{experiment} with {where}")
     return settings
 
 

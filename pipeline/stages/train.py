@@ -85,7 +85,7 @@ def code(experiment: str, model: str) -> list[str]:
     if kind != "series":  # of the experiment's file only KIND is read
         unused.add(("tasks", "experiments"))
     files = imports.closure("pipeline/stages/train.py", behind, unused)
-    return sorted(file for file in files if imports.room(file) != "base")
+    return sorted(file for file in files if imports.room(file) not in imports.NO_NUMBER)
 
 
 def read_settings(values: Mapping, experiment: str) -> list[str]:

@@ -24,7 +24,7 @@ MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
 def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dict:
     """Return the experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
 
-    `none`: with all of them. Raises InputError where the result is not what pipeline/base/blocks.py allows.
+    `none`: with all of them. Raises InputError where the result is not what pipeline/settings allows.
     """
     changes = values["physics"][experiment]["scene"]
     settings = changed_scene.settings_of(values, experiment, changes, f"physics.{experiment}.scene")

@@ -17,7 +17,6 @@ from tqdm import tqdm
 
 from pipeline import models, tasks
 from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError, run_stage
 from pipeline.datasets import images, schemas
 from pipeline.datasets.windows import read_dataset
@@ -26,6 +25,7 @@ from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import separable_network
 from pipeline.learning.trained import Trained
 from pipeline.scoring import ablation, classification, ladders, metrics
+from pipeline.settings.training import AugmentedTraining
 from pipeline.tasks import images as tasks_images
 from pipeline.tasks import series as tasks_series
 from pipeline.tasks import windows as tasks_windows

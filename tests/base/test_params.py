@@ -1,5 +1,6 @@
 """params.yaml: what is refused before anything is removed or run, and when it is read."""
 
+import argparse
 import ast
 import copy
 import os
@@ -13,8 +14,11 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.commands import check
+from pipeline.settings import Params, schema
+from pipeline.settings import models as settings_of_models
 
 WHOLE = params.load()
 NETWORK = WHOLE["touch"]["models"]["cnn"]
@@ -54,15 +58,15 @@ HOSTILE = (
 
 @pytest.mark.parametrize("key", HOSTILE)
 def test_a_key_that_names_no_model_is_refused(key):
-    with pytest.raises(InputError, match="cannot name a model"):
-        params.check(altered("touch", "models", value={key: {}}))
-    with pytest.raises(InputError, match="physics.glove.models: .* cannot name a model"):
-        params.check(altered("physics", "glove", "models", value={key: {}}))
+    words = "there is no pipeline/models" if isinstance(key, str) else "expected text as a key"
+    for block in ("touch", "physics.glove"):
+        with pytest.raises(InputError, match=f"^params.yaml, {block}.models: {words}"):
+            params.check(altered(*block.split("."), "models", value={key: {}}))
 
 
 def test_a_model_without_a_file_is_refused():
     for key in ("__init__", "os", "params"):
-        with pytest.raises(InputError, match="cannot name a model|there is no pipeline/models"):
+        with pytest.raises(InputError, match=f"there is no pipeline/models/{key}.py"):
             params.check(altered("touch", "models", value={key: {}}))
     with pytest.raises(InputError, match="there is no pipeline/models/lompp.py; did you mean 'lomp'"):
         params.check(altered("touch", "models", value={"lompp": {}}))
@@ -92,42 +96,54 @@ def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
     code += f"runpy.run_module('pipeline.stages.{program}', run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr.startswith("error: params.yaml"), done.stderr
-    assert "cannot name a model" in done.stderr
+    assert "there is no pipeline/models/" in done.stderr
     assert (canary / "important").is_dir()
 
 
 IMPOSSIBLE = [
-    (("models", "lomp", "hidden"), 0, "whole number from 1 to 8192"),
-    (("models", "lomp", "hidden"), -8, "whole number from 1"),
-    (("models", "lomp", "hidden"), 10**9, "whole number from 1 to 8192"),
-    (("models", "lomp", "neighbours"), 5, "one of 4, 8"),
-    (("models", "lomp", "alpha"), float("nan"), "a number from"),
-    (("models", "lomp", "alpha"), float("inf"), "a number from"),
-    (("models", "cnn", "channels"), ["a"], "a list of which each is a whole number from 1"),
-    (("models", "cnn", "channels"), [0], "a list of which each is a whole number from 1"),
-    (("models", "cnn", "channels"), [], "a list of 1 to 1000 entries"),
-    (("models", "cnn", "channels"), [1] * 1001, "a list of 1 to 1000 entries"),
-    (("models", "tree", "min_samples_leaf"), 0, "whole number from 1"),
-    (("models", "tree", "max_features"), -1, "a number from 1e-06 to 1"),
-    (("models", "cnn", "training"), 3, "expected a block of settings"),
+    (
+        ("models", "lomp", "hidden"),
+        0,
+        r"lomp.hidden: input should be greater than or equal to 1, got 0 \(meaning: .*\)$",
+    ),
+    (("models", "lomp", "hidden"), -8, "greater than or equal to 1"),
+    (("models", "lomp", "hidden"), 10**9, "less than or equal to 8192"),
+    (("models", "lomp", "neighbours"), 5, "input should be 4 or 8"),
+    (("models", "lomp", "alpha"), float("nan"), "a finite number"),
+    (("models", "lomp", "alpha"), float("inf"), "a finite number"),
+    (("models", "cnn", "channels"), ["a"], r"channels\[0\]: input should be a valid integer, got 'a'"),
+    (("models", "cnn", "channels"), [1, 0], r"channels\[1\]: input should be greater than or equal to 1"),
+    (("models", "cnn", "channels"), [], "list should have at least 1 item"),
+    (("models", "cnn", "channels"), [1] * 1001, "list should have at most 1000 items"),
+    (("models", "tree", "min_samples_leaf"), 0, "greater than or equal to 1"),
+    (("models", "tree", "max_features"), -1, "greater than or equal to 0.000001"),
+    (("models", "cnn", "training"), 3, r"should be a block of settings \(learning_rate, .*rest_share\), got 3"),
     (
         ("models", "cnn", "training"),
         NETWORK["training"] | {"learning_rate": 1e300},
-        "learning_rate: .* from 1e-09 to 10",
+        "learning_rate: .* less than or equal to 10",
     ),
-    (("models", "cnn", "training"), NETWORK["training"] | {"rest_share": 1.5}, "rest_share: .* from 1e-06 to 1"),
-    (("models", "cnn", "training"), NETWORK["training"] | {"precision": "float16"}, "one of float32, bfloat16"),
-    (("models", "cnn", "training"), NETWORK["training"] | {"epochs": 0}, "epochs: .* whole number from 1"),
-    (("models", "cnn", "training"), NETWORK["training"] | {"batch_size": 8.5}, "batch_size: .* whole number from 1"),
-    (("models", "cnn", "training"), NETWORK["training"] | {"learning_rate": "fast"}, "learning_rate: .* a number"),
+    (
+        ("models", "cnn", "training"),
+        NETWORK["training"] | {"rest_share": 1.5},
+        "rest_share: .* less than or equal to 1",
+    ),
+    (
+        ("models", "cnn", "training"),
+        NETWORK["training"] | {"precision": "float16"},
+        "precision: input should be 'float32' or 'bfloat16'",
+    ),
+    (("models", "cnn", "training"), NETWORK["training"] | {"epochs": 0}, "epochs: .* greater than or equal to 1"),
+    (("models", "cnn", "training"), NETWORK["training"] | {"batch_size": 8.5}, "batch_size: .* valid integer"),
+    (("models", "cnn", "training"), NETWORK["training"] | {"learning_rate": "fast"}, "learning_rate: .* valid number"),
     (("models", "cnn", "training"), NETWORK["training"] | {"batch_sise": 8}, "'batch_sise'; did you mean 'batch_size'"),
-    (("models", "cnn", "training"), {"learning_rate": 0.1}, "key 'batch_size' is missing"),
+    (("models", "cnn", "training"), {"learning_rate": 0.1}, r"key 'batch_size' is missing; add it \(meaning: "),
     (("models", "linear"), {"ridge": 1.0}, "unknown key 'ridge'; known: none"),
     (("split",), {"seed": 0, "train": 0.9, "validation": 0.9}, "leave nothing to test on"),
-    (("protocols", "press", "seeds"), [2**31], "whole number from 0 to 32767"),
-    (("sensor", "rows"), 10**5, "whole number from 1 to 256"),
-    (("latency", "batches"), [10**8], "whole number from 1 to 65536"),
-    (("simulate", "devices", "array_hz"), 1e9, "a number from 0.001 to 100000"),
+    (("protocols", "press", "seeds"), [2**31], r"seeds\[0\]: .* less than or equal to 32767"),
+    (("sensor", "rows"), 10**5, r"less than or equal to 256, got 100000 \(meaning: Rows of elements\)"),
+    (("latency", "batches"), [10**8], "less than or equal to 65536"),
+    (("simulate", "devices", "array_hz"), 1e9, "less than or equal to 100000"),
 ]
 
 
@@ -154,16 +170,112 @@ def test_impossible_values_of_other_experiments_too(path, value):
         params.check(altered(*path, value=value))
 
 
-def test_every_model_says_which_values_its_settings_may_have():
-    for key in params.model_keys():
-        params.model_block(paths.MODELS / f"{key}.py")
-
-
-def test_a_setting_without_a_kind_is_named(tmp_path):
+def test_a_model_without_settings_is_named(tmp_path):
     path = tmp_path / "nearest.py"
     path.write_text("def build(spec, *, k: int):\n    return None\n")
-    with pytest.raises(InputError, match="nearest.py: build's argument 'k' needs a kind of pipeline/base/blocks.py"):
-        params.model_block(path)
+    with pytest.raises(TypeError, match=r"nearest.py: declare its settings as `class Settings\(Block\)`"):
+        settings_of_models.declared(path)
+
+
+def test_settings_of_a_model_are_read_without_its_other_imports(tmp_path):
+    path = tmp_path / "nearest.py"
+    path.write_text(
+        '"""Build the nearest neighbours.\n\nMore."""\nfrom pydantic import Field\nimport no_such_package\n'
+        "from pipeline.settings.shared import Block, Count\n"
+        'class Settings(Block):\n    k: Count = Field(description="Neighbours")\n'
+    )
+    settings, meaning = settings_of_models.declared(path)
+    assert settings(k=3).k == 3 and meaning == "Build the nearest neighbours."
+
+
+def undescribed(whole: dict) -> list[str]:
+    """Keys of a JSON schema, with their class, that have no description."""
+    classes = {"Params": whole} | whole["$defs"]
+    return [
+        f"{name}.{key}"
+        for name, block in classes.items()
+        for key, field in block["properties"].items()
+        if len(field.get("description", "").split()) < (1 if name == "Models" else 2)
+    ]
+
+
+def test_every_key_has_a_meaning():
+    whole = Params.model_json_schema()
+    assert not undescribed(whole)
+    assert len(whole["$defs"]) > 100, "the classes of all blocks, of models too"
+    whole["$defs"]["LookBack"]["properties"]["frames"]["description"] = ""
+    assert undescribed(whole) == ["LookBack.frames"]
+
+
+def test_every_key_of_params_yaml_is_in_the_schema():
+    """Or is a name: of a protocol, a task, a row of an ablation, a condition."""
+    whole, named = Params.model_json_schema(), set()
+
+    def walk(value, field: dict, where: str) -> None:
+        field = whole["$defs"][field["$ref"].rpartition("/")[2]] if "$ref" in field else field
+        for key, inside in value.items() if isinstance(value, dict) else ():
+            if key in field.get("properties", {}):
+                walk(inside, field["properties"][key], f"{where}.{key}")
+            else:
+                named.add(where)
+                extra = field["additionalProperties"]
+                walk(inside, extra if isinstance(extra, dict) else {"additionalProperties": True}, where)
+
+    walk(WHOLE, whole, "")
+    assert named == {
+        ".glove.protocols",
+        ".glove_recorded.protocols",
+        ".physics.glove.scene",
+        ".physics.strain.scene",
+        ".physics.touch.scene",
+        ".strain.protocols",
+        ".strain_recorded.protocols",
+        ".touch.ablation",
+        ".touch.ablation.settings",
+        *(f".stress.{experiment}.usable" for experiment in WHOLE["experiments"]),
+        ".stress.touch.recordings",
+    }
+
+
+def test_the_schema_for_editors_is_up_to_date():
+    assert (ROOT / "params.yaml").read_text().startswith("# yaml-language-server: $schema=params.schema.json\n")
+    made_anew = 'python -c "from pipeline.settings import schema; print(schema())" > params.schema.json'
+    assert (ROOT / "params.schema.json").read_text() == f"{schema()}\n", f"run {made_anew}"
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"strain.sensor.chanels": 6}, "there is no key 'strain.sensor.chanels'; did you mean 'channels'?"),
+        ({"strain.wonder": 6}, "there is no key 'strain.wonder'; known: source, "),
+        ({"strain.sensor.channels": 0}, "strain.sensor.channels: input should be greater than or equal to 1, got 0"),
+        ({"glove.split.validation": 0.3}, "glove.split: train and validation leave nothing to test on"),
+        ({"glove.sensor.areas": {"mat": {"rows": 4}}}, "glove.sensor.areas.mat: key 'cols' is missing; add it"),
+        (
+            {"glove.sensor.areas": {"mat": {"row": 4}}},
+            "glove.sensor.areas.mat: unknown key 'row'; did you mean 'rows'?",
+        ),
+    ],
+)
+def test_the_file_that_a_wrong_key_is_in_is_named(values, words, tmp_path):
+    """Here FOLDER/settings.yaml of a sensor, whose keys are set in a copy of params.yaml."""
+    folder = tmp_path / "mine" / "stretch" / "run000"
+    folder.mkdir(parents=True)
+    settings = tmp_path / "mine" / "settings.yaml"
+    settings.write_text(yaml.safe_dump(values))
+    experiment = next(iter(values)).partition(".")[0]
+    with pytest.raises(InputError) as error:
+        check.main(argparse.Namespace(experiment=experiment, folder=tmp_path / "mine"))
+    name, said = re.fullmatch(r"(.*?settings.yaml)[:,] (.*)", str(error.value)).groups()
+    assert name == str(settings) and said.startswith(words)
+
+
+def test_a_wrong_key_beside_those_of_another_file_is_named_in_params_yaml():
+    sources = {"strain.sensor.channels": "settings.yaml"}
+    with pytest.raises(InputError, match="^settings.yaml, strain.sensor.channels: "):
+        params.check(altered("strain", "sensor", "channels", value=0), sources)
+    with pytest.raises(InputError, match="^params.yaml, strain.ingest.rate_hz: "):
+        params.check(altered("strain", "ingest", "rate_hz", value=0), sources)
 
 
 @pytest.mark.parametrize(
@@ -250,7 +362,7 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
     dvc("init", "--no-scm", "--quiet")
     for target in (["train_touch"], ["--single-item", "train_touch"], []):
         said = dvc("repro", *target)
-        assert "cannot name a model" in said and len(re.findall("Running stage", said)) == 1, said
+        assert "there is no pipeline/models/" in said and len(re.findall("Running stage", said)) == 1, said
     assert (tmp_path / "victim").is_dir()
     assert not list(tmp_path.rglob("PWNED"))
 

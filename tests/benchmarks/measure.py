@@ -251,9 +251,9 @@ def sp_resnet_epoch_plain(_, images: float):
     import torch
     from benchmarks import peers
 
-    from pipeline.base.blocks import AugmentedTraining
     from pipeline.learning.image_classifier import augmented
     from pipeline.models import sp_resnet
+    from pipeline.settings.training import AugmentedTraining
 
     block, x, y, _ = _images(images)
     network, order = sp_resnet.network(1, 16, block["reduction"]), torch.Generator().manual_seed(0)

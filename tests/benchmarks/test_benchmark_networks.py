@@ -9,7 +9,6 @@ from tqdm import tqdm
 
 from pipeline import experiments, tasks
 from pipeline.base import params, paths, workers
-from pipeline.base.blocks import SequenceTraining
 from pipeline.datasets import schemas, series
 from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning.lstm import LstmRegressor
@@ -17,6 +16,7 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 from pipeline.learning.series_regressors import spec_of as spec_of_series
 from pipeline.learning.training import precision_on
 from pipeline.models import esn, lstm_transfer_ridge
+from pipeline.settings.training import SequenceTraining
 from pipeline.tasks import windows as tasks_windows
 
 WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"

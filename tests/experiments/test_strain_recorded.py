@@ -261,7 +261,7 @@ def test_highpass_learns_through_drift(tmp_path):
 def test_impossible_settings_are_one_sentence(tmp_path):
     block = BLOCKS["lstm_highpass"]
     for change, sentence in (
-        ({"taps": 1}, "taps: expected a whole number from 2 to 100, got 1"),
+        ({"taps": 1}, "taps: input should be greater than or equal to 2, got 1"),
         ({"training": RECIPE | {"rate": 1}}, "training: unknown key 'rate'; known: learning_rate"),
         ({"training": RECIPE | {"warm_up": 30}}, "warm_up should be less than length"),
     ):

@@ -5,10 +5,10 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import SIDE
 from pipeline.learning.image_classifier import ImageClassifier, augmented, spec_of
+from pipeline.settings.training import AugmentedTraining
 
 NONE = {"learning_rate": 2e-4, "batch_size": 8, "epochs": 3}
 NONE |= {"flip": 0.0, "noise": 0.0, "affine": 0.0}

@@ -10,12 +10,12 @@ import torch
 from benchmarks.peers import LoopedLomp
 from torch import nn
 
-from pipeline.base.blocks import WindowTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import lomp_network, lomp_prediction
 from pipeline.learning.regressors import Spec
 from pipeline.learning.training import products_in
 from pipeline.models import lomp, lomp_stream
+from pipeline.settings.training import WindowTraining
 
 TRAINING = WindowTraining(learning_rate=1e-3, batch_size=16, epochs=1, rest_share=1.0)
 

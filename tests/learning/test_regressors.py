@@ -7,11 +7,11 @@ from safetensors.torch import load_file
 from torch import nn
 from torch.optim.optimizer import register_optimizer_step_post_hook
 
-from pipeline.base.blocks import WindowTraining
 from pipeline.base.errors import InputError
 from pipeline.learning import cost, regressors, weights
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec, TorchRegressor, input_scale, zero_linear
+from pipeline.settings.training import WindowTraining
 
 SPEC = Spec(2, 1, 3, 2, 2)
 

@@ -18,6 +18,7 @@ from pipeline.base import params, paths
 from pipeline.datasets import series
 from pipeline.learning import image_classifier, series_regressors
 from pipeline.learning.regressors import Spec
+from pipeline.settings.models import Models
 from pipeline.tasks import windows as tasks_windows
 
 VALUES = params.load()
@@ -169,16 +170,16 @@ def cases(in_epochs: bool = False) -> list:
 
 def test_every_model_and_every_experiment_is_in_params_yaml():
     listed = {model for experiment in VALUES["experiments"] for model in VALUES[experiment]["models"]}
-    assert listed == set(params.model_keys())
+    assert listed == set(Models.model_fields)
     files = {path.stem for path in paths.EXPERIMENTS.glob("*.py")} - {"__init__"}
     assert files == set(VALUES["experiments"])
 
 
-@pytest.mark.parametrize("model", params.model_keys())
+@pytest.mark.parametrize("model", Models.model_fields)
 def test_build_takes_settings_by_keyword_without_defaults(model):
-    build = importlib.import_module(f"pipeline.models.{model}").build
-    spec, *settings = inspect.signature(build).parameters.values()
-    assert spec.name == "spec"
+    module = importlib.import_module(f"pipeline.models.{model}")
+    spec, *settings = inspect.signature(module.build).parameters.values()
+    assert spec.name == "spec" and [setting.name for setting in settings] == list(module.Settings.model_fields)
     assert all(setting.kind is setting.KEYWORD_ONLY and setting.default is setting.empty for setting in settings)
 
 

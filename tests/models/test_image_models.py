@@ -12,7 +12,6 @@ from torch import nn
 
 from pipeline import models
 from pipeline.base import params
-from pipeline.base.blocks import AugmentedTraining
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import SIDE
 from pipeline.learning import cost
@@ -20,6 +19,7 @@ from pipeline.learning.image_classifier import spec_of
 from pipeline.learning.residual_blocks import Convolution3x3, GlobalCoordinateAttention
 from pipeline.learning.training import new_network
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
+from pipeline.settings.training import AugmentedTraining
 from pipeline.studies.counts import count
 from pipeline.studies.operations import operations
 
@@ -231,5 +231,7 @@ def test_naive_bayes_gives_no_chance_to_an_object_it_never_saw():
 
 
 def test_naive_bayes_needs_smoothing():
-    with pytest.raises(InputError, match="glove.models.naive_bayes.smoothing: expected a number from 1e-12"):
+    with pytest.raises(
+        InputError, match="glove.models.naive_bayes.smoothing: input should be greater than or equal to 0.0"
+    ):
         params.check_model("naive_bayes", {"smoothing": 0.0}, "glove.models.naive_bayes")

@@ -8,13 +8,13 @@ from torch import nn
 
 from pipeline import models
 from pipeline.base import params, paths
-from pipeline.base.blocks import AugmentedTraining, WindowTraining
 from pipeline.datasets import images, schemas, series
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import FitSummary, TorchRegressor, zero_linear
 from pipeline.learning.trained import Fitted
 from pipeline.logs import stag
 from pipeline.scoring import metrics
+from pipeline.settings.training import AugmentedTraining, WindowTraining
 from pipeline.stability import changed_scene
 from pipeline.stages import train as train_stage
 from pipeline.studies import augmentation, sizes

@@ -1,0 +1,48 @@
+"""Settings: what params.yaml may say, as pydantic classes. Every key has its type, its limits and its meaning.
+
+`touch.sensor.pitch_mm` is the field `pitch_mm` of the class `Sensor` in touch.py: a file for each block at the top of
+params.yaml, a class for each block inside. A model's settings stand in its own file in pipeline/models (models.py says
+how), the recipes of networks in training.py, and what several blocks share in shared.py. Editors complete and explain
+keys by params.schema.json, which is made of these classes:
+
+    python -c "from pipeline.settings import schema; print(schema())" > params.schema.json
+"""
+
+import json
+from typing import Literal
+
+from pydantic import Field
+
+from pipeline.settings.glove import Glove
+from pipeline.settings.glove_recorded import GloveRecorded
+from pipeline.settings.physics import Physics
+from pipeline.settings.rightsize import Rightsize
+from pipeline.settings.shared import Block, Distinct
+from pipeline.settings.strain import Strain
+from pipeline.settings.strain_recorded import StrainRecorded
+from pipeline.settings.stress import Stress
+from pipeline.settings.touch import Touch
+from pipeline.settings.velostat_recorded import VelostatRecorded
+
+Experiment = Literal["touch", "velostat_recorded", "strain", "strain_recorded", "glove", "glove_recorded"]
+
+
+class Params(Block):
+    """All of params.yaml."""
+
+    experiments: Distinct[Experiment] = Field(description="Experiments that are run")
+    device: Literal["auto", "cpu", "cuda"] = Field(description="Where networks train; auto: on a GPU if there is one")
+    touch: Touch = Field(description="Presses on an array of pressure-sensitive elements (LoMP paper)")
+    velostat_recorded: VelostatRecorded = Field(description="Recordings of a Velostat taxel under a load cell")
+    strain: Strain = Field(description="A finger with soft strain sensors on a robot arm (latent-space paper)")
+    strain_recorded: StrainRecorded = Field(description="Recordings of soft strain sensors")
+    glove: Glove = Field(description="Objects that a hand in a tactile glove grasps (SP-ResNet paper)")
+    glove_recorded: GloveRecorded = Field(description="Recorded grasps of a robot hand with tactile sensors")
+    stress: Stress = Field(description="What goes wrong after training, by experiment")
+    physics: Physics = Field(description="Every effect of a scene left out in turn, by experiment")
+    rightsize: Rightsize = Field(description="Size ladders, by experiment")
+
+
+def schema() -> str:
+    """Return the JSON schema of params.yaml, the content of params.schema.json."""
+    return json.dumps(Params.model_json_schema(), indent=1)

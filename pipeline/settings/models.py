@@ -1,0 +1,39 @@
+"""The settings of the models, a block per model: `Models` is any of them, by their keys.
+
+Each is declared at the head of the model's file in pipeline/models, as a class `Settings`. That class is read and the
+rest of the file is not run: imports of torch and scikit-learn would cost every stage 3 s.
+"""
+
+import ast
+from pathlib import Path
+
+from pydantic import Field, create_model
+
+from pipeline.settings.shared import Block, SomeOf
+
+FOLDER = Path(__file__).resolve().parents[1] / "models"
+WORDS = ("typing", "pydantic", "pipeline.settings.shared", "pipeline.settings.training")  # all that a class may use
+
+
+def declared(path: Path) -> tuple[type[Block], str]:
+    """Return the class `Settings` of a model's file and what the first line of its docstring says of the model.
+
+    Raises TypeError where the file has no such class.
+    """
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom) and node.module in WORDS]
+    classes = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Settings"]
+    if not classes:
+        raise TypeError(f"pipeline/models/{path.name}: declare its settings as `class Settings(Block)`")
+    names = {"__name__": f"pipeline.models.{path.stem}"}
+    exec(compile(ast.Module([*imports, *classes], []), path, "exec"), names)
+    return names["Settings"], (ast.get_docstring(tree) or "").partition("\n")[0]
+
+
+def fields(folder: Path) -> dict:
+    """Return key -> (settings, field) of every model of a folder, each of which may be absent."""
+    found = {path.stem: declared(path) for path in sorted(folder.glob("*.py")) if path.stem != "__init__"}
+    return {key: (settings, Field(default=None, description=meaning)) for key, (settings, meaning) in found.items()}
+
+
+Models = create_model("Models", __base__=SomeOf, __doc__="The models to train, by their keys.", **fields(FOLDER))
