@@ -63,8 +63,8 @@ def opened(then: str = TRACK) -> Iterator[MlflowClient]:
         reason = type(error).__name__ if uri and set("@?") & set(uri) else str(error).partition("\n")[0].rstrip(".")
         raise InputError(
             storage_error(error)
-            or f"{where}: the MLflow store cannot be used ({reason}); start its server, close what else uses it, or move "
-            f"a damaged file away, and {then} (the results in data/ are safe)"
+            or f"{where}: the MLflow store cannot be used ({reason}); start its server, close what else uses it, or "
+            f"move a damaged file away, and {then} (the results in data/ are safe)"
         ) from error
 
 
@@ -81,7 +81,7 @@ def experiment_id(client: MlflowClient, name: str) -> str:
         return client.create_experiment(name, place)
     if found.lifecycle_stage == "deleted":
         raise InputError(
-            f"MLflow: the experiment {name} was deleted there; with MLFLOW_TRACKING_URI set to the store, bring it back "
+            f"MLflow: experiment {name} was deleted there; with MLFLOW_TRACKING_URI set to the store, bring it back "
             f"(`mlflow experiments restore -x {found.experiment_id}`) or remove it for good (`mlflow gc`), and {TRACK}"
         )
     if server() is None and found.artifact_location != place:

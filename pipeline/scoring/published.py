@@ -42,7 +42,7 @@ CONDITIONS = {"single touch": "single", "double touch": "double", "single touch 
 CONDITIONS |= {"task 1": "task_1", "task 2": "task_2"}
 COUNTS = {"multiply-accumulates": "macs", "parameters": "params"}
 
-# Experiment -> paper, the metric of scores.csv that it prints, its name there, and how many of its units are one of ours.
+# Experiment -> paper, the metric of scores.csv that it prints, its name there, how many of its units are one of ours.
 SCORES = {
     "touch": ("lomp", "rmse", "RMSE", 1),
     "strain": ("latent", "error", "test error", 1),

@@ -51,7 +51,10 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
             for model in settings["models"]
             for batch in (1, 256)
         ],
-        columns="experiment model batch threads p50_ms p50_low_ms p50_high_ms p95_ms params macs train_s size_bytes".split(),
+        columns=[
+            *"experiment model batch threads p50_ms p50_low_ms p50_high_ms p95_ms".split(),
+            *"params macs train_s size_bytes".split(),
+        ],
     ).to_csv(touch / "speed" / "latency.csv", index=False)
     (touch / "ingest.json").write_text('{"run": true}')
     n, elements = 40, settings["sensor"]["rows"] * settings["sensor"]["cols"]
