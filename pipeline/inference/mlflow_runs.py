@@ -48,7 +48,7 @@ NOT_TAKEN = re.compile(r"[^\w.\- ]")  # letters that MLflow does not take in a m
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """One trained model as its files say; the metrics of `curves` are (epoch, value)."""
+    """One trained model as its files say, without its learning curve."""
 
     protocol: str
     model: str
@@ -56,7 +56,6 @@ class TrainedRun:
     folder: Path
     settings: dict[str, str]  # the model's block of params.yaml as params of MLflow: `training.epochs` -> "40"
     metrics: dict[str, float]  # `<condition>.<metric>`, counts, and what was measured
-    curves: dict[str, list[tuple[int, float]]]
     tags: dict[str, str]  # units, published values, how the training ended
     content: str
 
@@ -70,6 +69,7 @@ def read_runs(experiment: str, values: Mapping) -> list[TrainedRun]:
     settings, made_by = values[experiment], params.training_command(experiment)
     columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value"]
     scores = results.read_csv(paths.scores(experiment), columns, "dvc repro evaluate")
+    rows = dict(list(scores.groupby(["protocol", "model", "seed"])))
     latency, runs = results.read_latency(experiment, settings), []
     for model in settings["models"]:
         speed = {f"latency.batch_{n}.p50_ms": latency[model, n]["p50_ms"] for n in settings["latency"]["batches"]}
@@ -79,9 +79,11 @@ def read_runs(experiment: str, values: Mapping) -> list[TrainedRun]:
             if (protocol, seed) not in seconds:
                 file = paths.shown(paths.training_times(experiment, model))
                 raise InputError(f"{file}: no row for protocol {protocol}, seed {seed}; run `{made_by}` again")
-            of_run = (scores["protocol"] == protocol) & (scores["model"] == model) & (scores["seed"] == seed)
-            measured = speed | {"train_s": seconds[protocol, seed]}
-            runs.append(_read_run(experiment, values, model, protocol, seed, scores[of_run], measured))
+            scored, measured = (
+                rows.get((protocol, model, seed), scores[:0]),
+                speed | {"train_s": seconds[protocol, seed]},
+            )
+            runs.append(_read_run(experiment, values, model, protocol, seed, scored, measured))
     return runs
 
 
@@ -108,17 +110,12 @@ def _read_run(
             f"{paths.shown(paths.scores(experiment))}: {problem} protocol {protocol}, model {model}, seed {seed}; "
             "run `dvc repro evaluate` again"
         )
-    history = results.read_csv(folder / "history.csv", ["epoch", *CURVES], made_by)
-    curves = {  # a diverged fit ends in a NaN, which no chart can draw; `stop_reason` says it
-        name: [(int(epoch), float(value)) for epoch, value in history[["epoch", name]].to_numpy() if np.isfinite(value)]
-        for name in CURVES
-    }
+    paths.require(folder / "history.csv", made_by)
     settings = _flat(fit["settings"])
     identity = [experiment, protocol, model, seed, settings, by_name, cards.digest(cards.weights_file(folder))]
     return TrainedRun(
         *(protocol, model, seed, folder, settings),
         metrics=by_name | {name: float(fit[name]) for name in COUNTS if fit[name] is not None} | measured,
-        curves=curves,
         tags=tags,
         content=hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest(),
     )
@@ -175,13 +172,20 @@ class _Writer:
         told, identity = _told(card), {"protocol": run.protocol, "seed": str(run.seed)}
         tags = run.tags | identity | {"experiment": self.experiment, "model": run.model, "content": run.content}
         tags |= {"git_commit": self.git[0], "git_changed": self.git[1], "current": "true"}
-        tags |= {"mlflow.source.name": "python -m pipeline.stages.track"}
         if "DVC_EXP_NAME" in os.environ:
             tags["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
-        tags[NOTE] = f"{label} on {self.name}, protocol {run.protocol}, seed {run.seed}.\n\n" + "\n\n".join(
-            told.values()
+        about = f"{label} on {self.name}, protocol {run.protocol}, seed {run.seed}."
+        tags[NOTE] = "\n\n".join([about, *told.values()])
+        history = results.read_csv(
+            run.folder / "history.csv", ["epoch", *CURVES], params.training_command(self.experiment)
         )
         now = int(time.time() * 1000)  # files hold no date: a run ends now, and lasts as long as its training did
+        points = [
+            Metric(name, value, now, int(epoch))
+            for name in CURVES
+            for epoch, value in history[["epoch", name]].to_numpy()
+            if np.isfinite(value)  # a diverged fit ends in a NaN, which no chart can draw; `stop_reason` says it
+        ]
         created = client.create_run(
             self.in_mlflow,
             start_time=now - round(1000 * run.metrics["train_s"]),
@@ -189,7 +193,6 @@ class _Writer:
             run_name=f"{label}, {run.protocol}, seed {run.seed}",
         )
         run_id, settings = created.info.run_id, run.settings | identity | {"model": label}
-        points = [Metric(name, value, now, epoch) for name, curve in run.curves.items() for epoch, value in curve]
         points += [Metric(name, value, now, 0) for name, value in run.metrics.items()]
         client.log_batch(run_id, params=[Param(name, value) for name, value in settings.items()])
         for first in range(0, len(points), PER_CALL):
