@@ -19,7 +19,6 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError, run_stage
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store, packages, predictor
-from pipeline.scoring import published
 from pipeline.stages import track
 from pipeline.tasks import windows
 
@@ -71,16 +70,6 @@ def tracked(tmp_path_factory):
         write_repository(root)
         track.track(PARAMS)
         yield root
-
-
-@pytest.fixture
-def repository(tmp_path, monkeypatch):
-    """A repository with results and no store."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "PARAMS", tmp_path / "params.yaml")
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    write_repository(tmp_path)
-    return tmp_path
 
 
 def client() -> mlflow.MlflowClient:
@@ -179,28 +168,21 @@ def test_a_second_call_adds_nothing_and_prints_the_comparison(tracked, capsys):
     }
 
 
-def test_a_changed_score_adds_a_run_and_the_old_one_stays(tracked):
-    first = current()[LINEAR]
-    former = change(paths.scores("touch"), "value", 8.75)
-    (new,) = new_runs()
-    assert (new.data.metrics["single.rmse"], first.data.metrics["single.rmse"]) == (8.75, 8.5)
-    assert current()[LINEAR].info.run_id == new.info.run_id
-    assert all_runs()[first.info.run_id].data.tags["current"] == "false"
-    paths.scores("touch").write_text(former)
-    assert not new_runs()  # the old result again is the old run again
-    assert current()[LINEAR].info.run_id == first.info.run_id
-
-
-def test_other_weights_are_another_run_and_other_times_are_not(tracked):
+def test_another_result_adds_a_run_and_the_old_one_stays(tracked):
+    first = current()[LINEAR].info.run_id
     change(paths.latency("touch"), "p50_ms", 0.9)
-    assert not new_runs()
+    assert not new_runs()  # times are no part of a result
+    former = change(paths.scores("touch"), "value", 8.75)
     weights = paths.run_folder("touch", "lomp", "press", 1) / "estimator.skops"
-    former = weights.read_bytes()
-    weights.write_bytes(b"other weights")
-    (new,) = new_runs()
-    assert (new.data.tags["model"], new.data.tags["seed"]) == ("lomp", "1")
-    weights.write_bytes(former)
-    track.track(PARAMS)
+    trained = weights.read_bytes()
+    weights.write_bytes(b"trained anew")
+    new = {(run.data.tags["model"], run.data.tags["seed"]): run for run in new_runs()}
+    assert new.keys() == {LINEAR, ("lomp", "1")} and new[LINEAR].data.metrics["single.rmse"] == 8.75
+    assert current()[LINEAR].info.run_id == new[LINEAR].info.run_id
+    assert all_runs()[first].data.tags["current"] == "false"
+    paths.scores("touch").write_text(former)
+    weights.write_bytes(trained)
+    assert not new_runs() and current()[LINEAR].info.run_id == first  # the old result again is the old run again
 
 
 def test_a_failed_run_is_logged(tracked):
@@ -225,15 +207,12 @@ def test_what_was_deleted_or_left_half_way_is_logged_anew(tracked):
     assert not {deleted, unfinished} & {run.info.run_id for run in current().values()}
 
 
-def test_a_deleted_experiment_is_one_sentence(tracked):
+def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(tracked, monkeypatch, tmp_path):
     number = client().get_experiment_by_name("touch").experiment_id
     client().delete_experiment(number)
     with pytest.raises(InputError, match=f"experiment touch was deleted there.*restore -x {number}"):
         track.track(PARAMS)
     client().restore_experiment(number)
-
-
-def test_a_copied_store_is_one_sentence(tracked, monkeypatch, tmp_path):
     shutil.copytree(tracked, tmp_path / "copy")
     monkeypatch.setattr(paths, "ROOT", tmp_path / "copy")
     with pytest.raises(InputError, match=r"^mlruns/mlflow.db: .* moved or copied; delete mlruns"):
@@ -274,21 +253,22 @@ def test_a_run_of_an_unknown_id_is_one_sentence(tracked, tmp_path):
         ("models/lomp/press-1/estimator.skops", "data/touch/models/lomp/press-1: no network.safetensors or"),
     ],
 )
-def test_a_missing_file_is_named_and_nothing_is_logged(repository, file, named):
-    (repository / "data" / "touch" / file).unlink()
+def test_a_missing_file_is_named_and_nothing_is_logged(tracked, file, named):
+    path, before = tracked / "data" / "touch" / file, all_runs().keys()
+    away = path.rename(path.with_suffix(".away"))
     with pytest.raises(InputError, match=named):
         track.track(PARAMS)
-    assert not (repository / "mlruns").exists()
+    away.rename(path)
+    assert all_runs().keys() == before
 
 
-def test_missing_rows_and_other_settings_are_named(repository):
-    table = pd.read_csv(paths.scores("touch"))
-    table[table["seed"] == 0].to_csv(paths.scores("touch"), index=False)
-    with pytest.raises(InputError, match=r"scores.csv: no row for protocol press, model linear, seed 1"):
+def test_missing_rows_and_other_settings_are_named(tracked):
+    former = change(paths.scores("touch"), "seed", 7)
+    with pytest.raises(InputError, match=r"scores.csv: no row for protocol press, model linear, seed 0"):
         track.track(PARAMS)
+    paths.scores("touch").write_text(former)
     other = copy.deepcopy(PARAMS)
     other["touch"]["models"]["lomp"]["hidden"] = 16
-    table.to_csv(paths.scores("touch"), index=False)
     with pytest.raises(InputError, match=r"press-0/fit.json: was made with other settings than touch.models.lomp"):
         track.track(other)
 
@@ -297,7 +277,7 @@ def test_missing_rows_and_other_settings_are_named(repository):
     "uri",
     ["http://me:s3cret@127.0.0.1:9", "http://127.0.0.1:9/?token=s3cret", "postgresql://me:s3cret@127.0.0.1:9/runs"],
 )
-def test_an_unreachable_store_is_one_sentence_without_secrets(repository, uri, monkeypatch, capfd, caplog):
+def test_an_unreachable_store_is_one_sentence_without_secrets(tracked, uri, monkeypatch, capfd, caplog):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
     with pytest.raises(SystemExit) as ended:
@@ -308,32 +288,20 @@ def test_an_unreachable_store_is_one_sentence_without_secrets(repository, uri, m
     assert "s3cret" not in mlflow_store.link("1", "press", "single.rmse", ascending=True)
 
 
-def test_a_locked_or_damaged_store_is_one_sentence(repository, tracked, monkeypatch):
-    (repository / "mlruns").mkdir()
-    database = repository / "mlruns" / "mlflow.db"
-    database.write_text("not a database" * 100)
-    with pytest.raises(InputError, match=r"^mlruns/mlflow.db: the MLflow store cannot be used .*not a database"):
-        track.track(PARAMS)
-    shared = repository / "shared.db"
-    shutil.copy(tracked / "mlruns" / "mlflow.db", shared)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{shared}")
-    with sqlite3.connect(shared) as other:
+def test_a_locked_or_damaged_store_is_one_sentence(tracked, monkeypatch, tmp_path):
+    with sqlite3.connect(tracked / "mlruns" / "mlflow.db") as other:
         other.execute("begin exclusive")
-        with pytest.raises(InputError, match="the MLflow store cannot be used.*locked.*close what else uses it"):
+        with pytest.raises(InputError, match="^mlruns/mlflow.db: .* cannot be used .*locked.*close what else uses it"):
             track.track(PARAMS)
+    (tmp_path / "damaged.db").write_text("not a database" * 100)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'damaged.db'}")
+    with pytest.raises(InputError, match="cannot be used .*not a database.*move a damaged file away"):
+        track.track(PARAMS)
 
 
-def test_runs_of_a_copy_that_dvc_made_go_to_the_checkout(repository, monkeypatch, tmp_path_factory):
+def test_runs_of_a_copy_that_dvc_made_go_to_the_checkout(tracked, monkeypatch, tmp_path):
     """DVC_ROOT is also set where a stage of another project starts this one."""
-    other = tmp_path_factory.mktemp("other")
-    monkeypatch.setenv("DVC_ROOT", str(other))
-    assert mlflow_store.folder() == repository / "mlruns"
-    monkeypatch.setattr(paths, "ROOT", other / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx")
-    assert mlflow_store.folder() == other / "mlruns"
-
-
-def test_published_values_are_in_our_units():
-    assert published.score("glove", "sp_resnet", "combined", "macro_precision") == 0.955
-    assert published.score("strain", "lstm_direct", "task_2", "error") == 27.0
-    missing = [("touch", "tree", "tape", "rmse"), ("glove", "tree", "strain", "accuracy"), ("own", "a", "b", "rmse")]
-    assert all(np.isnan(published.score(*row)) for row in missing)
+    monkeypatch.setenv("DVC_ROOT", str(tmp_path))
+    assert mlflow_store.folder() == tracked / "mlruns"
+    monkeypatch.setattr(paths, "ROOT", tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx")
+    assert mlflow_store.folder() == tmp_path / "mlruns"
