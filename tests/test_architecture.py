@@ -24,7 +24,7 @@ ARROWS = {
     "studies": {"reporting/page", "stability"},
     "commands": {"live", "reporting/page", "stability", "twins"},
     "live": {"inference"},
-    "inference": {"reporting/figures", "tasks", "tracking"},
+    "inference": {"reporting/figures", "tasks"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
     "twins": {"experiments", "scenes", "scoring"},
@@ -40,7 +40,6 @@ ARROWS = {
     "experiments": {"logs"},
     "logs": {"datasets"},
     "datasets": {"base"},
-    "tracking": {"scoring"},
     "base": {"settings"},
     "settings": set(),  # pydantic classes; of a model's file it reads the class of its settings, and imports nothing
 }

@@ -125,7 +125,7 @@ def test_analytics_are_off_and_the_documented_server_listens_on_loopback():
     assert re.search(r"analytics\s*=\s*false", config)
     servers = re.findall(r"mlflow (?:ui|server)[^`]*?(?=\n```)", (ROOT / "docs" / "runs.md").read_text())
     assert servers and all("--host 127.0.0.1" in command for command in servers)
-    assert "MLFLOW_DISABLE_TELEMETRY" in (ROOT / "pipeline" / "tracking.py").read_text()
+    assert "MLFLOW_DISABLE_TELEMETRY" in (ROOT / "pipeline" / "inference" / "mlflow_store.py").read_text()
 
 
 def test_settings_are_plain_data():

@@ -18,8 +18,8 @@ NO_NUMBER = ("base", "settings")  # rooms that can change no number: what they r
 
 
 def room(file: str) -> str:
-    """Return the room of a file; tracking.py has one of its own."""
-    return "/".join(Path(file).parts[1:-1]) or Path(file).stem
+    """Return the room of a file."""
+    return "/".join(Path(file).parts[1:-1])
 
 
 def imported_names(file: str) -> frozenset[str]:

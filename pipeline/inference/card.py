@@ -87,7 +87,9 @@ def weights_file(folder: Path) -> Path:
     for name in WEIGHTS:
         if (folder / name).is_file():
             return folder / name
-    raise InputError(f"{paths.shown(folder)}: no {' or '.join(WEIGHTS)} in it; name the folder of a saved model")
+    raise InputError(
+        f"{paths.shown(folder)}: no {' or '.join(WEIGHTS)} in it; train it again, or name the folder of a saved model"
+    )
 
 
 def digest(path: Path) -> str:

@@ -14,7 +14,7 @@ class TrainedModel(PythonModel):
     """A saved model with its card; MLflow has checked readings against its signature."""
 
     def load_context(self, context) -> None:
-        """Load weights and card, which lie beside this file. Raises InputError where they do not belong together."""
+        """Load weights and card, which lie in one folder. Raises InputError where they do not belong together."""
         try:
             from pipeline.inference import predictor
         except ModuleNotFoundError as error:
@@ -24,7 +24,7 @@ class TrainedModel(PythonModel):
                 "the model needs the code that made it: run `pip install -e .` in a checkout of the commit in its card",
                 name=error.name,
             ) from error
-        self.predictor = predictor.load(Path(context.artifacts["package"]))
+        self.predictor = predictor.load(Path(context.artifacts["card"]).parent)
 
     def predict(self, context, model_input: np.ndarray, params=None) -> np.ndarray:
         """Return one prediction per reading of a recording, (n, *output_shape) float32; NaN before a whole window."""

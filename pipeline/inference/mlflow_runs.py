@@ -1,21 +1,31 @@
-"""Make the files of a run in MLflow a model that `mlflow.pyfunc.load_model` opens, and take a model out of a run.
+"""Log every trained model of an experiment as a run of MLflow, from the files that the stages wrote.
 
-Nothing is pickled: the model is the file mlflow_model.py, a card and the weights that the run has anyway.
+A run is known by its content, a digest of settings, scores and weights. So a second call logs nothing, and a changed
+result is a new run. No run is ever deleted or changed, but for its tag `current`: "true" where the last call found its
+content among the results, "false" where it did not. Times (`train_s`, `latency.*`) are no part of the content.
 """
 
+import hashlib
 import importlib.metadata
+import json
+import os
+import re
+import tempfile
+import time
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from pipeline import experiments, tracking
-from pipeline.base import paths
+from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
-from pipeline.datasets import images, schemas
+from pipeline.datasets import fits
 from pipeline.inference import card as cards
-from pipeline.inference.describer import Describer
+from pipeline.inference import mlflow_store
+from pipeline.reporting.words import labels
+from pipeline.scoring import published, results
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
 # What a loaded model imports, and pandas, which MLflow hands it tables with. MLflow finds this out in seconds a model.
@@ -24,113 +34,237 @@ REQUIRED = (
     *("skops", "threadpoolctl", "torch"),
 )
 PREDICTED = 4  # readings of the input example that have a prediction
+CURVES = ("train_loss", "validation_loss", "learning_rate")
+COUNTS = ("best_epoch", "epochs", "parameters", "macs")
+PER_CALL = 1000  # metrics that MLflow takes at once
+NOTE = "mlflow.note.content"  # the tag that MLflow shows as the description of a run or an experiment
+ABOUT = (
+    "one run per trained model, protocol and seed. Metrics are `<condition>.<metric>` on the test part, in the unit of "
+    "the tag `unit.<metric>`; the tag `published.<condition>.<metric>` is what the paper prints, in the same unit, on "
+    "its own split. `train_s` is in s, `latency.*` in ms. The tag `current` is true for the results logged last."
+)
+NOT_TAKEN = re.compile(r"[^\w.\- ]")  # letters that MLflow does not take in a metric's name
 
 
-class Writer:
-    """Writes the models of many runs, and reads what the runs of an experiment share once."""
+@dataclass(frozen=True)
+class TrainedRun:
+    """One trained model as its files say, without its learning curve."""
 
-    def __init__(self, values: Mapping):
-        """Take params.yaml as nested dictionaries."""
-        self.values = values
-        self._of_experiment: dict[str, tuple[Describer, np.ndarray]] = {}
-        versions = {name: importlib.metadata.version(name).partition("+")[0] for name in REQUIRED}
-        self._requirements = [f"{name}=={version}" for name, version in versions.items()]
+    protocol: str
+    model: str
+    seed: int
+    folder: Path
+    settings: dict[str, str]  # the model's block of params.yaml as params of MLflow: `training.epochs` -> "40"
+    metrics: dict[str, float]  # `<condition>.<metric>`, counts, and what was measured
+    tags: dict[str, str]  # units, published values, how the training ended
+    content: str
 
-    def write(self, run: tracking.TrackedRun, logged, folder: Path) -> str:
-        """Write what makes the files of a run a model into `folder`, to lie beside them; return its description.
 
-        logged: the MLflow run that gets the files; the same one gets the same files again. Raises InputError where
-        frames or dataset of the experiment are missing.
-        """
+def read_runs(experiment: str, values: Mapping) -> list[TrainedRun]:
+    """Read every run that params.yaml (`values`) lists for an experiment: model, then protocol, then seed.
+
+    Raises InputError that names the first file, column or row that is missing, or the first model made with other
+    settings: a run is complete, or it is not logged.
+    """
+    settings, made_by = values[experiment], params.training_command(experiment)
+    columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value"]
+    scores = results.read_csv(paths.scores(experiment), columns, "dvc repro evaluate")
+    rows = dict(list(scores.groupby(["protocol", "model", "seed"])))
+    latency, runs = results.read_latency(experiment, settings), []
+    for model in settings["models"]:
+        speed = {f"latency.batch_{n}.p50_ms": latency[model, n]["p50_ms"] for n in settings["latency"]["batches"]}
+        times = results.read_csv(paths.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
+        seconds = {(row.protocol, row.seed): row.train_s for row in times.itertuples()}
+        for protocol, seed in params.runs(values, experiment):
+            if (protocol, seed) not in seconds:
+                file = paths.shown(paths.training_times(experiment, model))
+                raise InputError(f"{file}: no row for protocol {protocol}, seed {seed}; run `{made_by}` again")
+            scored, measured = (
+                rows.get((protocol, model, seed), scores[:0]),
+                speed | {"train_s": seconds[protocol, seed]},
+            )
+            runs.append(_read_run(experiment, values, model, protocol, seed, scored, measured))
+    return runs
+
+
+def _read_run(
+    experiment: str, values: Mapping, model: str, protocol: str, seed: int, scores: pd.DataFrame, measured: dict
+) -> TrainedRun:
+    """Read the folder of one run; scores: its rows of scores.csv, measured: its times."""
+    made_by, folder = params.training_command(experiment), paths.run_folder(experiment, model, protocol, seed)
+    fit = fits.read(folder, made_by)
+    if fit["settings"] != params.run_settings(values, experiment, model, protocol):
+        raise InputError(
+            f"{paths.shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
+            "params.yaml; run `dvc repro`"
+        )
+    by_name, tags = {}, {"stop_reason": str(fit["stop_reason"]), "precision": str(fit["precision"])}
+    for row in scores.itertuples():
+        name = f"{NOT_TAKEN.sub('_', row.condition)}.{row.metric}"
+        by_name[name], tags[f"unit.{row.metric}"] = float(row.value), str(row.unit)
+        if np.isfinite(printed := published.score(experiment, model, row.condition, row.metric)):
+            tags[f"published.{name}"] = str(printed)
+    if not by_name or len(by_name) < len(scores):
+        problem = "two rows for the same condition and metric of" if by_name else "no row for"
+        raise InputError(
+            f"{paths.shown(paths.scores(experiment))}: {problem} protocol {protocol}, model {model}, seed {seed}; "
+            "run `dvc repro evaluate` again"
+        )
+    paths.require(folder / "history.csv", made_by)
+    settings = _flat(fit["settings"])
+    identity = [experiment, protocol, model, seed, settings, by_name, cards.digest(cards.weights_file(folder))]
+    return TrainedRun(
+        *(protocol, model, seed, folder, settings),
+        metrics=by_name | {name: float(fit[name]) for name in COUNTS if fit[name] is not None} | measured,
+        tags=tags,
+        content=hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest(),
+    )
+
+
+def log(client, experiment: str, values: Mapping, runs: list[TrainedRun]) -> tuple[int, str]:
+    """Log those of `runs`, as `read_runs` returns them, that the store lacks, and mark all of them as the current ones.
+
+    client: MlflowClient. Return the number of new runs, and the link that compares those of the first protocol.
+    """
+    in_mlflow = mlflow_store.experiment_id(client, experiment)
+    page = client.search_runs([in_mlflow], "tags.content LIKE '%'")
+    held = list(page)
+    while page.token:
+        page = client.search_runs([in_mlflow], "tags.content LIKE '%'", page_token=page.token)
+        held += page
+    for run in held:
+        if run.info.status == "RUNNING":  # what a call that was killed left half-way
+            client.set_terminated(run.info.run_id, "KILLED")
+    known = {run.data.tags["content"]: run.info.run_id for run in held if run.info.status == "FINISHED"}
+    new = [run for run in runs if run.content not in known]
+    if new:
+        writer = _Writer(client, in_mlflow, experiment, values)
+        known |= {run.content: writer.write(run) for run in new}
+    current = {known[run.content] for run in runs}
+    for run in held:  # after the new ones are complete
+        if run.data.tags.get("current") != (mark := str(run.info.run_id in current).lower()):
+            client.set_tag(run.info.run_id, "current", mark)
+    first = next(iter(runs[0].metrics))  # of scores.csv
+    ascending = results.scale_of(first.rpartition(".")[2]) == results.PLAIN
+    return len(new), mlflow_store.link(in_mlflow, runs[0].protocol, first, ascending)
+
+
+class _Writer:
+    """Writes runs of one experiment into the store; what they share is read once."""
+
+    def __init__(self, client, in_mlflow: str, experiment: str, values: Mapping):
+        from pipeline.inference.describer import Describer  # here, because the import of torch takes 2 s
+
+        self.client, self.in_mlflow, self.experiment = client, in_mlflow, experiment
+        self.name, self.git = labels.experiment_name(experiment), provenance.git_state()
+        self.describer, self.readings = Describer(values, experiment), _readings(experiment, values[experiment])
+        self.required = [f"{name}=={importlib.metadata.version(name).partition('+')[0]}" for name in REQUIRED]
+        protocol, seed = params.runs(values, experiment)[0]
+        card = self.describer.without_scores(next(iter(values[experiment]["models"])), protocol, seed, self.git[0])
+        client.set_experiment_tag(in_mlflow, NOTE, f"{self.name}: {ABOUT}\n\n{_told(card)['readings']}")
+
+    def write(self, run: TrainedRun) -> str:
+        """Log one run and return its id; its status is FINISHED only when everything has been logged."""
+        from mlflow.entities import Metric, Param  # here, because mlflow_store says first how MLflow starts
+
+        client, label = self.client, labels.model_name(run.model)
+        card = self.describer.card(run.model, run.protocol, run.seed, self.git[0])
+        told, identity = _told(card), {"protocol": run.protocol, "seed": str(run.seed)}
+        tags = run.tags | identity | {"experiment": self.experiment, "model": run.model, "content": run.content}
+        tags |= {"git_commit": self.git[0], "git_changed": self.git[1], "current": "true"}
+        if "DVC_EXP_NAME" in os.environ:
+            tags["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
+        about = f"{label} on {self.name}, protocol {run.protocol}, seed {run.seed}."
+        tags[NOTE] = "\n\n".join([about, *told.values()])
+        history = results.read_csv(
+            run.folder / "history.csv", ["epoch", *CURVES], params.training_command(self.experiment)
+        )
+        now = int(time.time() * 1000)  # files hold no date: a run ends now, and lasts as long as its training did
+        points = [
+            Metric(name, value, now, int(epoch))
+            for name in CURVES
+            for epoch, value in history[["epoch", name]].to_numpy()
+            if np.isfinite(value)  # a diverged fit ends in a NaN, which no chart can draw; `stop_reason` says it
+        ]
+        created = client.create_run(
+            self.in_mlflow,
+            start_time=now - round(1000 * run.metrics["train_s"]),
+            tags=tags,
+            run_name=f"{label}, {run.protocol}, seed {run.seed}",
+        )
+        run_id, settings = created.info.run_id, run.settings | identity | {"model": label}
+        points += [Metric(name, value, now, 0) for name, value in run.metrics.items()]
+        client.log_batch(run_id, params=[Param(name, value) for name, value in settings.items()])
+        for first in range(0, len(points), PER_CALL):
+            client.log_batch(run_id, metrics=points[first : first + PER_CALL])
+        for file in (paths.PARAMS, run.folder / "fit.json", run.folder / "history.csv"):
+            client.log_artifact(run_id, str(file))
+        with tempfile.TemporaryDirectory() as draft:
+            self._save(Path(draft), run, card)
+            client.log_artifacts(run_id, str(Path(draft, mlflow_store.MODEL)), mlflow_store.MODEL)
+        client.set_terminated(run_id, end_time=now)
+        return run_id
+
+    def _save(self, draft: Path, run: TrainedRun, card: cards.Card) -> None:
+        """Write a model of MLflow into a folder of the folder `draft`; nothing in it is pickled."""
         import mlflow.pyfunc
-        from mlflow.models import Model, ModelSignature
+        from mlflow.models import ModelSignature
         from mlflow.types import Schema, TensorSpec
 
-        if run.experiment not in self._of_experiment:
-            describer = Describer(self.values, run.experiment)
-            self._of_experiment[run.experiment] = describer, _readings(run.experiment, self.values[run.experiment])
-        describer, readings = self._of_experiment[run.experiment]
-        card = describer.card(run.model, run.protocol, run.seed, logged.data.tags.get("git_commit", "unknown"))
-        shapes, number = card.shapes, np.dtype("float32")
-        of_maps, outputs = card.kind == "windows", shapes.map_rows * shapes.map_cols
-        predicted = (shapes.map_rows, shapes.map_cols) if of_maps else (outputs,)
-        whole = (shapes.frames - 1) * card.inputs.frame_step if of_maps else 0
-        model = Model(
-            artifact_path=tracking.MODEL,
-            run_id=logged.info.run_id,
-            utc_time_created=datetime.fromtimestamp(logged.info.start_time / 1000, UTC).replace(tzinfo=None),
-            model_uuid=logged.info.run_id,
-        )
-        told = _description(card, predicted, whole)
+        number = np.dtype("float32")
+        taken, predicted = TensorSpec(number, (-1, card.inputs.columns)), TensorSpec(number, (-1, *_shape(card)))
+        cards.write(draft, card)
         mlflow.pyfunc.save_model(
-            folder,
+            draft / mlflow_store.MODEL,
             python_model=str(CODE),
-            mlflow_model=model,
-            signature=ModelSignature(
-                Schema([TensorSpec(number, (-1, card.inputs.columns))]), Schema([TensorSpec(number, (-1, *predicted))])
-            ),
-            input_example=readings[: whole + PREDICTED],
-            pip_requirements=self._requirements,
-            metadata={"experiment": run.experiment, "protocol": run.protocol, "model": run.model, "seed": run.seed}
-            | told,
+            artifacts={"card": str(draft / cards.NAME), "weights": str(cards.weights_file(run.folder))},
+            signature=ModelSignature(Schema([taken]), Schema([predicted])),
+            input_example=self.readings[: _before(card) + PREDICTED],
+            pip_requirements=self.required,
+            metadata=_told(card),
         )
-        flavour = model.flavors[mlflow.pyfunc.FLAVOR_NAME]
-        flavour["model_code_path"] = CODE.name
-        flavour["artifacts"] = {"package": {"path": ".", "uri": "."}}  # the card is written here, the weights are there
-        cards.write(folder, card)
-        model.model_size_bytes = sum(
-            path.stat().st_size for place in (folder, run.folder) for path in place.rglob("*") if path.is_file()
-        )
-        model.save(folder / "MLmodel")
-        return "\n\n".join(f"{name}: {text}" for name, text in told.items())
 
 
-def _description(card: cards.Card, predicted: tuple[int, ...], whole: int) -> dict[str, str]:
-    """Say what goes in and out; whole: readings that have no prediction, before a window is whole."""
+def _shape(card: cards.Card) -> tuple[int, ...]:
+    """Return the shape of one prediction: (rows, columns) of a map, or (outputs,)."""
+    shapes = card.shapes
+    return (shapes.map_rows, shapes.map_cols) if card.kind == "windows" else (shapes.map_rows * shapes.map_cols,)
+
+
+def _before(card: cards.Card) -> int:
+    """Return the number of readings that have no prediction, before a window is whole."""
+    return (card.shapes.frames - 1) * card.inputs.frame_step if card.kind == "windows" else 0
+
+
+def _told(card: cards.Card) -> dict[str, str]:
+    """Say in words what a model takes and gives, with shapes and units."""
     inputs, outputs = card.inputs, card.outputs
-    shape = ", ".join(map(str, ("n", *predicted)))
-    said = f"float32 ({shape}) in {outputs.unit}, one per reading"
+    said = f"float32 ({', '.join(map(str, ('n', *_shape(card))))}) in {outputs.unit}, one per reading"
     if outputs.names:
         said += f": {', '.join(outputs.names)}"
-    if whole:
-        said += f"; where a model takes whole windows, NaN for the first {whole}"
+    if before := _before(card):
+        said += f"; where a model takes whole windows, NaN for the first {before}"
     taken = f"float32 (n, {inputs.columns}) in {inputs.unit}, {inputs.order}; one every {inputs.interval_s:g} s"
-    return {"readings": taken, "predictions": said}
+    return {"readings": f"Readings: {taken}.", "predictions": f"Predictions: {said}."}
 
 
 def _readings(experiment: str, settings: Mapping) -> np.ndarray:
     """Return the readings of an experiment's frames, (n, columns) float32."""
+    from pipeline import experiments
+    from pipeline.datasets import images, schemas
+
     schema = experiments.module(experiment).frames_schema(settings)
     names = ["v"] if "v" in schema.names else images.reading_columns(schema)
     frames = schemas.read(paths.require(paths.frames(experiment), "dvc repro evaluate"), names)
     return np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1).astype(np.float32)
 
 
-def downloaded(run_id: str, target: Path) -> Path:
-    """Copy weights and card of an MLflow run below the new folder `target`, and return their folder, a package.
-
-    The run is looked for in the store of this checkout, or the one that MLFLOW_TRACKING_URI names. Raises InputError
-    where there is no such run, or it holds no model.
-    """
-    if not tracking.store.server() and not tracking.store.database().is_file():
-        raise InputError(f"{run_id}: this checkout has no MLflow runs; run `dvc repro`, or set MLFLOW_TRACKING_URI")
-    from mlflow.exceptions import MlflowException
-
-    with tracking.opened("repeat the command") as client:
-        try:
-            client.get_run(run_id)
-        except MlflowException as error:
-            if error.error_code != "RESOURCE_DOES_NOT_EXIST":
-                raise
-            raise InputError(f"{run_id}: no such run in MLflow; copy the run's id from its page there") from error
-        held = {Path(file.path).name for file in client.list_artifacts(run_id, tracking.MODEL)}
-        weights = [name for name in cards.WEIGHTS if name in held]
-        if cards.NAME not in held or not weights:
-            raise InputError(
-                f"{run_id}: this MLflow run holds no model with {cards.NAME}; run `python -m pipeline.stages.track`, "
-                "which adds it to the present results"
-            )
-        target.mkdir(parents=True)
-        for name in (cards.NAME, *weights):
-            copied = client.download_artifacts(run_id, f"{tracking.MODEL}/{name}", str(target))
-    return Path(copied).parent
+def _flat(settings: Mapping, prefix: str = "") -> dict[str, str]:
+    """Return nested settings as MLflow's params: `{"a": {"b": 1}}` becomes `{"a.b": "1"}`."""
+    flat = {}
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = value if isinstance(value, str) else json.dumps(value)
+    return flat

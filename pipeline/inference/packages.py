@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline.base import params, paths
+from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.inference import card as cards
 from pipeline.inference.describer import Describer
@@ -30,10 +30,8 @@ def make(values: Mapping, experiment: str, model: str, protocol: str, seed: int,
 
 def of_run(values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> cards.Card:
     """Return the card of one run of params.yaml; errors as `make`."""
-    from pipeline import tracking  # here, because the import of MLflow takes a second
-
-    card = Describer(values, experiment).card(model, protocol, seed, tracking.git_state()[0])
-    tracking.check_settings([experiment], values)
+    card = Describer(values, experiment).card(model, protocol, seed, provenance.git_state()[0])
+    provenance.check_settings([experiment], values)
     return card
 
 
@@ -48,9 +46,9 @@ def locate(name: str, values: Mapping, draft: Path) -> tuple[Path, str]:
     if Path(name, cards.NAME).is_file():
         return Path(name), "folder"
     if RUN_ID.fullmatch(name):
-        from pipeline.inference import mlflow_runs  # here, because the import of MLflow takes a second
+        from pipeline.inference import mlflow_store  # here, because the import of MLflow takes a second
 
-        return mlflow_runs.downloaded(name, draft), "from MLflow"
+        return mlflow_store.downloaded(name, draft), "from MLflow"
     words = name.strip("/").split("/")
     if len(words) not in (2, 4) or words[0] not in values["experiments"]:
         raise InputError(

@@ -42,6 +42,13 @@ CONDITIONS = {"single touch": "single", "double touch": "double", "single touch 
 CONDITIONS |= {"task 1": "task_1", "task 2": "task_2"}
 COUNTS = {"multiply-accumulates": "macs", "parameters": "params"}
 
+# Experiment -> paper, the metric of scores.csv that it prints, its name there, how many of its units are one of ours.
+SCORES = {
+    "touch": ("lomp", "rmse", "RMSE", 1),
+    "strain": ("latent", "error", "test error", 1),
+    "glove": ("sp_resnet", "macro_precision", "precision", 100),
+}
+
 
 @cache
 def _rows(paper: str) -> dict[tuple[str, str, str], tuple[str, str]]:
@@ -59,6 +66,12 @@ def number(paper: str, model: str, condition: str, metric: str) -> float:
     """Return the number that a paper prints for a model, NaN where there is none."""
     value, _ = _rows(paper).get((model, condition, metric), (np.nan, ""))
     return float(value)
+
+
+def score(experiment: str, model: str, condition: str, metric: str) -> float:
+    """Return what a paper prints for a row of scores.csv, in that row's unit; NaN where it prints nothing."""
+    paper, ours, printed, units = SCORES.get(experiment, ("", "", "", 1))
+    return round(number(paper, model, condition, printed) / units, 6) if metric == ours else float("nan")
 
 
 def rmse(model: str, condition: str = "single") -> float:

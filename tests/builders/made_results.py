@@ -47,11 +47,14 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
     pd.DataFrame(scores, columns=SCORES).to_csv(touch / "scores.csv", index=False)
     pd.DataFrame(
         [
-            ("touch", model, batch, 1, 0.5, 0.4, 0.6, 0.7, 17, 17, 999)
+            ("touch", model, batch, 1, 0.5, 0.4, 0.6, 0.7, 17, 17, 2.0, 999)
             for model in settings["models"]
             for batch in (1, 256)
         ],
-        columns="experiment model batch threads p50_ms p50_low_ms p50_high_ms p95_ms params macs size_bytes".split(),
+        columns=[
+            *"experiment model batch threads p50_ms p50_low_ms p50_high_ms p95_ms".split(),
+            *"params macs train_s size_bytes".split(),
+        ],
     ).to_csv(touch / "speed" / "latency.csv", index=False)
     (touch / "ingest.json").write_text('{"run": true}')
     n, elements = 40, settings["sensor"]["rows"] * settings["sensor"]["cols"]

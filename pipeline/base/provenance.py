@@ -1,0 +1,73 @@
+"""Say what the results were made with: the commit of the working tree, and the settings that dvc.lock noted."""
+
+import subprocess
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+
+
+def git_state() -> tuple[str, str]:
+    """Return the commit of the working tree, and "true" if code or params differ from it, else "false".
+
+    `dvc.lock` and `reports/` do not count: the pipeline itself has just written them.
+    """
+    try:
+        top, commit = _git("rev-parse", "--show-toplevel", "HEAD").split("\n")
+        if Path(top) != paths.ROOT.resolve():  # a copy that lies inside somebody else's repository
+            raise ValueError
+        changes = _git("status", "--porcelain", "--", ".", ":!dvc.lock", ":!reports")
+    except (OSError, ValueError, subprocess.CalledProcessError):
+        return "unknown (not a git checkout)", "unknown (not a git checkout)"
+    return commit, "true" if changes else "false"
+
+
+def check_settings(experiments: Iterable[str], params: dict) -> None:
+    """Raise InputError if DVC made the results of `experiments` with other settings than `params`.
+
+    Results that dvc.lock does not know, such as those of stages run by hand, cannot be checked.
+    """
+    path = paths.ROOT / "dvc.lock"
+    if not path.is_file():
+        return
+    try:
+        stages = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["stages"].values()
+        made_with = {
+            out["path"]: dict(stage.get("params", {}).get("params.yaml", {}))
+            for stage in stages
+            for out in stage.get("outs", [])
+        }
+    except (YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError("dvc.lock: was cut short or damaged; delete it and run `dvc repro`") from error
+    for experiment in experiments:
+        for output in (paths.scores(experiment), paths.models(experiment)):
+            for dotted, value in made_with.get(paths.shown(output), {}).items():
+                wanted = params
+                for key in dotted.split("."):
+                    wanted = wanted.get(key) if isinstance(wanted, Mapping) else None
+                if key := _difference(value, wanted, dotted):
+                    file = paths.shown(output)
+                    raise InputError(
+                        f"params.yaml, {key}: {file} was made with another value, says dvc.lock; run `dvc repro`"
+                    )
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(paths.ROOT), *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def _difference(made_with, wanted, where: str) -> str | None:
+    """Return the dotted key of the first setting in which two blocks differ, None if there is none."""
+    if isinstance(made_with, Mapping) and isinstance(wanted, Mapping):
+        for key in [*made_with, *wanted]:
+            if key not in made_with or key not in wanted:
+                return f"{where}.{key}"
+            if deeper := _difference(made_with[key], wanted[key], f"{where}.{key}"):
+                return deeper
+        return None
+    return None if made_with == wanted else where

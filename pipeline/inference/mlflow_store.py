@@ -1,0 +1,130 @@
+"""Open MLflow's store: `mlruns/mlflow.db` of this checkout, or the one that MLFLOW_TRACKING_URI names."""
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import quote, urlencode
+
+from pipeline.base import paths
+from pipeline.base.errors import InputError, storage_error
+from pipeline.inference import card as cards
+
+os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"  # read by mlflow when it is imported
+os.environ["MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT"] = "true"  # two lines a run, where a server is used
+os.environ["MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR"] = "false"  # two bars a run
+os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "2")  # 7 retries of a dead server take 4 minutes
+
+from mlflow import MlflowClient
+from mlflow.exceptions import MlflowException
+from mlflow.store.db.db_types import DATABASE_ENGINES
+from sqlalchemy.exc import SQLAlchemyError
+
+MODEL = "model"  # folder of a run that MLflow opens as a model
+PACKAGE = f"{MODEL}/artifacts"  # weights and card in it, where MLflow puts the files of a model
+TRACK = "run `python -m pipeline.stages.track` again"
+UI = "http://127.0.0.1:5055"  # where docs/runs.md starts `mlflow ui`
+
+for name in ("alembic", "mlflow", "urllib3"):  # what goes wrong reaches the user as one InputError, without addresses
+    logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+def folder() -> Path:
+    """Return `mlruns`, the default store: `mlflow.db` and the runs' `artifacts`.
+
+    `dvc exp run --queue` and `--temp` work in a copy below the checkout's `.dvc/tmp/exps`, which DVC then removes. The
+    runs go to the checkout, which DVC_ROOT names.
+    """
+    origin = Path(os.environ.get("DVC_ROOT", paths.ROOT)).resolve()
+    copied = paths.ROOT.resolve().is_relative_to(origin / ".dvc" / "tmp" / "exps")
+    return (origin if copied else paths.ROOT) / "mlruns"
+
+
+def server() -> str | None:
+    """Return the address in MLFLOW_TRACKING_URI, a server's or a database's; None for the default store."""
+    return os.environ.get("MLFLOW_TRACKING_URI") or None
+
+
+@contextmanager
+def opened(then: str = TRACK) -> Iterator[MlflowClient]:
+    """Give the block a client of the store; an error of the store becomes one sentence that ends with `then`.
+
+    The sentence names no address, and gives no reason that could quote one with a password in it.
+    """
+    uri = server()
+    try:
+        if uri is None:
+            folder().mkdir(parents=True, exist_ok=True)
+        client = MlflowClient(tracking_uri=uri or f"sqlite:///{folder() / 'mlflow.db'}")
+        client.search_experiments(max_results=1)
+        yield client
+    except (MlflowException, SQLAlchemyError, OSError, ImportError) as error:
+        where = "MLFLOW_TRACKING_URI" if uri else "mlruns/mlflow.db"
+        reason = type(error).__name__ if uri and set("@?") & set(uri) else str(error).partition("\n")[0].rstrip(".")
+        raise InputError(
+            storage_error(error)
+            or f"{where}: the MLflow store cannot be used ({reason}); start its server, close what else uses it, or "
+            f"move a damaged file away, and {then} (the results in data/ are safe)"
+        ) from error
+
+
+def experiment_id(client: MlflowClient, name: str) -> str:
+    """Return MLflow's id of the experiment `name`, which is made where there is none.
+
+    Raises InputError where somebody deleted it, or the default store keeps its files in another checkout.
+    """
+    # A server knows where files go; a database alone would have them below the working folder, which may be a copy's.
+    uri = server() or "sqlite:"
+    place = str(folder() / "artifacts" / name) if uri.partition(":")[0].partition("+")[0] in DATABASE_ENGINES else None
+    found = client.get_experiment_by_name(name)
+    if found is None:
+        return client.create_experiment(name, place)
+    if found.lifecycle_stage == "deleted":
+        raise InputError(
+            f"MLflow: experiment {name} was deleted there; with MLFLOW_TRACKING_URI set to the store, bring it back "
+            f"(`mlflow experiments restore -x {found.experiment_id}`) or remove it for good (`mlflow gc`), and {TRACK}"
+        )
+    if server() is None and found.artifact_location != place:
+        raise InputError(
+            f"mlruns/mlflow.db: keeps the files of {name} in {found.artifact_location}, so this folder was moved or "
+            f"copied; delete mlruns and {TRACK}, which fills it again"
+        )
+    return found.experiment_id
+
+
+def link(experiment: str, protocol: str, metric: str, ascending: bool) -> str:
+    """Return the address at which MLflow compares the current runs of a protocol in charts, sorted by a metric.
+
+    experiment: MLflow's id. The address says `machine_learning` because MLflow 3 else opens its view of generative AI.
+    """
+    uri = server() or UI
+    query = {
+        "workflowType": "machine_learning",
+        "searchFilter": f"tags.current = 'true' and tags.protocol = '{protocol}'",
+        "orderByKey": f"metrics.`{metric}`",
+        "orderByAsc": str(ascending).lower(),
+        "compareRunsMode": "CHART",
+    }
+    shown = uri if uri.startswith("http") and not set("@?") & set(uri) else UI  # an account is never printed
+    return f"{shown.rstrip('/')}/#/experiments/{experiment}/runs?{urlencode(query, quote_via=quote)}"
+
+
+def downloaded(run_id: str, target: Path) -> Path:
+    """Copy weights and card of an MLflow run below the new folder `target`, and return their folder, a package.
+
+    Raises InputError where the store has no such run, or the run holds no model.
+    """
+    if not server() and not (folder() / "mlflow.db").is_file():
+        raise InputError(f"{run_id}: this checkout has no MLflow runs; run `dvc repro`, or set MLFLOW_TRACKING_URI")
+    with opened("repeat the command") as client:
+        try:
+            client.get_run(run_id)
+        except MlflowException as error:
+            if error.error_code != "RESOURCE_DOES_NOT_EXIST":
+                raise
+            raise InputError(f"{run_id}: no such run in MLflow; copy the run's id from its page there") from error
+        if f"{PACKAGE}/{cards.NAME}" not in {file.path for file in client.list_artifacts(run_id, PACKAGE)}:
+            raise InputError(f"{run_id}: this MLflow run holds no model with {cards.NAME}; {TRACK} and take one of its")
+        target.mkdir(parents=True)
+        return Path(client.download_artifacts(run_id, PACKAGE, str(target)))
