@@ -98,7 +98,7 @@ class Paper:
 
 def files() -> list[Path]:
     """Return the files of claims: the papers', and those of the workspace, claims/*.yaml."""
-    return [*sorted(FOLDER.glob("*.yaml")), *sorted((paths.ROOT / "claims").glob("*.yaml"))]
+    return [*(FOLDER / f"{paper}.yaml" for paper in published.PRINTED), *sorted((paths.ROOT / "claims").glob("*.yaml"))]
 
 
 def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, Paper]]:
@@ -199,7 +199,9 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         step_of = given if isinstance(given, str) else next(iter(expressions.values()))
         options["step"] = paper_says(step_of.format_map(words), "step")
     said = {**words, "published": value}
-    protocol, strict = (_filled(entry.get(key, default), words) for key, default in (("protocol", source.protocol), ("strict", None)))
+    protocol, strict = (
+        _filled(entry.get(key, default), words) for key, default in (("protocol", source.protocol), ("strict", None))
+    )
     text = {key: entry.get(key, "").format_map(said) for key in ("id", "text", "source", "absent", "tried")}
     return Claim(
         id=f"{head['paper']}/{text['id']}" + ("/recorded" if data == "recorded" else ""),

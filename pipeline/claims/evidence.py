@@ -5,12 +5,13 @@ NaN for a failed run. A row without a protocol or without a seed is of all of th
 """
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.base import paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.claims import longer
 from pipeline.claims.entries import Claim
@@ -28,15 +29,18 @@ WHOLE = "whole"  # column: whether the value is an error of a whole run, as scor
 class Evidence:
     """The results that the claims read, and how much longer trainings would change them."""
 
-    def __init__(self, table: pd.DataFrame, trainings: Mapping[str, pd.DataFrame] | None = None):
-        """table: see `read`; trainings: experiment -> longer trainings, see `longer`."""
+    def __init__(self, table: pd.DataFrame, values: Mapping, trainings: Mapping[str, pd.DataFrame] | None = None):
+        """table: see `read`; values: params.yaml; trainings: experiment -> longer trainings, rows as of `longer`."""
         rows = table.fillna(dict.fromkeys(KEY, "")).fillna({"seed": -1})
         if len(repeated := rows[rows.duplicated([*KEY, "seed"])]):
             raise InputError(f"two results for {', '.join(map(str, repeated.iloc[0][[*KEY, 'seed']]))}")
-        self._runs = {key: runs.set_index("seed")["value"] for key, runs in rows.groupby(KEY)}
+        seeds, numbers, groups = rows["seed"].to_numpy(), rows["value"].to_numpy(float), rows.groupby(KEY).indices
+        self._runs = {key: pd.Series(numbers[places], index=seeds[places]) for key, places in groups.items()}
         self._whole = set(rows[rows[WHOLE]][KEY].itertuples(index=False, name=None))
         self._protocols = set(zip(rows["experiment"], rows["protocol"], strict=True))
-        self.trainings = trainings or {}
+        self._values = values
+        self._changes = {name: longer.changes(runs) for name, runs in (trainings or {}).items()}
+        self.scale = cache(lambda experiment: params.scale_of(experiment, values[experiment]))
         self.start()
 
     def start(self) -> None:
@@ -44,6 +48,10 @@ class Evidence:
         self.networks: set[longer.Network] = set()  # whose results were read
         self.whole = True  # whether these are errors of whole runs, which a longer training would lower alike
         self.factors: dict[longer.Network, float] = {}  # errors to expect of a longer training, over those read
+
+    def unended(self) -> dict[longer.Network, float]:
+        """Return the change of each network that was read whose validation error a longer training lowers."""
+        return longer.unended(sorted(self.networks), self._changes, self._values)
 
     def protocol(self, protocol: object, experiment: str, condition: str) -> str:
         """Return the protocol of a claim for one condition; see `entries.Source`."""
@@ -78,7 +86,13 @@ def read(folder: Path) -> pd.DataFrame:
     Its files are scores.csv, latency.csv, counts.csv, claim_inputs.csv and strain/accuracy; one that is missing has no
     results. Raises InputError for a file without the columns that are read.
     """
-    tables = [_scores(folder), _times(folder), _counts(folder), *_studies(folder), _rows(folder, "claim_inputs", COLUMNS)]
+    tables = [
+        _scores(folder),
+        _times(folder),
+        _counts(folder),
+        *_studies(folder),
+        _rows(folder, "claim_inputs", COLUMNS),
+    ]
     there = [table.reindex(columns=[*COLUMNS, WHOLE]) for table in tables if len(table)]
     empty = pd.DataFrame(columns=[*COLUMNS, WHOLE])
     return (pd.concat(there) if there else empty).fillna({WHOLE: False}).astype({WHOLE: bool})
@@ -110,7 +124,9 @@ def _counts(folder: Path) -> pd.DataFrame:
     table = _rows(folder, "counts", ["experiment", "model", "macs", "params", "published_macs"])
     table = table.assign(condition=ANY, variant=table["published_macs"].notna().map({True: PRINTED_SHAPE, False: ""}))
     first = table.drop_duplicates(["experiment", "model", "variant"])[["experiment", "condition", "model", "variant"]]
-    return pd.concat([first.assign(metric=name, unit="1", value=table.loc[first.index, name]) for name in ("macs", "params")])
+    return pd.concat(
+        [first.assign(metric=name, unit="1", value=table.loc[first.index, name]) for name in ("macs", "params")]
+    )
 
 
 def _studies(folder: Path) -> list[pd.DataFrame]:

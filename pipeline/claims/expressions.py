@@ -73,4 +73,6 @@ def _result(node: ast.expr) -> Result:
             return Result(condition, model, "", "")
         case ast.Subscript(value=ast.Attribute() as named, slice=ast.Name(id=variant)):
             return _result(named)._replace(variant=variant)
-    raise ValueError(f"'{ast.unparse(node)}' names no result: write condition.model, or condition.model[variant].metric")
+    raise ValueError(
+        f"'{ast.unparse(node)}' names no result: write condition.model, or condition.model[variant].metric"
+    )

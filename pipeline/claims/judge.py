@@ -11,13 +11,12 @@ the stricter one, where nothing is on two sides. A paper printed single numbers,
 `compatible` where our interval includes the printed one.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
-from pipeline.base import params
 from pipeline.claims import longer
 from pipeline.claims.entries import SENTENCE, UNTESTABLE, Claim
 from pipeline.claims.evidence import Evidence
@@ -25,8 +24,8 @@ from pipeline.claims.expressions import evaluate
 from pipeline.claims.rules import CALIBRATED, NOT_TESTABLE, RULES, SHOWN, Judgement, NotTestable
 
 
-def judged(claim: Claim, evidence: Evidence, values: Mapping, protocol: object = None) -> Judgement:
-    """Return the verdict on a claim on its own protocol or on another one; values: params.yaml.
+def judged(claim: Claim, evidence: Evidence, protocol: object = None) -> Judgement:
+    """Return the verdict on a claim on its own protocol or on another one.
 
     It is `not testable` where results are missing or failed, and where a network was not trained to the end.
     """
@@ -35,12 +34,14 @@ def judged(claim: Claim, evidence: Evidence, values: Mapping, protocol: object =
         found = _ruled(claim, evidence, protocol)
     except NotTestable as error:
         return Judgement(error.ours, np.nan, np.nan, NOT_TESTABLE, str(error))
-    unended = longer.unended(sorted(evidence.networks), evidence.trainings, values)
+    unended = evidence.unended()
     if found.verdict == CALIBRATED or not unended:
         return found
-    said = list(dict.fromkeys(f"{model} ({100 * change:.0f} % with more epochs)" for (*_, model), change in unended.items()))
+    said = list(
+        dict.fromkeys(f"{model} ({100 * change:.0f} % with more epochs)" for (*_, model), change in unended.items())
+    )
     falling = ", ".join(said[:SHOWN]) + (f" and {len(said) - SHOWN} more" if len(said) > SHOWN else "")
-    at_papers = all(params.scale_of(name, values[name]) != "laptop" for name in {network[0] for network in unended})
+    at_papers = all(evidence.scale(experiment) != "laptop" for experiment, _, _ in unended)
     if at_papers and evidence.whole and _stays(claim, found.verdict, evidence, protocol, unended):
         reason = f"stays where test errors fall as validation errors still do, or by twice as much: {falling}"
         return replace(found, reason="; ".join(filter(None, [found.reason, reason])))
@@ -84,27 +85,25 @@ def on_own_logs(claim: Claim, values: Mapping) -> Claim:
     return replace(claim, data="recorded", id=f"{claim.id}/recorded", tried="")  # what was tried was on the scene
 
 
-def table(claims: Iterable[Claim], evidence: Evidence, values: Mapping) -> pd.DataFrame:
-    """Return claims.csv, one row per claim in full precision; values: params.yaml."""
-    return pd.DataFrame([_row(claim, evidence, values) for claim in claims], columns=COLUMNS)
-
-
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "unit", "verdict"]
 COLUMNS += ["strict", "strict_ours", "compatible", "reason", "over", "measured", "scale"]
 
 
-def _row(claim: Claim, evidence: Evidence, values: Mapping) -> Sequence:
-    found, strict, compatible = judged(claim, evidence, values), None, ""
-    if claim.strict:
-        strict = judged(claim, evidence, values, claim.strict)
+def table(claims: Iterable[Claim], evidence: Evidence) -> pd.DataFrame:
+    """Return claims.csv, one row per claim in full precision."""
+    return pd.DataFrame([_row(claim, evidence) for claim in claims], columns=COLUMNS)
+
+
+def _row(claim: Claim, evidence: Evidence) -> list:
+    found, compatible = judged(claim, evidence), ""
+    strict = judged(claim, evidence, claim.strict) if claim.strict else None
     numbers = np.isfinite([claim.published, found.low, found.high]).all()
     if claim.kind == SENTENCE and found.verdict != NOT_TESTABLE and numbers:
         compatible = "yes" if found.low <= claim.published <= found.high else "no"
-    named = found.runs and (found.verdict != NOT_TESTABLE or np.isfinite(found.low))
     return [
         claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, claim.published,
         found.ours, found.low, found.high, claim.unit, found.verdict,
         strict.verdict if strict else "", strict.ours if strict else np.nan, compatible, found.reason,
-        f"{found.runs} {claim.over}" if named else "", int(claim.measured),
-        params.scale_of(claim.experiment, values[claim.experiment]),
+        f"{found.runs} {claim.over}" if found.runs else "", int(claim.measured),
+        evidence.scale(claim.experiment),
     ]  # fmt: skip

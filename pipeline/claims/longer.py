@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from pipeline.base import params, paths
@@ -50,18 +49,19 @@ def changes(trainings: pd.DataFrame) -> pd.DataFrame:
     return table.assign(change=table["longer_error"] / table["error"] - 1)
 
 
-def unended(networks: Iterable[Network], trainings: Mapping[str, pd.DataFrame], values: Mapping) -> dict[Network, float]:
+def unended(networks: Iterable[Network], known: Mapping[str, pd.DataFrame], values: Mapping) -> dict[Network, float]:
     """Return the change of each network whose validation error a longer training lowers by ENDED or more.
 
-    trainings: experiment -> rows of COLUMNS; values: params.yaml. Trainings of another protocol of the same experiment
+    known: experiment -> rows of `changes`; values: params.yaml. Trainings of another protocol of the same experiment
     stand for one that was not trained longer itself; those of other numbers of epochs than params.yaml has say nothing.
     """
     found = {}
     for experiment, protocol, model in networks:
         block = values[experiment]
-        if "training" not in block["models"].get(model, {}) or protocol not in block["protocols"]:
+        trained = "training" in block["models"].get(model, {}) and protocol in block["protocols"]
+        if experiment not in known or not trained:
             continue
-        table = changes(trainings.get(experiment, pd.DataFrame(columns=COLUMNS)))
+        table = known[experiment]
         epochs = params.epochs(params.run_settings(values, experiment, model, protocol))
         rows = table[(table["model"] == model) & (table["epochs"] == epochs)]
         here = rows[rows["protocol"] == protocol]

@@ -41,7 +41,10 @@ def touch(settings: Mapping) -> Iterator[Row]:
             for model in settings["models"]:
                 maps = read_predictions("touch", model, protocol, seed, table)
                 run = {"protocol": protocol, "model": model, "seed": seed}
-                found = high_pressure_error(settings, table, maps, tested), left_right_tilt(settings, table, maps, tested)
+                found = (
+                    high_pressure_error(settings, table, maps, tested),
+                    left_right_tilt(settings, table, maps, tested),
+                )
                 yield from (run | row for row in found if row["n"])
     for element, shift in press_shift(settings).items():
         yield {"condition": "single", "model": DATA, "metric": "off_centre_shift", "seed": element} | {
@@ -170,9 +173,16 @@ def confusions(settings: Mapping, table: pa.Table, protocols: Mapping[str, str])
         for i, j in zip(first, second, strict=True):
             pair = place | {"variant": f"{names[i]}_and_{names[j]}"}
             yield pair | {"metric": "confusion_rank", "value": ranks[int(i), int(j)]}
-            yield from (pair | {"metric": "confusion", "seed": seed, "value": share[i, j]} for seed, share in shares.items())
+            yield from (
+                pair | {"metric": "confusion", "seed": seed, "value": share[i, j]} for seed, share in shares.items()
+            )
         for seed, share in shares.items():
-            yield place | {"variant": "mean_pair", "metric": "confusion", "seed": seed, "value": share[first, second].mean()}
+            yield place | {
+                "variant": "mean_pair",
+                "metric": "confusion",
+                "seed": seed,
+                "value": share[first, second].mean(),
+            }
 
 
 def augmentation(settings: Mapping) -> Iterator[Row]:
