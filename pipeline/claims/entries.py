@@ -199,9 +199,6 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         step_of = given if isinstance(given, str) else next(iter(expressions.values()))
         options["step"] = paper_says(step_of.format_map(words), "step")
     said = {**words, "published": value}
-    protocol, strict = (
-        _filled(entry.get(key, default), words) for key, default in (("protocol", source.protocol), ("strict", None))
-    )
     text = {key: entry.get(key, "").format_map(said) for key in ("id", "text", "source", "absent", "tried")}
     return Claim(
         id=f"{head['paper']}/{text['id']}" + ("/recorded" if data == "recorded" else ""),
@@ -216,10 +213,10 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         values=expressions,
         options=options,
         metric=metric,
-        protocol=protocol,
+        protocol=_filled(entry.get("protocol", source.protocol), words),
         published=value,
         printed=on_paper,
-        strict=strict,
+        strict=_filled(entry.get("strict"), words),
         over=entry.get("over", "seeds"),
         measured=entry.get("measured", False),
         reason=entry[rule].format_map(words) if rule == UNTESTABLE else "",

@@ -1,4 +1,4 @@
-"""Evaluate the expressions of claims: arithmetic over names of results, parsed by Python's own grammar, never run by it.
+"""Evaluate the expressions of claims: arithmetic over names of results, in Python's grammar, but never run as Python.
 
 A result is named `condition.model`, `condition.model.metric` or `condition.model[variant].metric`, as in
 `double.lomp.touches_found` or `task_1.lstm_direct[samples_100]`. Beside it stand numbers, + - * /, > and < (1 where

@@ -37,7 +37,7 @@ class NotTestable(Exception):
 
 @dataclass(frozen=True)
 class Judgement:
-    """Our value with its interval (NaN where there is none), the verdict that follows, and why; runs: of the interval."""
+    """Our value with its interval (NaN where there is none), the verdict that follows, and why; runs: it is over."""
 
     ours: float
     low: float
