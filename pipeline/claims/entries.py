@@ -78,6 +78,7 @@ class Claim:
     protocol: object  # as of Source
     published: float
     printed: Mapping[str, float]  # of each of `values`
+    names: Mapping[str, str]  # of models, in sentences
     strict: object = None
     over: str = "seeds"
     measured: bool = False
@@ -216,6 +217,7 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         protocol=_filled(entry.get("protocol", source.protocol), words),
         published=value,
         printed=on_paper,
+        names=names,
         strict=_filled(entry.get("strict"), words),
         over=entry.get("over", "seeds"),
         measured=entry.get("measured", False),

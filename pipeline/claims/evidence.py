@@ -4,14 +4,14 @@ A row says what was measured (experiment, protocol, condition, model, variant, m
 NaN for a failed run. A row without a protocol or without a seed is of all of them.
 """
 
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.base import params
+from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.claims import longer
 from pipeline.claims.entries import Claim
@@ -23,6 +23,8 @@ from pipeline.scoring.results import read_csv
 
 COSTS = ("p50_ms", "train_s", "params", "macs")  # metrics that say nothing of how well a network was trained
 PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
+STUDIES = ("samples", "strands", "bases", "drift")  # of strain
+MADE_BY = "dvc repro"
 WHOLE = "whole"  # column: whether the value is an error of a whole run, as scores.csv has them
 
 
@@ -64,11 +66,12 @@ class Evidence:
         """Return seed -> value of a result. Raises NotTestable where a run failed or is missing."""
         result = result._replace(metric=result.metric or claim.metric)
         name = self.protocol(protocol, claim.experiment, result.condition)
-        who = f"{result.model}{f'[{result.variant}]' if result.variant else ''} ({name}, {result.condition})"
+        model = claim.names.get(result.model, result.model) + (f", {result.variant}" if result.variant else "")
+        who = f"{model} ({name}, {result.condition})"
         keys = [(claim.experiment, there, *result) for there in (name, "")]
         key = next((key for key in keys if key in self._runs), None)
         if key is None:
-            raise NotTestable(claim.absent or f"{claim.experiment} has no {result.metric} of {who}")
+            raise NotTestable(claim.absent or f"there is no {result.metric} of {who} in {claim.experiment}")
         values = self._runs[key]
         if failed := int((~np.isfinite(values)).sum()):
             raise NotTestable(f"failed runs: {who}, {failed} of {len(values)}")
@@ -80,68 +83,86 @@ class Evidence:
         return longer.with_errors(values, result.metric, self.factors.get(network, 1.0))
 
 
-def read(folder: Path) -> pd.DataFrame:
-    """Return the one table of results of a folder of reports: COLUMNS of claim_inputs and WHOLE.
+def of_reports(folder: Path) -> dict[str, Path]:
+    """Return the files of results in a folder of reports, which are of all experiments."""
+    names = ("scores", "latency", "counts", "claim_inputs")
+    studies = {name: folder / "strain" / "accuracy" / f"{name}.csv" for name in STUDIES}
+    return {name: folder / f"{name}.csv" for name in names} | studies
 
-    Its files are scores.csv, latency.csv, counts.csv, claim_inputs.csv and strain/accuracy; one that is missing has no
-    results. Raises InputError for a file without the columns that are read.
+
+def of_experiment(experiment: str) -> dict[str, Path]:
+    """Return the files of results that the stages of one experiment write, and the counts."""
+    files = {"scores": paths.scores(experiment), "latency": paths.latency(experiment)}
+    files |= {"counts": paths.REPORTS / "counts.csv", "claim_inputs": paths.claim_inputs(experiment)}
+    study = paths.experiment_folder("strain") / "study" if experiment == "strain" else None
+    return files | ({name: study / f"{name}.csv" for name in STUDIES} if study else {})
+
+
+def read(files: Mapping[str, Path]) -> pd.DataFrame:
+    """Return the one table of results, columns COLUMNS of claim_inputs and WHOLE; a file that is missing has no rows.
+
+    files: see `of_reports`. Raises InputError for a file without the columns that are read.
     """
-    tables = [
-        _scores(folder),
-        _times(folder),
-        _counts(folder),
-        *_studies(folder),
-        _rows(folder, "claim_inputs", COLUMNS),
-    ]
-    there = [table.reindex(columns=[*COLUMNS, WHOLE]) for table in tables if len(table)]
-    empty = pd.DataFrame(columns=[*COLUMNS, WHOLE])
-    return (pd.concat(there) if there else empty).fillna({WHOLE: False}).astype({WHOLE: bool})
+    present = {name: path for name, path in files.items() if path.exists()}
+    tables = [TABLES[name](path) for name, path in present.items()] or [pd.DataFrame(columns=COLUMNS)]
+    together = pd.concat([table.reindex(columns=[*COLUMNS, WHOLE]).astype(object) for table in tables])
+    return together.infer_objects().fillna({WHOLE: False}).astype({WHOLE: bool, "value": float})
 
 
-def _rows(folder: Path, name: str, columns: list[str]) -> pd.DataFrame:
-    path = folder / f"{name}.csv"
-    return read_csv(path, columns, "dvc repro") if path.exists() else pd.DataFrame(columns=columns)
-
-
-def _scores(folder: Path) -> pd.DataFrame:
+def _scores(path: Path) -> pd.DataFrame:
     """Return scores.csv. A run without an RMSE failed, whatever its other metrics say: a map of NaN has no peak."""
     run = ["experiment", "protocol", "condition", "model", "seed"]
-    table = _rows(folder, "scores", [*run, "metric", "unit", "value", "n"])
+    table = read_csv(path, [*run, "metric", "unit", "value", "n"], MADE_BY)
     failed = table[(table["metric"] == "rmse") & table["value"].isna()][run]
     lost = pd.MultiIndex.from_frame(table[run]).isin(pd.MultiIndex.from_frame(failed))
     return table.assign(value=table["value"].where(~lost), **{WHOLE: True})
 
 
-def _times(folder: Path) -> pd.DataFrame:
+def _times(path: Path) -> pd.DataFrame:
     """Return the median times of latency.csv at the first batch size."""
-    table = _rows(folder, "latency", ["experiment", "model", "batch", "p50_ms"])
+    table = read_csv(path, ["experiment", "model", "batch", "p50_ms"], MADE_BY)
     first = table[table["batch"] == table.groupby("experiment")["batch"].transform("min")]
     return first[["experiment", "model"]].assign(condition=ANY, metric="p50_ms", unit="ms", value=first["p50_ms"])
 
 
-def _counts(folder: Path) -> pd.DataFrame:
+def _counts(path: Path) -> pd.DataFrame:
     """Return the operations and parameters of counts.csv, the first row of each model at each shape."""
-    table = _rows(folder, "counts", ["experiment", "model", "macs", "params", "published_macs"])
+    table = read_csv(path, ["experiment", "model", "macs", "params", "published_macs"], MADE_BY)
     table = table.assign(condition=ANY, variant=table["published_macs"].notna().map({True: PRINTED_SHAPE, False: ""}))
     first = table.drop_duplicates(["experiment", "model", "variant"])[["experiment", "condition", "model", "variant"]]
-    return pd.concat(
-        [first.assign(metric=name, unit="1", value=table.loc[first.index, name]) for name in ("macs", "params")]
-    )
+    return pd.concat([first.assign(metric=name, unit="1", value=table[name]) for name in ("macs", "params")])
 
 
-def _studies(folder: Path) -> list[pd.DataFrame]:
-    """Return the studies of strain: what differs from the tables is a variant, what is decoded a metric."""
-    folder, key = folder / "strain" / "accuracy", ["protocol", "seed", "value"]
-    tables = []
-    for name, column in (("samples", "samples"), ("strands", "strands"), ("bases", "base")):
-        table = _rows(folder, name, [*key, "model", column])
-        tables.append(table.assign(variant=f"{column}_" + table[column].astype(str)))
-    drift = _rows(folder, "drift", [*key, "input", "target"])
-    of_raw = drift["input"].str.startswith("raw")
-    drift = drift[of_raw | (drift["input"] == "latent of model-0")]
-    inputs = of_raw.loc[drift.index].map({True: "raw", False: "states"})
-    tables.append(drift.assign(model=inputs, metric=drift["target"].str.replace(" ", "_")))
-    return [table.assign(experiment="strain", condition=table["protocol"]) for table in tables]
+def _study(column: str, path: Path) -> pd.DataFrame:
+    """Return a study of strain in which trainings differ by a column: its values are the variants."""
+    table = read_csv(path, ["protocol", "model", "seed", "metric", "value", column], MADE_BY)
+    names = {
+        "experiment": "strain",
+        "condition": table["protocol"],
+        "variant": f"{column}_" + table[column].astype(str),
+    }
+    return table.assign(**names)
+
+
+def _drift(path: Path) -> pd.DataFrame:
+    """Return what a linear read-out decodes from the raw voltages and from model-0; the target is the metric."""
+    table = read_csv(path, ["protocol", "seed", "value", "input", "target"], MADE_BY)
+    known = table["input"].str.startswith("raw").map({True: "raw", False: "states"})
+    table = table.assign(experiment="strain", condition=table["protocol"], model=known)
+    table = table.assign(metric=table["target"].str.replace(" ", "_"))
+    return table[(known == "raw") | (table["input"] == "latent of model-0")]
+
+
+TABLES: dict[str, Callable[[Path], pd.DataFrame]] = {
+    "scores": _scores,
+    "latency": _times,
+    "counts": _counts,
+    "claim_inputs": lambda path: read_csv(path, COLUMNS, MADE_BY),
+    "samples": partial(_study, "samples"),
+    "strands": partial(_study, "strands"),
+    "bases": partial(_study, "base"),
+    "drift": _drift,
+}
 
 
 def trainings(folder: Path) -> dict[str, pd.DataFrame]:

@@ -37,9 +37,10 @@ def judged(claim: Claim, evidence: Evidence, protocol: object = None) -> Judgeme
     unended = evidence.unended()
     if found.verdict == CALIBRATED or not unended:
         return found
-    said = list(
-        dict.fromkeys(f"{model} ({100 * change:.0f} % with more epochs)" for (*_, model), change in unended.items())
-    )
+    changes = {
+        claim.names.get(model, model): f"{100 * share:.0f} % with more epochs" for (*_, model), share in unended.items()
+    }
+    said = [f"{name} ({change})" for name, change in changes.items()]
     falling = ", ".join(said[:SHOWN]) + (f" and {len(said) - SHOWN} more" if len(said) > SHOWN else "")
     at_papers = all(evidence.scale(experiment) != "laptop" for experiment, _, _ in unended)
     if at_papers and evidence.whole and _stays(claim, found.verdict, evidence, protocol, unended):
