@@ -142,6 +142,9 @@ def _claims(head: Mapping, entries: Sequence[Mapping]) -> Iterator[Claim]:
             for one in family["claims"]:
                 try:
                     yield _claim(head, one, words, names, printed)
+                except KeyError as error:
+                    words = "is neither a key of the entry nor an axis of its family"
+                    raise InputError(f"claim {one.get('id', one)}: {error} {words}") from error
                 except (InputError, TypeError, ValueError, AttributeError) as error:
                     raise InputError(f"claim {one.get('id', one)}: {error}") from error
 
@@ -173,8 +176,11 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
     if len(rules) != 1:
         raise InputError(f"give one of the rules {', '.join(RULES)}, {UNTESTABLE}; found {', '.join(rules) or 'none'}")
     (rule,) = rules
-    taken = list(inspect.signature(RULES[rule]).parameters)[2:] if rule in RULES else []
+    taken = dict(list(inspect.signature(RULES[rule]).parameters.items())[2:]) if rule in RULES else {}
     options = {key: entry[key] for key in entry if key in taken}
+    needed = [key for key, option in taken.items() if option.default is option.empty and key not in (*options, "step")]
+    if needed:
+        raise InputError(f"the rule `{rule}` needs '{needed[0]}'")
     if unknown := set(entry) - KEYS - {rule, *taken}:
         raise InputError(f"key '{sorted(unknown)[0]}' is unknown to the rule `{rule}`")
     data = entry.get("data", "simulated").format_map(words)
@@ -200,7 +206,8 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         step_of = given if isinstance(given, str) else next(iter(expressions.values()))
         options["step"] = paper_says(step_of.format_map(words), "step")
     said = {**words, "published": value}
-    text = {key: entry.get(key, "").format_map(said) for key in ("id", "text", "source", "absent", "tried")}
+    text = {key: entry[key].format_map(said) for key in ("id", "text", "source")}
+    text |= {key: entry.get(key, "").format_map(said) for key in ("absent", "tried")}
     return Claim(
         id=f"{head['paper']}/{text['id']}" + ("/recorded" if data == "recorded" else ""),
         paper=head["paper"],

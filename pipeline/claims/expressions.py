@@ -67,11 +67,11 @@ def _value(node: ast.expr, look_up: Callable[[Result], Value]) -> Value:
 def _result(node: ast.expr) -> Result:
     """Return the result that a node names."""
     match node:
-        case ast.Attribute(value=ast.Attribute() | ast.Subscript() as named, attr=metric):
+        case ast.Attribute(value=ast.Attribute() | ast.Subscript() as named, attr=metric) if not _result(named).metric:
             return _result(named)._replace(metric=metric)
         case ast.Attribute(value=ast.Name(id=condition), attr=model):
             return Result(condition, model, "", "")
-        case ast.Subscript(value=ast.Attribute() as named, slice=ast.Name(id=variant)):
+        case ast.Subscript(value=ast.Attribute() as named, slice=ast.Name(id=variant)) if not _result(named).metric:
             return _result(named)._replace(variant=variant)
     raise ValueError(
         f"'{ast.unparse(node)}' names no result: write condition.model, or condition.model[variant].metric"
