@@ -23,6 +23,7 @@ import inspect
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -112,7 +113,7 @@ def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, 
     claims: dict[str, Claim] = {}
     for path in files() if sources is None else sources:
         try:
-            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+            content = _parsed(path.read_text(encoding="utf-8"))
             if unknown := set(content) - HEAD:
                 raise InputError(f"key '{sorted(unknown)[0]}' is unknown")
             head = heads.setdefault(content["paper"], {})
@@ -130,6 +131,16 @@ def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, 
         for key, head in heads.items()
     }
     return list(claims.values()), papers
+
+
+def papers() -> dict[str, Paper]:
+    """Return paper -> what is said of it."""
+    return read()[1]
+
+
+@cache
+def _parsed(text: str) -> dict:
+    return yaml.safe_load(text)
 
 
 def _claims(head: Mapping, entries: Sequence[Mapping]) -> Iterator[Claim]:

@@ -20,6 +20,7 @@ from pipeline.claims.rules import NotTestable
 from pipeline.scoring.claim_inputs import COLUMNS, KEY
 from pipeline.scoring.published import ANY
 from pipeline.scoring.results import read_csv
+from pipeline.scoring.strain_results import LATENT
 
 COSTS = ("p50_ms", "train_s", "params", "macs")  # metrics that say nothing of how well a network was trained
 PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
@@ -91,11 +92,13 @@ def of_reports(folder: Path) -> dict[str, Path]:
 
 
 def of_experiment(experiment: str) -> dict[str, Path]:
-    """Return the files of results that the stages of one experiment write, and the counts."""
+    """Return the files of results that the stages of one experiment write, and of the glove the counts."""
     files = {"scores": paths.scores(experiment), "latency": paths.latency(experiment)}
-    files |= {"counts": paths.REPORTS / "counts.csv", "claim_inputs": paths.claim_inputs(experiment)}
-    study = paths.experiment_folder("strain") / "study" if experiment == "strain" else None
-    return files | ({name: study / f"{name}.csv" for name in STUDIES} if study else {})
+    files |= {"claim_inputs": paths.claim_inputs(experiment)}
+    study = paths.experiment_folder("strain") / "study"
+    further = {"glove": {"counts": paths.REPORTS / "counts.csv"}}
+    further |= {"strain": {name: study / f"{name}.csv" for name in STUDIES}}
+    return files | further.get(experiment, {})
 
 
 def read(files: Mapping[str, Path]) -> pd.DataFrame:
@@ -150,7 +153,7 @@ def _drift(path: Path) -> pd.DataFrame:
     known = table["input"].str.startswith("raw").map({True: "raw", False: "states"})
     table = table.assign(experiment="strain", condition=table["protocol"], model=known)
     table = table.assign(metric=table["target"].str.replace(" ", "_"))
-    return table[(known == "raw") | (table["input"] == "latent of model-0")]
+    return table[(known == "raw") | (table["input"] == LATENT)]
 
 
 TABLES: dict[str, Callable[[Path], pd.DataFrame]] = {

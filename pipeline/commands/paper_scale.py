@@ -23,8 +23,9 @@ import yaml
 
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
+from pipeline.claims.rules import NOT_TESTABLE
 from pipeline.commands.scale import set_values
-from pipeline.reporting.verdicts.rules import NOT_TESTABLE
+from pipeline.scoring import claim_inputs
 
 FOLDER, REPORTS = Path("build") / "paper_scale", Path("reports") / "paper_scale"  # of the repository
 STAGES = {  # what the verdicts of an experiment's paper need
@@ -157,6 +158,8 @@ def main(given: argparse.Namespace) -> None:
         protocols = ["--protocols", *params.load(folder / paths.PARAMS.name)[given.experiment]["protocols"]]
         run(folder, *tactile, "longer", given.experiment, *protocols)
     keep_numbers(given.experiment, folder, paths.ROOT / REPORTS)
+    if given.experiment in claim_inputs.EXPERIMENTS:
+        run(folder, sys.executable, "-m", "pipeline.stages.claim_inputs", given.experiment)
     run(folder, sys.executable, "-m", "pipeline.stages.judge", given.experiment)
     keep_verdicts(given.experiment, given.protocols, folder, paths.ROOT / REPORTS)
     print(f"{paths.shown(paths.ROOT / REPORTS)}: {given.experiment} at the papers' scale")

@@ -6,6 +6,7 @@ or a pair of objects; what is no model's is of the model `data`.
 """
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,7 @@ import pyarrow as pa
 
 from pipeline.base import params, paths
 from pipeline.datasets import fits, labels, schemas
-from pipeline.datasets.images import MODALITIES, classes
+from pipeline.datasets.images import classes
 from pipeline.scoring import ablation, glove_results, metrics
 from pipeline.scoring.results import read_csv, read_predictions, read_windows
 
@@ -26,10 +27,15 @@ Row = Mapping[str, object]
 
 
 def rows(experiment: str, settings: Mapping) -> pd.DataFrame:
-    """Return the rows of one experiment, of COLUMNS; settings: its block of params.yaml."""
-    derive = {"touch": touch, "strain": strain, "glove": glove}.get(experiment, lambda settings: ())
-    table = pd.DataFrame([{"experiment": experiment, "n": 1, **row} for row in derive(settings)], columns=COLUMNS)
-    return table.astype({"seed": "Int64"})
+    """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of params.yaml."""
+    derived = [{"experiment": experiment, "n": 1, **row} for row in EXPERIMENTS[experiment](settings)]
+    return pd.DataFrame(derived, columns=COLUMNS).astype({"seed": "Int64"})
+
+
+def studies(experiment: str) -> list[Path]:
+    """Return the files of studies that the rows of an experiment are derived from, where they are there."""
+    of_glove = [paths.augmentation("glove"), paths.input_frames("glove"), paths.stag("glove")]
+    return {"touch": [paths.ablation("touch")], "glove": of_glove}.get(experiment, [])
 
 
 def touch(settings: Mapping) -> Iterator[Row]:
@@ -50,7 +56,7 @@ def touch(settings: Mapping) -> Iterator[Row]:
         yield {"condition": "single", "model": DATA, "metric": "off_centre_shift", "seed": element} | {
             "unit": "counts", "value": shift,
         }  # fmt: skip
-    for row in ablation.read("touch").itertuples():
+    for row in ablation.read("touch").itertuples() if paths.ablation("touch").exists() else ():
         if row.row in settings["ablation"]:
             model = settings["ablation"][row.row]["of"]
             place = {"protocol": row.protocol, "condition": row.condition, "model": model, "variant": row.row}
@@ -145,14 +151,15 @@ def glove(settings: Mapping) -> Iterator[Row]:
     table, protocols = read_windows("glove"), glove_results.main_protocols(settings)
     if "sp_resnet" in settings["models"]:
         yield from confusions(settings, table, protocols)
-    if set(MODALITIES) <= set(protocols):
+    augmented, by_number, stag = (path.exists() for path in studies("glove"))
+    if augmented:
         yield from augmentation(settings)
-    for dataset in ("combined", "pressure"):
+    for dataset in ("combined", "pressure") if by_number else ():
         if protocols.get(dataset) == f"{settings['input_frames']['split']}_{dataset}":
             frames = glove_results.read_frames(table, dataset, settings, glove_results.COMPARED)
             yield from ({"protocol": protocols[dataset], "condition": dataset, **row} for row in by_frames(frames))
-    stag = glove_results.read_stag()
-    yield from ({"experiment": "glove_recorded", "condition": "stag", **row} for row in by_frames(stag))
+    recorded = by_frames(glove_results.read_stag()) if stag else ()
+    yield from ({"experiment": "glove_recorded", "condition": "stag", **row} for row in recorded)
 
 
 def confusions(settings: Mapping, table: pa.Table, protocols: Mapping[str, str]) -> Iterator[Row]:
@@ -204,3 +211,6 @@ def by_frames(table: pd.DataFrame) -> Iterator[Row]:
         yield {"model": row.model, "variant": f"frames_{row.frames}", "metric": row.metric, "unit": "1"} | {
             "seed": row.seed, "value": row.value,
         }  # fmt: skip
+
+
+EXPERIMENTS = {"touch": touch, "strain": strain, "glove": glove}

@@ -169,7 +169,8 @@ def counts_table(sp_resnet=30):
     costs = {"resnet18": 100, "mobilenet": 20, "resnet3x3": 200, "sp_resnet_nogcam": 10, "sp_resnet": sp_resnet}
     rows += [(model, "1x32x32", 16, cost, 10 * cost, np.nan, np.nan, "", "") for model, cost in costs.items()]
     names = ["model", "input_shape", "classes", "macs", "params", "published_macs", "published_params", "verdict"]
-    return pd.DataFrame(rows, columns=[*names, "note"]).replace("", np.nan)
+    table = pd.DataFrame(rows, columns=[*names, "note"]).replace("", np.nan)
+    return table.assign(experiment="glove")
 
 
 def run_render(experiment, settings, monkeypatch):
