@@ -41,6 +41,7 @@ class Evidence:
         self._runs = {key: pd.Series(numbers[places], index=seeds[places]) for key, places in groups.items()}
         self._whole = set(rows[rows[WHOLE]][KEY].itertuples(index=False, name=None))
         self._protocols = set(zip(rows["experiment"], rows["protocol"], strict=True))
+        self._experiments = set(rows["experiment"])
         self._values = values
         self._changes = {name: longer.changes(runs) for name, runs in (trainings or {}).items()}
         self.scale = cache(lambda experiment: params.scale_of(experiment, values[experiment]))
@@ -71,6 +72,8 @@ class Evidence:
         who = f"{model} ({name}, {result.condition})"
         keys = [(claim.experiment, there, *result) for there in (name, "")]
         key = next((key for key in keys if key in self._runs), None)
+        if claim.experiment not in self._experiments:
+            raise NotTestable(claim.absent or f"{claim.experiment} was not run")
         if key is None:
             raise NotTestable(claim.absent or f"there is no {result.metric} of {who} in {claim.experiment}")
         values = self._runs[key]
