@@ -34,7 +34,7 @@ class Evidence:
 
     def __init__(self, table: pd.DataFrame, values: Mapping, trainings: Mapping[str, pd.DataFrame] | None = None):
         """table: see `read`; values: params.yaml; trainings: experiment -> longer trainings, rows as of `longer`."""
-        rows = table.fillna(dict.fromkeys(KEY, "")).fillna({"seed": -1})
+        rows = table.astype(dict.fromkeys(KEY, object)).fillna(dict.fromkeys(KEY, "")).fillna({"seed": -1})
         if len(repeated := rows[rows.duplicated([*KEY, "seed"])]):
             raise InputError(f"two results for {', '.join(map(str, repeated.iloc[0][[*KEY, 'seed']]))}")
         seeds, numbers, groups = rows["seed"].to_numpy(), rows["value"].to_numpy(float), rows.groupby(KEY).indices
@@ -44,7 +44,7 @@ class Evidence:
         self._experiments = set(rows["experiment"])
         self._values = values
         self._changes = {name: longer.changes(runs) for name, runs in (trainings or {}).items()}
-        self.scale = cache(lambda experiment: params.scale_of(experiment, values[experiment]))
+        self.scale = cache(lambda name: params.scale_of(name, values[name]) if name in values else "")
         self.start()
 
     def start(self) -> None:

@@ -122,13 +122,14 @@ def changed_by_scale(rows: pd.DataFrame) -> str:
 
 
 def sentences_of(experiment: str, settings: Mapping) -> Callable[..., list[str]]:
-    """Return what gives the lines of claims on simulated data by their names, judged by what the stages wrote.
+    """Return what gives the lines of claims by their names, judged by what the stages wrote.
 
     settings: the experiment's block of params.yaml.
     """
     results = evidence.read(evidence.of_experiment(experiment))
     known = evidence.Evidence(results, {experiment: settings}, evidence.trainings(paths.REPORTS))
-    claims = {claim.id.split("/")[1]: claim for claim in entries.read()[0] if claim.experiment == experiment}
+    listed, papers = entries.read()
+    claims = {claim.id.split("/")[1]: claim for claim in listed if papers[claim.paper].simulated == experiment}
 
     def lines(*names: str) -> list[str]:
         rows = judge.table([claims[name] for name in names if name in claims], known)

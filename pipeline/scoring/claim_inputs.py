@@ -151,12 +151,13 @@ def glove(settings: Mapping) -> Iterator[Row]:
     table, protocols = read_windows("glove"), glove_results.main_protocols(settings)
     if "sp_resnet" in settings["models"]:
         yield from confusions(settings, table, protocols)
+    compared = [model for model in glove_results.COMPARED if model in settings["models"]]
     augmented, by_number, stag = (path.exists() for path in studies("glove"))
     if augmented:
         yield from augmentation(settings)
     for dataset in ("combined", "pressure") if by_number else ():
         if protocols.get(dataset) == f"{settings['input_frames']['split']}_{dataset}":
-            frames = glove_results.read_frames(table, dataset, settings, glove_results.COMPARED)
+            frames = glove_results.read_frames(table, dataset, settings, compared)
             yield from ({"protocol": protocols[dataset], "condition": dataset, **row} for row in by_frames(frames))
     recorded = by_frames(glove_results.read_stag()) if stag else ()
     yield from ({"experiment": "glove_recorded", "condition": "stag", **row} for row in recorded)

@@ -250,6 +250,7 @@ def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatc
     rows.loc[(rows["model"] == "sp_resnet") & (rows["seed"] == 1), "value"] += 0.002
     half = student.ppf(0.975, 1) * 0.2 / 2  # of the differences, 10.0 and 10.2 points
     rows.to_csv(paths.experiment_folder("glove") / "stag.csv", index=False)
+    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
     target = run_render("glove", settings, monkeypatch)
     assert (target / "accuracy" / "figure15_stag.png").exists()
     readme = (target / "accuracy" / "README.md").read_text()
@@ -326,9 +327,13 @@ def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
     for block in settings["protocols"].values():
         block["seeds"] = [0]
     write_glove(settings)
+    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
     target = run_render("glove", settings, monkeypatch)
     readme = (target / "accuracy" / "README.md").read_text()
-    assert "is not among the models of params.yaml" in readme and "nan" not in readme
+    assert (
+        "there is no macro_precision of ResNet-18 (session_combined, combined) in glove" in readme
+        and "nan" not in readme
+    )
     listed = {line.split("[")[1].split("]")[0] for line in readme.splitlines() if line.startswith("- [")}
     assert listed == {path.name for path in (target / "accuracy").glob("*.png")}
     if "sp_resnet" in models:
