@@ -111,6 +111,7 @@ def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, 
     """
     heads: dict[str, dict] = {}
     claims: dict[str, Claim] = {}
+    papers: dict[str, Paper] = {}
     for path in files() if sources is None else sources:
         try:
             content = _parsed(path.read_text(encoding="utf-8"))
@@ -118,6 +119,8 @@ def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, 
                 raise InputError(f"key '{sorted(unknown)[0]}' is unknown")
             head = heads.setdefault(content["paper"], {})
             head |= {key: value for key, value in content.items() if key != "claims"}
+            experiments = [head[data]["experiment"] for data in ("simulated", "recorded")]
+            papers[content["paper"]] = Paper(content["paper"], head["title"], *experiments)
             for claim in _claims(head, content["claims"]):
                 if claim.id in claims:
                     raise InputError(f"claim {claim.id}: stands there twice")
@@ -126,10 +129,6 @@ def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, 
             raise InputError(f"{paths.shown(path)}: {error}; see pipeline/claims/entries.py") from error
         except KeyError as error:
             raise InputError(f"{paths.shown(path)}: key {error} is missing") from error
-    papers = {
-        key: Paper(key, head["title"], head["simulated"]["experiment"], head["recorded"]["experiment"])
-        for key, head in heads.items()
-    }
     return list(claims.values()), papers
 
 
@@ -154,8 +153,8 @@ def _claims(head: Mapping, entries: Sequence[Mapping]) -> Iterator[Claim]:
                 try:
                     yield _claim(head, one, words, names, printed)
                 except KeyError as error:
-                    words = "is neither a key of the entry nor an axis of its family"
-                    raise InputError(f"claim {one.get('id', one)}: {error} {words}") from error
+                    problem = f"{error} is neither a key of the entry nor an axis of its family"
+                    raise InputError(f"claim {one.get('id', one)}: {problem}") from error
                 except (InputError, TypeError, ValueError, AttributeError) as error:
                     raise InputError(f"claim {one.get('id', one)}: {error}") from error
 

@@ -70,10 +70,10 @@ class Evidence:
         name = self.protocol(protocol, claim.experiment, result.condition)
         model = claim.names.get(result.model, result.model) + (f", {result.variant}" if result.variant else "")
         who = f"{model} ({name}, {result.condition})"
-        keys = [(claim.experiment, there, *result) for there in (name, "")]
-        key = next((key for key in keys if key in self._runs), None)
         if claim.experiment not in self._experiments:
             raise NotTestable(claim.absent or f"{claim.experiment} was not run")
+        keys = [(claim.experiment, there, *result) for there in (name, "")]
+        key = next((key for key in keys if key in self._runs), None)
         if key is None:
             raise NotTestable(claim.absent or f"there is no {result.metric} of {who} in {claim.experiment}")
         values = self._runs[key]

@@ -12,7 +12,7 @@ from scipy import stats
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.claims import entries, evidence, expressions, judge, longer, rules
+from pipeline.claims import entries, evidence, expressions, judge, rules
 from pipeline.claims.rules import CALIBRATED, CONTRADICTED, NOT_TESTABLE, REPRODUCED, UNDECIDED
 from pipeline.scoring import claim_inputs, published
 
@@ -42,19 +42,15 @@ def of_the_paper(paper: str) -> evidence.Evidence:
     for claim in (claim for claim in CLAIMS if claim.paper == paper):
         for row in printed.itertuples():
             metric = claim.metric if row.metric == "macro_precision" else row.metric
-            for protocol in protocols(claim, row.condition):
+            given = claim.protocol
+            listed = given.values() if isinstance(given, dict) else [given] if isinstance(given, str) else given
+            for protocol in [name.format(condition=row.condition) for name in listed]:
                 key = (claim.experiment, protocol, row.condition, row.model, row.variant, metric)
                 alone = metric in evidence.COSTS and metric != "train_s"
                 values = [row.value] if alone else spread(key, row.value)
                 rows += [(*key, seed, value) for seed, value in zip(SEEDS, values, strict=False)]
     frame = pd.DataFrame(rows, columns=[*claim_inputs.KEY, "seed", "value"]).drop_duplicates()
     return evidence.Evidence(table(frame.to_dict("records")), VALUES)
-
-
-def protocols(claim: entries.Claim, condition: str) -> list[str]:
-    given = claim.protocol
-    listed = list(given.values()) if isinstance(given, dict) else [given] if isinstance(given, str) else given
-    return [name.format(condition=condition) for name in listed]
 
 
 @pytest.mark.parametrize("paper", PAPERS)
@@ -102,6 +98,7 @@ def judged(claim: str, **changes) -> rules.Judgement:
 @pytest.mark.parametrize(
     ("claim", "changes", "verdict", "words"),
     [
+        ("lomp-conventional-single", {"poly_single": 3.0}, REPRODUCED, "weakest: LoMP below Polynomial"),
         ("lomp-best-double", {"poly_double": 3.0}, CONTRADICTED, "7 of 8 hold; contradicted: LoMP below Polynomial"),
         ("lomp-best-double", {"rbf_double": [5.0, 7.0, 11.0]}, UNDECIDED, "undecided: LoMP below RBF-Net"),
         ("nonlinear-single", {"poly_single": 9.0}, CONTRADICTED, "the interval is below 0"),
@@ -126,24 +123,17 @@ def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
     assert turned.verdict == verdict and words in turned.reason
 
 
-def test_of_several_the_weakest_is_shown():
-    found = judged("lomp-conventional-single", poly_single=[3.0, 3.1, 3.2], lomp_single=[2.0, 2.1, 2.25])
-    assert found.ours == pytest.approx(2.95 / 3) and found.reason == "weakest: LoMP below Polynomial"
-
-
 @pytest.mark.parametrize(
     ("rule", "values", "options", "verdict"),
     [
         ("below", [1.0, 1.01, 1.02], {"limit": 1.1}, REPRODUCED),
         ("below", [1.2, 1.21, 1.22], {"limit": 1.1}, CONTRADICTED),
-        ("below", [1.0, 1.2, 1.3], {"limit": 1.1}, UNDECIDED),
         ("above", [0.97, 0.98, 0.99], {"limit": 0.5, "scale": "share"}, REPRODUCED),
         ("place", [2.0, 2.0, 2.0], {}, REPRODUCED),
         ("place", [3.0, 3.0, 3.0], {}, CONTRADICTED),
         ("place", [1.0, 2.0, 3.0], {}, UNDECIDED),
         ("equal", [2.4], {"step": 1.0}, REPRODUCED),
         ("equal", [2.6], {"step": 1.0}, CONTRADICTED),
-        ("fewer", [0.9], {}, REPRODUCED),
         ("fewer", [1.0], {}, CONTRADICTED),
         ("slower", [1.11], {}, REPRODUCED),
         ("slower", [1.09], {}, UNDECIDED),
@@ -151,8 +141,6 @@ def test_of_several_the_weakest_is_shown():
         ("slower", [1.09], {"tolerance": 0.05}, REPRODUCED),
         ("measured_near", [2.29], {}, REPRODUCED),
         ("measured_near", [2.31], {}, CONTRADICTED),
-        ("near", [2.29, 2.291, 2.292], {}, REPRODUCED),
-        ("near", [2.31, 2.311, 2.312], {}, CONTRADICTED),
         ("near", [10.9, 10.91, 10.92], {"best": 12.0}, REPRODUCED),  # error 1.1 where the paper's is 10: see printed
         ("calibrated", [9.0, 9.0], {}, CALIBRATED),
     ],
@@ -254,36 +242,3 @@ def test_expressions():
     assert value("max(x.a, x.b) - abs(x.a)") == [3.0, -2.0] and value("mean(x.a, x.b)") == [2.5, 2.0]
     assert value("1 + (x.a > x.c) + (x.b < x.c)") == [1.0, 3.0]
     assert expressions.evaluate("x.a[v_1].r2", tuple) == ("x", "a", "v_1", "r2")
-
-
-@pytest.mark.parametrize(
-    ("errors", "scale", "longer_error", "verdict"),
-    [
-        ({"cnn": 2.0, "lomp": 1.2}, "paper", {"cnn": 0.9, "lomp": 0.8}, REPRODUCED),  # also where CNN alone falls
-        ({"cnn": 2.0, "lomp": 1.2}, "laptop", {"cnn": 0.9, "lomp": 0.8}, NOT_TESTABLE),
-        ({"cnn": 2.0, "lomp": 1.7}, "paper", {"cnn": 0.9, "lomp": 0.8}, NOT_TESTABLE),  # CNN would be ahead
-        ({"cnn": 1.7, "lomp": 1.9}, "paper", {"cnn": 0.9, "lomp": 0.8}, NOT_TESTABLE),  # LoMP would be ahead
-        ({"cnn": 2.0, "lomp": 1.2}, "laptop", {"cnn": 0.995, "lomp": 1.1}, REPRODUCED),  # they have ended
-    ],
-)
-def test_a_network_that_still_improves_has_a_verdict_only_where_that_would_not_change_it(
-    monkeypatch, errors, scale, longer_error, verdict
-):
-    monkeypatch.setattr(params, "scale_of", lambda experiment, settings: scale)
-    claim = next(entries._claims(
-        {"paper": "lomp", "simulated": {"experiment": "touch", "metric": "rmse", "unit": "", "protocol": "press"}},
-        [{"id": "a", "text": "A.", "source": "I", "above": "single.cnn - single.lomp"}],
-    ))  # fmt: skip
-    rows = [
-        {"experiment": "touch", "protocol": "press", "condition": "single", "model": model, "metric": "rmse"}
-        | {"seed": seed, "value": level * (0.99 + 0.01 * seed)}
-        for model, level in errors.items()
-        for seed in SEEDS
-    ]
-    epochs = {model: VALUES["touch"]["models"][model]["training"]["epochs"] for model in errors}
-    trained = [("press", model, 0, epochs[model], 1.0, 99, longer_error[model], 9.0) for model in errors]
-    known = {"touch": pd.DataFrame(trained, columns=longer.COLUMNS)}
-    assert judge.judged(claim, evidence.Evidence(table(rows), VALUES, known)).verdict == verdict
-    if scale == "paper" and verdict == REPRODUCED:  # what a longer training would predict is not known
-        of_predictions = table(rows).assign(whole=False)
-        assert judge.judged(claim, evidence.Evidence(of_predictions, VALUES, known)).verdict == NOT_TESTABLE
