@@ -39,7 +39,7 @@ class Wrong(Exception):
     """Why the list of mutants cannot be used as it stands."""
 
 
-SELECTION, CLAIMS = "stages/test_selection.py", "reporting/verdicts/test_verdicts.py"
+SELECTION, CLAIMS = "stages/test_selection.py", "claims/test_verdicts.py"
 
 MUTANTS = [
     # What chooses the epoch of a network, and what is fitted.
@@ -575,8 +575,8 @@ MUTANTS = [
     Mutant(
         "t-with-n",
         "pipeline/scoring/results.py",
-        "stdtrit(n - 1, ",
-        "stdtrit(n, ",
+        "t.ppf((1 + CONFIDENCE) / 2, n - 1)",
+        "t.ppf((1 + CONFIDENCE) / 2, n)",
         "reporting/test_touch_report.py::test_estimate_and_numbers",
     ),
     Mutant(
@@ -625,87 +625,80 @@ MUTANTS = [
     # Verdicts.
     Mutant(
         "tolerance-20-percent",
-        "pipeline/reporting/verdicts/rules.py",
+        "pipeline/claims/rules.py",
         "TOLERANCE = 0.1 ",
         "TOLERANCE = 0.2 ",
         CLAIMS,
     ),
     Mutant(
         "undecided-is-reproduced",
-        "pipeline/reporting/verdicts/rules.py",
+        "pipeline/claims/rules.py",
         "return REPRODUCED if low > limit else",
         "return REPRODUCED if high > limit else",
         CLAIMS,
     ),
     Mutant(
-        "margin-of-strain-25-percent",
-        "pipeline/reporting/verdicts/strain.py",
-        "SAME = 0.1 ",
-        "SAME = 0.25 ",
+        "band-25-percent",
+        "pipeline/claims/rules.py",
+        "BAND = 0.15 ",
+        "BAND = 0.25 ",
         CLAIMS,
     ),
     Mutant(
-        "margin-of-drift-0.45",
-        "pipeline/reporting/verdicts/strain.py",
-        "FREE_R2 = 0.1 ",
-        "FREE_R2 = 0.45 ",
+        "places-within-one",
+        "pipeline/claims/rules.py",
+        "margin=0.5)",
+        "margin=1.5)",
         CLAIMS,
     ),
     Mutant(
-        "margin-of-noise-3-points",
-        "pipeline/reporting/verdicts/glove.py",
-        "SMALLEST_GAIN = 0.5 ",
-        "SMALLEST_GAIN = 3 ",
+        "any-rank-is-among-the-worst",
+        "pipeline/claims/rules.py",
+        "rank.iloc[0] > worst",
+        "rank.iloc[0] > worst + 1",
+        CLAIMS,
+    ),
+    Mutant(
+        "unpaired",
+        "pipeline/claims/evidence.py",
+        "index=seeds[places])",
+        "index=range(len(places)))",
+        CLAIMS,
+    ),
+    Mutant(
+        "whole-runs-alone-stay",
+        "pipeline/claims/evidence.py",
+        "self.whole &= key in self._whole",
+        "self.whole &= True",
         CLAIMS,
     ),
     Mutant(
         "margin-of-lomp-like-rnn-0.5",
-        "pipeline/reporting/verdicts/touch.py",
-        'score(e, "rnn"), TOLERANCE, around=1.0)',
-        'score(e, "rnn"), 0.5, around=1.0)',
-        CLAIMS,
-    ),
-    Mutant(
-        "margin-of-places-3-mm",
-        "pipeline/reporting/verdicts/touch.py",
-        "for m in LEARNED}, HALF_WAY_MM)",
-        "for m in LEARNED}, 2 * HALF_WAY_MM)",
-        CLAIMS,
-    ),
-    Mutant(
-        "recognised-in-a-third",
-        "pipeline/reporting/verdicts/touch_measures.py",
-        "MOST = 0.5 ",
-        "MOST = 0.3 ",
-        CLAIMS,
-    ),
-    Mutant(
-        "high-pressure-on-all-rows",
-        "pipeline/reporting/verdicts/touch_measures.py",
-        'rows = high & (schemas.names(table[schemas.split_column(protocol, seed)]) == "test")',
-        "rows = high",
-        CLAIMS,
-    ),
-    Mutant(
-        "high-pressure-above-100-kpa",
-        "pipeline/reporting/verdicts/touch_measures.py",
-        "HIGH_KPA = 200.0 ",
-        "HIGH_KPA = 100.0 ",
-        CLAIMS,
-    ),
-    Mutant(
-        "growth-reversed",
-        "pipeline/reporting/verdicts/touch_measures.py",
-        'return score(e, model, "double", protocol=protocol) / score(e, model, protocol=protocol)',
-        'return score(e, model, protocol=protocol) / score(e, model, "double", protocol=protocol)',
+        "pipeline/claims/lomp.yaml",
+        "margin: 0.1",
+        "margin: 0.5",
         CLAIMS,
     ),
     Mutant(
         "attention-reversed",
-        "pipeline/reporting/verdicts/glove.py",
-        'positive(above(e, "sp_resnet", "sp_resnet_nogcam", dataset, experiment))',
-        'positive(above(e, "sp_resnet_nogcam", "sp_resnet", dataset, experiment))',
+        "pipeline/claims/sp_resnet.yaml",
+        "100 * ({images}.sp_resnet - {images}.sp_resnet_nogcam)",
+        "100 * ({images}.sp_resnet_nogcam - {images}.sp_resnet)",
         CLAIMS,
+    ),
+    Mutant(
+        "high-pressure-on-all-rows",
+        "pipeline/scoring/claim_inputs.py",
+        "chosen = tested & (schemas",
+        "chosen = (schemas",
+        "scoring/test_claim_inputs.py",
+    ),
+    Mutant(
+        "high-pressure-above-100-kpa",
+        "pipeline/scoring/claim_inputs.py",
+        "HIGH_KPA = 200.0 ",
+        "HIGH_KPA = 100.0 ",
+        "scoring/test_claim_inputs.py",
     ),
     Mutant(
         "published-number-changed",

@@ -31,9 +31,10 @@ ARROWS = {
     "models": {"learning"},
     "learning": {"datasets"},
     "reporting/page": {"reporting"},
-    "reporting": {"reporting/verdicts", "reporting/figures", "experiments"},
+    "reporting": {"claims", "reporting/verdicts", "reporting/figures", "experiments"},
     "reporting/figures": {"reporting/verdicts", "scenes", "logs"},
     "reporting/verdicts": {"reporting/words"},
+    "claims": {"scoring"},  # the only place that judges the papers' claims
     "reporting/words": {"scoring"},  # the names of models, Markdown
     "scoring": {"datasets"},
     "scenes": {"datasets"},

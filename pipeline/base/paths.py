@@ -128,6 +128,11 @@ def stag(experiment: str) -> Path:
     return experiment_folder(experiment) / "stag.csv"
 
 
+def claim_inputs(experiment: str) -> Path:
+    """Return the numbers that claims need beside scores, times and counts (output of claim_inputs)."""
+    return experiment_folder(experiment) / "claim_inputs.csv"
+
+
 def stress(experiment: str) -> Path:
     """Return the scores of the trained models on perturbed data (output of stress)."""
     return experiment_folder(experiment) / "stress.csv"

@@ -18,9 +18,9 @@ from tqdm import tqdm
 from pipeline import tasks
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError
+from pipeline.claims.longer import COLUMNS, ENDED, changes, path, read
 from pipeline.commands.rates import error_of, fit
 from pipeline.datasets import fits
-from pipeline.reporting.verdicts.longer import COLUMNS, ENDED, changes, path, read
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number, table
 
@@ -110,7 +110,7 @@ def text(experiment: str, rows: pd.DataFrame) -> str:
 
 def write(experiment: str, rows: pd.DataFrame) -> None:
     """Write <experiment>.csv and .md to reports/longer; rows of protocols that are not among `rows` stay."""
-    before = read(experiment)
+    before = read(path(experiment))
     rows = pd.concat([before[~before["protocol"].isin(rows["protocol"])], rows])
     files.write_table(path(experiment), rows)
     files.write_text(path(experiment).with_suffix(".md"), text(experiment, rows))

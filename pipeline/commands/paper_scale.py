@@ -5,9 +5,9 @@ and shares DVC's cache with it. `dvc repro` runs there up to the experiment's sc
 the same command goes on where it stopped. `--protocols` runs some of the experiment's protocols, so that a run of many
 hours can be made in parts, also on several machines. `--longer` then trains every network of these protocols twice as
 long, at one seed, as `tactile longer EXPERIMENT` does: claims on networks whose validation errors still fall get no
-verdict. Into reports/paper_scale go scores.csv, latency.csv, longer.csv and claims.csv: rows of other experiments and
-protocols stay, and so does the verdict on a claim that this part could not test. Into <experiment>/, with the names of
-the protocols where not all were run, go claims.md, params.yaml and dvc.lock.
+verdict. Into reports/paper_scale go scores.csv, latency.csv, claim_inputs.csv, longer.csv and claims.csv: rows of
+other experiments and protocols stay, and so does the verdict on a claim that this part could not test. Into
+<experiment>/, with the names of the protocols where not all were run, go claims.md, params.yaml and dvc.lock.
 """
 
 import argparse
@@ -23,8 +23,9 @@ import yaml
 
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
+from pipeline.claims.rules import NOT_TESTABLE
 from pipeline.commands.scale import set_values
-from pipeline.reporting.verdicts.rules import NOT_TESTABLE
+from pipeline.scoring import claim_inputs
 
 FOLDER, REPORTS = Path("build") / "paper_scale", Path("reports") / "paper_scale"  # of the repository
 STAGES = {  # what the verdicts of an experiment's paper need
@@ -84,7 +85,7 @@ def prepare(experiment: str, protocols: Sequence[str], folder: Path) -> None:
 def merged(name: str, rows: pd.DataFrame, before: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of a file of reports/paper_scale: those of this run, and those of earlier ones that stay.
 
-    name: scores.csv, latency.csv, longer.csv or claims.csv; rows: of this run, of one experiment; before: of the file.
+    name: that of the file; rows: of this run, of one experiment; before: of the file.
     """
     if name == "claims.csv":
         tested = before[before["id"].isin(rows["id"]) & (before["verdict"] != NOT_TESTABLE)]["id"]
@@ -102,6 +103,7 @@ def keep_numbers(experiment: str, folder: Path, target: Path) -> None:
     data, trained_longer = folder / "data" / experiment, folder / "reports" / "longer" / f"{experiment}.csv"
     _keep_rows(data / "scores.csv", target / "scores.csv")
     _keep_rows(data / "speed" / "latency.csv", target / "latency.csv")
+    _keep_rows(data / "claim_inputs.csv", target / "claim_inputs.csv")
     if trained_longer.is_file():
         rows = _rows(trained_longer)
         rows = rows[rows["protocol"].isin(protocols)].assign(experiment=experiment)
@@ -156,6 +158,8 @@ def main(given: argparse.Namespace) -> None:
         tactile = [sys.executable, "-m", "pipeline.commands.command_line"]
         protocols = ["--protocols", *params.load(folder / paths.PARAMS.name)[given.experiment]["protocols"]]
         run(folder, *tactile, "longer", given.experiment, *protocols)
+    if given.experiment in claim_inputs.EXPERIMENTS:
+        run(folder, sys.executable, "-m", "pipeline.stages.claim_inputs", given.experiment)
     keep_numbers(given.experiment, folder, paths.ROOT / REPORTS)
     run(folder, sys.executable, "-m", "pipeline.stages.judge", given.experiment)
     keep_verdicts(given.experiment, given.protocols, folder, paths.ROOT / REPORTS)

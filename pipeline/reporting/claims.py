@@ -4,32 +4,14 @@ A claim is judged by the present run, which params.yaml sets, and by the run at 
 in reports/paper_scale. The verdict that is shown first, and counted, is that of the papers' scale where it is known.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
-from pipeline.base import params, paths
-from pipeline.reporting.verdicts import glove as glove_verdicts
-from pipeline.reporting.verdicts import strain as strain_verdicts
-from pipeline.reporting.verdicts import touch as touch_verdicts
-from pipeline.reporting.verdicts.rules import (
-    AGREEMENT,
-    BAND,
-    CONTRADICTED,
-    EXPERIMENTS,
-    NOT_TESTABLE,
-    NUMBER,
-    PAPERS,
-    RECORDED_EXPERIMENTS,
-    SENTENCE,
-    TOLERANCE,
-    UNDECIDED,
-    VERDICTS,
-    Claim,
-    Evidence,
-    Judgement,
-)
+from pipeline.base import paths
+from pipeline.claims import entries, evidence, judge
+from pipeline.claims.entries import NUMBER, SENTENCE
+from pipeline.claims.rules import AGREEMENT, BAND, CONTRADICTED, NOT_TESTABLE, TOLERANCE, UNDECIDED, VERDICTS
 from pipeline.reporting.words.markdown import number, size, table
 from pipeline.scoring.results import read_csv
 
@@ -51,6 +33,14 @@ RECORDED = "recorded"  # data; its claims come before those of simulated data
 BY_SCALE = {"present_verdict": "Present run", "paper_scale_verdict": "Papers' scale", "recorded_verdict": "Recorded"}
 
 
+NOT_TRIED = "No reason was looked for."
+
+
+def titles() -> dict[str, str]:
+    """Return paper -> its name in headings."""
+    return {key: paper.title for key, paper in entries.papers().items()}
+
+
 def value_text(value: float, unit: str) -> str:
     """Return a claim's number, rounded; a dash for NaN."""
     if unit == "count":
@@ -70,7 +60,7 @@ def count_rows(claims: pd.DataFrame, by: Sequence[str]) -> list[list[str]]:
     claims: rows as of claims.csv, of which those of the kinds COUNTED are; by: `paper`, `kind` or both. Each row has
     the data, the names of its group, a count per verdict, and the number of claims.
     """
-    claims = claims[claims["kind"].isin(COUNTED)].assign(paper=lambda table: table["paper"].map(PAPERS))
+    claims = claims[claims["kind"].isin(COUNTED)].assign(paper=lambda table: table["paper"].map(titles()))
     groups = []
     for data, of_data in claims.groupby("data"):
         groups += [([data, *names], group) for names, group in of_data.groupby(list(by), sort=False)]
@@ -131,71 +121,32 @@ def changed_by_scale(rows: pd.DataFrame) -> str:
     )
 
 
-def claim_sentences(claims: Iterable[Claim], keys: Iterable[str], evidence: Evidence) -> list[str]:
-    """Return a line per claim, in the order of `keys`: our number, the published one, and the verdict of claims.csv."""
-    by_key = {claim.key: claim for claim in claims}
-    return [claim_sentence(by_key[key], evidence) for key in keys]
+def sentences_of(experiment: str, settings: Mapping) -> Callable[..., list[str]]:
+    """Return what gives the lines of claims by their names, judged by what the stages wrote.
+
+    settings: the experiment's block of params.yaml.
+    """
+    results = evidence.read(evidence.of_experiment(experiment))
+    known = evidence.Evidence(results, {experiment: settings}, evidence.trainings(paths.REPORTS))
+    listed, papers = entries.read()
+    claims = {claim.id.split("/")[1]: claim for claim in listed if papers[claim.paper].simulated == experiment}
+
+    def lines(*names: str) -> list[str]:
+        rows = judge.table([claims[name] for name in names if name in claims], known)
+        return [claim_sentence(row) for row in rows.itertuples()]
+
+    return lines
 
 
-def claim_sentence(claim: Claim, evidence: Evidence) -> str:
-    """Return the line of one claim."""
-    judged = claim.judged(evidence)
+def claim_sentence(row) -> str:
+    """Return the line of one claim: our number, the published one, and the verdict; row: of claims.csv."""
     numbers = ""
-    if judged.ours == judged.ours:
-        unit = f" {claim.unit}" if claim.unit not in ("1", "count") else ""
-        paper = f" (paper: {value_text(claim.published, claim.unit)})" if claim.published == claim.published else ""
-        numbers = f" {ours_text(*judged[:3], claim.unit)}{unit}{paper}:"
-    reason = f" ({judged.reason})" if judged.reason else ""
-    return f"- {claim.text.rstrip('.')}:{numbers} {judged.verdict}{reason}."
-
-
-def all_claims() -> list[Claim]:
-    """List the claims of all papers."""
-    return [*touch_verdicts.claims(), *strain_verdicts.claims(), *glove_verdicts.claims()]
-
-
-def on_own_logs(claim: Claim, values: Mapping) -> Claim:
-    """Return the claim as it stands where params.yaml names the user's own logs in place of the simulator."""
-    if claim.data == "recorded" or values[EXPERIMENTS[claim.paper]]["source"] == "simulated":
-        return claim
-    return replace(claim, data="recorded", why=None)  # what was tried was tried on the simulated scene
-
-
-def experiment_of(claim: Claim, values: Mapping) -> str:
-    """Return the experiment whose results a claim is about; values: params.yaml."""
-    simulated = EXPERIMENTS[claim.paper]
-    own_logs = values[simulated]["source"] != "simulated"
-    return simulated if claim.data != RECORDED or own_logs else RECORDED_EXPERIMENTS[claim.paper]
-
-
-def rows(verdicts: list[tuple[Claim, Judgement]], values: Mapping) -> pd.DataFrame:
-    """Return claims.csv; values: params.yaml."""
-    experiments = [experiment_of(claim, values) for claim, _ in verdicts]
-    scales = {name: params.scale_of(name, values[name]) for name in set(experiments)}
-    return pd.DataFrame(
-        {
-            "id": claim.id,
-            "claim": claim.text,
-            "paper": claim.paper,
-            "section": claim.section,
-            "data": claim.data,
-            "kind": claim.kind,
-            "published": claim.published,
-            "ours": judged.ours,
-            "low": judged.low,
-            "high": judged.high,
-            "unit": claim.unit,
-            "verdict": judged.verdict,
-            "strict": judged.strict,
-            "strict_ours": judged.strict_ours,
-            "compatible": {None: "", True: "yes", False: "no"}[judged.compatible],
-            "reason": judged.reason,
-            "over": judged.over,
-            "measured": int(claim.measured),
-            "scale": scales[experiment],
-        }
-        for (claim, judged), experiment in zip(verdicts, experiments, strict=True)
-    )
+    if row.ours == row.ours:
+        unit = f" {row.unit}" if row.unit not in ("1", "count") else ""
+        paper = f" (paper: {value_text(row.published, row.unit)})" if row.published == row.published else ""
+        numbers = f" {ours_text(row.ours, row.low, row.high, row.unit)}{unit}{paper}:"
+    reason = f" ({row.reason})" if row.reason else ""
+    return f"- {row.claim.rstrip('.')}:{numbers} {row.verdict}{reason}."
 
 
 def reason_text(reason: str, over: str, compatible: str) -> str:
@@ -205,10 +156,10 @@ def reason_text(reason: str, over: str, compatible: str) -> str:
     return "; ".join(filter(None, [reason, over, words[compatible]]))
 
 
-def text(claims: pd.DataFrame, tried: Callable[[str], str]) -> str:
+def text(claims: pd.DataFrame, tried: Mapping[str, str]) -> str:
     """Write claims.md.
 
-    claims: rows of `by_scale`; tried: gives the paragraph on what was tried for a claim, by its id.
+    claims: rows of `by_scale`; tried: id of a claim -> what was tried where it is not reproduced.
     """
     lines = [
         "# A verdict on every claim\n",
@@ -234,7 +185,7 @@ def text(claims: pd.DataFrame, tried: Callable[[str], str]) -> str:
         table(["Data", "Paper", "Kind", *VERDICTS, "claims"], count_rows(claims, ["paper", "kind"])),
     ]
     claims = claims.sort_values("data", kind="stable")
-    for paper, title in PAPERS.items():
+    for paper, title in titles().items():
         of_paper = claims[claims["paper"] == paper]
         lines.append(f"## {title}\n")
         header = ["Claim", "Section", "Data", "Kind", "Published", "Ours", "Unit", "Verdict", *BY_SCALE.values()]
@@ -259,7 +210,7 @@ def text(claims: pd.DataFrame, tried: Callable[[str], str]) -> str:
         for row in of_paper[of_paper["verdict"].isin([CONTRADICTED, UNDECIDED])].itertuples():
             mark = " [recorded]" if row.data == RECORDED else ""
             head = f"**{row.claim.rstrip('.')}**{mark} ({row.verdict}; {row.reason})"
-            missed.setdefault(tried(row.id), []).append(head)
+            missed.setdefault(tried.get(row.id) or NOT_TRIED, []).append(head)
         if missed:
             lines.append(f"### {title}: what was tried where a claim is not reproduced\n")
         for why, heads in missed.items():

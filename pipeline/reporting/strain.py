@@ -1,6 +1,6 @@
 """Write reports/strain: Table I beside the published numbers, figures, studies and findings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -11,16 +11,21 @@ import pyarrow as pa
 from pipeline.base import files
 from pipeline.datasets import schemas
 from pipeline.reporting import experiment, sentences, strain_captions
-from pipeline.reporting.claims import claim_sentences
+from pipeline.reporting.claims import sentences_of
 from pipeline.reporting.figures import strain as strain_figures
-from pipeline.reporting.verdicts import strain as strain_verdicts
-from pipeline.reporting.verdicts.rules import Evidence
-from pipeline.reporting.verdicts.strain_measures import LATENT, TASKS
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring.published import latent
 from pipeline.scoring.results import R2, Scores, estimate, read_fit, read_predictions, read_training_times
-from pipeline.scoring.strain_results import TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
+from pipeline.scoring.strain_results import (
+    LATENT,
+    TASKS,
+    TIME_BINS,
+    errors_by_time,
+    read_latents,
+    read_study,
+    tested_rows,
+)
 
 WORDS = {"task_0": "xyz, what model-0 is trained on", "task_1": "z, 10 mm", "task_2": "xy, 140 x 80 mm"}
 REPLICATES = {
@@ -50,8 +55,6 @@ def write(target: Path, settings: Mapping) -> None:
         for task, block in settings["protocols"].items()
     }
     studies = {name: read_study(name) for name in ("samples", "drift", "capacity", "strands", "bases")}
-    given = {("scores", "strain"): scores, **{("study", name): study for name, study in studies.items()}}
-    evidence = Evidence({"strain": settings}, given)
     by_time = {
         task: {model: errors_by_time(settings, dataset, task, model) for model in models}
         for task in tasks
@@ -73,7 +76,9 @@ def write(target: Path, settings: Mapping) -> None:
     strain_figures.error_over_time(accuracy / "time.png", by_time, minutes)
     captions["time"] = strain_captions.error_over_time(by_time)
     captions |= draw_studies(accuracy, settings, scores, studies)
-    files.write_text(accuracy / "README.md", findings(scores, settings, studies, by_time, evidence, captions))
+    files.write_text(
+        accuracy / "README.md", findings(scores, settings, studies, by_time, sentences_of("strain", settings), captions)
+    )
 
     train_s = {(model, task): read_training_times("strain", model, task) for model in models for task in tasks}
     files.write_text(target / "speed" / "table1_times.md", table_times(train_s, settings))
@@ -141,18 +146,17 @@ def findings(
     settings: Mapping,
     studies: Mapping[str, pd.DataFrame],
     by_time: Mapping[str, Mapping[str, np.ndarray]],
-    evidence: Evidence,
+    claims: Callable[..., list[str]],
     captions: Mapping[str, str],
 ) -> str:
     """Write README.md: verdicts on the claims, and sentences that are computed from the numbers.
 
-    by_time: task -> model -> (seeds, TIME_BINS) errors in mm; captions: name of a figure's file without .png -> text.
+    by_time: task -> model -> (seeds, TIME_BINS) errors in mm; claims: see `claims.sentences_of`; captions: name of a
+    figure's file without .png -> text.
     """
-    claims = strain_verdicts.claims()
 
     def verdicts(*starts: str) -> list[str]:
-        keys = [f"{start}-{task}" for task in TASKS for start in starts]
-        return claim_sentences(claims, keys, evidence)
+        return claims(*(f"{start}-{task}" for task in TASKS for start in starts))
 
     lines = [
         "# Drift-free latent space (strain): results\n",
@@ -174,7 +178,7 @@ def findings(
         *capacity_sentences(studies["capacity"]),
         *strands_sentences(studies["strands"]),
         *bases_sentences(studies["bases"]),
-        *claim_sentences(claims, ["base-task_1", "more-strands"], evidence),
+        *claims("base-task_1", "more-strands"),
         "\n## Figures\n",
     ]
     lines += sentences.figure_lines(captions)

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reporting.sentences import best, caption, one_run, overlap
-from pipeline.reporting.verdicts.strain_measures import LATENT
 from pipeline.reporting.words.labels import plain
 from pipeline.reporting.words.markdown import number
 from pipeline.scoring.results import R2, Estimate, estimate
+from pipeline.scoring.strain_results import LATENT
 
 
 def performance(errors: Mapping[str, float], task: str, seconds: float) -> str:

@@ -12,11 +12,8 @@ import pyarrow as pa
 from pipeline.base import files, paths
 from pipeline.datasets import schemas
 from pipeline.reporting import experiment, sentences, touch_ablation, touch_captions, touch_viewer
-from pipeline.reporting.claims import claim_sentences
+from pipeline.reporting.claims import sentences_of
 from pipeline.reporting.figures import touch as touch_figures
-from pipeline.reporting.verdicts import touch as touch_verdicts
-from pipeline.reporting.verdicts import touch_measures
-from pipeline.reporting.verdicts.rules import Evidence
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import interval, literal, number, size, table
 from pipeline.scoring import ablation, metrics
@@ -43,6 +40,7 @@ UNITS = {
     "r2": "1",
 }
 TABLE_CONDITIONS = ("single", "double")
+CONVENTIONAL = ("linear", "poly", "tree")
 
 SCENE = (
     "The film was fitted to recordings (reports/twins); tips, contact, motions and rates are plain numbers, chosen "
@@ -54,7 +52,6 @@ def write(target: Path, settings: Mapping) -> None:
     """Write the report of `touch`; see `experiment`."""
     accuracy = target / "accuracy"
     scores, latency, table, protocol, seed = experiment.read("touch", settings)
-    evidence = Evidence({"touch": settings}, {("scores", "touch"): scores, ("table", "touch"): table})
     windows = touch_figures.windows_of(table, settings, protocol, seed)
     present = set(windows.condition)
     known = ("single", "double", "three", "slide", "tape")
@@ -80,8 +77,11 @@ def write(target: Path, settings: Mapping) -> None:
 
     learned = {model: fits[model, protocol] for model in settings["models"]}
     captions = draw(accuracy, settings, windows, maps, frames, learned)
+    last = schemas.matrix(table["x"])[:, -settings["sensor"]["rows"] * settings["sensor"]["cols"] :].astype(float)
+    part = schemas.names(table[schemas.split_column(protocol, seed)])
+    share = unseen_products(last, part, schemas.names(table["condition"]), settings["sensor"])
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
-    files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, evidence, captions))
+    files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, share, captions))
 
     if present & set(touch_figures.MAP_NAMES):
         files.write_text(accuracy / "viewer.json", json.dumps(touch_viewer.data(windows, maps, settings)) + "\n")
@@ -241,12 +241,13 @@ def findings(
     settings: Mapping,
     conditions: Sequence[str],
     trained: Sequence[Fit],
-    evidence: Evidence,
+    share: Mapping[str, float],
     captions: Mapping[str, str],
 ) -> str:
     """Write README.md: what the numbers say, in sentences that are computed from them.
 
-    captions: of the figures, name of the file without .png -> text.
+    share: condition -> share of test windows, see `unseen_products`; captions: of the figures, name of the file without
+    .png -> text.
     """
     protocol = next(iter(settings["protocols"]))
     seeds = settings["protocols"][protocol]["seeds"]
@@ -269,13 +270,12 @@ def findings(
             lines.append(f"- There are no recordings of {condition} touch.")
     if "double" in errors and "lomp" in settings["models"]:
         lines.append(double_sentence(errors["double"]))
-        lines += claim_sentences(touch_verdicts.claims(), ["lomp-best-double"], evidence)
+        lines += sentences_of("touch", settings)("lomp-best-double")
     if {"lomp", "lomp_stream"} <= set(settings["models"]):
         lines.append(stream_sentence(errors))
     if "constant" in settings["models"]:
         lines += [floor_sentence(condition, by_model) for condition, by_model in errors.items()]
     if "double" in errors:
-        share = touch_measures.unseen(evidence)
         lines.append(
             f"- In {100 * share['double']:.0f} % of double-touch windows (single-touch test windows: "
             f"{100 * share['single']:.0f} %) two elements that are not neighbours respond together as they never "
@@ -290,6 +290,24 @@ def findings(
     lines.append(f"\nFigures 4 and 6 to 8 show the run `{protocol}`, seed {seeds[0]}.")
     lines += sentences.differences_section(experiment.experiment_differences("touch", settings))
     return "\n".join(lines) + "\n"
+
+
+def unseen_products(counts: np.ndarray, part: np.ndarray, condition: np.ndarray, sensor: Mapping) -> dict[str, float]:
+    """Return the share of test windows, by condition, with a product of two far elements outside its training range.
+
+    counts: (n, elements) of the last frame; part, condition: (n,). The products are of values standardised on the
+    training part; far elements are not neighbours, not even over a corner.
+    """
+    train = part == "train"
+    spread = np.maximum(counts[train].std(axis=0), 1)
+    scaled = (counts - counts[train].mean(axis=0)) / spread
+    row, col = np.divmod(np.arange(sensor["rows"] * sensor["cols"]), sensor["cols"])
+    away = np.maximum(np.abs(row[:, None] - row), np.abs(col[:, None] - col))
+    first, second = np.nonzero(np.triu(away > 1))
+    products = scaled[:, first] * scaled[:, second]
+    low, high = products[train].min(axis=0, initial=np.inf), products[train].max(axis=0, initial=-np.inf)
+    outside = ((products < low) | (products > high)).any(axis=1)
+    return {name: float(outside[(condition == name) & (part == "test")].mean()) for name in np.unique(condition)}
 
 
 def best_sentences(condition: str, errors: Mapping[str, Estimate]) -> list[str]:
@@ -364,7 +382,7 @@ def other_ratios(settings: Mapping) -> dict[str, tuple[Mapping, float]]:
             chosen | {"model": model},
             rmse(model, condition) / rmse(over, condition),
         )
-        for model in touch_measures.CONVENTIONAL
+        for model in CONVENTIONAL
         if model not in (over, chosen["model"])
     }
 

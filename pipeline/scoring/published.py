@@ -108,3 +108,25 @@ def counts() -> dict[tuple[str, str], tuple[Decimal, int]]:
         for metric, key in COUNTS.items()
         if (model, "any", metric) in rows
     }
+
+
+# Metrics of published.csv -> as the table of results calls them.
+METRICS = {"RMSE": "rmse", "inference time": "p50_ms", "test error": "error", "training time": "train_s"}
+METRICS |= {"precision": "macro_precision", **COUNTS}
+ANY = "any"  # the condition of what has none, such as a count
+
+
+def table(paper: str) -> pd.DataFrame:
+    """Return what a paper prints in the words of the table of results: condition, model, variant, metric, value, step.
+
+    step: one unit of the last printed digit. Percentages are fractions, counts plain numbers. An augmentation method is
+    a variant of SP-ResNet, named `augmentation_<method>`. No row for a paper that published.csv does not have.
+    """
+    rows = []
+    for (model, condition, metric), (text, unit) in (_rows(paper) if paper in PRINTED else {}).items():
+        size = 0.01 if unit == "%" else float(unit) if unit.startswith("1") else 1.0
+        step = float(Decimal(1).scaleb(Decimal(text).as_tuple().exponent))
+        model, variant = ("sp_resnet", f"augmentation_{model}") if model in METHODS else (model, "")
+        condition = ANY if metric == "inference time" else condition
+        rows.append((condition, model, variant, METRICS[metric], size * float(text), size * step))
+    return pd.DataFrame(rows, columns=["condition", "model", "variant", "metric", "value", "step"])

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
-from scipy.special import betaincinv, expit, logit, stdtrit
+from scipy import stats
+from scipy.special import expit, logit
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
@@ -62,17 +63,15 @@ def estimate(values: Sequence[float], scale: str = "", trials: int = 0) -> Estim
         return Estimate(mean, *(binomial(mean, trials or n) if known else (np.nan, np.nan)), n, failed)
     there, back = SCALES[scale]
     seen = there(good)
-    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * seen.std(ddof=1) / np.sqrt(n))
+    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * seen.std(ddof=1) / np.sqrt(n))
     low, high = sorted(float(back(seen.mean() + side * half)) for side in (-1, 1))
     return Estimate(mean, min(low, mean), max(high, mean), n, failed)
 
 
 def binomial(share: float, trials: int) -> tuple[float, float]:
     """Return the exact 95 % interval of a share of so many trials (Clopper and Pearson 1934)."""
-    hits, tail = share * trials, (1 - CONFIDENCE) / 2
-    low = float(betaincinv(hits, trials - hits + 1, tail)) if share > 0 else 0.0
-    high = float(betaincinv(hits + 1, trials - hits, 1 - tail)) if share < 1 else 1.0
-    return low, high
+    low, high = stats.binomtest(round(share * trials), trials).proportion_ci(CONFIDENCE, "exact")
+    return float(low), float(high)
 
 
 def scale_of(metric: str) -> str:

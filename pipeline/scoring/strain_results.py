@@ -11,6 +11,8 @@ from pipeline.datasets import schemas
 from pipeline.scoring.results import read_csv, read_predictions
 
 STUDY = "python -m pipeline.studies.latent strain"
+TASKS = ("task_1", "task_2")  # of the paper's table
+LATENT = "latent of model-0"  # an input of the decoders, in drift.csv
 TIME_BINS = 10  # of the test part
 
 

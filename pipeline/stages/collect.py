@@ -1,4 +1,4 @@
-"""Collect scores, latencies and stress of all experiments in one file each, in full precision.
+"""Collect scores, latencies, stress and claims' inputs of all experiments in one file each, in full precision.
 
 Each row of scores.csv says the scale of its experiment (`params.scale_of`). Of an experiment without recordings the
 committed rows stay.
@@ -12,6 +12,7 @@ import pandas as pd
 
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import InputError, run_stage
+from pipeline.scoring import claim_inputs
 from pipeline.scoring.kept import kept_rows
 
 # Of reports/stress.csv: what others read first.
@@ -55,6 +56,9 @@ def main() -> None:
     collect({name: paths.scores(name) for name in experiments}, paths.REPORTS / "scores.csv", scales=scales)
     collect({name: paths.latency(name) for name in experiments}, paths.REPORTS / "latency.csv")
     collect({name: paths.stress(name) for name in experiments}, paths.REPORTS / "stress.csv", STRESS)
+    derived = {name: paths.claim_inputs(name) for name in experiments if name in claim_inputs.EXPERIMENTS}
+    if derived:
+        collect(derived, paths.REPORTS / "claim_inputs.csv")
 
 
 if __name__ == "__main__":

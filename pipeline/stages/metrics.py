@@ -15,8 +15,8 @@ import pandas as pd
 
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import run_stage
+from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import COUNTED
-from pipeline.reporting.verdicts.rules import VERDICTS
 
 TIMES = {"p50_ms": "prediction (ms)", "train_s": "training (s)"}  # columns of table2.csv and their names
 

@@ -1,12 +1,13 @@
 """Claims by scale: which verdict stands first, and what stands beside it."""
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.base import params, paths
+from pipeline.claims import entries, judge
 from pipeline.commands.scale import set_values
 from pipeline.reporting import claims
-from pipeline.reporting.verdicts.rules import EXPERIMENTS, RECORDED_EXPERIMENTS
 
 COLUMNS = ["id", "kind", "data", "verdict", "ours", "scale"]
 
@@ -67,11 +68,37 @@ def test_recorded_claims_are_counted_before_simulated_ones_and_apart():
     assert [row[-1] for row in rows] == ["1", "1", "5", "5", "6"]
 
 
-def test_every_claim_is_of_an_experiment_of_its_own_data():
+def test_on_own_logs_a_claim_is_of_recorded_data():
     values = params.load()
-    for claim in claims.all_claims():
-        known = RECORDED_EXPERIMENTS if claim.data == "recorded" else EXPERIMENTS
-        assert claims.experiment_of(claim, values) == known[claim.paper]
+    claim, *_ = entries.read()[0]
+    assert judge.on_own_logs(claim, values) == claim and claim.data == "simulated"
+    own = judge.on_own_logs(claim, {"touch": {"source": "data/own/mine"}})
+    assert (own.id, own.data, own.tried) == (f"{claim.id}/recorded", "recorded", "")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "verdict", "reason", "line"),
+    [
+        ((1.5, -4.85, 7.85, 1.5), "undecided", "why", "1.50 [-4.85, 7.85] kPa (paper: 1.50): undecided (why)."),
+        ((2.0, 2.0, 2.0, np.nan), "reproduced", "", "2.00 [2.00, 2.00] kPa: reproduced."),
+        ((np.nan, np.nan, np.nan, 1.5), "not testable", "nobody knows", "not testable (nobody knows)."),
+    ],
+)  # fmt: skip
+def test_a_claim_is_a_line_with_its_verdict_and_reason(numbers, verdict, reason, line):
+    names = ["ours", "low", "high", "published"]
+    row = dict(zip(names, numbers, strict=True)) | {"claim": "A.", "unit": "kPa", "verdict": verdict, "reason": reason}
+    assert claims.claim_sentence(pd.Series(row)) == f"- A: {line}"
+
+
+def test_what_was_tried_stands_where_a_claim_is_not_reproduced():
+    rows = PRESENT.assign(
+        paper="lomp", claim="A.", section="I", published=1.0, low=0.0, high=2.0, unit="kPa", measured=0
+    )
+    rows = claims.by_scale(rows.assign(strict="", compatible="", reason="why", over="3 seeds"), AT_PAPERS.iloc[:0])
+    text = claims.text(rows, {"lomp/a": "It was turned around.", "lomp/b": "Not shown."})
+    tried = text.split("what was tried where a claim is not reproduced")[1]
+    assert "- **A** (undecided; why)\n\nIt was turned around." in tried and "Not shown." not in text
+    assert tried.count("No reason was looked for.") == 1
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from scipy.stats import t as student
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import load
+from pipeline.claims import entries, evidence, judge
 from pipeline.datasets import images, schemas
 from pipeline.experiments import velostat_recorded
 from pipeline.reporting import glove as glove_report
@@ -22,10 +23,7 @@ from pipeline.reporting import glove_recorded as glove_recorded_report
 from pipeline.reporting import sentences
 from pipeline.reporting.claims import claim_sentence
 from pipeline.reporting.figures import glove as glove_figures
-from pipeline.reporting.verdicts import glove as glove_verdicts
-from pipeline.reporting.verdicts.glove_measures import published_fusion
-from pipeline.reporting.verdicts.rules import Evidence
-from pipeline.scoring import classification, glove_results, published, results
+from pipeline.scoring import claim_inputs, classification, glove_results, published, results
 from pipeline.stages import render
 
 JUDGED = re.compile(": (reproduced|contradicted|undecided|not testable)")
@@ -169,7 +167,8 @@ def counts_table(sp_resnet=30):
     costs = {"resnet18": 100, "mobilenet": 20, "resnet3x3": 200, "sp_resnet_nogcam": 10, "sp_resnet": sp_resnet}
     rows += [(model, "1x32x32", 16, cost, 10 * cost, np.nan, np.nan, "", "") for model, cost in costs.items()]
     names = ["model", "input_shape", "classes", "macs", "params", "published_macs", "published_params", "verdict"]
-    return pd.DataFrame(rows, columns=[*names, "note"]).replace("", np.nan)
+    table = pd.DataFrame(rows, columns=[*names, "note"]).replace("", np.nan)
+    return table.assign(experiment="glove")
 
 
 def run_render(experiment, settings, monkeypatch):
@@ -251,6 +250,7 @@ def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatc
     rows.loc[(rows["model"] == "sp_resnet") & (rows["seed"] == 1), "value"] += 0.002
     half = student.ppf(0.975, 1) * 0.2 / 2  # of the differences, 10.0 and 10.2 points
     rows.to_csv(paths.experiment_folder("glove") / "stag.csv", index=False)
+    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
     target = run_render("glove", settings, monkeypatch)
     assert (target / "accuracy" / "figure15_stag.png").exists()
     readme = (target / "accuracy" / "README.md").read_text()
@@ -327,9 +327,13 @@ def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
     for block in settings["protocols"].values():
         block["seeds"] = [0]
     write_glove(settings)
+    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
     target = run_render("glove", settings, monkeypatch)
     readme = (target / "accuracy" / "README.md").read_text()
-    assert "is not among the models of params.yaml" in readme and "nan" not in readme
+    assert (
+        "there is no macro_precision of ResNet-18 (session_combined, combined) in glove" in readme
+        and "nan" not in readme
+    )
     listed = {line.split("[")[1].split("]")[0] for line in readme.splitlines() if line.startswith("- [")}
     assert listed == {path.name for path in (target / "accuracy").glob("*.png")}
     if "sp_resnet" in models:
@@ -367,10 +371,12 @@ def test_fusion_and_the_place_of_sp_resnet_are_compared_by_seed(root, settings):
 @pytest.mark.slow
 def test_verdicts_of_the_report_are_those_of_the_claims(root, settings, undrawn, monkeypatch):
     write_glove(settings)
+    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
     target = run_render("glove", settings, monkeypatch)
-    values = load() | {"glove": settings}
-    evidence = Evidence(values)
-    lines = {claim_sentence(claim, evidence) for claim in glove_verdicts.claims() if claim.data == "simulated"}
+    claims = [claim for claim in entries.read()[0] if claim.experiment == "glove"]
+    results = evidence.read(evidence.of_experiment("glove"))
+    rows = judge.table(claims, evidence.Evidence(results, {"glove": settings}))
+    lines = {claim_sentence(row) for row in rows.itertuples()}
     readme = (target / "accuracy" / "README.md").read_text()
     judged = {line for line in readme.splitlines() if line.startswith("- ") and JUDGED.search(line)}
     assert judged <= lines and len(judged) == 41
@@ -573,4 +579,4 @@ def test_published_tables_are_read():
     models = (*published.PRINTED["sp_resnet"], *published.METHODS)
     assert np.isfinite([published.precision(model, dataset) for model in models for dataset in images.MODALITIES]).all()
     assert np.isnan(published.precision("constant", "strain"))
-    assert published_fusion("sp_resnet") == pytest.approx(4.33)
+    assert glove_report.published_fusion("sp_resnet") == pytest.approx(4.33)

@@ -8,22 +8,15 @@ import pandas as pd
 from markupsafe import Markup
 
 from pipeline.base import params, paths
+from pipeline.claims import entries
+from pipeline.claims.entries import NUMBER
+from pipeline.claims.rules import BAND, CONTRADICTED, NOT_TESTABLE, REPRODUCED, VERDICTS
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page import charts, verdicts
 from pipeline.reporting.page.hypertext import Pages
 from pipeline.reporting.page.templates import fill
 from pipeline.reporting.sentences import caption
 from pipeline.reporting.speed import chart_caption
-from pipeline.reporting.verdicts.rules import (
-    BAND,
-    CONTRADICTED,
-    EXPERIMENTS,
-    NOT_TESTABLE,
-    NUMBER,
-    PAPERS,
-    REPRODUCED,
-    VERDICTS,
-)
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring.results import read_csv
 
@@ -79,7 +72,7 @@ def card(pages: Pages, paper: str, claims: pd.DataFrame) -> dict:
     why = f" ({row['reason'].partition(':')[0]})" if row["verdict"] == NOT_TESTABLE else ""
     return {
         "paper": paper,
-        "title": PAPERS[paper],
+        "title": entries.papers()[paper].title,
         "question": asked.question,
         "verdict": row["verdict"],
         "number": number,
@@ -99,7 +92,7 @@ def ratio(value: float, published: float, unit: str) -> float:
 
 def compared(claims: pd.DataFrame) -> dict:
     """Return the data of the chart of our errors over the published ones; claims: see `verdicts.read_claims`."""
-    rows = []
+    rows, titles = [], claim_text.titles()
     for row in claims[claims["data"] == "simulated"].itertuples():
         match = next(filter(None, (pattern.match(row.id) for pattern in PRINTED)), None)
         if match is None:
@@ -107,7 +100,7 @@ def compared(claims: pd.DataFrame) -> dict:
         ratios = [ratio(value, row.published, row.unit) for value in (row.ours, row.low, row.high)]
         ours, *ends = [value if value == value else None for value in ratios]
         strict = ratio(row.strict_ours, row.published, row.unit)
-        panel = f"{PAPERS[row.paper]}: {match['condition'].replace('_', ' ')}"
+        panel = f"{titles[row.paper]}: {match['condition'].replace('_', ' ')}"
         numbers = claim_text.ours_text(row.ours, row.low, row.high, row.unit)
         rows.append(
             {
@@ -141,19 +134,21 @@ def compared_caption(rows: list[Mapping]) -> str:
 def speed(values: Mapping) -> pd.DataFrame | None:
     """Return the speed table with one panel per paper, its last main condition; None where none was run."""
     tables = []
-    for paper, experiment in EXPERIMENTS.items():
+    for paper in entries.papers().values():
+        experiment = paper.simulated
         path = paths.REPORTS / experiment / "speed" / "table2.csv"
         if experiment not in values["experiments"] or not path.exists():
             continue
         table = read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
         panel = table["panel"].iloc[-1]
-        tables.append(table[table["panel"] == panel].assign(panel=f"{PAPERS[paper]}: {panel}"))
+        tables.append(table[table["panel"] == panel].assign(panel=f"{paper.title}: {panel}"))
     return pd.concat(tables, ignore_index=True) if tables else None
 
 
 def scale_words(values: Mapping) -> str:
     """Name the scale of the simulated experiments."""
-    scales = {params.scale_of(name, values[name]) for name in EXPERIMENTS.values() if name in values["experiments"]}
+    simulated = [paper.simulated for paper in entries.papers().values()]
+    scales = {params.scale_of(name, values[name]) for name in simulated if name in values["experiments"]}
     names = {"paper": "the papers'", "other": "their own settings'", "both": "the papers'"}
     return " and ".join(sorted(names.get(scale, scale) for scale in scales - ({"both"} if len(scales) > 1 else set())))
 

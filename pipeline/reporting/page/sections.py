@@ -12,11 +12,11 @@ from markupsafe import Markup
 from pipeline.base import paths
 from pipeline.base.availability import why_not_shown
 from pipeline.base.errors import InputError
+from pipeline.claims import entries
 from pipeline.reporting.page import answers, charts, leaderboards, provenance, verdicts
 from pipeline.reporting.page.hypertext import FIGURE, Pages, anchor, check_references, read, sections, title
 from pipeline.reporting.page.templates import fill, part, script
 from pipeline.reporting.speed import chart_caption
-from pipeline.reporting.verdicts.rules import EXPERIMENTS, PAPERS, RECORDED_EXPERIMENTS
 from pipeline.reporting.words.labels import FRONTS, capitalised, experiment_name
 from pipeline.scoring.results import read_csv
 
@@ -137,14 +137,13 @@ def experiment_section(pages: Pages, experiment: str, values: Mapping) -> tuple[
 def paper_sections(pages: Pages, values: Mapping) -> list[tuple[str, str, list[tuple[str, str]], Markup]]:
     """Return (id, title, its experiments' ids and names, HTML) of every paper of which an experiment is there."""
     built = []
-    for paper, name in PAPERS.items():
-        simulated_and_recorded = (EXPERIMENTS[paper], RECORDED_EXPERIMENTS[paper])
-        experiments = [key for key in simulated_and_recorded if key in values["experiments"]]
+    for paper, said in entries.papers().items():
+        experiments = [key for key in (said.simulated, said.recorded) if key in values["experiments"]]
         inner = [(key, *experiment_section(pages, key, values)) for key in experiments]
         if inner:
             html = Markup().join(section for *_, section in inner)
-            html = Markup('<section id="{}"><h2>{}</h2>{}</section>').format(paper, name, html)
-            built.append((paper, name, [(key, words) for key, words, _ in inner], html))
+            html = Markup('<section id="{}"><h2>{}</h2>{}</section>').format(paper, said.title, html)
+            built.append((paper, said.title, [(key, words) for key, words, _ in inner], html))
     return built
 
 

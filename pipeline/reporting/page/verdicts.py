@@ -5,10 +5,11 @@ from markupsafe import Markup
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.claims import entries
+from pipeline.claims.rules import VERDICTS
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page.hypertext import Pages, anchor, read, sections
 from pipeline.reporting.page.templates import SIGNS, Cell, Row, fill, part
-from pipeline.reporting.verdicts.rules import EXPERIMENTS, PAPERS, RECORDED_EXPERIMENTS, VERDICTS
 from pipeline.scoring.results import read_csv
 
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason"]
@@ -23,7 +24,7 @@ def read_claims() -> pd.DataFrame:
     claims = read_csv(path, COLUMNS, made_by)
     for column in ("reason", *claim_text.BY_SCALE):
         claims[column] = claims[column].astype(object).where(claims[column].notna(), "")
-    for column, known in (("paper", PAPERS), ("verdict", SIGNS)):
+    for column, known in (("paper", entries.papers()), ("verdict", SIGNS)):
         unknown = sorted(set(claims[column].astype(str)) - set(known))
         if unknown:
             raise InputError(f"reports/{path.name}: {column} '{unknown[0]}' is unknown; run `{made_by}` again")
@@ -43,14 +44,14 @@ def counts_by_data(claims: pd.DataFrame) -> list[tuple[str, list[tuple[str, int]
     ]
 
 
-def claim_row(row) -> Row:
-    """Return a claim as a row of the table; its attributes are what the filter asks for, and its anchor."""
+def claim_row(row, paper: entries.Paper) -> Row:
+    """Return a claim of a paper as a row of the table; its attributes are what the filter asks for, and its anchor."""
     filtered_by = {"paper": row.paper, "verdict": row.verdict, "data": row.data, "kind": row.kind}
-    experiment = (RECORDED_EXPERIMENTS if row.data == claim_text.RECORDED else EXPERIMENTS)[row.paper]
+    experiment = paper.recorded if row.data == claim_text.RECORDED else paper.simulated
     cells = [
         Cell(part("badge", row.verdict)),
         Cell(row.claim + (" *" if row.measured else "")),
-        Cell(Markup('<a href="#{}">{}</a>').format(experiment, PAPERS[row.paper])),
+        Cell(Markup('<a href="#{}">{}</a>').format(experiment, paper.title)),
         Cell(str(row.section)),
         Cell(row.data),
         Cell(claim_text.value_text(row.published, row.unit), row.published),
@@ -65,9 +66,9 @@ def claim_row(row) -> Row:
 
 def section(pages: Pages) -> Markup:
     """Return the section: how many claims came out, every claim, the rules, and what was tried."""
-    claims, text = read_claims(), read("claims.md")
+    claims, text, papers = read_claims(), read("claims.md"), entries.papers()
     choices = {
-        "paper": [(key, PAPERS[key]) for key in claims["paper"].unique()],
+        "paper": [(key, papers[key].title) for key in claims["paper"].unique()],
         "data": [(key, key) for key in claims["data"].unique()],
         "verdict": [(verdict, verdict) for verdict in SIGNS],
         "kind": [(key, key) for key in claims["kind"].unique()],
@@ -82,7 +83,7 @@ def section(pages: Pages) -> Markup:
         rules=pages.render(sections(text)[0][1], "", 2, "Rules"),
         filters=list(choices.items()),
         header=HEADER,
-        rows=[claim_row(row) for row in claims.itertuples()],
+        rows=[claim_row(row, papers[row.paper]) for row in claims.itertuples()],
         tried=[
             (heading, pages.render(sections(body)[0][1], "", 3, heading))
             for heading, body in sections(text, "### ")

@@ -18,8 +18,8 @@ from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.claims import rules
 from pipeline.reporting.page import answers, charts, hypertext, leaderboards, provenance, sections, templates, verdicts
-from pipeline.reporting.verdicts import rules
 from pipeline.reporting.words.labels import experiment_name
 from pipeline.stages import page
 

@@ -1,0 +1,265 @@
+"""Read the claims of the papers: claims/*.yaml, one entry per sentence or printed number that can be true or false.
+
+A file names its paper and where the results of its claims are, on simulated and on recorded data. An entry has
+
+    id, text, source   its name, the sentence in our words, and where the paper says it
+    <rule>             one of `rules.RULES` with an expression (`expressions`), or name -> expression where several
+                       values are judged together; or `untestable` with the reason; further keys are the rule's options
+    each               axis -> values: the expression once for each combination of different ones, judged together
+    name               what each of these is called in a reason
+    published          the published value, where it is not the same expression over the paper's own tables
+    data, kind, unit, protocol, metric   where they are not those of the file
+    strict             the protocol on which a printed number is judged once more
+    over               what the interval is over, where that is not seeds
+    measured           true where it rests on measured times, which differ between runs and machines
+    absent             why there may be no results, in words
+    tried              what was tried to find the reason, where the claim is not reproduced
+
+A family is `for` (axis -> values) and `claims`: its entries once for every combination. In every text `{axis}` is the
+value, `{axis.name}` its name; `{published}` is the published value. A value of an axis may have further words.
+"""
+
+import inspect
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from pipeline.base import paths
+from pipeline.base.errors import InputError
+from pipeline.claims.expressions import Result, evaluate
+from pipeline.claims.rules import RULES
+from pipeline.scoring import published
+
+FOLDER = Path(__file__).parent
+SENTENCE, NUMBER, COUNT = "sentence", "number", "count"  # kinds of claims; the first two are counted
+CONSTRUCTION, CALIBRATION = "by construction", "calibration"
+KINDS = {"near": NUMBER, "measured_near": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
+UNTESTABLE = "untestable"
+KEYS = {"id", "text", "source", "each", "name", "published", "data", "kind", "unit", "protocol", "metric", "strict"}
+KEYS |= {"over", "measured", "absent", "tried"}
+HEAD = {"paper", "title", "names", "simulated", "recorded", "claims", "lists"}
+
+
+class Word(str):
+    """A value of an axis; `name` and further attributes are its words in sentences."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the results of a paper's claims are, on one kind of data."""
+
+    experiment: str
+    metric: str
+    unit: str
+    protocol: object  # a name, condition -> name, or several names: the first that has results
+    printed: str = ""  # the metric that the paper prints in place of it
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One sentence of a paper that can be true or false of our numbers, and how it is judged."""
+
+    id: str
+    paper: str
+    text: str
+    section: str
+    data: str  # simulated or recorded
+    kind: str
+    unit: str
+    experiment: str
+    rule: str
+    values: Mapping[str, str]  # name -> expression
+    options: Mapping[str, object]
+    metric: str
+    protocol: object  # as of Source
+    published: float
+    printed: Mapping[str, float]  # of each of `values`
+    names: Mapping[str, str]  # of models, in sentences
+    strict: object = None
+    over: str = "seeds"
+    measured: bool = False
+    reason: str = ""  # of an untestable claim
+    absent: str = ""
+    tried: str = ""
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What a file says of its paper."""
+
+    key: str
+    title: str
+    simulated: str  # experiment
+    recorded: str
+
+
+def files() -> list[Path]:
+    """Return the files of claims: the papers', and those of the workspace, claims/*.yaml."""
+    return [*(FOLDER / f"{paper}.yaml" for paper in published.PRINTED), *sorted((paths.ROOT / "claims").glob("*.yaml"))]
+
+
+def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, Paper]]:
+    """Return all claims, in the order of their files, and paper -> what is said of it.
+
+    A later file of the same paper adds to its claims, and need not say again what the first one says. Raises InputError
+    that names the file and the claim for an entry that cannot be read.
+    """
+    heads: dict[str, dict] = {}
+    claims: dict[str, Claim] = {}
+    papers: dict[str, Paper] = {}
+    for path in files() if sources is None else sources:
+        try:
+            content = _parsed(path.read_text(encoding="utf-8"))
+            if unknown := set(content) - HEAD:
+                raise InputError(f"key '{sorted(unknown)[0]}' is unknown")
+            head = heads.setdefault(content["paper"], {})
+            head |= {key: value for key, value in content.items() if key != "claims"}
+            experiments = [head[data]["experiment"] for data in ("simulated", "recorded")]
+            papers[content["paper"]] = Paper(content["paper"], head["title"], *experiments)
+            for claim in _claims(head, content["claims"]):
+                if claim.id in claims:
+                    raise InputError(f"claim {claim.id}: stands there twice")
+                claims[claim.id] = claim
+        except (InputError, yaml.YAMLError, TypeError, AttributeError) as error:
+            raise InputError(f"{paths.shown(path)}: {error}; see pipeline/claims/entries.py") from error
+        except KeyError as error:
+            raise InputError(f"{paths.shown(path)}: key {error} is missing") from error
+    return list(claims.values()), papers
+
+
+def papers() -> dict[str, Paper]:
+    """Return paper -> what is said of it."""
+    return read()[1]
+
+
+@cache
+def _parsed(text: str) -> dict:
+    return yaml.safe_load(text)
+
+
+def _claims(head: Mapping, entries: Sequence[Mapping]) -> Iterator[Claim]:
+    """Yield the claims of a file; head: its other keys."""
+    names, table = head.get("names", {}), published.table(head["paper"]).set_index(list(Result._fields))
+    printed = {column: dict(zip(map(Result._make, table.index), table[column], strict=True)) for column in table}
+    for entry in entries:
+        family = entry if "for" in entry else {"for": {}, "claims": [entry]}
+        for words in _combinations(family["for"], names):
+            for one in family["claims"]:
+                try:
+                    yield _claim(head, one, words, names, printed)
+                except KeyError as error:
+                    problem = f"{error} is neither a key of the entry nor an axis of its family"
+                    raise InputError(f"claim {one.get('id', one)}: {problem}") from error
+                except (InputError, TypeError, ValueError, AttributeError) as error:
+                    raise InputError(f"claim {one.get('id', one)}: {error}") from error
+
+
+def _combinations(axes: Mapping[str, object], names: Mapping[str, str]) -> Iterator[dict[str, object]]:
+    """Yield axis -> value, for every combination of different values; names: value -> what it is called."""
+    listed = [[_word(value, words, names) for value, words in _pairs(values)] for values in axes.values()]
+    for chosen in itertools.product(*listed):
+        if len(set(chosen)) == len(chosen):
+            yield dict(zip(axes, chosen, strict=True))
+
+
+def _pairs(values: object) -> Iterator[tuple[object, object]]:
+    yield from values.items() if isinstance(values, Mapping) else ((value, None) for value in values)
+
+
+def _word(value: object, words: object, names: Mapping[str, str]) -> object:
+    if not isinstance(value, str):
+        return value
+    word = Word(value)
+    word.name = words if isinstance(words, str) else names.get(value, value.replace("_", " "))
+    vars(word).update(words if isinstance(words, Mapping) else {})
+    return word
+
+
+def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, str], printed: Mapping) -> Claim:
+    """Return the claim of an entry; words: axis of its family -> value; printed: the paper's tables, see `_claims`."""
+    rules = [key for key in entry if key in RULES or key == UNTESTABLE]
+    if len(rules) != 1:
+        raise InputError(f"give one of the rules {', '.join(RULES)}, {UNTESTABLE}; found {', '.join(rules) or 'none'}")
+    (rule,) = rules
+    taken = dict(list(inspect.signature(RULES[rule]).parameters.items())[2:]) if rule in RULES else {}
+    options = {key: entry[key] for key in entry if key in taken}
+    needed = [key for key, option in taken.items() if option.default is option.empty and key not in (*options, "step")]
+    if needed:
+        raise InputError(f"the rule `{rule}` needs '{needed[0]}'")
+    if unknown := set(entry) - KEYS - {rule, *taken}:
+        raise InputError(f"key '{sorted(unknown)[0]}' is unknown to the rule `{rule}`")
+    data = entry.get("data", "simulated").format_map(words)
+    source = Source(**head[data])
+    metric = entry.get("metric", source.metric)
+
+    def paper_says(expression: str, column: str = "value") -> float:
+        def look_up(result: Result) -> float:
+            return printed[column].get(result._replace(metric=result.metric or source.printed or metric), np.nan)
+
+        return float(evaluate(expression, look_up))
+
+    expressions = {} if rule == UNTESTABLE else dict(_expressions(entry, entry[rule], words, names))
+    on_paper = {name: paper_says(expression) for name, expression in expressions.items()}
+    given = entry.get("published")
+    if given is None:  # several directions: the weakest; an order, and a rank beside a value, have no number
+        weakest = np.max if rule == "below" else np.min
+        value = np.nan if rule in ("order", "ranked", UNTESTABLE) else float(weakest(list(on_paper.values())))
+    else:
+        value = paper_says(given.format_map(words)) if isinstance(given, str) else float(given)
+        on_paper = dict.fromkeys(on_paper, value)
+    if rule == "equal":
+        step_of = given if isinstance(given, str) else next(iter(expressions.values()))
+        options["step"] = paper_says(step_of.format_map(words), "step")
+    said = {**words, "published": value}
+    text = {key: entry[key].format_map(said) for key in ("id", "text", "source")}
+    text |= {key: entry.get(key, "").format_map(said) for key in ("absent", "tried")}
+    return Claim(
+        id=f"{head['paper']}/{text['id']}" + ("/recorded" if data == "recorded" else ""),
+        paper=head["paper"],
+        text=text["text"],
+        section=text["source"],
+        data=data,
+        kind=entry.get("kind", KINDS.get(rule, SENTENCE)),
+        unit=entry.get("unit", source.unit),
+        experiment=source.experiment,
+        rule=rule,
+        values=expressions,
+        options=options,
+        metric=metric,
+        protocol=_filled(entry.get("protocol", source.protocol), words),
+        published=value,
+        printed=on_paper,
+        names=names,
+        strict=_filled(entry.get("strict"), words),
+        over=entry.get("over", "seeds"),
+        measured=entry.get("measured", False),
+        reason=entry[rule].format_map(words) if rule == UNTESTABLE else "",
+        absent=text["absent"],
+        tried=text["tried"],
+    )
+
+
+def _expressions(entry: Mapping, rule: object, words: Mapping, names: Mapping) -> Iterator[tuple[str, str]]:
+    """Yield the name and the expression of every value of an entry."""
+    for chosen in _combinations(entry.get("each", {}), names):
+        said = {**words, **chosen}
+        if isinstance(rule, Mapping):
+            yield from ((name.format_map(said), text.format_map(said)) for name, text in rule.items())
+        else:
+            named = " ".join(str(getattr(value, "name", value)) for value in chosen.values())
+            yield entry.get("name", named).format_map(said), rule.format_map(said)
+
+
+def _filled(protocol: object, words: Mapping) -> object:
+    """Return a protocol with the words of its family, but for `{condition}`, which is that of each result."""
+    kept = {**words, "condition": "{condition}"}
+    if isinstance(protocol, str):
+        return protocol.format_map(kept)
+    if isinstance(protocol, Mapping):
+        return {condition: _filled(name, words) for condition, name in protocol.items()}
+    return protocol if protocol is None else [_filled(name, words) for name in protocol]

@@ -1,0 +1,23 @@
+"""Derive from predictions and studies of one experiment the numbers that claims need beside scores, times and counts.
+
+Writes data/<experiment>/claim_inputs.csv, rows of the one table of results. A study that was not run, as at the papers'
+scale, has no rows, and this says so.
+Usage: python -m pipeline.stages.claim_inputs EXPERIMENT
+"""
+
+from pipeline.base import arguments, files, params, paths
+from pipeline.base.errors import run_stage
+from pipeline.scoring import claim_inputs
+
+
+def main() -> None:
+    """Derive the numbers of the experiment named on the command line."""
+    experiment = arguments.parse(__doc__, experiment=tuple(claim_inputs.EXPERIMENTS)).experiment
+    table = claim_inputs.rows(experiment, params.load()[experiment])
+    files.write_table(paths.claim_inputs(experiment), table)
+    missing = [paths.shown(path) for path in claim_inputs.studies(experiment) if not path.exists()]
+    print(f"{experiment}: {len(table)} numbers" + (f"; not run: {', '.join(missing)}" if missing else ""))
+
+
+if __name__ == "__main__":
+    run_stage(main)
