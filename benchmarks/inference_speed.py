@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from benchmarks import made
 
+from benchmarks import made
 from pipeline import models
 from pipeline.base import files
 from pipeline.inference import card as cards

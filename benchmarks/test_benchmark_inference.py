@@ -1,9 +1,9 @@
 """One prediction of the predictor against ONNX Runtime's, batch 1, one thread."""
 
 import pytest
+
 from benchmarks import inference_speed
 from benchmarks.inference_speed import FLOAT32, INT8, PREDICTOR, TORCH, Speed
-
 from pipeline.base import params
 
 
