@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks import growth, inference_speed, made, measure, peers, report, repro_stages, rows, scale_cost
+from benchmarks import growth, made, measure, peers, report, repro_stages, rows, scale_cost
 from benchmarks.test_benchmark_repro import FORBIDDEN
 from pipeline.base import params, paths
 from pipeline.experiments import touch
@@ -170,18 +170,6 @@ def test_stages_of_a_repro_have_their_core_seconds():
     assert repro_stages.idle_share(table, cores=2) == pytest.approx(57 / 132)
 
 
-@pytest.mark.slow
-def test_predictions_are_timed_side_by_side(tmp_path):
-    speeds = inference_speed.speeds(params.load(), "touch", "lomp_stream", tmp_path, rounds=1)
-    assert len({speed.runs_on for speed in speeds}) == 4 and all(0 < speed.p50_ms < 1000 for speed in speeds)
-    assert 0 < speeds[0].zeros < 1 and speeds[2].mb > 2 * speeds[3].mb
-    inference_speed.write(tmp_path / "inference.csv", speeds)
-    with open(tmp_path / "inference.csv", newline="") as file:
-        lines = list(csv.DictReader(file))
-    assert [line["runs_on"] for line in lines] == [speed.runs_on for speed in speeds]
-    assert lines[0]["mb"] == "" and float(lines[2]["p50_ms"]) == speeds[2].p50_ms
-
-
 @pytest.mark.parametrize("task", ["cnn_epoch", "lomp_epoch", "lomp_predictions", "lomp_updates"])
 def test_what_is_measured_of_networks_runs(task, tmp_path):
     measure.TASKS[task](tmp_path, 4)()
@@ -189,12 +177,11 @@ def test_what_is_measured_of_networks_runs(task, tmp_path):
 
 @pytest.mark.slow
 def test_benchmarks_run_at_tiny_size(tmp_path):
-    chosen = "esn_states or strain_epoch or growth_of_ingest"
+    chosen = "esn_states or strain_epoch"
     command = [sys.executable, "-m", "pytest", "benchmarks", "--size", "tiny", "--results", str(tmp_path), "-k", chosen]
     subprocess.run([*command, "-p", "no:cacheprovider"], cwd=paths.ROOT, check=True)
     with open(tmp_path / "benchmarks.csv", newline="", encoding="utf-8") as file:
         found = {row["name"]: row["ours"] for row in csv.DictReader(file)}
     assert set(found) == {"esn_states", "strain_epoch"}
     assert all(float(value) > 0 for value in found.values()), found
-    assert "ingest" in (tmp_path / "growth.csv").read_text()
     assert "echo state network" in (tmp_path / "benchmarks" / "README.md").read_text()
