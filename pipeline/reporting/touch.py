@@ -1,6 +1,5 @@
 """Write reports/touch: Table I and Table II beside the published numbers, training, figures and findings."""
 
-import json
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -11,7 +10,7 @@ import pyarrow as pa
 
 from pipeline.base import files, paths
 from pipeline.datasets import schemas
-from pipeline.reporting import experiment, sentences, touch_ablation, touch_captions, touch_viewer
+from pipeline.reporting import experiment, sentences, touch_ablation, touch_captions
 from pipeline.reporting.claims import claim_sentences
 from pipeline.reporting.figures import touch as touch_figures
 from pipeline.reporting.verdicts import touch as touch_verdicts
@@ -82,9 +81,6 @@ def write(target: Path, settings: Mapping) -> None:
     captions = draw(accuracy, settings, windows, maps, frames, learned)
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
     files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, evidence, captions))
-
-    if present & set(touch_figures.MAP_NAMES):
-        files.write_text(accuracy / "viewer.json", json.dumps(touch_viewer.data(windows, maps, settings)) + "\n")
 
     panels = {f"{name} touch": (protocol, name) for name in TABLE_CONDITIONS if name in conditions}
     end = published_times(latency, settings)

@@ -4,7 +4,6 @@ All of it comes from the other reports. It refers to their figures and tables, s
 on; nothing is loaded from a network. No date and no commit: the page is the same wherever the numbers are.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 
 from markupsafe import Markup
@@ -47,7 +46,7 @@ FIRST_FIGURES = {
 }
 FINDINGS = 3  # of an experiment that are open
 LIBRARIES = ("vendor/d3.min.js", "vendor/plot.umd.min.js")
-SCRIPTS = ("page.js", "charts.js", "viewer.js")
+SCRIPTS = ("page.js", "charts.js")
 
 
 def has_published(text: str) -> bool:
@@ -123,14 +122,12 @@ def experiment_section(pages: Pages, experiment: str, values: Mapping) -> tuple[
     first = [file for file in files(folder, ".png") if file == FIRST_FIGURES.get(experiment)]
     findings, figure = first_findings(pages, folder), pages.rest(folder, everything, first)
     boards = leaderboards.leaderboards(experiment, name)
-    played = paths.REPORTS / folder / "viewer.json"
-    viewer = json.loads(played.read_text(encoding="utf-8")) if played.exists() else {}
     details = [(title(read(f"{folder}/{file}")) or file, document(pages, f"{folder}/{file}", 2)) for file in reports]
     details.append(("All findings, figures and differences from the paper", document(pages, f"{folder}/README.md", 2)))
     if further := pages.rest(folder, everything, files(folder, ".png")):
         details.append(("Further figures", further))
     details += speed(pages, experiment, name)
-    opened = {"findings": findings, "figure": figure, "viewer": viewer, "leaderboards": boards}
+    opened = {"findings": findings, "figure": figure, "leaderboards": boards}
     return name, fill("experiment", **common, reason="", **opened, details=details)
 
 
