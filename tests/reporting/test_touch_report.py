@@ -208,7 +208,6 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
         "accuracy/ablation.md",
         "accuracy/table1.csv",
         "accuracy/table1.md",
-        "accuracy/training.md",
         "accuracy/learning_curves.png",
         *(f"accuracy/{name}" for name in figures),
         *SPEED,
