@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline import models
-from pipeline.base import paths, workers
+from pipeline.base import paths, processes
 
 HERE = Path(__file__).resolve().parent
 UPDATES, EPOCHS = 5, 3  # of a network, timed together
@@ -26,7 +26,7 @@ def measured(task: str, folder: Path, size: float = 0, worker: bool = False) -> 
     path = os.pathsep.join([str(HERE.parent), str(HERE.parent / "tests")])
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.measure", task, str(folder), str(size)],
-        env=os.environ | {"PYTHONPATH": path} | ({"GLIBC_TUNABLES": workers.KEEP_MEMORY} if worker else {}),
+        env=os.environ | {"PYTHONPATH": path} | ({"GLIBC_TUNABLES": processes.KEEP_MEMORY} if worker else {}),
         capture_output=True,
         text=True,
     )
