@@ -252,7 +252,7 @@ def test_a_wrong_command_is_seen(text):
         "dvc repro",
         "dvc repro evaluate",
         "dvc repro evaluate@touch render_strain",
-        "`python tests/kill.py`, `python -m pytest tests/benchmarks`",
+        "`python tests/kill.py`, `python -m pytest benchmarks`",
         "pip install -q -c constraints.txt -e '.[test]' && python -m pytest",
     ],
 )

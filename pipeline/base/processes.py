@@ -1,4 +1,4 @@
-"""Keep processes from writing where they should not: after their parent has ended, or beside another one."""
+"""How a process that computes is set up: one thread, memory that it keeps, an end with its parent's, and locks."""
 
 import ctypes
 import signal
@@ -12,9 +12,17 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
+# glibc's allocator: large pieces of memory are kept and lie in huge pages. Fresh memory costs a page fault each 4 kB,
+# which takes a tenth of the training of a convolutional network.
+KEEP_MEMORY = "glibc.malloc.hugetlb=1:glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=4000000000"
+KEEP_MEMORY += ":glibc.malloc.top_pad=67108864"
+
+# For a process's environment before its first import of numpy and torch: their thread pools are sized when they load.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
 
 def die_with_parent() -> None:
-    """Have Linux end this process when its parent ends or is killed; on other systems do nothing."""
+    """Have Linux end this process when its parent ends or is killed: a killed `dvc repro` leaves none that writes."""
     if sys.platform == "linux":
         pr_set_pdeathsig = 1
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)

@@ -3,14 +3,12 @@
 MODEL is EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout trained, else the pretrained one),
 EXPERIMENT/MODEL/PROTOCOL/SEED, or a folder that this command made. FOLDER, which must not exist, gets the weights and
 card.json: what readings the model takes, what it predicts, its settings and its test scores. With --onnx it also gets
-model.onnx, which is compared with torch. With --int8 it also gets model.int8.onnx, with weights of 8 bits, if that is
-within 1 % of full scale of model.onnx on the test part, which this checkout must have.
+model.onnx, which is compared with torch.
 """
 
 import argparse
 import shutil
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 
 from pipeline.base import files, params
@@ -22,7 +20,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", metavar="MODEL")
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="a new folder")
     parser.add_argument("--onnx", action="store_true", help="write model.onnx, too")
-    parser.add_argument("--int8", action="store_true", help="write model.onnx and model.int8.onnx, too")
 
 
 def main(given: argparse.Namespace) -> None:
@@ -43,25 +40,17 @@ def main(given: argparse.Namespace) -> None:
         for path in (source / cards.NAME, cards.weights_file(source)):
             shutil.copy(path, package)
         print(f"{card.experiment}/{card.model}: {comes_from}")
-        if given.onnx or given.int8:
-            _write_onnx(package, given.int8, values)
+        if given.onnx:
+            _write_onnx(package)
         with files.replacing_folder(given.folder) as target:
             shutil.copytree(package, target, dirs_exist_ok=True)
     print(f"written to {given.folder}")
 
 
-def _write_onnx(package: Path, int8: bool, values: Mapping) -> None:
-    """Write the network of a package as ONNX into it, and say how large the files are and how well they agree."""
+def _write_onnx(package: Path) -> None:
+    """Write the network of a package as ONNX into it, and say how large the file is and how well it agrees."""
     from pipeline.inference import onnx_export, predictor
 
-    model = predictor.load(package)
-    readings = onnx_export.readings_of_test_part(model, values) if int8 else None
-    written = onnx_export.export(model, package)
-    print(f"{_size(written.path)}, differs from the model by up to {written.difference:.1g} of full scale")
-    if int8:
-        written = onnx_export.export_int8(model, package, readings)
-        print(f"{_size(written.path)}, differs from {onnx_export.NAME} by up to {100 * written.difference:.2g} % of it")
-
-
-def _size(path: Path) -> str:
-    return f"{path.name}: {path.stat().st_size / 1e6:.2f} MB"
+    written = onnx_export.export(predictor.load(package), package)
+    size = f"{written.path.name}: {written.path.stat().st_size / 1e6:.2f} MB"
+    print(f"{size}, differs from the model by up to {written.difference:.1g} of full scale")

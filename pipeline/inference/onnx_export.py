@@ -7,7 +7,7 @@ A model that carries a state takes it as further inputs and gives the next one a
 import json
 import logging
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -16,11 +16,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline import tasks
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST
-from pipeline.inference import card as cards
 from pipeline.inference.card import Card
 from pipeline.inference.onnx_network import CARD, NAME, READINGS, REPEATED, TENSORS, ZERO, OnnxNetwork, Tensor
 from pipeline.inference.onnx_regressions import Regression, is_regression
@@ -33,13 +30,10 @@ from pipeline.learning.series_regressors import Scaling, StateReadout
 from pipeline.models.lomp_stream import LARGEST_STATE, StreamingLomp
 from pipeline.models.lstm_highpass import HighpassLstm
 
-INT8_NAME = "model.int8.onnx"
 OUTPUTS = {"kPa": "map_kpa", "N": "force_n", "mm": "position_mm", "probability": "probabilities"}
 MOST_DIFFERENCE = 1e-4  # of full scale, from torch
-MOST_INT8_DIFFERENCE = 0.01  # of full scale, from float32
 ROWS, STEPS = 16, 32  # of a check: windows, images or streams, and readings of a stream
 LARGEST_FOLDED = 1 << 30  # bytes of weights that are computed once, in the export
-MOST_TEST_READINGS = 1000  # windows or images that int8 is compared on: a second or two
 REACH = 2.0  # spreads from the mean to either end of the range that readings are drawn from
 
 
@@ -66,7 +60,7 @@ class Written(NamedTuple):
     """A file that was written and checked."""
 
     path: Path
-    difference: float  # largest one, share of full scale: of float32 from torch, of int8 from float32
+    difference: float  # largest one, share of full scale, from torch
 
 
 def export(model: Predictor, folder: Path) -> Written:
@@ -83,24 +77,6 @@ def export(model: Predictor, folder: Path) -> Written:
         raise InputError(
             f"{_name(model)}: as ONNX it differs from itself by {differs:.1g} of full scale, more than "
             f"{MOST_DIFFERENCE:g}; export it without --onnx"
-        )
-    return Written(path, differs)
-
-
-def export_int8(model: Predictor, folder: Path, readings: np.ndarray) -> Written:
-    """Write INT8_NAME beside the NAME in a folder, and compare the two on readings (steps, n, ...).
-
-    Raises InputError for a regression, and where predictions differ by more than MOST_INT8_DIFFERENCE.
-    """
-    if is_regression(model.model):
-        raise InputError(f"{_name(model)}: only networks can have weights of 8 bits; export it without --int8")
-    graph, exact, path = graph_of(model), folder / NAME, folder / INT8_NAME
-    quantise(exact, path, per_output=not isinstance(graph.module, _LompWindows))
-    differs = difference(model, run(path, readings), run(exact, readings))
-    if not differs <= MOST_INT8_DIFFERENCE:
-        raise InputError(
-            f"{_name(model)}: with weights of 8 bits it differs by up to {100 * differs:.2g} % of full scale on test "
-            f"readings, more than {100 * MOST_INT8_DIFFERENCE:g} %; export it without --int8"
         )
     return Written(path, differs)
 
@@ -164,8 +140,7 @@ def graph_of(model: Predictor) -> Graph:
         state = Tensor("state", ("n", len(inner.system["reservoir"])), "state of the reservoir", ZERO)
         return Graph(_Reservoir(inner, card), one, [state], outputs)
     raise InputError(
-        f"{_name(model)}: cannot be written as ONNX, only networks and regressions can; export it without --onnx and "
-        "--int8"
+        f"{_name(model)}: cannot be written as ONNX, only networks and regressions can; export it without --onnx"
     )
 
 
@@ -408,23 +383,6 @@ def random_readings(model: Predictor, graph: Graph) -> np.ndarray:
     return mean + spread * shares
 
 
-def readings_of_test_part(model: Predictor, values: Mapping) -> np.ndarray:
-    """Return readings (steps, n, ...) of the test part of the run that the model is of.
-
-    They are up to MOST_TEST_READINGS windows or images, evenly spaced; of a model that carries its state, the frames of
-    such windows as streams; of a model of series, the samples as one stream. values: params.yaml. Raises InputError
-    where this checkout lacks the data set or has it by other settings.
-    """
-    card = model.card
-    cards.check_fits(card, values.get(card.experiment, {}), card.experiment)
-    paths.require(paths.dataset(card.experiment), f"python -m pipeline.stages.dataset {card.experiment}")
-    _, x = tasks.of(card.experiment).stream(card.experiment, values[card.experiment], card.protocol, card.seed)
-    if card.kind == "series":
-        return in_columns(x, card)[:, None]
-    x = x[np.linspace(0, len(x) - 1, min(len(x), MOST_TEST_READINGS)).astype(int)].astype(np.float32)
-    return np.ascontiguousarray(x.transpose(1, 0, 2)) if model.model.streams else x[None]
-
-
 def in_columns(values: np.ndarray, card: Card) -> np.ndarray:
     """Return values (..., channels) of a model of series in the columns of a reading (..., columns); others are 0."""
     wide = np.zeros((*values.shape[:-1], card.inputs.columns), np.float32)
@@ -448,22 +406,3 @@ def difference(model: Predictor, predicted: np.ndarray, others: np.ndarray) -> f
     """
     scale = np.abs(others).max() if is_regression(model.model) else full_scale(model)
     return float((np.abs(predicted.reshape(others.shape) - others) / scale).max())
-
-
-def quantise(path: Path, target: Path, per_output: bool) -> None:
-    """Write a copy of an ONNX file whose matrix products and LSTMs have weights of 8 bits.
-
-    What they are multiplied by is rounded to 8 bits, too, by its range in each call. Convolutions stay float32: with 8
-    bits they took 2 to 8 times as long, and predictions were up to 30 % of full scale off.
-    per_output: with a scale for each output of a matrix, which ONNX Runtime does not have for LoMP's stacked ones.
-    """
-    from onnxruntime.quantization import QuantType, quantize_dynamic
-
-    with _quiet():
-        quantize_dynamic(
-            path,
-            target,
-            op_types_to_quantize=["MatMul", "Gemm", "LSTM"],
-            per_channel=per_output,
-            weight_type=QuantType.QInt8,
-        )

@@ -13,7 +13,7 @@ from pipeline.datasets import images, schemas
 from pipeline.datasets.images import MODALITIES
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove as glove_experiment
-from pipeline.reporting import experiment, glove_captions, glove_tables, repeated_presses, sentences
+from pipeline.reporting import experiment, glove_captions, glove_tables, sentences
 from pipeline.reporting.claims import sentences_of
 from pipeline.reporting.figures import glove as glove_figures
 from pipeline.reporting.figures import style
@@ -21,7 +21,6 @@ from pipeline.reporting.glove_tables import METRICS
 from pipeline.reporting.words.labels import capitalised, form_name, model_name
 from pipeline.reporting.words.markdown import code, interval, number
 from pipeline.scenes import glove as glove_scene
-from pipeline.scenes import material
 from pipeline.scoring import glove_results
 from pipeline.scoring.glove_results import (
     COMPARED,
@@ -44,7 +43,6 @@ FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
 GRASPED = "mobile_phone"  # in figure 10
 SEQUENCE_FRAMES = 50  # of figure 13
 SHOWN_N = 0.6  # of figure 7
-PRESS_CYCLES = (600, 1000 / 600, 1.0)  # of figure 8: how many, s, N
 HELD_DEG, HELD_S = (0.0, 30.0, 45.0, 60.0, 90.0), 160.0  # of figure 9a: one after the other
 BENDS = (300, 500 / 300)  # of figure 9b: how many, s
 DATASETS = {"pressure": "pressure", "strain": "strain", "combined": "combined"}
@@ -91,11 +89,7 @@ def write(target: Path, settings: Mapping) -> None:
     files.write_text(accuracy / "table2.md", glove_tables.table_two(augmentation["macro_precision"], settings))
     by_frames = [rows.assign(condition=dataset) for dataset, rows in frames.items()]
     files.write_table(accuracy / "figure15.csv", pd.concat(by_frames))
-    simulated, repeated = settings["source"] == "simulated", []
-    if simulated:
-        made_by = "python -m pipeline.stages.ingest velostat_recorded"
-        repeated = repeated_presses.read(paths.require(paths.frames("velostat_recorded"), made_by))
-    captions = draw_laws(accuracy, settings, repeated) if simulated else {}
+    captions = draw_laws(accuracy, settings) if settings["source"] == "simulated" else {}
     captions["figure10"] = draw_grasp(accuracy / "figure10.png", table, objects)
     captions["figure13"] = draw_sequences(accuracy / "figure13.png", settings, objects)
     captions |= draw_confusions(accuracy, "figure14", settings, confusions, asked, objects, DATASETS)
@@ -109,7 +103,7 @@ def write(target: Path, settings: Mapping) -> None:
         captions["figure15_stag"] = glove_captions.precision_by_frames(of_stag)
     captions |= draw_learning(accuracy, settings, fits, DATASETS)
     tables = frames | {"STAG": stag}
-    readme = findings(scores, settings, verdicts, confusions, objects, tables, fits, repeated, captions)
+    readme = findings(scores, settings, verdicts, confusions, objects, tables, fits, captions)
     files.write_text(accuracy / "README.md", readme)
     panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
     experiment.write_speed(target, settings, scores, latency, panels, WRONG)
@@ -123,7 +117,6 @@ def findings(
     objects: Sequence[str],
     frames: Mapping[str, pd.DataFrame],
     fits: Mapping[str, Mapping[str, list[Fit]]],
-    repeated: Sequence[repeated_presses.Repeated],
     captions: Mapping[str, str],
 ) -> str:
     """Write README.md: verdicts on the claims, and sentences that are computed from the numbers.
@@ -173,8 +166,6 @@ def findings(
             lines += pair_sentences(confusions, objects, dataset, pair)
             lines += verdicts(*(f"{verb}-{dataset}-{'-'.join(pair)}" for verb in ("confused", "resolved")))
     lines += confused_sentences(confusions, objects)
-    if settings["source"] == "simulated":
-        lines += ["\n## Cycles of force\n", repeated_presses.findings(repeated)]
     lines += ["\n## Figures\n", *sentences.figure_lines(captions)]
     lines += sentences.differences_section(experiment.experiment_differences("glove", settings))
     return "\n".join(lines) + "\n"
@@ -397,13 +388,13 @@ def all_fits(fits: Mapping[str, Mapping[str, list[Fit]]]) -> list[Fit]:
     return [fit for protocols in fits.values() for runs in protocols.values() for fit in runs]
 
 
-def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_presses.Repeated]) -> dict[str, str]:
-    """Draw figures 7, 8 and 9 of one cell of the scene: its laws, as the glove's scanner reads them.
+def draw_laws(folder: Path, settings: Mapping) -> dict[str, str]:
+    """Draw figures 7 and 9 of one cell of the scene: its laws, as the glove's scanner reads them.
 
     Returns name of the file without .png -> caption.
 
     Differs from paper: its figures 7 to 9 are measurements of the glove's own cells; here the scene's laws are drawn,
-    and in figure 8 presses of a recorded taxel of another sensor, where its recordings are downloaded.
+    without figure 8, the fatigue of a cell under 600 cycles, of which they have none.
     """
     scene = glove_scene.scene_of(settings)
     film, hz = scene["film"], scene["frame_hz"]
@@ -418,19 +409,6 @@ def draw_laws(folder: Path, settings: Mapping, repeated: Sequence[repeated_press
     siemens = glove_scene.pressed_film(force, film)
     glove_figures.pressed_cell(folder / "figure7.png", force, siemens, title)
     captions = {"figure7": glove_captions.pressed_cell(force, siemens)}
-
-    cycles, period_s, peak_n = PRESS_CYCLES
-    force = peak_n * triangle(np.arange(round(cycles * period_s * hz)) / hz, period_s)
-    taxel = material.load_material()
-    memory = taxel.rest - material.log_resistance(taxel, film["force_scale"] * force, 1 / hz)
-    courses = {
-        "the scene's cell: no memory": read(glove_scene.pressed_film(force, film)),
-        "the recorded taxel's law, with its memory": read(np.exp(memory) / film["rest_ohm"]),
-    }
-    title = f"Figure 8: {cycles} cycles of 0 to {peak_n:g} N; neither law has fatigue"
-    taxel = repeated_presses.panels(repeated)
-    glove_figures.pressed_cycles(folder / "figure8.png", courses, hz, period_s, taxel, title)
-    captions["figure8"] = glove_captions.pressed_cycles(courses, hz, period_s, repeated)
 
     held_s = np.arange(round(HELD_S * hz)) / hz
     held = np.array(HELD_DEG)[(held_s * len(HELD_DEG) / HELD_S).astype(int)]

@@ -6,14 +6,12 @@ import numpy as np
 import pandas as pd
 
 from pipeline.datasets.images import HIGHEST
-from pipeline.reporting import repeated_presses
 from pipeline.reporting.sentences import best, caption
 from pipeline.reporting.words.labels import form_name
 from pipeline.reporting.words.markdown import code, interval, number
 from pipeline.scoring.glove_results import FORMS, pair_shares, ranked_pairs
 from pipeline.scoring.results import estimate
 
-ENDS = 5  # cycles at both ends of figure 8 that are compared, which are those drawn
 PRESSED = 0.1  # of the highest reading: what reads more counts as pressed, or bent
 
 
@@ -25,28 +23,6 @@ def pressed_cell(force_n: np.ndarray, siemens: np.ndarray) -> str:
         f"{number(1e-3 / pressed[-1], 1)} kΩ at {most:g} N",
         f"its conductance rises from {number(1e3 * siemens[0])} to {number(1e3 * pressed[-1])} mS",
     )
-
-
-def pressed_cycles(
-    courses: Mapping[str, np.ndarray], hz: float, period_s: float, repeated: Sequence[repeated_presses.Repeated]
-) -> str:
-    """Return the caption of figure 8; courses: see `figures.glove.pressed_cycles`."""
-    parts = []
-    for name, siemens in courses.items():
-        cycle = (np.arange(len(siemens)) / hz / period_s).astype(int)
-        highest = pd.Series(siemens).groupby(cycle).max()
-        change = 100 * (highest.iloc[-ENDS:].mean() / highest.iloc[:ENDS].mean() - 1)
-        parts.append(
-            f"{name}: from the first to the last {ENDS} of {len(highest)} cycles, the highest conductance changes by "
-            f"{change:+.1f} %"
-        )
-    if repeated:
-        drift = repeated_presses.drift(repeated)
-        parts.append(
-            f"recorded taxel, another sensor: {repeated_presses.PLACES} presses later, the conductance at the same "
-            f"place and force has changed by {interval(drift)} %"
-        )
-    return caption(*parts, "neither law has fatigue")
 
 
 def bent_joint(held: tuple, bends: tuple, angles: Sequence[float]) -> str:

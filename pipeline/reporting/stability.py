@@ -15,8 +15,7 @@ from pipeline.base.errors import InputError
 from pipeline.reporting.figures import stability as stability_figures
 from pipeline.reporting.sentences import best, caption, figure_lines, one_run, some
 from pipeline.reporting.verdicts import stability as stability_verdicts
-from pipeline.reporting.verdicts.stability import ERRORS, FAILED, FAILURES, HOLDS, TRAININGS, WORSE
-from pipeline.reporting.words import markdown
+from pipeline.reporting.verdicts.stability import ERRORS, FAILED, FAILURES, HOLDS, TRAININGS
 from pipeline.reporting.words.labels import (
     capitalised,
     condition_name,
@@ -100,8 +99,6 @@ def write(values: Mapping, folder: Path, former: Path) -> None:
     files.write_table(folder / "failures.csv", judged)
     files.write_table(folder / "training.csv", trained)
     files.write_text(folder / "README.md", findings(judged, trained, pictures, absent))
-    files.write_text(folder / "failures.md", failure_text(judged))
-    files.write_text(folder / "training.md", training_text(trained))
 
 
 def kept_figures(former: Path, folder: Path, experiment: str, judged: pd.DataFrame) -> dict[str, str]:
@@ -190,36 +187,6 @@ def error_text(experiment: str, value: float) -> str:
     return f"{100 * value:.3g} %" if unit == "1" else f"{value:.3g} {unit}"
 
 
-def cell(row) -> str:
-    """Return the table cell of one row of FAILURES."""
-    if row.verdict in (HOLDS, FAILED):
-        return row.verdict
-    return f"{row.fails_at:g}" + (" (worse than constant)" if row.verdict == WORSE else "")
-
-
-def failure_text(failures: pd.DataFrame) -> str:
-    """Return failures.md: a table per experiment and condition, with a row per perturbation and a column per model."""
-    parts = [
-        "# Where the models fail\n",
-        "The first severity at which a model's error is above what is usable (`stress` of params.yaml), or worse than "
-        "that of the constant model. 0: it is so before anything is perturbed; holds: it is usable at every severity. "
-        "In brackets the error over that of the constant model, mean over the perturbed severities.\n",
-    ]
-    for place, rows in failures.groupby(["experiment", "protocol", "condition"], sort=False):
-        models = list(dict.fromkeys(rows["model"]))
-        lines = []
-        for perturbation, judged in rows.groupby("perturbation", sort=False):
-            cells = {row.model: f"{cell(row)} [{row.relative:.2f}]" for row in judged.itertuples()}
-            lines.append([capitalised(perturbation_name(perturbation)), *(cells[model] for model in models)])
-        parts.append(f"## {heading(*place)}\n")
-        parts.append(markdown.table(["Perturbation", *map(model_name, models)], lines))
-    parts.append("## Severities\n")
-    meanings = {name: SEVERITIES.get(name, UNNAMED)[1] for name in failures["perturbation"].unique()}
-    lines = [f"- {capitalised(perturbation_name(name))}: {meaning}." for name, meaning in meanings.items()]
-    parts.append("\n".join(lines) + "\n")
-    return "\n".join(parts)
-
-
 def heading(experiment: str, protocol: str, condition: str) -> str:
     """Return the heading of one protocol and condition of an experiment."""
     return f"{experiment_name(experiment)}: {condition_name(experiment, protocol, condition)}"
@@ -228,18 +195,6 @@ def heading(experiment: str, protocol: str, condition: str) -> str:
 def words(protocol: str, condition: str) -> list[str]:
     """Return protocol and condition for a file's name; the protocol alone where it says the condition, too."""
     return [protocol] if condition in ("all", protocol) or protocol.endswith(f"_{condition}") else [protocol, condition]
-
-
-def training_text(trainings: pd.DataFrame) -> str:
-    """Return training.md: the table of training failures."""
-    header = ["Experiment", "Model", "Runs", "Diverged", "No usable epoch", "Scores", "Not a number"]
-    header.append("Worse than the constant model")
-    rows = trainings.itertuples(index=False, name=None)
-    lines = [[experiment_name(experiment), model_name(model), *map(str, counts)] for experiment, model, *counts in rows]
-    return (
-        "# Trainings that failed\n\nRuns: protocols times seeds. Scores: the error of every run in every condition of "
-        "its clean test data.\n\n" + markdown.table(header, lines)
-    )
 
 
 def findings(
@@ -258,8 +213,8 @@ def findings(
         "relative error: the error over the constant model's under the same perturbation, mean over severities and "
         "perturbations; 1 is no better than the constant model. A model fails at the first severity at which its error "
         "is above what is usable (`stress` of params.yaml: a value in kPa, N, mm or share of images that a user would "
-        "set) or worse than the constant model's. [failures.md](failures.md) explains the severities. "
-        "[Trainings that failed](training.md).\n",
+        "set) or worse than the constant model's. All errors by severity: [failures.csv](failures.csv); trainings that "
+        "failed: [training.csv](training.csv).\n",
     ]
     for experiment in dict.fromkeys([*failures["experiment"], *absent]):
         if experiment in absent:
@@ -277,7 +232,9 @@ def findings(
         worst = trainings.loc[trainings["worse_than_constant"].idxmax()]
         where = f"{model_name(worst.model)} in {experiment_name(worst.experiment)}"
         text += f", most of {where} ({worst.worse_than_constant})"
-    return "\n".join([*parts, "## Training\n", f"{text}.\n"])
+    meanings = {name: SEVERITIES.get(name, UNNAMED)[1] for name in failures["perturbation"].unique()}
+    severities = [f"- {capitalised(perturbation_name(name))}: {meaning}." for name, meaning in meanings.items()]
+    return "\n".join([*parts, "## Training\n", f"{text}.\n", "## Severities\n", *severities]) + "\n"
 
 
 def sentences(judged: pd.DataFrame) -> list[str]:

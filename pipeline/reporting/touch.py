@@ -1,6 +1,5 @@
 """Write reports/touch: Table I and Table II beside the published numbers, training, figures and findings."""
 
-import json
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -11,11 +10,11 @@ import pyarrow as pa
 
 from pipeline.base import files, paths
 from pipeline.datasets import schemas
-from pipeline.reporting import experiment, sentences, touch_ablation, touch_captions, touch_viewer
+from pipeline.reporting import experiment, sentences, touch_ablation, touch_captions
 from pipeline.reporting.claims import sentences_of
 from pipeline.reporting.figures import touch as touch_figures
 from pipeline.reporting.words.labels import model_name
-from pipeline.reporting.words.markdown import interval, literal, number, size, table
+from pipeline.reporting.words.markdown import interval, literal, number, table
 from pipeline.scoring import ablation, metrics
 from pipeline.scoring.published import PRINTED, rmse, time_ms
 from pipeline.scoring.results import Estimate, Fit, Scores, read_fit, read_predictions
@@ -70,7 +69,6 @@ def write(target: Path, settings: Mapping) -> None:
 
     files.write_table(accuracy / "table1.csv", score_table(scores, settings, conditions))
     files.write_text(accuracy / "table1.md", table_one(scores, settings, conditions))
-    files.write_text(accuracy / "training.md", training(fits, settings))
     both = [name for name in TABLE_CONDITIONS if name in conditions]
     ablated = touch_ablation.text(ablation.read("touch"), scores, settings, both)
     files.write_text(accuracy / "ablation.md", ablated)
@@ -82,9 +80,6 @@ def write(target: Path, settings: Mapping) -> None:
     share = unseen_products(last, part, schemas.names(table["condition"]), settings["sensor"])
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
     files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, share, captions))
-
-    if present & set(touch_figures.MAP_NAMES):
-        files.write_text(accuracy / "viewer.json", json.dumps(touch_viewer.data(windows, maps, settings)) + "\n")
 
     panels = {f"{name} touch": (protocol, name) for name in TABLE_CONDITIONS if name in conditions}
     end = published_times(latency, settings)
@@ -206,36 +201,6 @@ def _protocol_note(protocol: str, n: int, settings: Mapping) -> str:
     return f"{note} One seed has no interval.\n" if n == 1 else f"{note}\n"
 
 
-def training(fits: Mapping[tuple[str, str], list[Fit]], settings: Mapping) -> str:
-    """Write training.md: how every fit ended; fits: (model, protocol) -> one fit per seed."""
-    trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
-    rows = []
-    for (model, protocol), runs in fits.items():
-        epochs, best, reasons = ("-", "-", "closed form")
-        if any(fit.stop_reason != "closed_form" for fit in runs):
-            epochs = ", ".join(str(fit.epochs) for fit in runs)
-            best = ", ".join(str(fit.best_epoch) for fit in runs)
-            reasons = ", ".join(fit.stop_reason for fit in runs)
-        sizes = sorted({fit.parameters for fit in runs})
-        parameters = size(sizes[0]) if len(sizes) == 1 else f"{size(sizes[0])} to {size(sizes[-1])}"
-        rows.append([model_name(model), protocol, parameters, epochs, best, reasons])
-    epochs_set = ", ".join(
-        f"{model_name(model)} {block['training']['epochs']}"
-        for model, block in settings["models"].items()
-        if isinstance(block, Mapping) and "training" in block
-    )
-    return "\n".join(
-        [
-            "# Training\n",
-            sentences.stops(trained) + "\n",
-            f"Epochs set: {epochs_set or 'no model is trained in epochs'}. The learning rate has fallen to zero at the "
-            "end. The weights of the best epoch (lowest validation loss) are kept. Lists are in the order of the "
-            "seeds.\n",
-            table(["Model", "Split", "Parameters", "Epochs run", "Best epoch", "Stopped by"], rows),
-        ]
-    )
-
-
 def findings(
     scores: Scores,
     settings: Mapping,
@@ -259,7 +224,7 @@ def findings(
     lines = [
         "# LoMP (touch): results\n",
         f"RMSE in kPa on test data, `{protocol}` split, mean over {len(seeds)} seeds [95 % t interval]. "
-        "[Table I](table1.md), [what messages and frames are worth](ablation.md), [training](training.md), "
+        "[Table I](table1.md), [what messages and frames are worth](ablation.md), "
         "[speed](../speed/table2.md).\n",
         "## Findings\n",
     ]

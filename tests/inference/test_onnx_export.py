@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from pipeline import models, tasks
-from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import export as command
 from pipeline.datasets.series import Record
@@ -286,21 +285,6 @@ def test_a_file_that_differs_from_torch_is_refused(exported, tmp_path, monkeypat
         onnx_export.export(model, tmp_path)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("key", ["cnn", "rnn", "lomp_stream", "esn"])
-def test_weights_of_8_bits_are_written_where_they_are_good_enough(key, exported, monkeypatch):
-    model, (path, _) = exported(key)
-    readings = onnx_export.random_readings(model, onnx_export.graph_of(model))
-    monkeypatch.setattr(onnx_export, "MOST_INT8_DIFFERENCE", 0.5)  # of weights that were not trained
-    written = onnx_export.export_int8(model, path.parent, readings)
-    assert 0 < written.difference < 0.5 and described(written.path) == described(path)
-    kinds = {tensor.data_type for tensor in onnx.load(written.path).graph.initializer}
-    assert onnx.TensorProto.INT8 in kinds
-    monkeypatch.setattr(onnx_export, "MOST_INT8_DIFFERENCE", written.difference / 2)
-    with pytest.raises(InputError, match=rf"{key}: with weights of 8 bits it differs by up to .* % of full scale"):
-        onnx_export.export_int8(model, path.parent, readings)
-
-
 @pytest.mark.parametrize("key", REFUSED)
 def test_what_onnx_cannot_hold_is_refused(key, tmp_path):
     model = predictor.load(save(key, tmp_path))
@@ -362,8 +346,6 @@ def test_regressions_of_scikit_learn_predict_the_same(key, tmp_path):
     maps = model.model.predict(windows)
     assert np.ptp(maps, axis=0).min() > 1e-2
     np.testing.assert_allclose(onnx.predict(windows).reshape(9, -1), maps, rtol=1e-5, atol=1e-5)
-    with pytest.raises(InputError, match=f"{key}: only networks can have weights of 8 bits"):
-        onnx_export.export_int8(model, tmp_path, windows[None])
 
 
 @pytest.mark.parametrize("key", REFUSED)
@@ -374,7 +356,7 @@ def test_what_onnx_cannot_hold_stays_as_it_is(key, tmp_path):
 
 def exporting(model: Path, folder: Path, **chosen) -> None:
     """Run the command."""
-    command.main(argparse.Namespace(**{"model": str(model), "folder": folder, "onnx": False, "int8": False} | chosen))
+    command.main(argparse.Namespace(**{"model": str(model), "folder": folder, "onnx": False} | chosen))
 
 
 def test_the_command_makes_a_package_that_predicts_the_same(tmp_path, capsys):
@@ -409,12 +391,3 @@ def test_the_command_writes_the_network(tmp_path, capsys):
     names = sorted(path.name for path in (tmp_path / "package").iterdir())
     assert names == ["card.json", "model.onnx", "network.safetensors"]
     assert "model.onnx: 0.0" in capsys.readouterr().out
-
-
-def test_8_bits_need_the_test_part(tmp_path):
-    source = tmp_path / "source"
-    source.mkdir()
-    save("cnn", source)
-    with pytest.raises(InputError, match=r"^touch.sensor.rows: is \d+, but touch/cnn was trained with 2"):
-        exporting(source, tmp_path / "package", int8=True)
-    assert params.load()["touch"]["sensor"]["rows"] != 2

@@ -7,9 +7,9 @@ import numba
 import numpy as np
 import pytest
 import torch
-from benchmarks.peers import LoopedLomp
 from torch import nn
 
+from benchmarks.peers import LoopedLomp
 from pipeline.base.errors import InputError
 from pipeline.learning import lomp_network, lomp_prediction
 from pipeline.learning.regressors import Spec

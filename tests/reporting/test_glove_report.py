@@ -17,7 +17,6 @@ from pipeline.base.errors import InputError
 from pipeline.base.params import load
 from pipeline.claims import entries, evidence, judge
 from pipeline.datasets import images, schemas
-from pipeline.experiments import velostat_recorded
 from pipeline.reporting import glove as glove_report
 from pipeline.reporting import glove_recorded as glove_recorded_report
 from pipeline.reporting import sentences
@@ -129,7 +128,6 @@ def write_glove(settings):
         }
     )
     schemas.write(paths.frames("glove"), frames.schema, [frames])
-    schemas.write(paths.frames("velostat_recorded"), velostat_recorded.SCHEMA, [])  # not downloaded
     rows = [
         (method, f"session_{dataset}", dataset, seed, metric, "1", 0.5 + 0.1 * place + 0.01 * seed * (place + 1), 36)
         for place, method in enumerate(("none", "A", "B", "C"))
@@ -186,7 +184,6 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
     first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
     drawn = [
         "figure7",
-        "figure8",
         "figure9",
         "figure10",
         "figure13",
@@ -238,7 +235,6 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
         in readme
     )
     assert "no file of it is named" in readme and "pipeline/models/lomp.py" not in readme
-    assert "Figure 8 has the scene's part only" in readme
 
 
 @pytest.mark.slow

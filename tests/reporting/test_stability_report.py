@@ -147,7 +147,7 @@ def test_the_report_says_who_fails_where(root):
     assert "## Recorded Velostat taxel: not run\n\nNo logs." in text
     assert "1 of 6 runs diverged, 0 left no usable weights" in text
     assert "1 of 6 clean scores are worse than the constant model's, most of LoMP in Touch (1)" in text
-    assert "1 (worse than constant) [0.70]" in (folder / "failures.md").read_text()
+    assert "\n## Severities\n\n- Noise: white noise; standard deviation as share of the sensor's range.\n" in text
     pictures = {path.name for path in folder.glob("*.png")}
     heat_maps = {"touch_press_single_heat_map.png", "touch_press_several_heat_map.png"}
     assert pictures == {"touch_press_single.png", "touch_press_double.png"} | heat_maps

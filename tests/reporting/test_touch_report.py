@@ -1,10 +1,8 @@
 """Reports must show exactly what the files say: nothing missing, made up, or changing by itself."""
 
-import base64
 import copy
 import inspect
 import json
-import math
 import subprocess
 import sys
 
@@ -19,8 +17,6 @@ from pipeline.base.errors import InputError
 from pipeline.base.params import load
 from pipeline.datasets import labels, schemas
 from pipeline.reporting import touch as touch_report
-from pipeline.reporting import touch_viewer
-from pipeline.reporting.figures import touch as touch_figures
 from pipeline.reporting.words.markdown import interval, number, table
 from pipeline.scoring import results
 from pipeline.stages import render
@@ -208,8 +204,6 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
         "accuracy/ablation.md",
         "accuracy/table1.csv",
         "accuracy/table1.md",
-        "accuracy/training.md",
-        "accuracy/viewer.json",
         "accuracy/learning_curves.png",
         *(f"accuracy/{name}" for name in figures),
         *SPEED,
@@ -377,27 +371,6 @@ def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, und
     assert "| Polynomial, powers only" in table1 and "| Linear" not in table1
     assert "no recordings of: double touch" in table1
     assert not (target / "accuracy" / "figure6.png").exists() and not (target / "accuracy" / "figure8.png").exists()
-
-
-def test_the_viewer_plays_what_the_run_is_tested_on(root, settings):
-    write_touch(settings)
-    table = pyarrow.parquet.read_table(paths.dataset("touch"))
-    windows = touch_figures.windows_of(table, settings, "press", 0)
-    assert (schemas.names(table["split_press_0"])[windows.rows] == "test").all()
-    shown = touch_viewer.data(windows, {"lomp": 0.5 * windows.truth, "rnn": windows.truth}, settings)
-    (single, double), cells = shown["touches"][:2], math.prod(shown["shape"]["map"])
-    assert single["name"] == "one touch" and double["name"] == "two touches"
-    assert list(double["predictions"]) == ["LoMP"], "of the models that the viewer offers"
-    label, map_ = (
-        np.frombuffer(base64.b64decode(text), np.uint8).reshape(-1, cells).astype(int)
-        for text in (double["label"], double["predictions"]["LoMP"]["map"])
-    )
-    rows = touch_viewer.played(windows)["two touches"]
-    assert len(label) == len(rows) == len(double["seconds"]) and abs(label - 2 * map_).max() <= 2
-    scale = double["largest_kpa"] / 255
-    assert np.allclose(label * scale, windows.truth[rows].reshape(-1, cells), atol=0.51 * scale)
-    error = np.sqrt(np.square(0.5 * windows.truth[rows]).mean(axis=(1, 2)))
-    assert np.allclose(double["predictions"]["LoMP"]["rmse_kpa"], error, atol=0.01)
 
 
 @pytest.fixture

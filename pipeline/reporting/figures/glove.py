@@ -7,7 +7,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.colors import LogNorm
-from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
 
 from pipeline.datasets.images import HIGHEST, SIDE
@@ -32,62 +31,6 @@ def pressed_cell(path: Path, force: np.ndarray, siemens: np.ndarray, title: str)
         ax.set(xlabel="Force (N)", ylabel=unit, ylim=(0, 1.05 * values.max()))
     figure.suptitle(title)
     style.save(figure, path)
-
-
-def pressed_cycles(
-    path: Path,
-    courses: Mapping[str, np.ndarray],
-    hz: float,
-    period_s: float,
-    taxel: Mapping[str, tuple[np.ndarray, np.ndarray]],
-    title: str,
-) -> None:
-    """Draw figure 8: the highest conductance in every cycle of force, and the first and the last five cycles.
-
-    courses: name -> siemens (samples,), `hz` a second; period_s: of a cycle. taxel: force -> conductance held and
-    change of the same place in percent, both (recordings, places) of the recorded taxel: a second row, none if empty.
-    """
-    figure = plt.figure(figsize=(12, 7.4 if taxel else 3.9))
-    rows = figure.subfigures(2 if taxel else 1, 1, squeeze=False)[:, 0]
-    axes = rows[0].subplots(1, 3, width_ratios=[2, 1, 1])
-    for (name, siemens), colour, dash in zip(courses.items(), (style.BLUE, style.VERMILION), ("-", "--"), strict=True):
-        time_s = np.arange(len(siemens)) / hz
-        cycle = (time_s / period_s).astype(int)
-        highest = [1e3 * siemens[cycle == k].max() for k in range(cycle.max() + 1)]
-        axes[0].plot(np.arange(len(highest)) + 1, highest, dash, color=colour, linewidth=1.2, label=name)
-        for ax, some in ((axes[1], cycle < 5), (axes[2], cycle > cycle.max() - 5)):
-            ax.plot(time_s[some], 1e3 * siemens[some], dash, color=colour, linewidth=1.2)
-    axes[0].set(xlabel="Cycle", ylabel="Conductance (mS)", title="Highest of each cycle")
-    axes[1].set(xlabel="Time (s)", title="First cycles")
-    axes[2].set(xlabel="Time (s)", title="Last cycles")
-    for ax in axes:
-        ax.set_ylim(0, 1.1e3 * max(siemens.max() for siemens in courses.values()))
-    rows[0].legend(loc="outside lower center", ncols=len(courses))
-    rows[0].suptitle(title)
-    if taxel:
-        recorded_presses(rows[1], taxel)
-    style.save(figure, path)
-
-
-def recorded_presses(row: SubFigure, taxel: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> None:
-    """Draw the second row of figure 8: conductance held in every press, and how it changes; see `pressed_cycles`."""
-    left, right = row.subplots(1, 2)
-    colours = plt.get_cmap("viridis")(np.linspace(0, 0.9, len(taxel)))
-    for k, ((name, (conductance, change)), colour) in enumerate(zip(taxel.items(), colours, strict=True)):
-        recordings, places = conductance.shape
-        label = f"{name}, {conductance.size} presses"
-        left.semilogy(np.arange(conductance.size) + 1, conductance.ravel(), ".-", color=colour, lw=0.8, label=label)
-        mean, spread = style.spread(estimate(each) for each in change)
-        at = places * np.arange(recordings) + 0.6 * (k - (len(taxel) - 1) / 2)
-        right.errorbar(at, mean, spread, fmt="o-", color=colour, markersize=4, linewidth=1, capsize=2)
-    left.set(xlabel="Press (16 places in turn)", ylabel="Conductance held (1 / reading)")
-    style.plain_log(left.yaxis)
-    right.axhline(0, color=style.GREY, linewidth=0.8)
-    right.set(xlabel="Presses of this force before", ylabel="Change of the same place (%)")
-    left.set_title("Every press; places differ")
-    right.set_title("Since a place's first press, at the same force; mean over places, 95 % interval")
-    row.legend(loc="outside lower center", ncols=len(taxel))
-    row.suptitle("Recorded: a Velostat taxel, another sensor, pressed by a robot")
 
 
 def bent_joint(path: Path, held: tuple, bends: tuple, angles: Sequence[float], title: str) -> None:

@@ -4,7 +4,6 @@ All of it comes from the other reports. It refers to their figures and tables, s
 on; nothing is loaded from a network. No date and no commit: the page is the same wherever the numbers are.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 
 from markupsafe import Markup
@@ -35,7 +34,6 @@ OPENING = {  # what the page begins with
     "compared": "Our errors over the published ones",
     "speed": "Speed against accuracy",
 }
-STABILITY = ("README.md", "failures.md", "training.md")
 # The figure that an experiment opens with; the others are folded.
 FIRST_FIGURES = {
     "touch": "figure6.png",
@@ -47,7 +45,7 @@ FIRST_FIGURES = {
 }
 FINDINGS = 3  # of an experiment that are open
 LIBRARIES = ("vendor/d3.min.js", "vendor/plot.umd.min.js")
-SCRIPTS = ("page.js", "charts.js", "viewer.js")
+SCRIPTS = ("page.js", "charts.js")
 
 
 def has_published(text: str) -> bool:
@@ -123,14 +121,12 @@ def experiment_section(pages: Pages, experiment: str, values: Mapping) -> tuple[
     first = [file for file in files(folder, ".png") if file == FIRST_FIGURES.get(experiment)]
     findings, figure = first_findings(pages, folder), pages.rest(folder, everything, first)
     boards = leaderboards.leaderboards(experiment, name)
-    played = paths.REPORTS / folder / "viewer.json"
-    viewer = json.loads(played.read_text(encoding="utf-8")) if played.exists() else {}
     details = [(title(read(f"{folder}/{file}")) or file, document(pages, f"{folder}/{file}", 2)) for file in reports]
     details.append(("All findings, figures and differences from the paper", document(pages, f"{folder}/README.md", 2)))
     if further := pages.rest(folder, everything, files(folder, ".png")):
         details.append(("Further figures", further))
     details += speed(pages, experiment, name)
-    opened = {"findings": findings, "figure": figure, "viewer": viewer, "leaderboards": boards}
+    opened = {"findings": findings, "figure": figure, "leaderboards": boards}
     return name, fill("experiment", **common, reason="", **opened, details=details)
 
 
@@ -149,47 +145,40 @@ def paper_sections(pages: Pages, values: Mapping) -> list[tuple[str, str, list[t
 
 def stability_of(pages: Pages, experiment: str, experiments: Sequence[str]) -> Markup:
     """Return one experiment's part of the stability report. Raises InputError where there is none."""
-    opened, closed = [], []
-    for name in STABILITY[:2]:
-        chosen = [part for part in sections(read(f"stability/{name}")) if owner(part[0], experiments) == experiment]
-        if not chosen:
-            raise InputError(f"reports/stability/{name}: nothing about {experiment}; run `dvc repro` again")
-        for heading, body in chosen:
-            kept = "\n".join(line for line in body.splitlines() if not FIGURE.match(line))
-            html = pages.render(kept, "stability", 3, heading)
-            words = capitalised(heading.partition(": ")[2] or heading)
-            if name == "failures.md":
-                closed.append(part("folded", f"Where the models fail: {words[0].lower()}{words[1:]}", html))
-            else:
-                opened.append(Markup("<h4>{}</h4>{}").format(words, html))
+    text = read("stability/README.md")
+    chosen = [section for section in sections(text) if owner(section[0], experiments) == experiment]
+    if not chosen:
+        raise InputError(f"reports/stability/README.md: nothing about {experiment}; run `dvc repro` again")
+    opened = []
+    for heading, body in chosen:
+        kept = "\n".join(line for line in body.splitlines() if not FIGURE.match(line))
+        words = capitalised(heading.partition(": ")[2] or heading)
+        opened.append(Markup("<h4>{}</h4>{}").format(words, pages.render(kept, "stability", 3, heading)))
     figures = [
         name for name in files("stability", ".png") if owner(name.removesuffix(".png"), experiments) == experiment
     ]
     maps = [name for name in figures if name.endswith("heat_map.png")]
     curves = [name for name in figures if name not in maps]
-    text = read(f"stability/{STABILITY[0]}")
     if maps:
         opened.insert(0, pages.rest("stability", text, maps))
     if curves:
         gallery = pages.rest("stability", text, curves)
-        closed.insert(0, part("folded", "Error by severity, every perturbation", gallery))
+        opened.append(part("folded", "Error by severity, every perturbation", gallery))
     heading = Markup('<h3 id="stability-{}">{}</h3>').format(experiment, experiment_name(experiment))
-    return heading + Markup().join([*opened, *closed])
+    return heading + Markup().join(opened)
 
 
 def stability_section(pages: Pages, experiments: Sequence[str]) -> Markup:
     """Return the section on stability: what holds for all experiments, then each that was run."""
-    general = []
-    for name in STABILITY:
-        text = read(f"stability/{name}")
-        for place, (heading, body) in enumerate(sections(text)):
-            if owner(heading, experiments) or not body:
-                continue
-            html = pages.render(body, "stability", 3, heading or title(text))
-            if place == 0:
-                html = Markup('<div id="{}">{}</div>').format(anchor(f"stability/{name}"), html)
-            first = place == 0 and name == "README.md"
-            general.append(html if first else part("folded", heading or title(text), html))
+    text, general = read("stability/README.md"), []
+    for place, (heading, body) in enumerate(sections(text)):
+        if owner(heading, experiments) or not body:
+            continue
+        html = pages.render(body, "stability", 3, heading or title(text))
+        if place == 0:
+            general.append(Markup('<div id="{}">{}</div>').format(anchor("stability/README.md"), html))
+        else:
+            general.append(part("folded", heading, html))
     each = [stability_of(pages, key, experiments) for key in experiments if not why_not_shown(key)]
     return Markup('<section id="stability"><h2>Where trained models fail</h2>{}</section>').format(
         Markup().join([general[0], *each, *general[1:]])
@@ -201,8 +190,7 @@ def embedded(values: Mapping) -> list[str]:
     ran = [experiment for experiment in values["experiments"] if not why_not_shown(experiment)]
     folders = [f"{experiment}/{folder}" for experiment in ran for folder in ("accuracy", "speed")]
     names = [f"{folder}/{file}" for folder in folders for file in files(folder, ".md")]
-    names += [f"stability/{name}" for name in STABILITY]
-    return [*names, *(report for reports in chapters().values() for report in reports)]
+    return [*names, "stability/README.md", *(report for reports in chapters().values() for report in reports)]
 
 
 def chapters() -> dict[str, list[str]]:

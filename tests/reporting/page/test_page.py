@@ -125,17 +125,6 @@ STRESS = {
 }
 
 
-VIEWER = {  # two touches of two windows, an array of 1 x 2 elements and maps of 2 x 2
-    "shape": {"reading": [1, 2], "map": [2, 2]},
-    "touches": [
-        {"name": name, "seconds": [0.0, 0.8], "largest_count": 500.0, "largest_kpa": 100.0}
-        | {"reading": "/wD/AA==", "label": "/wAAAP8AAAA="}
-        | {"predictions": {"CNN": {"map": "AAAAAAAAAAA=", "rmse_kpa": [50.0, 50.0]}}}
-        for name in ("one touch", "two touches")
-    ],
-}
-
-
 def png(path: Path, width: int = 40, height: int = 30) -> None:
     """A grey picture."""
 
@@ -215,7 +204,7 @@ def reports(tmp_path, monkeypatch) -> Path:
     experiments = yaml.safe_load((ROOT / "params.yaml").read_text())["experiments"]
     stability = folder / "stability"
     stability.mkdir(parents=True)
-    told, failures = ["# Stability\n\nOf all. [Failures](failures.md).\n"], ["# Where they fail\n\nRule.\n"]
+    told = ["# Stability\n\nOf all. [Failures](failures.csv).\n"]
     for name in experiments:
         run = name != ABSENT
         data = tmp_path / "data" / name
@@ -226,15 +215,13 @@ def reports(tmp_path, monkeypatch) -> Path:
         figures = f"- [{name}_all.png]({name}_all.png): How {name} fares.\n"
         told.append(heading + (f"all\n\n- `noise` is held.\n\n{figures}" if run else "not run\n"))
         if run:
-            failures.append(f"{heading}all\n\n| perturbation | LoMP |\n| --- | --: |\n| noise | 0.1 |\n")
             png(stability / f"{name}_all.png")
             png(stability / f"{name}_all_heat_map.png")
     png(folder / "touch" / "accuracy" / "figure8.png")
-    (folder / "touch" / "accuracy" / "viewer.json").write_text(json.dumps(VIEWER))
     pd.DataFrame(STRESS).to_csv(stability / "failures.csv", index=False)
-    (stability / "README.md").write_text("\n".join([*told, "## Training\n\n- 0 diverged.\n"]))
-    (stability / "failures.md").write_text("\n".join([*failures, "## Severities\n\n- `noise`: share of the span\n"]))
-    (stability / "training.md").write_text("# Trainings\n\n| model | runs |\n| --- | --: |\n| CNN | 3 |\n")
+    (stability / "README.md").write_text(
+        "\n".join([*told, "## Training\n\n- 0 diverged.\n\n## Severities\n\n- `noise`: share of the span\n"])
+    )
     for name in sections.CHAPTERS:
         (folder / name).mkdir()
         png(folder / name / "touch.png")
@@ -628,20 +615,6 @@ def test_browser_restores_the_order_of_a_table(tab, reports):
     assert tab.run(names) == before
     tab.run("document.querySelector('#touch .leaderboard').previousElementSibling.querySelector('button').click()")
     assert tab.run(f"{table}.tHead.rows[0].cells[1].hidden") is True
-
-
-def test_browser_plays_a_touch(tab, reports):
-    page.main()
-    tab.open((reports / "index.html").as_uri())
-    assert tab.run("document.querySelector('.viewer select').selectedOptions[0].textContent") == "two touches"
-    assert tab.run("document.querySelector('.viewer output').textContent").startswith("0.0 s: CNN is off by 50.0 kPa")
-    pixel = "document.querySelector('canvas[data-of={}]').getContext('2d').getImageData({}, {}, 1, 1).data"
-    dark, bright = [68, 1, 84, 255], [253, 231, 37, 255]
-    for of, x, y, colour in (("label", 0, 1, bright), ("label", 0, 0, dark), ("prediction", 0, 1, dark)):
-        assert list(tab.run(f"[...{pixel.format(of, x, y)}]")) == colour, "row 0 of a map is its lower edge"
-    slider = "document.querySelector('.viewer input')"
-    tab.run(f"{slider}.value = 1; {slider}.dispatchEvent(new Event('input'))")
-    assert tab.run("document.querySelector('.viewer output').textContent").startswith("0.8 s")
 
 
 @pytest.mark.parametrize("colours", ["light", "dark"])

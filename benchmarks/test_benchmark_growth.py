@@ -4,9 +4,9 @@ import math
 import statistics
 
 import pytest
+
 from benchmarks import growth, made
 from benchmarks.measure import measured
-
 from pipeline.base import paths
 
 

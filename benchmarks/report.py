@@ -4,14 +4,11 @@ import csv
 from pathlib import Path
 
 from benchmarks import growth
-
 from pipeline.base import files
 from pipeline.reporting.words.markdown import table
 
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
 TABLES = {  # in the folder of this report, each written by its benchmark
-    "speedruns.csv": "every training of the speed-runs",
-    "changes.csv": "what each change of the recipes gains",
     "inference.csv": "what one prediction takes of torch, of the predictor and of ONNX Runtime",
     "scale_cost.csv": "what the papers' scale would cost, by network",
     "repro_stages.csv": "what each stage of a full run takes",
@@ -24,7 +21,7 @@ def write(folder: Path) -> None:
     rows, points = (_read(folder / name) for name in ("benchmarks.csv", "growth.csv"))
     parts = ["# How fast it is\n"]
     if rows:
-        parts += ["By `python -m pytest tests/benchmarks`; every figure and its peer's are medians of one run.\n"]
+        parts += ["By `python -m pytest benchmarks`; every figure and its peer's are medians of one run.\n"]
         for name in ("machine", "versions", "date"):
             parts.append(f"- {name}: {'; '.join(sorted({row[name] for row in rows}))}")
         parts.append("- all columns: [benchmarks.csv](../benchmarks.csv)")

@@ -1,9 +1,9 @@
 """One prediction of the predictor against ONNX Runtime's, batch 1, one thread."""
 
 import pytest
-from benchmarks import inference_speed
-from benchmarks.inference_speed import FLOAT32, INT8, PREDICTOR, TORCH, Speed
 
+from benchmarks import inference_speed
+from benchmarks.inference_speed import ONNX, PREDICTOR, TORCH, Speed
 from pipeline.base import params
 
 
@@ -24,11 +24,10 @@ def test_inference(record, sizes, table, experiment, network):
     ms = {name: speed.p50_ms for name, speed in table[network].items()}
     record(
         f"inference_{network}",
-        what=f"{experiment}/{network}, one prediction, median; torch {ms[TORCH]:.3g} ms, "
-        f"ONNX Runtime with weights of 8 bits {ms[INT8]:.3g} ms",
-        peer_is=FLOAT32,
+        what=f"{experiment}/{network}, one prediction, median; torch {ms[TORCH]:.3g} ms",
+        peer_is=ONNX,
         unit="ms",
         ours=ms[PREDICTOR],
-        peer=ms[FLOAT32],
+        peer=ms[ONNX],
         rounds=sizes.rounds,
     )

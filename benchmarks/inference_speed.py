@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from benchmarks import made
 
+from benchmarks import made
 from pipeline import models
 from pipeline.base import files
 from pipeline.inference import card as cards
@@ -32,7 +32,7 @@ NETWORKS = (
 STRAIN = Spec(10, 1, 6, 1, 2)
 OBJECTS = 16
 WARM_UP, IN_A_ROW = 20, 20  # calls
-TORCH, PREDICTOR, FLOAT32, INT8 = "torch", "predictor", "ONNX Runtime float32", "ONNX Runtime int8"
+TORCH, PREDICTOR, ONNX = "torch", "predictor", "ONNX Runtime"
 
 
 class Speed(NamedTuple):
@@ -88,17 +88,15 @@ def speeds(values: Mapping, experiment: str, network: str, folder: Path, rounds:
     model = drawn(values, experiment, network)
     graph, inner = onnx_export.graph_of(model), model.model
     onnx_export.export(model, folder)
-    exact, int8 = folder / NAME, folder / onnx_export.INT8_NAME
-    onnx_export.quantise(exact, int8, per_output=not isinstance(inner, lomp_network.LompRegressor))
+    exact = folder / NAME
     x = onnx_export.random_readings(model, graph)[0][-1:]
     quickest = onnx_export.faster(model, folder).onnx or inner
     calls = {
         TORCH: by_torch(graph, x),
         PREDICTOR: (lambda: quickest.step(x)) if graph.states else (lambda: quickest.predict(x)),
-        FLOAT32: by_onnx(exact, graph, x),
-        INT8: by_onnx(int8, graph, x),
+        ONNX: by_onnx(exact, graph, x),
     }
-    sizes = {FLOAT32: exact.stat().st_size / 1e6, INT8: int8.stat().st_size / 1e6}
+    sizes = {ONNX: exact.stat().st_size / 1e6}
     zeros = zeros_of_state(graph, x) if isinstance(inner, lomp_network.LompRegressor) else ""
     times = p50_ms(calls, rounds)
     return [Speed(experiment, network, name, times[name], sizes.get(name, ""), zeros) for name in calls]

@@ -9,9 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
-from benchmarks import repro_stages
 from builders.project import Project
 
+from benchmarks import repro_stages
 from pipeline.base import paths
 
 # A change of one model of `touch` must not run what makes its data, nor another experiment.

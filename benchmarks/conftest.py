@@ -2,12 +2,12 @@
 
 On an otherwise idle machine, after `dvc repro`, half an hour on two cores:
 
-    python -m pytest tests/benchmarks
+    python -m pytest benchmarks
 
 writes reports/benchmarks.csv, reports/growth.csv and the tables and charts in reports/benchmarks/. `-k NAME` measures
 some of the figures and keeps the others' rows; `--size tiny` tries the code in a few minutes and writes into a
-temporary folder; `--speedruns` also trains every network by the recipe before the present one, and `--full-repro` also
-times the whole pipeline in a fresh clone. A figure that misses its target is a failed test, and `no` in its row.
+temporary folder; `--full-repro` also times the whole pipeline in a fresh clone. A figure that misses its target is a
+failed test, and `no` in its row.
 """
 
 import os
@@ -23,7 +23,6 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # before the first import of numpy and torch
 
 from benchmarks import growth, report, rows  # noqa: E402
-
 from pipeline.base import paths  # noqa: E402
 
 
@@ -51,7 +50,6 @@ def pytest_addoption(parser):
     group.addoption("--size", choices=["full", "tiny"], default="full", help="tiny: only to try the code")
     group.addoption("--log-mb", type=float, help="size of the large log in MB (full: 1000)")
     group.addoption("--results", type=Path, help="folder of the results (full: reports, tiny: a temporary one)")
-    group.addoption("--speedruns", action="store_true", help="also train all networks by two recipes: an hour")
     group.addoption("--full-repro", action="store_true", help="also time `dvc repro` in a fresh clone: hours")
 
 

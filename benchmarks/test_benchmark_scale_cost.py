@@ -1,6 +1,7 @@
 """What the papers' scale would cost now, by network, in core-hours."""
 
 import pytest
+
 from benchmarks import made, scale_cost
 
 MOST = {"touch": 8, "glove": 12}  # core-hours

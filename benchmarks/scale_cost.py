@@ -4,16 +4,18 @@ Counted are the trainings of the tables' networks, all protocols and seeds, with
 not the ablations, the augmentation, the ladders of sizes, the stress tests, nor models without epochs.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from benchmarks.measure import shortened, warm_up
-from benchmarks.speedruns.runs import steps_timed
+from torch.optim.optimizer import register_optimizer_step_post_hook
 from tqdm import tqdm
 
+from benchmarks.measure import shortened, warm_up
 from pipeline import models
 from pipeline.base import files, params, workers
 from pipeline.learning import image_classifier
@@ -57,6 +59,17 @@ def training_rows(values: Mapping, experiment: str, network: str) -> int:
 def networks(values: Mapping, experiment: str) -> list[str]:
     """Return the models of an experiment that train in epochs."""
     return [name for name, block in values[experiment]["models"].items() if "training" in block]
+
+
+@contextmanager
+def steps_timed() -> Iterator[list[float]]:
+    """Give the block a list, to which every optimiser's step adds the processor time of this process, in s."""
+    times: list[float] = []
+    hook = register_optimizer_step_post_hook(lambda *_: times.append(time.process_time()))
+    try:
+        yield times
+    finally:
+        hook.remove()
 
 
 def seconds_per_row(

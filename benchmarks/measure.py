@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline import models
-from pipeline.base import paths, workers
+from pipeline.base import paths, processes
 
 HERE = Path(__file__).resolve().parent
 UPDATES, EPOCHS = 5, 3  # of a network, timed together
@@ -23,10 +23,10 @@ def measured(task: str, folder: Path, size: float = 0, worker: bool = False) -> 
 
     worker: the process keeps its memory, as those do that the pipeline trains in.
     """
-    path = os.pathsep.join([str(HERE.parent.parent), str(HERE.parent)])
+    path = os.pathsep.join([str(HERE.parent), str(HERE.parent / "tests")])
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.measure", task, str(folder), str(size)],
-        env=os.environ | {"PYTHONPATH": path} | ({"GLIBC_TUNABLES": workers.KEEP_MEMORY} if worker else {}),
+        env=os.environ | {"PYTHONPATH": path} | ({"GLIBC_TUNABLES": processes.KEEP_MEMORY} if worker else {}),
         capture_output=True,
         text=True,
     )
@@ -38,7 +38,6 @@ def measured(task: str, folder: Path, size: float = 0, worker: bool = False) -> 
 def read_log(folder: Path, _):
     """The array's log, all lines checked."""
     from benchmarks.made import touch_settings
-
     from pipeline.experiments import touch
     from pipeline.logs import parse
 
@@ -56,7 +55,6 @@ def read_log_pandas(folder: Path, _):
 def ingest(folder: Path, _):
     """All logs in `folder`/data/own/logs to frames: the stage."""
     from benchmarks.made import touch_settings
-
     from pipeline.stages import ingest
 
     paths.ROOT = folder
@@ -67,7 +65,6 @@ def ingest(folder: Path, _):
 def dataset(folder: Path, _):
     """Frames to windows to a dataset: both stages, with the papers' amounts of windows and splits."""
     from benchmarks.made import at_paper_scale
-
     from pipeline.base import params
     from pipeline.stages import dataset, window
 
@@ -82,20 +79,6 @@ def dataset(folder: Path, _):
         dataset.main()
 
     return run
-
-
-def dataset_pandas(folder: Path, _):
-    """The same with pandas and numpy."""
-    from benchmarks import peers
-    from benchmarks.made import at_paper_scale
-
-    from pipeline.base import params
-
-    values = at_paper_scale(folder)
-    paths.ROOT = folder
-    return lambda: peers.dataset(
-        paths.frames("touch"), folder / "peer.parquet", values["touch"], params.runs(values, "touch")
-    )
 
 
 def lomp_epoch(_, windows: float, side: int = 5):
@@ -163,6 +146,7 @@ def lstm_epochs(_, samples: float):
 def lstm_epochs_plain(_, samples: float):
     """The same with nn.LSTM in float32, one update an epoch."""
     import torch
+
     from benchmarks import peers
     from benchmarks.made import series
 
@@ -249,8 +233,8 @@ def sp_resnet_epoch(_, images: float):
 def sp_resnet_epoch_plain(_, images: float):
     """The same in a plain loop, default memory layout, the same augmentation."""
     import torch
-    from benchmarks import peers
 
+    from benchmarks import peers
     from pipeline.learning.image_classifier import augmented
     from pipeline.models import sp_resnet
     from pipeline.settings.training import AugmentedTraining
@@ -286,7 +270,6 @@ def lomp(side: int, epochs: int):
 def touch_network(model: str, side: int, epochs: int):
     """A network of the touch experiment on an array of side x side elements."""
     from benchmarks.made import touch_settings
-
     from pipeline.learning.regressors import Spec
 
     block = shortened(touch_settings()["models"][model], epochs)
@@ -312,7 +295,7 @@ def shortened(block: Mapping, epochs: int) -> dict:
 TASKS = {
     function.__name__: function
     for function in (
-        *(read_log, read_log_pandas, ingest, dataset, dataset_pandas),
+        *(read_log, read_log_pandas, ingest, dataset),
         *(lomp_epoch, lomp_epoch_elements, lomp_latency, lomp_updates, lomp_updates_looped, lomp_updates_stacked),
         *(cnn_epoch, lomp_predictions),
         *(lstm_epochs, lstm_epochs_plain, sp_resnet_epoch, sp_resnet_epoch_plain),

@@ -6,11 +6,10 @@ import time
 import numpy as np
 import pyarrow.parquet
 import pytest
+
 from benchmarks import made, peers
 from benchmarks.measure import measured
-
-from pipeline.base import params, paths
-from pipeline.datasets import schemas
+from pipeline.base import paths
 from pipeline.experiments import touch
 from pipeline.logs import parse
 
@@ -78,25 +77,21 @@ def test_ingest_stage(record, sizes, recording):
 def test_dataset(record, sizes, tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     made.frames_file(paths.frames("touch"), sizes.frames, made.touch_settings())
-    runs = [(measured("dataset", tmp_path), measured("dataset_pandas", tmp_path)) for _ in range(3)]
-    check_equal(tmp_path)
-    seconds, peer = (float(np.median([run[k]["seconds"] for run in runs])) for k in (0, 1))
+    runs = [measured("dataset", tmp_path) for _ in range(3)]
+    seconds = float(np.median([run["seconds"] for run in runs]))
     rows = pyarrow.parquet.ParquetFile(paths.dataset("touch")).metadata.num_rows
     record(
         "dataset",
         what=f"window + dataset, both stages with their files: {sizes.frames} frames to {rows} windows, all of a press",
-        peer_is="pandas and numpy, a loop over presses and windows",
         unit="s",
         ours=seconds,
-        peer=peer,
-        least_ratio=5,
         rounds=3,
     )
-    memory, peer = (max(run[k]["mb"] for run in runs) for k in (0, 1))
+    memory = max(run["mb"] for run in runs)
     limit = 3 * uncompressed_mb(paths.dataset("touch"))
     record(
         "dataset_memory",
-        what=f"largest memory of the two stages; the target is 3 times the uncompressed dataset; pandas: {peer:.0f} MB",
+        what="largest memory of window + dataset; the target is 3 times the uncompressed dataset",
         peer_is="3 times the Parquet file's uncompressed size",
         unit="MB",
         ours=memory,
@@ -121,21 +116,3 @@ def uncompressed_mb(path) -> float:
     """Size of a Parquet file's columns before compression."""
     metadata = pyarrow.parquet.ParquetFile(path).metadata
     return sum(metadata.row_group(k).total_byte_size for k in range(metadata.num_row_groups)) / 1e6
-
-
-def check_equal(folder) -> None:
-    """The peer's windows, labels and sizes of the parts are ours."""
-    ours, theirs = (
-        pyarrow.parquet.read_table(paths.dataset("touch")),
-        pyarrow.parquet.read_table(folder / "peer.parquet"),
-    )
-    assert ours.num_rows == theirs.num_rows
-    for name, tolerance in (("x", 0), ("y", 1e-3), ("force_n", 0)):
-        mine = schemas.matrix(ours[name])
-        peer = theirs[name].combine_chunks().flatten().to_numpy(zero_copy_only=False).reshape(mine.shape)
-        np.testing.assert_allclose(mine, peer, rtol=1e-5, atol=tolerance)
-    assert np.array_equal(ours["press"].to_numpy(), theirs["press"].to_numpy())
-    for protocol, seed in params.runs(params.load(), "touch"):
-        name = schemas.split_column(protocol, seed)
-        parts = [np.unique(schemas.names(table[name]), return_counts=True)[0].tolist() for table in (ours, theirs)]
-        assert parts[0] == parts[1], name

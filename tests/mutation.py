@@ -1,0 +1,219 @@
+"""Faults put into named functions on purpose: do their fast tests see them?
+
+    python tests/mutation.py [--sample N] [--seed S] [NAME ...]
+
+Every comparison, sum, number, index, axis, `not`, `and`, min, name of a part and bare call of the functions below can
+be changed. A sample of these mutants is made, of all functions or those named, each in a copy of the tracked files,
+where its tests run, two at a time. Those that no test sees are listed, with exit status 1. Not all of them are a lack:
+some change nothing that can be seen.
+"""
+
+import argparse
+import ast
+import copy
+import os
+import queue
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+from tqdm import tqdm
+
+ROOT = Path(__file__).resolve().parent.parent
+PROCESSES, LIMIT_S = 2, 300
+FAILED = 1  # exit status of pytest
+
+SELECTION, SERIES, VERDICTS = (
+    "stages/test_selection.py",
+    "models/test_series_models.py",
+    "reporting/verdicts/test_verdicts.py",
+)
+# file of pipeline/ -> functions and constants whose faults are wrong numbers in silence, and tests that should see them
+CHOSEN = {
+    "tasks/windows.py": ("fit", SELECTION),
+    "tasks/images.py": ("fit", SELECTION),
+    "tasks/series.py": ("fit", SELECTION),
+    "studies/augmentation.py": ("train_run", SELECTION),
+    "studies/sizes.py": ("touch_run glove_run", SELECTION),
+    "studies/stag.py": ("parts train_run", f"{SELECTION} logs/test_stag.py"),
+    "studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),
+    "studies/latent.py": ("decoded train_with", f"{SERIES} studies/test_latent.py"),
+    "studies/joint_angles.py": ("probe", "experiments/test_glove_recorded.py"),
+    "stability/changed_scene.py": ("_windows_scores _images_scores", SELECTION),
+    "stability/perturbations.py": ("noise", "stability/test_perturbations.py"),
+    "learning/training.py": ("run_epochs rate_at", "learning/test_training.py models/test_contract.py"),
+    "learning/regressors.py": ("fit update zero_linear _of_an_epoch", "learning/test_regressors.py"),
+    "learning/image_classifier.py": ("augmented train_on", "learning/test_image_classifier.py"),
+    "learning/series_regressors.py": ("fit __init__", SERIES),
+    "learning/lstm.py": ("_freeze", SERIES),
+    "learning/lomp_network.py": ("forward neighbour_matrix", "learning/test_lomp_network.py"),
+    "learning/lomp_prediction.py": ("update_gru", "learning/test_lomp_network.py"),
+    "learning/residual_blocks.py": ("forward", "models/test_image_models.py"),
+    "models/lstm_highpass.py": ("fit", SERIES),
+    "models/lomp_stream.py": ("train_epoch _maps", "models/test_lomp_stream.py"),
+    "experiments/touch.py": ("split _ground_truth", "experiments/test_splits.py stages/test_touch_ingest.py"),
+    "experiments/strain_recorded.py": ("split", "experiments/test_strain_recorded.py"),
+    "experiments/velostat_recorded.py": ("split", "experiments/test_splits.py"),
+    "experiments/glove.py": ("split joint_means", "experiments/test_glove.py"),
+    "datasets/series.py": ("chronological seen_in_training", SERIES),
+    "datasets/labels.py": ("pressure_maps", "datasets/test_labels.py"),
+    "datasets/windowing.py": ("window_rows windows_table", "datasets/test_windowing.py"),
+    "datasets/images.py": ("normalised", "experiments/test_glove.py"),
+    "datasets/specimens.py": ("drawn", "reporting/verdicts/test_physics_verdicts.py"),
+    "scenes/readout.py": ("column_voltage", "scenes/test_touch_scene.py"),
+    "stages/ingest.py": ("_write_frames", "stages/test_touch_ingest.py"),
+    "stages/latency.py": ("prediction_times training_seconds main", "stages/test_latency.py"),
+    "scoring/metrics.py": ("touch series overall unless_failed", "scoring/test_metrics.py learning/test_trained.py"),
+    "scoring/classification.py": ("scores", "scoring/test_classification.py"),
+    "scoring/frame_sets.py": ("drawn_sets", "studies/test_input_frames.py"),
+    "scoring/results.py": ("estimate", "reporting/test_touch_report.py"),
+    "reporting/verdicts/sizes.py": ("verdict", "studies/test_sizes.py"),
+    "reporting/verdicts/physics.py": ("_change", "reporting/verdicts/test_physics_verdicts.py"),
+    "reporting/verdicts/stability.py": ("relative verdict", "reporting/test_stability_report.py"),
+    "reporting/verdicts/rules.py": ("verdict_of TOLERANCE", VERDICTS),
+    "reporting/verdicts/touch_measures.py": ("read growth HIGH_KPA MOST", VERDICTS),
+    "reporting/verdicts/strain.py": ("FREE_R2 SAME", VERDICTS),
+    "reporting/verdicts/glove.py": ("attention SMALLEST_GAIN", VERDICTS),
+}
+SWAPPED = {
+    **{ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
+    **{ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.And: ast.Or, ast.Or: ast.And},
+    **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult},
+}
+NAMES = {"min": "max", "argmin": "argmax", "nanmin": "nanmax", "minimum": "maximum", "any": "all", "train": "test"}
+NAMES |= {other: name for name, other in NAMES.items()} | {"validation": "test", "test": "validation"}
+
+
+class Mutant(NamedTuple):
+    """A file of the pipeline with one fault, `what`, and the tests that should see it."""
+
+    file: str
+    what: str
+    source: str
+    tests: str
+
+
+def faults(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield what a node of the syntax tree can be changed to."""
+    changed = copy.deepcopy(node)
+    if isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPPED:
+        changed.ops[0] = SWAPPED[type(node.ops[0])]()
+    elif isinstance(node, (ast.BinOp, ast.BoolOp)) and type(node.op) in SWAPPED:
+        changed.op = SWAPPED[type(node.op)]()
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.Not, ast.USub)):
+        changed = changed.operand
+    elif isinstance(node, ast.keyword) and node.arg == "axis" and isinstance(node.value, ast.Constant):
+        changed.value = ast.Constant(0 if node.value.value else 1)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
+        changed.value = not node.value
+    elif isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
+        changed.value = node.value + 1
+    elif isinstance(node, ast.Constant) and node.value in ("train", "validation", "test"):
+        changed.value = NAMES[node.value]
+    elif isinstance(node, ast.Name) and node.id in ("min", "max", "any", "all"):
+        changed.id = NAMES[node.id]
+    elif isinstance(node, ast.Attribute) and node.attr in NAMES:
+        changed.attr = NAMES[node.attr]
+    elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
+        changed = ast.Pass()
+    else:
+        return
+    yield changed
+    if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Sub, ast.Div)):
+        yield ast.BinOp(node.right, node.op, node.left)
+
+
+def mutants(file: str, names: list[str], tests: str) -> Iterator[Mutant]:
+    """Yield every mutant of the functions and constants of these names; ValueError where there is none of a name."""
+    tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
+    for name in names:
+        found = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == name]
+        found += [node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name]
+        if not found:
+            raise ValueError(f"pipeline/{file} has no {name}; bring CHOSEN up to date")
+        for parent in (inner for node in found for inner in ast.walk(node)):
+            for field, value in ast.iter_fields(parent):
+                if field in ("annotation", "returns", "decorator_list", "ctx", "targets"):
+                    continue
+                for place, child in enumerate(value if isinstance(value, list) else [value]):
+                    for changed in faults(child) if isinstance(child, ast.AST) else ():
+                        new = value[:place] + [changed] + value[place + 1 :] if isinstance(value, list) else changed
+                        setattr(parent, field, new)
+                        what = f"{file}:{getattr(child, 'lineno', '?')}, {name}: {ast.unparse(child)} -> "
+                        source = ast.unparse(ast.fix_missing_locations(tree))
+                        yield Mutant(file, what + ast.unparse(changed), source, tests)
+                        setattr(parent, field, value)
+
+
+def copy_to(folder: Path) -> Path:
+    """Copy the tracked files, as they are now, to the new `folder`."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    for name in filter(None, listed.split("\0")):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, folder / name, follow_symlinks=False)
+    return folder
+
+
+def status(folder: Path, tests: str) -> int:
+    """Return pytest's exit status of the fast ones of these tests in a copy; FAILED where they take too long."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
+    command += [f"tests/{name}" for name in tests.split()]
+    try:
+        return subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=LIMIT_S).returncode
+    except subprocess.TimeoutExpired:
+        return FAILED
+
+
+def main() -> int:
+    """Make the mutants that the command line asks for; return 1 where one survives."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of a function or file: only these")
+    parser.add_argument("--sample", type=int, default=40, help="mutants at random; 0: all (hours)")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    made = []
+    for file, (names, tests) in CHOSEN.items():
+        asked = [name for name in names.split() if not given.names or {name, file} & set(given.names)]
+        made += mutants(file, asked, tests)
+    if given.sample and len(made) > given.sample:
+        made = random.Random(given.seed).sample(made, given.sample)
+    survivors, copies = [], queue.SimpleQueue()
+    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(PROCESSES) as pool:
+        for number in range(PROCESSES):
+            copies.put(copy_to(Path(place) / str(number)))
+
+        def seen(mutant: Mutant | None, tests: str) -> bool:
+            folder = copies.get()
+            path = folder / "pipeline" / mutant.file if mutant else None
+            before = path.read_text(encoding="utf-8") if path else ""
+            if path:
+                path.write_text(mutant.source, encoding="utf-8")
+            found = status(folder, tests)
+            if path:
+                path.write_text(before, encoding="utf-8")
+            copies.put(folder)
+            return found != 0
+
+        tests = sorted({mutant.tests for mutant in made})
+        if wrong := [
+            name for name, fails in zip(tests, pool.map(seen, [None] * len(tests), tests), strict=True) if fails
+        ]:
+            sys.exit(f"error: these tests fail as the code is: {', '.join(wrong)}")
+        results = pool.map(seen, made, [mutant.tests for mutant in made])
+        for mutant, caught in zip(made, tqdm(results, total=len(made), unit="mutant"), strict=True):
+            if not caught:
+                survivors.append(mutant)
+                tqdm.write(f"survives {mutant.tests}: {mutant.what}")
+    print(f"{len(made) - len(survivors)} of {len(made)} mutants were seen")
+    return int(bool(survivors))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
