@@ -122,8 +122,8 @@ def findings(
     """Write README.md: verdicts on the claims, and sentences that are computed from the numbers.
 
     verdicts: see `claims.sentences_of`; confusions: dataset -> (runs, classes, classes) images; objects: names of the
-    classes; frames: dataset -> macro precision by number of input frames, a table like stag.csv; repeated: presses of
-    the recorded taxel; captions: by name of a figure's file without .png.
+    classes; frames: dataset -> macro precision by number of input frames, a table like stag.csv; captions: by name of
+    a figure's file without .png.
     """
     protocols, split = main_protocols(settings), next(iter(splits(settings))).replace("_", " ")
     lines = [
