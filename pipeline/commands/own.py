@@ -13,8 +13,10 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from pipeline.base import files, params, paths, processes
 from pipeline.base.errors import InputError
@@ -44,25 +46,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(given: argparse.Namespace) -> None:
     """Train all models of params.yaml on the logs named on the command line."""
-    train(given.folder, SEEDS)
+    with prepared(given.folder, SEEDS) as sensor:
+        run(sensor, params.load(sensor.workspace / paths.PARAMS.name))
 
 
-def train(folder: Path, seeds: Sequence[int], models: Mapping[str, Sequence[str]] | None = None) -> None:
-    """Check logs, train on them and write their report; seeds, models: as of `prepare`, models by experiment.
+class Sensor(NamedTuple):
+    """A sensor to train on."""
 
-    Raises InputError that names the first thing to fix, and where another process trains on the same sensor.
+    experiment: str
+    folder: Path  # of its logs
+    name: str  # as of `name_of`
+    workspace: Path  # build/own/NAME, as `prepare` makes it
+
+
+@contextmanager
+def prepared(folder: Path, seeds: Sequence[int], models: Mapping[str, Sequence[str]] | None = None) -> Iterator[Sensor]:
+    """Give the block a sensor whose workspace is up to date, and keep other processes from it.
+
+    seeds, models: as of `prepare`, models by experiment. Raises InputError for a folder that holds no sensor, and where
+    another process trains on it.
     """
     experiment, name = check.experiment_of(folder), name_of(folder)
 
     def refuse() -> None:
-        raise InputError(
-            f"`tactile own {folder}` or `tactile try {folder}` runs already; wait until it ends, or stop it"
-        )
+        both = f"`tactile own {folder}` or `tactile try {folder}`"
+        raise InputError(f"{both} runs already; wait until it ends, or stop it")
 
-    workspace = paths.ROOT / "build" / "own" / name
-    with processes.holding(workspace / "lock", refuse):
-        prepare(experiment, folder, name, workspace, seeds, models and models[experiment])
-        _run(experiment, folder, name, workspace)
+    sensor = Sensor(experiment, folder, name, paths.ROOT / "build" / "own" / name)
+    with processes.holding(sensor.workspace / "lock", refuse):
+        prepare(sensor, seeds, models and models[experiment])
+        yield sensor
 
 
 def name_of(folder: Path) -> str:
@@ -86,9 +99,12 @@ def name_of(folder: Path) -> str:
     return "/".join(parts)
 
 
-def _run(experiment: str, folder: Path, name: str, workspace: Path) -> None:
-    """Check logs, train on them and write their report; workspace: see `prepare`."""
-    values = params.load(workspace / paths.PARAMS.name)
+def run(sensor: Sensor, values: Mapping) -> None:
+    """Check logs, train on them and write their report; values: params.yaml of the workspace.
+
+    Raises InputError that names the first thing to fix.
+    """
+    experiment, folder, name, workspace = sensor
     if problem := check.check(experiment, folder, values):
         raise InputError(f"fix first: {problem}")
     for stage in STAGES[experiment]:
@@ -108,14 +124,13 @@ def _run(experiment: str, folder: Path, name: str, workspace: Path) -> None:
     print(f"{paths.shown(trained)}: {names}, for `tactile predict MODEL LOGS`")
 
 
-def prepare(
-    experiment: str, folder: Path, name: str, workspace: Path, seeds: Sequence[int], models: Sequence[str] | None
-) -> None:
+def prepare(sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) -> None:
     """Make or renew a workspace: a copy of the code, params.yaml with this sensor's settings, its logs.
 
-    The logs are links to the files of `folder`. What the stages have written there stays. name: see `name_of`; seeds:
-    of every protocol; models: keys of params.yaml, None: all that it has.
+    The logs are links to the files of its folder. What the stages have written there stays. seeds: of every protocol;
+    models: keys of params.yaml, None: all that it has.
     """
+    experiment, folder, name, workspace = sensor
     for part in ("pipeline", "scales"):
         shutil.rmtree(workspace / part, ignore_errors=True)
         shutil.copytree(paths.ROOT / part, workspace / part, ignore=shutil.ignore_patterns("__pycache__"))

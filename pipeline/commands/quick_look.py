@@ -6,6 +6,7 @@ FOLDER is as `tactile own` takes it, and what is written as there, until `tactil
 import argparse
 from pathlib import Path
 
+from pipeline.base import params, paths
 from pipeline.commands import own
 
 MODELS = {  # one that knows nothing, quick ones and a network of the papers
@@ -22,4 +23,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(given: argparse.Namespace) -> None:
     """Look at the logs named on the command line."""
-    own.train(given.folder, [0], MODELS)
+    with own.prepared(given.folder, [0], MODELS) as sensor:
+        own.run(sensor, params.load(sensor.workspace / paths.PARAMS.name))

@@ -28,12 +28,10 @@ def sensor(root, name):
 
 
 def test_sensors_of_one_name_in_two_folders_share_nothing(root, monkeypatch):
-    made = []
-    monkeypatch.setattr(own, "prepare", lambda experiment, folder, name, workspace, *rest: made.append(workspace))
-    monkeypatch.setattr(own, "_run", lambda experiment, folder, name, workspace: made.append(name))
+    monkeypatch.setattr(own, "prepare", lambda *given: None)
     for name in ("a/finger", "b/finger"):
-        own.train(sensor(root, name), [0])
-    assert made == [root / "build/own/a/finger", "a/finger", root / "build/own/b/finger", "b/finger"]
+        with own.prepared(sensor(root, name), [0]) as made:
+            assert (made.name, made.workspace) == (name, root / "build" / "own" / name)
 
 
 def test_a_sensor_in_the_folder_of_another_is_refused(root, monkeypatch):
@@ -66,18 +64,17 @@ with processes.holding(Path(sys.argv[1]), lambda: None):
 
 def test_a_second_run_on_a_sensor_is_refused_until_the_first_has_ended(root, monkeypatch):
     folder, done = sensor(root, "finger"), []
-    monkeypatch.setattr(own, "prepare", lambda *given: None)
-    monkeypatch.setattr(own, "_run", lambda *given: done.append(given[2]))
+    monkeypatch.setattr(own, "prepare", lambda made, *rest: done.append(made.name))
     lock = root / "build" / "own" / "finger" / "lock"
     command = [sys.executable, "-c", HOLD, str(lock)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ, cwd=paths.CODE.parent) as other:
         assert other.stdout.readline() == "held\n"
         with pytest.raises(InputError, match="`tactile try .*finger` runs already; wait"):
-            own.train(folder, [0])
+            own.prepared(folder, [0]).__enter__()
         assert not done
         other.kill()
-    own.train(folder, [0])
-    assert done == ["finger"]
+    with own.prepared(folder, [0]):
+        assert done == ["finger"]
 
 
 def test_a_system_without_locks_says_so(tmp_path, monkeypatch, capsys):
