@@ -23,8 +23,9 @@ def set_values(values: dict, params_file: Path, source: str = paths.PARAMS.name)
     editor.width = 4096  # never wrap a line
     editor.representer.add_representer(float, _float)
     content = editor.load(params_file.read_text(encoding="utf-8"))
-    for dotted, value in values.items():
-        *path, last = str(dotted).split(".")
+    for name, value in values.items():
+        dotted = str(name)
+        *path, last = dotted.split(".")
         block = content
         for key in [*path, last]:
             known = isinstance(block, dict) and (key in block or (key == last and params.is_optional(dotted)))

@@ -248,6 +248,7 @@ def test_the_schema_for_editors_is_up_to_date():
     [
         ({"strain.sensor.chanels": 6}, "there is no key 'strain.sensor.chanels'; did you mean 'channels'?"),
         ({"strain.wonder": 6}, "there is no key 'strain.wonder'; known: source, "),
+        ({1: 2, "strain.sensor.channels": 6}, "there is no key '1'; known: "),
         ({"strain.sensor.channels": 0}, "strain.sensor.channels: input should be greater than or equal to 1, got 0"),
         ({"glove.split.validation": 0.3}, "glove.split: train and validation leave nothing to test on"),
         ({"glove.sensor.areas": {"mat": {"rows": 4}}}, "glove.sensor.areas.mat: key 'cols' is missing; add it"),
@@ -263,7 +264,7 @@ def test_the_file_that_a_wrong_key_is_in_is_named(values, words, tmp_path):
     folder.mkdir(parents=True)
     settings = tmp_path / "mine" / "settings.yaml"
     settings.write_text(yaml.safe_dump(values))
-    experiment = next(iter(values)).partition(".")[0]
+    experiment = list(values)[-1].partition(".")[0]
     with pytest.raises(InputError) as error:
         check.main(argparse.Namespace(experiment=experiment, folder=tmp_path / "mine"))
     name, said = re.fullmatch(r"(.*?settings.yaml)[:,] (.*)", str(error.value)).groups()
