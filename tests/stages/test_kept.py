@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.base import availability, params, paths
 from pipeline.reporting import twins
-from pipeline.stages import collect, evaluate, judge, latency, render, render_stability, stress
+from pipeline.stages import collect, evaluate, latency, render, render_stability, stress
 
 RECORDED = ("velostat_recorded", "strain_recorded", "glove_recorded")
 REASON = "recordings not downloaded; run `tactile fetch`"
@@ -90,18 +90,3 @@ def test_the_recorded_side_of_a_comparison_stays(tmp_path, monkeypatch):
     assert pd.isna(strain["recorded"]) and pd.isna(glove["inside"])
     assert [path.name for path in folder.glob("*.png")] == ["touch.png"]
     assert "1 of 1 simulated values lie in the recorded range" in (folder / "README.md").read_text()
-
-
-def test_verdicts_on_absent_recordings_stay_with_what_was_tried(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "REPORTS", tmp_path)
-    columns = ["id", "claim", "ours", "verdict", "strict"]
-    here = [("a", "A is.", 1.5, "reproduced", ""), ("a/recorded", "A is.", float("nan"), "not testable", "")]
-    there = [("a", "A is.", 9.0, "undecided", ""), ("a/recorded", "A is.", 1 / 3, "contradicted", "")]
-    judged = pd.DataFrame(here, columns=columns)
-    assert judge.with_kept(judged, {"a/recorded"})[0] is judged, "nothing is committed"
-    pd.DataFrame(there, columns=columns).to_csv(tmp_path / "claims.csv", index=False)
-    texts = "- **A is** (undecided; x)\n\nOf a scene.\n\n- **A is** [recorded] (contradicted; x)\n\nTried.\n"
-    (tmp_path / "claims.md").write_text(texts)
-    together, tried = judge.with_kept(judged, {"a/recorded"})
-    assert list(together.itertuples(index=False, name=None)) == [here[0], there[1]]
-    assert tried == {"a/recorded": "Tried."}
