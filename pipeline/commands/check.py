@@ -117,7 +117,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
             problems.append(wrong or str(error))
             continue
         if fmt is touch.LOAD_CELL:
-            rows, rejects = touch.without_spikes(path, rows, rejects, settings)
+            rows, rejects = touch.without_spikes(path, rows, rejects)
         if rejects.num_rows > settings["ingest"]["max_reject_fraction"] * (rows.num_rows + rejects.num_rows):
             beyond = rejects.filter(pc.equal(rejects["reason"], parse.OUT_OF_RANGE))
             if wrong := (

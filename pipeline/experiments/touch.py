@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 
 from pipeline.base.errors import InputError
 from pipeline.datasets import labels as labels_kpa
-from pipeline.datasets import schemas, specimens
+from pipeline.datasets import schemas, specimens, windowing
 from pipeline.datasets.seeding import generator
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
@@ -33,16 +33,15 @@ SPIKE = "spike"  # of a load cell: a single reading far from both of its neighbo
 PULLED = "pressing makes fz_n negative; write it positive"
 LIMIT = "touch.ingest.max_reject_fraction"
 PART = 1 << 18  # frames made at once: an hour of a recording at 70 Hz
-# A spike is further from both neighbours than 4 times the steps of the log, of which 99.5 % are smaller: spikes of 100 N
-# among presses of 30 N are so by 5 times and more, even at 10 Hz and with 5 % of spikes. Clean logs, simulated and
-# recorded, stay below 2.4 times, but for two recordings of presses of 1 N with jumps of up to 2 N. Hence also 2.5 times
-# the threshold of contact (3 N): smaller jumps are noise.
-LEAP = 4.0
-LEAST_LEAP = 2.5
-CALM = (
-    0.25  # of the leap; neighbours, and readings before or after, are that near to each other: a fast press moves them
-)
-SLOWEST_PRESS_HZ = 40.0  # a slower log may have but one reading of a press, so a spike is beyond twice all others
+# A spike is further from both neighbours than 4 times the steps of the log, of which 99.5 % are smaller. Spikes of
+# 100 N among presses of 30 N are 5 times as far and more, even at 10 Hz and with 5 % of spikes. Clean logs, simulated
+# and recorded, stay below 2.4 times, but for two recordings of presses of 1 N with jumps of up to 2 N: what is below
+# 3 N is noise.
+LEAP, LEAST_LEAP_N = 4.0, 3.0
+CALM = 0.25  # of the leap: so near are neighbours to each other, and readings before or after; fast presses move them
+# A slower log may have but one reading of a press. A spike is beyond twice the forces that stay, if these are presses.
+SLOWEST_PRESS_HZ, LEAST_PRESS_N = 40.0, 1.0
+PRESSED = 0.1  # of a strong press: force above it is a press, to measure clocks by
 FEWEST_PRESSES = 5  # to measure clocks by: fewer agree by chance
 SHIFTED = 0.1  # of a press; a larger offset of logs said to be of one clock is named
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
@@ -119,14 +118,14 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
         if fmt is LOAD_CELL:
             lines = rows[name].num_rows + rejects[name].num_rows
-            rows[name], rejects[name] = without_spikes(folder / name, rows[name], rejects[name], settings)
+            rows[name], rejects[name] = without_spikes(folder / name, rows[name], rejects[name])
             reasons = Counter(rejects[name]["reason"].to_pylist())
             parse.check_rejects(folder / name, lines, reasons, ingest["max_reject_fraction"], LIMIT)
 
     _check_signs(folder, rows, ingest)
     who = f"{folder.parent.name}/{folder.name}"
     clocks = _clocks(rows, touches, ingest, who)
-    measured = _measured(rows, touches, settings, who) if ingest.get("clock") == "shared" else {}
+    measured = _measured(rows, touches, ingest, who) if ingest.get("clock") == "shared" else {}
     time = {}
     for name in formats:
         placed = np.array([clock is not None for clock in clocks[name]])[rows[name]["segment"].to_numpy()]
@@ -281,35 +280,32 @@ def _clocks(
     return clocks
 
 
-def without_spikes(path: Path, rows: pa.Table, rejects: pa.Table, settings: Mapping) -> tuple[pa.Table, pa.Table]:
+def without_spikes(path: Path, rows: pa.Table, rejects: pa.Table) -> tuple[pa.Table, pa.Table]:
     """Return the rows and rejects of a load cell's log, its spikes moved from the one to the other."""
-    wrong = spikes(_seconds(rows), rows["fz_n"].to_numpy(), settings["window"]["contact_threshold_n"])
+    wrong = spikes(_seconds(rows), rows["fz_n"].to_numpy())
     if not wrong.any():
         return rows, rejects
     rejects = parse.add_rejects(rejects, path, rows["line"].to_numpy()[wrong], SPIKE)
     return rows.filter(pa.array(~wrong)), rejects
 
 
-def spikes(time_s: np.ndarray, force: np.ndarray, contact_n: float) -> np.ndarray:
+def spikes(time_s: np.ndarray, force: np.ndarray) -> np.ndarray:
     """Find single readings that no press explains, as HX711 boards print them: (n,) bool, for times and forces (n,).
 
-    Such a reading is above, or below, both of its neighbours by more than `LEAP` steps of the log and `LEAST_LEAP`
-    times `contact_n`, while its neighbours, and those on one side of it, stay where they were. A log whose readings stay in
-    contact nowhere has none: each of its presses is a single reading.
+    Such a reading is above, or below, both of its neighbours by more than `LEAP` steps of the log and `LEAST_LEAP_N`,
+    while its neighbours, and those on one side of it, stay where they were.
     """
-    usual = median_filter(force, 5, mode="nearest")
-    if len(force) < 5 or np.ptp(usual) <= contact_n:
+    if len(force) < 5:
         return np.zeros(len(force), dtype=bool)
-    wide = np.pad(force, 2, mode="reflect")
+    usual, wide = median_filter(force, 5, mode="nearest"), np.pad(force, 2, mode="reflect")
     far, near, after, beyond = wide[:-4], wide[1:-3], wide[3:-1], wide[4:]
-    rises, falls = np.minimum(force - near, force - after), np.minimum(near - force, after - force)
-    leap = np.maximum(rises, falls)
-    least = max(LEAP * np.quantile(np.abs(np.diff(usual)), 0.995), LEAST_LEAP * contact_n)
+    leap = np.maximum(np.minimum(force - near, force - after), np.minimum(near - force, after - force))
+    least = max(LEAP * np.quantile(np.abs(np.diff(usual)), 0.995), LEAST_LEAP_N)
     calm = np.maximum(np.abs(after - near), np.minimum(np.abs(near - far), np.abs(beyond - after)))
     found = (leap > least) & (calm < CALM * leap)
     if (len(force) - 1) / max(np.ptp(time_s), 1e-9) < SLOWEST_PRESS_HZ:
         low, high = usual.min(), usual.max()
-        found &= (force > 2 * high - low) | (force < 2 * low - high)
+        found &= (high - low > LEAST_PRESS_N) & ((force > 2 * high - low) | (force < 2 * low - high))
     return found
 
 
@@ -330,8 +326,8 @@ def _check_signs(folder: Path, rows: Mapping[str, pa.Table], ingest: Mapping) ->
     if falls:
         highest = ingest["highest_count"]
         raise InputError(
-            f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest} minus the count, which "
-            "rises"
+            f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest} minus the count, "
+            "which rises"
         )
 
 
@@ -341,14 +337,13 @@ def _longest(rows: pa.Table, columns: list[str]) -> alignment.Signal:
     return max(pieces, key=lambda piece: piece.duration_s)
 
 
-def _measured(rows: Mapping[str, pa.Table], touches: list[str], settings: Mapping, who: str) -> dict[str, dict]:
+def _measured(rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping, who: str) -> dict[str, dict]:
     """Return log -> what its report says of a clock that is said to be shared: `clocks` and `warnings`.
 
     The array is measured against the sum of all forces, the CNC against the first, and further load cells against the
     array. The first load cell is what others are measured against, and targets of further touches tell no depth: they
     have no numbers. Raises InputError for clocks that are not shared.
     """
-    ingest, threshold = settings["ingest"], settings["window"]["contact_threshold_n"]
     limits = {"reach_s": ingest["max_clock_offset_s"], "min_correlation": ingest["min_correlation"]}
     names = [f"load_cell{suffix}.log" for suffix in touches]
     forces = {name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"])[0] for name in names}
@@ -364,7 +359,7 @@ def _measured(rows: Mapping[str, pa.Table], touches: list[str], settings: Mappin
     reports = {name: {"clocks": [{"offset_ms": 0.0, "drift_ppm": 0.0}]} for name in rows}
     strangers = []  # said last: where one log is shifted, others seem to follow nothing
     for name, (piece, against, beside) in pairs.items():
-        lasts, other = _presses_s(forces.get(name, first), threshold), "array.log" if name in names else names[0]
+        lasts, other = _presses_s(forces.get(name, first)), "array.log" if name in names else names[0]
         found = alignment.agreement(piece, against, beside=beside, **limits) if len(lasts) >= FEWEST_PRESSES else None
         reports[name]["clocks"][0] |= found.report() if found else alignment.UNMEASURED
         if found and not found.best >= ingest["min_correlation"]:
@@ -386,11 +381,13 @@ def _measured(rows: Mapping[str, pa.Table], touches: list[str], settings: Mappin
     return reports
 
 
-def _presses_s(force: alignment.Signal, threshold_n: float) -> np.ndarray:
+def _presses_s(force: alignment.Signal) -> np.ndarray:
     """Return how long each press of a force above rest lasts, (presses,) in s."""
-    edges = np.flatnonzero(np.diff(force.value > threshold_n, prepend=False, append=False))
-    ends = np.append(force.time_s, force.time_s[-1])
-    return ends[edges[1::2]] - ends[edges[::2]]
+    threshold = PRESSED * np.percentile(force.value, 99)
+    pressed = force.value > threshold
+    number, time_s = windowing.presses(force.value, force.time_s, threshold)[pressed], force.time_s[pressed]
+    starts = np.flatnonzero(np.diff(number, prepend=-1))
+    return time_s[np.append(starts[1:] - 1, len(number) - 1)] - time_s[starts] if len(number) else np.zeros(0)
 
 
 def _force_clocks(

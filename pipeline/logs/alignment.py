@@ -363,7 +363,7 @@ def _between(piece: Signal, first_s: float, last_s: float) -> Signal:
 
 
 def _rough_lag(piece: Signal, against: Signal, low: float, high: float) -> tuple[float, float | None]:
-    """Return the lag in s with the highest cross-correlation of levels, to the grid, and another one as good, or None."""
+    """Return the lag in s with the highest cross-correlation of levels, to the grid, and another as good, or None."""
     lags, products, _ = _rough_products(piece, against)
     possible = (lags >= low) & (lags <= high)
     if not possible.any():

@@ -54,6 +54,7 @@ LONGEST_S = 1e5  # 28 hours; one wrong time at the end must not make a log last 
 MOST_NOTED = 1000  # lines per piece that are noted because the clock does not rise; others are read again
 HEAD = 200  # lines; banners and comments before the names of the columns are fewer
 LISTED = 6  # names in a sentence
+LONGEST_NAME = 40  # characters
 STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
 
 
@@ -113,7 +114,7 @@ def printed(line: bytes, fmt: Format, where: str) -> Format | None:
     fields = bare.split(separator)
     if text in fmt.header.encode() and text != fmt.header.encode():
         return None
-    if not all(_NAME.fullmatch(field) and len(field.split()) <= 2 for field in fields):
+    if not all(len(field) <= LONGEST_NAME and _NAME.fullmatch(field) and len(field.split()) <= 2 for field in fields):
         return None
     names = [re.sub(r"[^a-z0-9]+", "_", field.decode().lower()).strip("_") for field in fields]
     known = [name for name in names if name in fmt.names]
@@ -311,7 +312,7 @@ def _check_headers(path: Path, fmt: Format, rejects: _Rejects) -> None:
     for number, text in rejects.texts.items():
         if len(text) < TEXT_LENGTH and sorted(text.split(fmt.separator)) == sorted(fmt.names) and text != fmt.header:
             raise InputError(
-                f"{path}: line {number} names the columns in another order than those above it have; divide the log there"
+                f"{path}: line {number} names the columns in another order than those above; divide the log there"
             )
 
 
