@@ -131,7 +131,7 @@ def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
         ("above", [0.97, 0.98, 0.99], {"limit": 0.5, "scale": "share"}, REPRODUCED),
         ("place", [2.0, 2.0, 2.0], {}, REPRODUCED),
         ("place", [3.0, 3.0, 3.0], {}, CONTRADICTED),
-        ("place", [1.0, 2.0, 3.0], {}, UNDECIDED),
+        ("place", [2.0, 2.0, 2.0, 2.0, 3.0], {}, UNDECIDED),
         ("equal", [2.4], {"step": 1.0}, REPRODUCED),
         ("equal", [2.6], {"step": 1.0}, CONTRADICTED),
         ("fewer", [1.0], {}, CONTRADICTED),
