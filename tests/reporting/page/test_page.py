@@ -237,7 +237,7 @@ def reports(tmp_path, monkeypatch) -> Path:
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(paths, "REPORTS", folder)
     monkeypatch.setattr(paths, "PARAMS", tmp_path / "params.yaml")
-    monkeypatch.setattr(params.load, "__defaults__", (tmp_path / "params.yaml",))
+    monkeypatch.setattr(params.load, "__defaults__", (tmp_path / "params.yaml", None))
     return folder
 
 
