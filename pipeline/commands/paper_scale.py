@@ -23,7 +23,7 @@ import yaml
 
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
-from pipeline.commands.scale import set_values
+from pipeline.base.params_file import set_values
 from pipeline.reporting.verdicts.rules import NOT_TESTABLE
 
 FOLDER, REPORTS = Path("build") / "paper_scale", Path("reports") / "paper_scale"  # of the repository

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from pipeline.base import params, paths
-from pipeline.commands.scale import set_values
+from pipeline.base.params_file import set_values
 from pipeline.reporting import claims
 from pipeline.reporting.verdicts.rules import EXPERIMENTS, RECORDED_EXPERIMENTS
 
