@@ -11,7 +11,7 @@ import pyarrow.parquet
 
 from pipeline import tasks
 from pipeline.base import params, paths
-from pipeline.commands.scale import set_values
+from pipeline.base.params_file import set_values
 from pipeline.datasets import schemas
 from pipeline.datasets.series import Record
 from pipeline.experiments import glove, touch

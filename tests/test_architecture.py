@@ -12,7 +12,7 @@ import yaml
 
 from pipeline.base import params
 from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, imports, room
-from pipeline.commands.scale import set_values
+from pipeline.base.params_file import set_values
 from pipeline.stages import train
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -219,7 +219,7 @@ def test_the_installed_command_is_that_of_the_room():
         "`python -m pipeline.stages.train`",
         "`python -m pipeline.base.files`",
         "`python -m pipeline.commands.fetch velostat_recorded`",
-        "tactile scale paperr && dvc repro",
+        "tactile paper-scale tuch && dvc repro",
         "run `dvc repro train_touch@lomp` again",
         "dvc repro render@tuch      # a comment",
         "dvc repro render_touch && dvc repro rendr",

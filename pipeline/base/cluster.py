@@ -1,7 +1,7 @@
 """Run tasks on a Dask cluster whose machines share the project's folder: the numbers are as on local cores.
 
 A Dask worker computes nothing itself: each task gets a new process of one thread, which runs the present code, and is
-killed where no stage waits for it any more. Usage in a worker: python -m pipeline.base.cluster TASK RESULT
+killed where no stage waits for it any more.
 """
 
 import importlib
@@ -23,6 +23,7 @@ from pipeline.base.errors import InputError, memory_error
 from pipeline.base.processes import KEEP_MEMORY, ONE_THREAD, die_with_parent
 
 CONNECT_S, NO_WORKER_S = 10, 60
+ANSWER = "import sys; from pipeline.base import cluster; cluster.answer(*sys.argv[1:])"
 NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # packages whose version may change a result
 
 
@@ -93,7 +94,7 @@ def _in_a_process(here: tuple[str, str, dict], name: str, task: bytes, folder: P
     with tempfile.TemporaryDirectory() as place:
         given, made = Path(place, "task"), Path(place, "result")
         given.write_bytes(task)
-        command = [sys.executable, "-m", "pipeline.base.cluster", str(given), str(made)]
+        command = [sys.executable, "-c", ANSWER, str(given), str(made)]
         environment = {"GLIBC_TUNABLES": KEEP_MEMORY} | os.environ | ONE_THREAD
         process = subprocess.Popen(command, cwd=root, env=environment, stdin=subprocess.DEVNULL)
         while process.poll() is None:
@@ -107,7 +108,7 @@ def _in_a_process(here: tuple[str, str, dict], name: str, task: bytes, folder: P
         return made.read_bytes()
 
 
-def main(given: str, made: str) -> None:
+def answer(given: str, made: str) -> None:
     """Do the task in the file `given`; write the pair of its result and its error to the file `made`."""
     die_with_parent()
     try:
@@ -117,7 +118,3 @@ def main(given: str, made: str) -> None:
         error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
         reply = None, error
     Path(made).write_bytes(pickle.dumps(reply))
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

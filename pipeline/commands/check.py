@@ -25,7 +25,7 @@ from scipy.optimize import linear_sum_assignment
 from pipeline import experiments
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.commands.scale import set_values
+from pipeline.base.params_file import set_values
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch

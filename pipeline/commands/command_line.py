@@ -1,4 +1,4 @@
-"""What people run by hand: check, try, record; predict, export, live; fetch, calibrate, search rates, scale, pack.
+"""What people run by hand: check, try, record; predict, export, live; fetch, calibrate, search rates, pack.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
 `main(given)` runs it with the arguments given. `--help` behind a command says more.
@@ -23,7 +23,6 @@ from pipeline.commands import (
     quick_look,
     rates,
     record,
-    scale,
 )
 
 COMMANDS = {
@@ -40,7 +39,6 @@ COMMANDS = {
     "calibrate": calibrate,
     "rates": rates,
     "longer": longer,
-    "scale": scale,
     "paper-scale": paper_scale,
     "bundle": bundle,
 }

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 from pipeline.base import files, params, paths, processes
 from pipeline.base.errors import InputError
+from pipeline.base.params_file import set_values
 from pipeline.commands import check
-from pipeline.commands.scale import set_values
 from pipeline.datasets import images
 from pipeline.logs import own_data
 from pipeline.models import press_difference

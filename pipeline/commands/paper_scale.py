@@ -23,8 +23,8 @@ import yaml
 
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
+from pipeline.base.params_file import set_values
 from pipeline.claims.rules import NOT_TESTABLE
-from pipeline.commands.scale import set_values
 from pipeline.scoring import claim_inputs
 
 FOLDER, REPORTS = Path("build") / "paper_scale", Path("reports") / "paper_scale"  # of the repository

@@ -115,7 +115,7 @@ def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
     """Return the row numbers of the frames that become images: every `window.stride`-th frame of each session.
 
     Differs from paper: it uses all 950 frames of an object. At laptop scale every 10th of a session becomes an image,
-    95 of an object, so that neighbours in a random split are 1 s apart and less alike; `tactile scale paper` takes all.
+    95 of an object, so that neighbours in a random split are 1 s apart and less alike; `scales/paper.yaml` takes all.
     """
     return np.flatnonzero(places(frames) % settings["window"]["stride"] == 0)
 

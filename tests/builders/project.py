@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from pipeline.commands.scale import set_values
+from pipeline.base.params_file import set_values
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("pipeline", "data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")

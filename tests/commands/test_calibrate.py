@@ -9,8 +9,8 @@ from builders.project import ROOT
 
 from pipeline.base import params, workers
 from pipeline.base.errors import InputError
+from pipeline.base.params_file import set_values
 from pipeline.commands import calibrate
-from pipeline.commands.scale import set_values
 from pipeline.datasets import series
 from pipeline.stability import changed_scene
 

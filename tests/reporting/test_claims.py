@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from pipeline.base import params, paths
+from pipeline.base.params_file import set_values
 from pipeline.claims import entries, judge
-from pipeline.commands.scale import set_values
 from pipeline.reporting import claims
 
 COLUMNS = ["id", "kind", "data", "verdict", "ours", "scale"]

@@ -10,7 +10,7 @@ import yaml
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.commands.scale import set_values
+from pipeline.base.params_file import set_values
 from pipeline.datasets import images, schemas
 from pipeline.experiments import glove, glove_recorded
 from pipeline.scenes import glove_stress

@@ -9,7 +9,7 @@ import yaml
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.commands.scale import set_values
+from pipeline.base.params_file import set_values
 from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
 from pipeline.stability import series as stress_series

@@ -1,15 +1,11 @@
-"""Set params.yaml to a committed scale.
+"""Set values in a file of settings; all other settings and the comments stay."""
 
-A scale is a file scales/<name>.yaml of dotted keys and values; all other settings and the comments stay.
-"""
-
-import argparse
 from pathlib import Path
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from pipeline.base import files, params, paths
+from pipeline.base import files, params
 from pipeline.base.errors import InputError
 
 
@@ -56,18 +52,3 @@ def _flow(value):
         block.fa.set_flow_style()
         return block
     return value
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the name of the scale to the parser of this command."""
-    known = sorted(path.stem for path in paths.SCALES.glob("*.yaml"))
-    parser.add_argument("name", choices=known, help="a file of the folder scales")
-
-
-def main(given: argparse.Namespace) -> None:
-    """Apply the scale named on the command line."""
-    scale = paths.SCALES / f"{given.name}.yaml"
-    values, source = params.parsed(scale), paths.shown(scale)
-    set_values(values, paths.PARAMS, source)
-    params.load(paths.PARAMS, dict.fromkeys(values, source))
-    print(f"params.yaml: {len(values)} values set to the {given.name} scale; run `dvc repro`")
