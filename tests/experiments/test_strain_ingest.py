@@ -260,7 +260,8 @@ def test_one_sensor_on_one_axis_that_presses_and_holds(settings, tmp_path):
         strain.read_recording(target, settings)
     shared = settings | {"ingest": settings["ingest"] | {"clock": "shared"}}
     frames, _, report = strain.read_recording(target, shared)
-    assert report["robot.log"]["clock"]["offset_ms"] == 0
+    clock = report["robot.log"]["clock"]
+    assert clock["offset_ms"] == 0 and clock["correlation"] is None, "not measured: the arm moves too little"
     x = schemas.matrix(frames["y_mm"])
     assert (x[:, 1:] == 0).all() and np.ptp(x[:, 0]) > 5
     assert strain.task("stretch", shared) == series.Task((0,), {"stretch": [0]}, False, "stretch")
@@ -322,3 +323,44 @@ def test_split_is_chronological(settings, lines, tmp_path):
     assert order == sorted(order) and (parts[0][-1], parts[0][0]) == ("test", "train")
     with pytest.raises(InputError, match="no task 'task_7'"):
         strain.task("task_7", settings)
+
+
+def own_strain(folder, settings, late_s=0.0):
+    """A recording by four strands and a robot on one clock, the robot's times later by `late_s`, and its settings."""
+    own_logs.strain(folder, 4, 12.0, seconds=120.0)
+    place = next((folder / "task_1").iterdir())
+    for name, true_s in (("robot.log", lambda t: (t - 1.7e9) / (1 + 30e-6) + late_s), ("daq.log", lambda t: t + 1.2)):
+        lines = [line.partition(",") for line in (place / name).read_text().splitlines()]
+        moved = [f"{true_s(float(t)) + 10:.4f},{rest}" for t, _, rest in lines if rest and t.replace(".", "").isdigit()]
+        (place / name).write_text("\n".join(moved) + "\n")
+    shared = settings["ingest"] | {"clock": "shared"}
+    return place, settings | {"sensor": {"channels": 4}, "ingest": shared}
+
+
+def test_a_robot_on_the_daqs_clock_is_measured(settings, tmp_path):
+    place, shared = own_strain(tmp_path, settings)
+    robot = strain.read_recording(place, shared)[2]["robot.log"]
+    assert robot["clock"]["offset_ms"] == 0 and abs(robot["clock"]["measured_offset_ms"]) < 100
+    assert 0.5 < robot["clock"]["correlation"] < 1 and "warnings" not in robot
+
+
+@pytest.mark.parametrize("late_s", [1.5, -1.5])
+def test_a_robot_that_does_not_share_the_daqs_clock_is_refused(settings, tmp_path, late_s):
+    place, shared = own_strain(tmp_path, settings, late_s)
+    word = "earlier" if late_s > 0 else "later"
+    with pytest.raises(
+        InputError, match=rf"agree best with robot.log 1\.[45]\d s {word} .* set strain.ingest.clock: own"
+    ):
+        strain.read_recording(place, shared)
+
+
+def test_a_robot_that_is_a_little_late_is_a_warning(settings, tmp_path):
+    place, shared = own_strain(tmp_path, settings, 0.3)
+    assert "look at what delays one" in strain.read_recording(place, shared)[2]["robot.log"]["warnings"][0]
+
+
+def test_a_depth_of_presses_needs_z(settings, tmp_path):
+    target, settings = held(tmp_path, settings)
+    settings = settings | {"sensor": settings["sensor"] | {"pressed_below_mm": -1.0}}
+    with pytest.raises(InputError, match="pressed_below_mm: no task asks for z, .* add z to a task"):
+        strain.read_recording(target, settings)

@@ -64,3 +64,25 @@ def test_a_log_is_replayed_at_its_speed(tmp_path, lines):
     assert 0.25 <= time.monotonic() - began < 5, "half a second at twice the speed"
     with pytest.raises(InputError, match="log not found"):
         next(replay(tmp_path / "other.log", lines.format, False))
+
+
+def test_a_header_says_in_which_order_the_columns_come(lines, tmp_path):
+    order = [0, 1, 4, 3, 2, 5, 6]
+    names = lines.format.names
+    header = ",".join(names[k] for k in order).encode() + b"\n"
+    rows = [line.split(b",") for line in printed(press(20)).splitlines()]
+    data = b"boot\n" + header + b"".join(b",".join(row[k] for k in order) + b"\n" for row in rows)
+    assert [reading.values.tolist() for reading in lines.take(data)] == press(20).tolist()
+    assert lines.rejects == Counter({"banner or text": 2})
+    (tmp_path / "array.log").write_bytes(data)
+    assert b"".join(replay(tmp_path / "array.log", lines.format, False, speed=100)) == data
+    late = header.replace(b"v5", b"vv") + b",".join(names[k].encode() for k in range(7)) + b"\n"
+    readings = lines.take(late + printed(press(21), begin_us=9_000_000))
+    assert readings[-1].values.tolist() == press(21)[-1].tolist(), "a torn header changes nothing, a whole one does"
+
+
+def test_a_header_of_other_names_is_refused(lines):
+    with pytest.raises(
+        InputError, match="array.log: line 2 names the column force; known are t_us, v0, ..., v5: rename"
+    ):
+        lines.take(b"boot\n" + lines.format.header.replace("v3", "force").encode() + b"\n" + printed(press(2)))

@@ -261,3 +261,13 @@ def test_interpolation_knows_where_it_knows():
     values, known = interpolated(np.array([-0.1, 0.25, 9.0]), time, np.stack([time, -time], axis=1), held=True)
     assert known.tolist() == [False, True, True]
     assert values[1:].tolist() == [[0.2, -0.2], [1.5, -1.5]]
+
+
+def test_regular_signals_that_seem_reversed_at_half_a_period_are_not():
+    t = np.arange(0, 60, 0.01)
+    wave = np.sin(2 * np.pi * t)
+    for sign, one_clock, expected in ((1, True, 1), (-1, True, -1), (1, False, 1), (-1, False, 1)):
+        found = alignment.direction(Signal(t, sign * wave), Signal(t, wave), one_clock=one_clock, min_correlation=0.5)
+        assert found == expected
+    noise = Signal(t, np.random.default_rng(0).normal(size=len(t)))
+    assert alignment.direction(noise, Signal(t, wave), one_clock=True, min_correlation=0.5) == 0

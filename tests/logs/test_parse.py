@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.logs import parse
-from pipeline.logs.parse import Format, read_log
+from pipeline.logs.parse import Column, Format, read_log
 
 
 def write(tmp_path: Path, content: bytes) -> Path:
@@ -390,3 +390,70 @@ def test_texts_are_those_of_the_lines(end, tmp_path, monkeypatch):
     path = write(tmp_path, b"\n".join(lines) + end)
     for numbers in ([1], [199], [1, 2, 3, 70, 198, 199], list(range(1, 200)), []):
         assert parse.texts(path, numbers) == [lines[k - 1].decode() for k in numbers]
+
+
+PLACES = Format((COUNTS.columns[0], *(Column(f"{axis}_mm", "mm", -10, 2000) for axis in "xyz")), "t_us")
+
+
+def permuted(header: bytes) -> bytes:
+    """Lines of PLACES, printed in the order in which `header` names the columns."""
+    values = [{"t_us": 20_000 * k, "x_mm": k % 7, "y_mm": k % 11, "z_mm": -(k % 3)} for k in range(300)]
+    names = header.decode().split(",")
+    lines = [",".join(str(row[name]) for name in names).encode() for row in values]
+    lines[50:53] = [lines[50][:5], lines[50], lines[50]]  # torn, then twice the same
+    return b"\n".join([header, *lines, b"restart", header, *lines[:100]]) + b"\n"
+
+
+@pytest.mark.parametrize("header", [b"t_us,z_mm,x_mm,y_mm", b"y_mm,z_mm,t_us,x_mm"])
+def test_columns_are_read_by_their_names(header, tmp_path):
+    rows, rejects = read_log(write(tmp_path, permuted(b"t_us,x_mm,y_mm,z_mm")), PLACES)
+    other, others = read_log(write(tmp_path, permuted(header)), PLACES)
+    assert other.equals(rows) and other["z_mm"].to_numpy().min() == -2 and rows["segment"][-1].as_py() == 1
+    assert others.drop(["text"]).equals(rejects.drop(["text"])) and rejects.num_rows == 6
+
+
+NEWLINE = b"\n"
+HEADERS = {  # the order of the columns that a first line of PLACES tells; None: it is a banner; or what is said
+    b"T_us; Z (mm),X [mm],Y (mm)": None,  # three fields
+    b"T_us, Z (mm),X [mm],Y (mm)": "t_us z_mm x_mm y_mm",
+    b'"t_us","z_mm","x_mm","y_mm"': "t_us z_mm x_mm y_mm",
+    b"# t_us,z_mm,x_mm,y_mm": "t_us z_mm x_mm y_mm",
+    b"Time,Ch1,Ch2,Ch3": "t_us x_mm y_mm z_mm",
+    b"Time,Ch3,Ch2,Ch1": "line 1 names the columns Time, Ch3, Ch2, Ch1; known are t_us, x_mm, y_mm, z_mm: rename",
+    b"Time,X,Y,Z": "line 1 names the columns Time, X, Y, Z; known are",
+    b"t_us,x_mm,y_mm,depth": "line 1 names the column depth; known are .* or remove the header line if the columns are",
+    b"t_us,x_mm,x_mm,z_mm": "line 1 names x_mm twice and not y_mm; rename",
+    b"t_us,z_mm,y_mm": "line 1 names 3 columns without x_mm; rename",
+    b"us,x_mm,y_mm,z_mm": None,  # the capture began within it
+    b"t_us,x_mm,y_": None,  # torn
+    b"# mat, v2, boot, ok": None,
+    b"ready to go now, x_mm, y_mm, z_mm": None,  # a sentence
+    b"=~=~ PuTTY log 2024.01.12 =~=~": None,
+    b"(us),(mm),(mm),(mm)": None,
+}
+
+
+@pytest.mark.parametrize("line", HEADERS, ids=bytes.decode)
+@pytest.mark.parametrize("above", [b"", b"\xef\xbb\xbf", b"boot\n12,3\n# rate: 50\n"], ids=["first", "mark", "banners"])
+def test_what_a_header_is(line, above, tmp_path):
+    expected = HEADERS[line]
+    path = write(tmp_path, above + line + b"\n" + b"20000,1,2,-1\n40000,1,2,-1\n")
+    if expected and " names " in expected:
+        expected = expected.replace("line 1", f"line {1 + above.count(NEWLINE)}")
+        with pytest.raises(InputError, match=f"device.log: {expected}"):
+            read_log(path, PLACES)
+    else:
+        assert " ".join(parse.printed_format(path, PLACES).names) == (expected or "t_us x_mm y_mm z_mm")
+
+
+def test_two_words_of_a_banner_are_no_header(tmp_path):
+    cell = Format((COUNTS.columns[0], Column("fz_n", "N", -10, 10)), "t_us")
+    assert read_log(write(tmp_path, b"HX711, ready\n1,2\n"), cell)[1]["reason"].to_pylist() == [parse.TEXT]
+    assert read_log(write(tmp_path, b"Time,Force\n1,2\n"), cell)[1].num_rows == 0
+    assert read_log(write(tmp_path, b"fz_n,t_us\n2,1\n"), cell)[0]["fz_n"].to_pylist() == [2.0]
+
+
+def test_a_header_of_another_order_further_on_is_refused(tmp_path):
+    content = frame(1) + b"t_us,v0,v1\n" + frame(2) + b"t_us,v1,v0\n" + frame(3)
+    with pytest.raises(InputError, match=r"device\.log: line 4 names the columns in another order than those above"):
+        read_log(write(tmp_path, content), COUNTS)

@@ -5,6 +5,7 @@ import json
 import re
 
 import numpy as np
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from builders.touch_logs import SETTINGS, lines, logs_of, presses, save
@@ -13,7 +14,7 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.experiments import touch, velostat_recorded
-from pipeline.logs import sources
+from pipeline.logs import alignment, sources
 from pipeline.stages import ingest
 
 
@@ -374,3 +375,172 @@ def test_one_file_of_a_source_that_is_not_right_stops_the_stage(experiment, dama
         ingest.ingest(experiment, VELOSTAT_SETTINGS)
     assert "\n" not in str(error.value) and report.read_text() == "of an earlier run"
     assert [one.name for one in report.parent.iterdir()] == ["ingest.json"]
+
+
+SHARED = SETTINGS | {"ingest": SETTINGS["ingest"] | {"clock": "shared"}}
+ZERO_US = {"array.log": -2_000_000, "load_cell.log": -7_500_000, "cnc.log": -500_000}  # its clock at the true time 0
+
+
+def numbers(log, change):
+    """The lines of a log, with `change(time in us, values)` applied to those of numbers."""
+    result = []
+    for line in log:
+        time_us, *values = line.split(",")
+        if values and time_us.isdigit():
+            time_us, values = change(int(time_us), values)
+        result.append(",".join(map(str, [time_us, *values])))
+    return result
+
+
+def one_clock(seconds=40.0, late_s=None, **more):
+    """Logs whose devices print the true time, those of `late_s` later by as much (s)."""
+    logs = logs_of(seconds=seconds, **more)
+    result = {}
+    for name, log in logs.items():
+        zero_us = ZERO_US[name.replace("_2", "")] + round(1e6 * (late_s or {}).get(name, 0))
+        result[name] = numbers(log, lambda t, v, zero_us=zero_us: (t + zero_us, v))
+    return result
+
+
+def read(root, logs, settings=SHARED):
+    save(root / "single" / "run000", logs)
+    return touch.read_recording(root / "single" / "run000", settings)
+
+
+@pytest.mark.parametrize(
+    "name, order", [("array.log", [0, 5, 4, 3, 2, 1, 6]), ("cnc.log", [3, 1, 0, 2]), ("load_cell.log", [1, 0])]
+)
+def test_a_header_in_another_order_gives_the_same_frames(root, name, order):
+    logs = logs_of()
+    fmt = {"array.log": touch.array_format(SETTINGS), "cnc.log": touch.CNC, "load_cell.log": touch.LOAD_CELL}[name]
+    lines = [fmt.header, *logs[name]]
+    swapped = [",".join(line.split(",")[k] for k in order) if "," in line else line for line in lines]
+    plain, _, report = read(root / "plain", logs | {name: lines}, SETTINGS)
+    frames, _, again = read(root / "swapped", logs | {name: swapped}, SETTINGS)
+    assert repr(frames.to_pydict()) == repr(plain.to_pydict()) and again == report  # NaN is no NaN to equals
+
+
+def test_clocks_that_are_shared_are_measured_and_not_shifted(root):
+    frames, _, report = read(root, one_clock())
+    for name in ("array.log", "cnc.log"):
+        (clock,) = report[name]["clocks"]
+        assert clock["offset_ms"] == 0 and abs(clock["measured_offset_ms"]) < 10, name
+        assert 0.8 < clock["correlation"] <= clock["best_correlation"] + 0.01 < 1
+    assert "correlation" not in report["load_cell.log"]["clocks"][0]
+    assert not any("warnings" in log for log in report.values())
+    assert np.abs(schemas.matrix(frames["x_mm"])[:, 0] / 2 - frames["t_s"].to_numpy()).max() < 0.01
+
+
+@pytest.mark.parametrize("name", ["array.log", "cnc.log", "load_cell_2.log"])
+@pytest.mark.parametrize("late_s", [1.5, -1.5])
+def test_clocks_that_are_said_to_be_shared_and_are_not_are_refused(root, name, late_s):
+    touches = 2 if "_2" in name else 1
+    logs = one_clock(seconds=60.0, late_s={name: late_s}, touches=touches)
+    word = "earlier" if late_s > 0 else "later"
+    words = rf"and \w+.log agree best with {name} 1\.[45]\d s {word} \(correlation 0\.\d\d, as they are .*clock: own"
+    with pytest.raises(InputError, match=words):
+        read(root, logs)
+
+
+def test_a_small_offset_of_shared_clocks_is_a_warning(root):
+    _, _, report = read(root, one_clock(late_s={"array.log": 0.1}))
+    assert report["array.log"]["clocks"][0]["measured_offset_ms"] == pytest.approx(-100, abs=10)
+    assert re.search("array.log 0.10 s earlier .* a press lasts 0.6 s", report["array.log"]["warnings"][0])
+
+
+def test_shared_clocks_are_not_measured_by_too_few_presses(root):
+    logs = one_clock(seconds=5.0)
+    _, _, report = read(root, logs)
+    (clock,) = report["array.log"]["clocks"]
+    assert clock == {"offset_ms": 0.0, "drift_ppm": 0.0} | alignment.UNMEASURED
+
+
+def test_regular_presses_on_one_clock_are_no_shift(root):
+    t = np.arange(0, 40, 0.005)
+    force = 20 * np.clip(np.abs((t % 1.0) - 0.5) * -8 + 2.4, 0, 1)
+    logs = {
+        "array.log": lines(t, [20 * force**0.7 * k for k in (1, 0.5, 0.2, 0.1, 0, 0)], 1, 40, 50, 1_000_000, "%d"),
+        "load_cell.log": lines(t, [force], 0.5, 40, 100, 500_000, "%.3f"),
+        "cnc.log": lines(t, [2 * t, 3 * t, -(force ** (2 / 3))], 0, 40, 50, 0, "%.3f"),
+    }
+    _, _, report = read(root, logs)
+    assert abs(report["array.log"]["clocks"][0]["measured_offset_ms"]) < 10
+
+
+REVERSED = {
+    "counts": (
+        "array.log",
+        lambda t, v: (t, [1023 - int(one) for one in v]),
+        "array.log: the counts .* fall .* 1023 minus",
+    ),
+    "depth": (
+        "cnc.log",
+        lambda t, v: (t, [*v[:2], -float(v[2])]),
+        "cnc.log: z_mm seems to rise when pressed; write it neg",
+    ),
+    "force": ("load_cell.log", lambda t, v: (t, [-float(v[0])]), "load_cell.log: pressing makes fz_n negative"),
+}
+
+
+@pytest.mark.parametrize("shared", [True, False])
+@pytest.mark.parametrize("which", REVERSED)
+def test_a_reversed_sign_is_named(root, which, shared):
+    name, change, words = REVERSED[which]
+    logs = one_clock() if shared else logs_of(seconds=40.0)
+    with pytest.raises(InputError, match=words):
+        read(root, logs | {name: numbers(logs[name], change)}, SHARED if shared else SETTINGS)
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_counts_that_fall_are_named_for_a_single_element_too(root, shared):
+    logs = one_clock() if shared else logs_of(seconds=40.0)
+    logs["array.log"] = numbers(logs["array.log"], lambda t, v: (t, [1023 - int(v[2])]))
+    del logs["cnc.log"]
+    settings = (SHARED if shared else SETTINGS) | {"sensor": SETTINGS["sensor"] | {"rows": 1, "cols": 1}}
+    with pytest.raises(InputError, match="the counts seem to fall when pressed"):
+        read(root, logs, settings)
+
+
+@pytest.mark.parametrize("reversed_", [False, True])
+def test_torn_lines_are_called_torn_with_a_shared_clock_too(root, reversed_):
+    logs = one_clock()
+    change = (lambda t, v: (t, [1023 - int(one) for one in v])) if reversed_ else (lambda t, v: (t, v))
+    logs["array.log"] = numbers(logs["array.log"], change)
+    logs["array.log"][10::10] = [line[: len(line) // 2] for line in logs["array.log"][10::10]]
+    with pytest.raises(InputError, match=r"array\.log: 10\.0% of the .* most often 'column count'"):
+        read(root, logs)
+
+
+@pytest.mark.parametrize("hz, share, spike_n", [(100, 0.01, 100), (100, 0.04, 100), (10, 0.02, 500)])
+def test_spikes_of_a_load_cell_are_rejects_and_no_labels(root, hz, share, spike_n):
+    t, force = presses(60, 0)
+    logs = one_clock(seconds=60.0) | {"load_cell.log": lines(t, [force], 0.5, 60, hz, 500_000, "%.3f")}
+    spiked, rng = list(logs["load_cell.log"]), np.random.default_rng(0)
+    struck = np.flatnonzero(rng.random(len(spiked)) < share)
+    struck = struck[np.diff(struck, prepend=-9) > 2]
+    for k in struck:
+        spiked[k] = spiked[k].partition(",")[0] + f",{spike_n}"
+    clean, _, report = read(root / "clean", logs)
+    frames, rejects, spiky = read(root / "spiky", logs | {"load_cell.log": spiked})
+    assert touch.SPIKE not in report["load_cell.log"]["rejects"]
+    found = rejects.filter(pc.equal(rejects["reason"], touch.SPIKE))["line"].to_numpy()
+    assert np.array_equal(found, struck + 1) and spiky["load_cell.log"]["rejects"] == {touch.SPIKE: len(struck)}
+    error = np.abs(schemas.matrix(frames["force_n"]) - schemas.matrix(clean["force_n"]))[:, 0]
+    assert error.max() < (2.5 if hz == 100 else 30) and np.quantile(error, 0.95) < 0.5
+
+
+def test_quick_presses_are_no_spikes():
+    t = np.arange(0, 60, 0.1)
+    taps = np.where(np.arange(600) % 17 == 3, 20.0, 0.0) + np.random.default_rng(0).normal(0, 0.03, 600)
+    assert not touch.spikes(t, taps).any(), "of a slow log, in which each press is one reading"
+    t = np.arange(0, 60, 0.0125)
+    hit = np.interp(t % 2, [0.9, 0.92, 0.94], [0, 30, 0]) + np.random.default_rng(0).normal(0, 0.03, len(t))
+    assert not touch.spikes(t, hit).any() and not touch.spikes(t[:4], hit[:4]).any()
+
+
+def test_too_many_spikes_are_said_to_be_spikes(root):
+    logs = one_clock(seconds=60.0)
+    cell = logs["load_cell.log"]
+    cell[10::12] = [line.partition(",")[0] + ",150.0" for line in cell[10::12]]
+    with pytest.raises(InputError, match=r"load_cell\.log: 8\.3% of the \d+ lines cannot be used, most often 'spike'"):
+        read(root, logs)
