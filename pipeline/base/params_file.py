@@ -5,7 +5,7 @@ from pathlib import Path
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from pipeline.base import files, params
+from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 
 
