@@ -6,7 +6,7 @@ import numpy as np
 def arrived(printed_s: np.ndarray, packet_s: float, rng: np.random.Generator, late: float = 0.05) -> np.ndarray:
     """Return the times (n,) in s at which lines printed at `printed_s` (n,) are read.
 
-    They come with the end of a packet, up to a millisecond late; the share `late` of packets come with the next but one.
+    They come with the end of a packet, up to a millisecond late; a share `late` of packets with the next but one.
     """
     packet = np.ceil(printed_s / packet_s - 1e-9).astype(int)
     numbers, of_line = np.unique(packet, return_inverse=True)
