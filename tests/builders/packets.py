@@ -3,15 +3,15 @@
 import numpy as np
 
 
-def arrived(printed_s: np.ndarray, packet_s: float, rng: np.random.Generator) -> np.ndarray:
+def arrived(printed_s: np.ndarray, packet_s: float, rng: np.random.Generator, late: float = 0.05) -> np.ndarray:
     """Return the times (n,) in s at which lines printed at `printed_s` (n,) are read.
 
-    They come with the end of a packet, up to a millisecond late, one in twenty packets as late as the next but one.
+    They come with the end of a packet, up to a millisecond late; a share `late` of packets with the next but one.
     """
     packet = np.ceil(printed_s / packet_s - 1e-9).astype(int)
     numbers, of_line = np.unique(packet, return_inverse=True)
-    late = rng.exponential(1e-4, len(numbers)).clip(max=1e-3) + (rng.random(len(numbers)) < 0.05) * 2 * packet_s
-    return np.maximum.accumulate(numbers * packet_s + late)[of_line]
+    delay = rng.exponential(1e-4, len(numbers)).clip(max=1e-3) + (rng.random(len(numbers)) < late) * 2 * packet_s
+    return np.maximum.accumulate(numbers * packet_s + delay)[of_line]
 
 
 def stamps_us(arrived_s: np.ndarray) -> np.ndarray:

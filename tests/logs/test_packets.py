@@ -34,6 +34,15 @@ def test_lines_in_packets_get_the_times_at_which_they_were_printed(hz, packet_s)
     assert np.ptp(np.quantile(error_s, [0.1, 0.9])) <= 1.1 * min(packet_s, 1 / hz)
 
 
+@pytest.mark.parametrize(("hz", "packet_s"), [(50, 0.016), (60, 0.016), (200, 0.004)])
+def test_lines_now_one_and_now_two_packets_apart_are_none_lost(hz, packet_s):
+    stamped = stamps_us(arrived(printed(hz), packet_s, np.random.default_rng(1), late=0))
+    time, rate = packets.spread(stamped, one_segment(stamped), 1)
+    assert 1e6 / rate.interval == pytest.approx(hz, rel=2e-3)
+    assert rate.packet == pytest.approx(1e6 * packet_s, rel=0.1)
+    assert schemas.gaps(stamped, one_segment(stamped)).sum() > 50 and schemas.gaps(time, one_segment(time)).sum() == 1
+
+
 @pytest.mark.parametrize("packet_ms", [16, 1])
 def test_the_rate_is_known_after_a_second(packet_ms):
     """As live, of lines at 100 and 1,000 a second."""
