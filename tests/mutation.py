@@ -166,9 +166,14 @@ def status(folder: Path, tests: str) -> int:
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
     command += [f"tests/{name}" for name in tests.split()]
     try:
-        return subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=LIMIT_S).returncode
+        ended = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=LIMIT_S).returncode
     except subprocess.TimeoutExpired:
         return FAILED
+    if ended < 0:
+        raise RuntimeError(
+            f"{tests}: pytest was killed by signal {-ended}, which says nothing of a mutant; run it again"
+        )
+    return ended
 
 
 def main() -> int:
