@@ -6,16 +6,17 @@ killed where no stage waits for it any more.
 
 import importlib
 import os
-import pickle
 import platform
 import subprocess
 import sys
 import tempfile
-import time
 import traceback
 import uuid
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from importlib.metadata import version
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from pipeline.base import files, paths
@@ -23,7 +24,7 @@ from pipeline.base.errors import InputError, memory_error
 from pipeline.base.processes import KEEP_MEMORY, ONE_THREAD, die_with_parent
 
 CONNECT_S, NO_WORKER_S = 10, 60
-ANSWER = "import sys; from pipeline.base import cluster; cluster.answer(*sys.argv[1:])"
+ANSWER = "import sys; from pipeline.base import cluster; cluster.answer(int(sys.argv[1]))"
 NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # packages whose version may change a result
 
 
@@ -52,13 +53,13 @@ def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterato
             raise InputError(f"{address}: no worker for {NO_WORKER_S} s; start one and repeat the command") from error
         here, futures = (str(paths.ROOT), mark.name, versions()), {}
         for name, (arguments, folder) in calls.items():
-            task = pickle.dumps((module, function.__qualname__, arguments))
-            key = f"{name} {uuid.uuid4().hex}"
-            futures[client.submit(_in_a_process, here, name, task, folder, key=key, pure=False)] = name
+            # As one call without arguments: Dask looks for names of other tasks in arguments.
+            call = partial(_in_a_process, here, name, (module, function.__qualname__, arguments), folder)
+            futures[client.submit(call, key=f"{name} {uuid.uuid4().hex}", pure=False)] = name
         for future in as_completed(futures, loop=client.loop):
             name = futures[future]
             try:
-                result, error = pickle.loads(future.result())
+                result, error = future.result()
             except KilledWorker as error:
                 lost = f"{error.allowed_failures + 1} workers in turn were lost over this task"
                 raise InputError(f"{name}: {lost}; look at the log of the last one") from error
@@ -76,10 +77,13 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in NUMBERS}
 
 
-def _in_a_process(here: tuple[str, str, dict], name: str, task: bytes, folder: Path | None) -> bytes:
-    """Do a pickled task in a new process of this worker; return the pickled pair of its result and its error.
+def _in_a_process(
+    here: tuple[str, str, dict], name: str, task: tuple[str, str, tuple], folder: Path | None
+) -> tuple[object, Exception | None]:
+    """Do a task in a new process of this worker; return its result and its error.
 
-    here: the project's folder, a file in it that is new, and the versions that are wanted.
+    here: the project's folder, a file in it that is new, and the versions that are wanted; task: module, function and
+    arguments.
     """
     from distributed import get_worker
 
@@ -91,30 +95,34 @@ def _in_a_process(here: tuple[str, str, dict], name: str, task: bytes, folder: P
         raise InputError(f"{called} has {', '.join(wrong)}: results would differ; install the same (constraints.txt)")
     if folder is not None:
         files.remove_folder(folder, inside=folder.parent)  # of a worker that was lost while it wrote
-    with tempfile.TemporaryDirectory() as place:
-        given, made = Path(place, "task"), Path(place, "result")
-        given.write_bytes(task)
-        command = [sys.executable, "-c", ANSWER, str(given), str(made)]
-        environment = {"GLIBC_TUNABLES": KEEP_MEMORY} | os.environ | ONE_THREAD
-        process = subprocess.Popen(command, cwd=root, env=environment, stdin=subprocess.DEVNULL)
-        while process.poll() is None:
-            time.sleep(0.2)
+    ours, theirs = Pipe()
+    command = [sys.executable, "-c", ANSWER, str(theirs.fileno())]
+    environment = {"GLIBC_TUNABLES": KEEP_MEMORY} | os.environ | ONE_THREAD
+    process = subprocess.Popen(command, cwd=root, env=environment, stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()])
+    theirs.close()
+    try:
+        ours.send(task)
+        while not ours.poll(0.2):
             state = worker.state.tasks.get(key)
             if state is None or state.state != "executing":  # the stage was killed
                 process.kill()
-        if process.returncode:
-            ended = f"its process ended with status {process.returncode} (-9: killed, as when memory is short)"
-            raise InputError(f"{name}, on {called}: {ended}; look at the worker's log")
-        return made.read_bytes()
+        return ours.recv()
+    except (EOFError, OSError) as error:
+        ended = f"its process ended with status {process.wait()} (-9: killed, as when memory is short)"
+        raise InputError(f"{name}, on {called}: {ended}; look at the worker's log") from error
+    finally:
+        ours.close()
+        process.wait()
 
 
-def answer(given: str, made: str) -> None:
-    """Do the task in the file `given`; write the pair of its result and its error to the file `made`."""
+def answer(channel: int) -> None:
+    """Receive a task from a pipe, do it, and send its result and its error; channel: number of the pipe's open file."""
     die_with_parent()
-    try:
-        module, function, arguments = pickle.loads(Path(given).read_bytes())
-        reply = getattr(importlib.import_module(module), function)(*arguments, lambda *_: None), None
-    except Exception as error:
-        error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
-        reply = None, error
-    Path(made).write_bytes(pickle.dumps(reply))
+    with Connection(channel) as pipe:
+        module, function, arguments = pipe.recv()
+        try:
+            reply = getattr(importlib.import_module(module), function)(*arguments, lambda *_: None), None
+        except Exception as error:
+            error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
+            reply = None, error
+        pipe.send(reply)

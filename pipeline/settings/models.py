@@ -6,28 +6,57 @@ rest of the file is not run: imports of torch and scikit-learn would cost every 
 
 import ast
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field, create_model
 
+from pipeline.settings import shared, training
 from pipeline.settings.shared import Block, SomeOf
 
 FOLDER = Path(__file__).resolve().parents[1] / "models"
-WORDS = ("typing", "pydantic", "pipeline.settings.shared", "pipeline.settings.training")  # all that a class may use
+KINDS = {"Literal": Literal, "bool": bool, "float": float, "int": int, "str": str} | vars(shared) | vars(training)
 
 
 def declared(path: Path) -> tuple[type[Block], str]:
     """Return the class `Settings` of a model's file and what the first line of its docstring says of the model.
 
-    Raises TypeError where the file has no such class.
+    Raises TypeError where the file has no such class, or one that says more than kinds and fields.
     """
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom) and node.module in WORDS]
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Settings"]
     if not classes:
         raise TypeError(f"pipeline/models/{path.name}: declare its settings as `class Settings(Block)`")
-    names = {"__name__": f"pipeline.models.{path.stem}"}
-    exec(compile(ast.Module([*imports, *classes], []), path, "exec"), names)
-    return names["Settings"], (ast.get_docstring(tree) or "").partition("\n")[0]
+    (found,) = classes
+    declared_fields = {
+        node.target.id: (_kind(node.annotation, path), _field(node.value, path))
+        for node in found.body
+        if isinstance(node, ast.AnnAssign)
+    }
+    module, words = f"pipeline.models.{path.stem}", ast.get_docstring(found)
+    settings = create_model("Settings", __base__=Block, __module__=module, __doc__=words, **declared_fields)
+    return settings, (ast.get_docstring(tree) or "").partition("\n")[0]
+
+
+def _kind(node: ast.expr, path: Path):
+    """Return the kind of a setting that an annotation names: of KINDS, or such a one with others in brackets."""
+    if isinstance(node, ast.Subscript):
+        inside = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        kinds = tuple(each.value if isinstance(each, ast.Constant) else _kind(each, path) for each in inside)
+        return _kind(node.value, path)[kinds if len(kinds) > 1 else kinds[0]]
+    name = node.id if isinstance(node, ast.Name) else ""
+    if name not in KINDS:
+        raise TypeError(
+            f"pipeline/models/{path.name}: '{ast.unparse(node)}' is no kind of setting; use one of "
+            "pipeline/settings/shared.py or training.py, int, float, bool, str or Literal"
+        )
+    return KINDS[name]
+
+
+def _field(node: ast.expr | None, path: Path):
+    """Return the Field of a setting, whose arguments are constants."""
+    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Field"):
+        raise TypeError(f"pipeline/models/{path.name}: describe every setting as `name: kind = Field(description=...)`")
+    return Field(**{word.arg: ast.literal_eval(word.value) for word in node.keywords})
 
 
 def fields(folder: Path) -> dict:
