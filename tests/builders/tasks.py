@@ -24,7 +24,7 @@ def killed(seed: int, report: Any) -> None:
 def trained(seed: int, report: Any) -> str:
     """Train a small LSTM on noise for two epochs; return the digest of its weights."""
     import torch
-    from pipeline.base.blocks import SequenceTraining
+    from pipeline.settings.training import SequenceTraining
 
     from pipeline.datasets.series import Record
     from pipeline.learning.lstm import LstmRegressor
