@@ -24,11 +24,11 @@ def killed(seed: int, report: Any) -> None:
 def trained(seed: int, report: Any) -> str:
     """Train a small LSTM on noise for two epochs; return the digest of its weights."""
     import torch
-    from pipeline.settings.training import SequenceTraining
 
     from pipeline.datasets.series import Record
     from pipeline.learning.lstm import LstmRegressor
     from pipeline.learning.regressors import Spec
+    from pipeline.settings.training import SequenceTraining
 
     torch.set_num_threads(1)
     rng, everywhere = np.random.default_rng(0), np.ones(400, bool)
