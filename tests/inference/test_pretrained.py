@@ -25,6 +25,7 @@ VALUES = params.load()
 TOUCH, STRAIN, GLOVE = (
     packages.PRETRAINED / name for name in ("touch/lomp_stream", "strain/lstm_direct", "glove/sp_resnet")
 )
+LINES = 40  # of a written log: a window of 36 and a few more
 PACKAGES = sorted(path.parent for path in packages.PRETRAINED.glob(f"*/*/{cards.NAME}"))
 
 
@@ -219,7 +220,7 @@ def undrawn(monkeypatch):
 def write_log(path: Path) -> Path:
     """Write a log of 20 frames of an array."""
     path.parent.mkdir(parents=True)
-    path.write_text("".join(f"{20000 * k}," + ",".join(["20"] * 25) + "\n" for k in range(20)))
+    path.write_text("".join(f"{20000 * k}," + ",".join(["20"] * 25) + "\n" for k in range(LINES)))
     return path
 
 
@@ -231,7 +232,7 @@ def test_no_two_recordings_have_one_name(undrawn, tmp_path, monkeypatch):
     everything = predicted(".", tmp_path / "out")
     assert everything == ["day1/a b/run0", "day1/a-b/run0", "day2/a b/run0"]
     table = pyarrow.parquet.read_table(tmp_path / "out" / "predictions.parquet")
-    assert schemas.names(table["recording"]).tolist() == [name for name in everything for _ in range(20)]
+    assert schemas.names(table["recording"]).tolist() == [name for name in everything for _ in range(LINES)]
     drawn = sorted(path.name for path in (tmp_path / "out").glob("*.png"))
     assert drawn == ["day1-a-b-run0-2.png", "day1-a-b-run0.png", "day2-a-b-run0.png"]
     # A log in a folder, and beside it folders that end as the path of that folder does.
