@@ -218,7 +218,7 @@ def undrawn(monkeypatch):
 
 
 def write_log(path: Path) -> Path:
-    """Write a log of 20 frames of an array."""
+    """Write a log of LINES frames of an array."""
     path.parent.mkdir(parents=True)
     path.write_text("".join(f"{20000 * k}," + ",".join(["20"] * 25) + "\n" for k in range(LINES)))
     return path
