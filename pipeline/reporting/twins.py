@@ -61,7 +61,7 @@ def summarised(experiment: str, table: pd.DataFrame, kept: pd.DataFrame | None =
             numbers = values[values["source"] == side]["value"].to_numpy(float)
             ends = (np.median(numbers), numbers.min(), numbers.max()) if len(numbers) else (np.nan,) * 3
             row |= dict(zip((side, f"{side}_low", f"{side}_high"), ends, strict=True))
-        for former in [] if kept is None else kept[kept["statistic"] == statistic].to_dict("records"):
+        for former in [] if kept is None or kept.empty else kept[kept["statistic"] == statistic].to_dict("records"):
             row |= {name: former[name] for name in ("recorded", "recorded_low", "recorded_high")}
         known = np.isfinite(row["recorded"]) and np.isfinite(row["simulated"])
         inside = row["recorded_low"] <= row["simulated"] <= row["recorded_high"]
