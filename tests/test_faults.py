@@ -287,7 +287,7 @@ def held_to_its_promise(content: bytes, fmt: parse.Format, path: Path, pieces: i
             return
         printed_format = parse.printed_format(path, fmt)
         header = bool(lines) and parse.is_header(lines[0], printed_format)
-        other = re.search(r": lasts \d+ s, more than|: the device was reset \d+ times, more than", str(error))
+        other = re.search(r": lasts \d+ s, more than|: the device was reset more than \d+ times", str(error))
         assert other or all(parse._reason(line, printed_format) for line in lines[header:])
         return
     printed_format = parse.printed_format(path, fmt)

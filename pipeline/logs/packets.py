@@ -24,6 +24,7 @@ EVEN = 64  # lines of a stretch, or a quarter of the log
 FROM_LONG = 0.25  # of the long intervals; where lines are lost, each raises the mean by a whole one
 WINDOW = 16, 8  # lines, packets: in the longer of the two, one line comes without delay
 LOST = 0.75, 0.5  # intervals, packets: lines that stay later by more than the longer of the two follow lost ones
+PACKETS = 8  # in a log, and one in SPAN lines; fewer long intervals are jumps of a clock
 LATE = 4  # packets, between two lines; after longer, lines are missing
 
 
@@ -55,7 +56,10 @@ def rate(time: np.ndarray, segment: np.ndarray | None = None) -> Rate:
 
     long = spans(SPAN)
     usual = np.quantile(long, 0.5, method="lower")  # one of them
-    packet = float(np.quantile(interval[interval > usual / 2], 0.25))
+    long_ones = interval[interval > usual / 2]
+    if len(long_ones) < max(PACKETS, len(interval) // SPAN):
+        return Rate(median, 0.0)
+    packet = float(np.quantile(long_ones, 0.25))
     mean = float(long[abs(long - usual) <= 2 * packet / min(SPAN, len(interval) // 4)].mean())  # without silences
     if np.mean(interval < TINY * mean) >= SHARE:
         return Rate(mean, packet)

@@ -399,7 +399,7 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
     Returns `keep` (n,) bool and `segment` (n,) int32. Where the clock steps back, the shorter side is out of order:
     the lines after the step, up to the first line later than all lines before it, or the lines before the step that
     are not earlier (a corrupt time far in the future). More than `STRAY` lines on both sides, or a banner in between
-    and at least three lines after, are a reset.
+    and at least three lines after, are a reset. Rows after one reset more than `MOST_RESETS` are not judged.
     """
     repeated = np.concatenate([[False], time[1:] == time[:-1]])
     if repeated.any():  # all at once, because a clock that stands still repeats itself a million times
@@ -412,7 +412,7 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
     # Lists: of 40,000 resets each asks three times for one place, which takes numpy 4 us and bisect 0.3 us.
     drops, text_lines = (np.flatnonzero(time[1:] <= time[:-1]) + 1).tolist(), text_lines.tolist()
     last, at = 0, 1  # the last row kept, the first row not yet judged
-    while at < n:
+    while at < n and len(starts) <= MOST_RESETS + 1:  # after more, the log is refused
         if time[at] > time[last]:
             following = bisect_right(drops, at)
             stop = drops[following] if following < len(drops) else n
@@ -443,9 +443,7 @@ def order(time: np.ndarray, line: np.ndarray, text_lines: np.ndarray) -> tuple[n
 def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, segment: np.ndarray) -> None:
     """Raise InputError for a log whose kept rows, (n,) each, last too long or have too many resets to be real."""
     if segment[-1] > MOST_RESETS:
-        raise InputError(
-            f"{path}: the device was reset {segment[-1]} times, more than {MOST_RESETS}; check its supply, record again"
-        )
+        raise InputError(f"{path}: the device was reset more than {MOST_RESETS} times; check its supply, record again")
     ends = np.append(np.flatnonzero(np.diff(segment)), len(time) - 1)  # the last row of each segment
     starts = np.append(0, ends[:-1] + 1)
     lasts = float((time[ends] - time[starts]).sum()) / second(fmt)

@@ -209,7 +209,8 @@ def text(claims: pd.DataFrame, tried: Mapping[str, str]) -> str:
         missed: dict[str, list[str]] = {}
         for row in of_paper[of_paper["verdict"].isin([CONTRADICTED, UNDECIDED])].itertuples():
             mark = " [recorded]" if row.data == RECORDED else ""
-            head = f"**{row.claim.rstrip('.')}**{mark} ({row.verdict}; {row.reason})"
+            found = "; ".join(filter(None, [row.verdict, row.reason]))
+            head = f"**{row.claim.rstrip('.')}**{mark} ({found})"
             missed.setdefault(tried.get(row.id) or NOT_TRIED, []).append(head)
         if missed:
             lines.append(f"### {title}: what was tried where a claim is not reproduced\n")
