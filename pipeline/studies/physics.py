@@ -13,8 +13,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments, files, params, workers
+from pipeline.base.paths import Workspace
 from pipeline.scoring.variants import COLUMNS, variants
 from pipeline.stability import changed_scene
 
@@ -60,15 +60,15 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
     return rows
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Run every variant of the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["physics"]).experiment
     wanted = variants(values, experiment)
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
         rows = dict(workers.run(run_variant, {key: (values, experiment, *key) for key in wanted}, bar))
-    files.write_csv(paths.physics(experiment), COLUMNS, (row for key in wanted for row in rows[key]))
+    files.write_csv(workspace.physics(experiment), COLUMNS, (row for key in wanted for row in rows[key]))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)
