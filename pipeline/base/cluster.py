@@ -83,8 +83,8 @@ def _in_a_process(
 ) -> tuple[object, Exception | None]:
     """Do a task in a new process of this worker; return its result and its error.
 
-    here: the current folder of the stage, a file in it that is new, and the versions that are wanted; task: module, function and
-    arguments.
+    here: the stage's current folder, a file in it that is new, and the versions that are wanted; task: module,
+    function and arguments.
     """
     from distributed import get_worker
 

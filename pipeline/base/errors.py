@@ -29,8 +29,8 @@ def run_stage(main: Callable[[], None], params: Path) -> None:
     """Run a stage's `main`; bad input, a disk and a lack of memory become a sentence on stderr and exit status 1.
 
     Ctrl-C prints nothing and ends with the status that a shell gives it. A stage that DVC started ends when DVC does:
-    otherwise the next `dvc repro` would find the stage still writing. The stage fails where `params`, its params.yaml, changed while
-    it ran: DVC reads the file after the stage, and would take the results for results of the new values.
+    otherwise the next `dvc repro` would find the stage still writing. The stage fails where `params`, its params.yaml,
+    changed while it ran: DVC reads the file after the stage, and would take the results for results of the new values.
     """
     by_dvc = "DVC_STAGE" in os.environ
     if by_dvc:

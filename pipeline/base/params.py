@@ -184,7 +184,8 @@ def scale_settings(scales: Path, name: str, experiment: str, settings: Mapping) 
 def scale_of(scales: Path, experiment: str, settings: Mapping) -> str:
     """Return the scale that an experiment's settings are of: laptop, paper, both where they are the same, or other.
 
-    scales: the folder of scales; settings: the experiment's block of params.yaml. What only a study of it reads is not looked at.
+    scales: the folder of scales; settings: the experiment's block of params.yaml. What only a study of it reads is not
+    looked at.
     """
     names = [
         name

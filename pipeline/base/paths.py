@@ -53,7 +53,7 @@ class Workspace:
         return self.experiment_folder(experiment) / "frames.parquet"
 
     def rejects(self, experiment: str) -> Path:
-        """Return the file of rejected lines with file, number and reason, the first with their text (output of ingest)."""
+        """Return the file of rejected lines: file, number and reason, of the first their text (output of ingest)."""
         return self.experiment_folder(experiment) / "rejects.parquet"
 
     def ingest_report(self, experiment: str) -> Path:
@@ -81,7 +81,7 @@ class Workspace:
         return self.models(experiment) / model
 
     def model_draft(self, experiment: str, model: str) -> Path:
-        """Return the folder in which `train` builds a model's folder: outside `models`, so that no stage reads a draft."""
+        """Return where `train` builds a model's folder: outside `models`, so that no stage reads a draft."""
         return self.experiment_folder(experiment) / "unfinished" / model
 
     def run_folder(self, experiment: str, model: str, protocol: str, seed: int) -> Path:
@@ -124,7 +124,7 @@ class Workspace:
         return self.experiment_folder(experiment) / "probe.csv"
 
     def stag(self, experiment: str) -> Path:
-        """Return the scores of figure 15 on the STAG data set (output of stag); only a header without the user's file."""
+        """Return the scores of figure 15 on STAG (output of stag); only a header without the user's file."""
         return self.experiment_folder(experiment) / "stag.csv"
 
     def claim_inputs(self, experiment: str) -> Path:

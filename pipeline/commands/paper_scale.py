@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(folder: Path, *command: str) -> None:
     """Run a command in a folder, with its code before all other; InputError where it fails."""
-    environment = os.environ | {"PYTHONPATH": str(folder)}
+    environment = os.environ | {"PYTHONPATH": str(folder.resolve())}
     done = subprocess.run(command, cwd=folder, env=environment)
     if done.returncode:
         raise InputError(f"{folder}: `{' '.join(command)}` failed; its message is above")
@@ -62,13 +62,13 @@ def prepare(workspace: Workspace, experiment: str, protocols: Sequence[str], fol
 
     protocols: those of the experiment that its params.yaml keeps; all where there are none.
     """
-    git = ["git", "-c", "advice.detachedHead=false"]
+    root, git = str(workspace.root.resolve()), ["git", "-c", "advice.detachedHead=false"]
     commit = subprocess.run(
         ["git", "rev-parse", "HEAD"], cwd=workspace.root, capture_output=True, text=True, check=True
     ).stdout.strip()
     if not (folder / ".git").exists():
         folder.parent.mkdir(parents=True, exist_ok=True)
-        run(workspace.root, *git, "clone", "--quiet", "--shared", "--no-checkout", str(workspace.root), str(folder))
+        run(workspace.root, *git, "clone", "--quiet", "--shared", "--no-checkout", root, str(folder.resolve()))
     else:
         run(folder, *git, "fetch", "--quiet", "origin")
     run(folder, *git, "checkout", "--quiet", "--force", commit)
@@ -80,7 +80,7 @@ def prepare(workspace: Workspace, experiment: str, protocols: Sequence[str], fol
         if unknown:
             raise InputError(f"--protocols: {experiment} has no '{unknown[0]}'; take of {', '.join(known)}")
         set_values({f"{experiment}.protocols": {name: known[name] for name in known if name in protocols}}, settings)
-    run(folder, sys.executable, "-m", "dvc", "config", "--local", "cache.dir", str(workspace.root / ".dvc" / "cache"))
+    run(folder, sys.executable, "-m", "dvc", "config", "--local", "cache.dir", f"{root}/.dvc/cache")
 
 
 def merged(name: str, rows: pd.DataFrame, before: pd.DataFrame) -> pd.DataFrame:

@@ -25,4 +25,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Look at the logs named on the command line."""
     with own.prepared(workspace, given.folder, [0], MODELS) as sensor:
-        own.run(workspace, sensor, params.load(sensor.workspace / "params.yaml"))
+        own.run(workspace, sensor, params.load(sensor.workspace.params))

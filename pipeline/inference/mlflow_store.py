@@ -37,9 +37,10 @@ def folder(workspace: Workspace) -> Path:
     `dvc exp run --queue` and `--temp` work in a copy below the checkout's `.dvc/tmp/exps`, which DVC then removes. The
     runs go to the checkout, which DVC_ROOT names.
     """
-    origin = Path(os.environ.get("DVC_ROOT", workspace.root)).resolve()
-    copied = workspace.root.resolve().is_relative_to(origin / ".dvc" / "tmp" / "exps")
-    return (origin if copied else workspace.root) / "mlruns"
+    root = workspace.root.resolve()  # MLflow notes the place of its files
+    origin = Path(os.environ.get("DVC_ROOT", root)).resolve()
+    copied = root.is_relative_to(origin / ".dvc" / "tmp" / "exps")
+    return (origin if copied else root) / "mlruns"
 
 
 def server() -> str | None:

@@ -1,15 +1,16 @@
 """The three kinds of input that models see: windows, series and images. One module per kind, with the same functions:
 
-* `source(workspace, experiment)` -> the table that a dataset is made of; `inputs(frames, settings)`: the same from frames alone.
+* `source(workspace, experiment)` -> the table that a dataset is made of; `inputs(frames, settings)`: the same from
+  frames alone.
 * `rows(table, module, settings)` -> (rows that a split divides, the dataset's columns before splits).
 * `labelled(table, module, settings)` -> (schema, parts) of the whole dataset, whose splits are columns by now.
 * `base(experiment, settings, protocol)` -> the protocol whose network transfer learning starts from, or None.
 * `fit(path, experiment, settings, protocol, seed, build, *, device, progress, base)` -> a `Fitted` model; `path`: the
   dataset's file, `build(spec)`: makes the model, `base`: the folder of the network that transfer starts from.
 * `adapted(model, spec)` -> the model with the methods that this kind of input needs.
-* `tested(path, experiment, settings, runs, load)` -> predictions and scores of every run's test part, one run at a time.
-* `stream(path, experiment, settings, protocol, seed)` -> (spec, inputs of the test part); `timed(model, x)` -> (function,
-  inputs) of one prediction as a device would ask for it.
+* `tested(path, experiment, settings, runs, load)` -> predictions and scores of every run's test part, run by run.
+* `stream(path, experiment, settings, protocol, seed)` -> (spec, inputs of the test part); `timed(model, x)` ->
+  (function, inputs) of one prediction as a device would ask for it.
 
 What differs between experiments of one kind is in the experiment's module (pipeline/experiments).
 """
