@@ -30,7 +30,8 @@ def train_all(
     """Call `train_run` for every run of models to train.
 
     `train_run(workspace, values, experiment, model, protocol, seed, folder, report)` writes the run's files to the new
-    `folder`, calls `report` once per epoch and returns the seconds that fitting took. All runs go to the same processes, those of the last model first: params.yaml lists networks last,
+    `folder`, calls `report` once per epoch and returns the seconds that fitting took. All runs go to the same
+    processes, those of the last model first: params.yaml lists networks last,
     and what takes long must not be left to one process at the end. Without recordings a model's folder has no runs.
     Kept is a folder of the same origin whose files are those that were written. The other folders stay until the last
     run is done. Where this call is stopped, its finished runs are kept in the models' drafts, and the next call with
