@@ -9,8 +9,9 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from benchmarks.made import ROOT
 from pipeline import tasks
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.params_file import set_values
 from pipeline.datasets import schemas
 from pipeline.datasets.series import Record
@@ -119,17 +120,17 @@ def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
     return pa.table(columns).select(schema.names).cast(schema)
 
 
-def at_paper_scale(folder: Path) -> dict:
+def at_paper_scale(workspace, folder: Path) -> dict:
     """Return params.yaml with scales/paper.yaml applied; a copy in `folder` is what is changed."""
-    copy = folder / paths.PARAMS.name
-    shutil.copy(paths.PARAMS, copy)
-    set_values(params.parsed(paths.SCALES / "paper.yaml"), copy)
+    copy = folder / workspace.params.name
+    shutil.copy(workspace.params, copy)
+    set_values(params.parsed(workspace.scales / "paper.yaml"), copy)
     return params.load(copy)
 
 
 def touch_settings() -> dict:
     """The block `touch` of params.yaml."""
-    return params.load()["touch"]
+    return params.load(ROOT / "params.yaml")["touch"]
 
 
 def series(samples: int, outputs: int = 2) -> Record:

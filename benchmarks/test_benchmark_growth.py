@@ -39,10 +39,10 @@ def test_growth_of_ingest(sizes, results, tmp_path):
     growth.write(results, found)
 
 
-def test_growth_of_dataset(sizes, results, tmp_path, monkeypatch):
+def test_growth_of_dataset(workspace, sizes, results, tmp_path, monkeypatch):
     def folder(frames):
         monkeypatch.setattr(paths, "ROOT", tmp_path / str(frames))
-        made.frames_file(paths.frames("touch"), frames, made.touch_settings())
+        made.frames_file(workspace.frames("touch"), frames, made.touch_settings())
         return tmp_path / str(frames)
 
     growth.write(results, points_of_data("dataset", sizes.growth.frames, "frames", folder, sizes.growth))

@@ -12,7 +12,6 @@ import pytest
 from builders.project import Project
 
 from benchmarks import repro_stages
-from pipeline.base import paths
 
 # A change of one model of `touch` must not run what makes its data, nor another experiment.
 FORBIDDEN = r"simulate|ingest|window|dataset|study|augment|frames|probe|count|stag|(?<!render_)rightsize|physics"
@@ -28,15 +27,15 @@ def miniature(tmp_path_factory):
     return project, time.perf_counter() - began
 
 
-def test_repro_nothing_changed(benchmark, record):
+def test_repro_nothing_changed(workspace, benchmark, record):
     """In this checkout, where everything is up to date."""
     dvc = [sys.executable, "-m", "dvc"]
-    status = subprocess.run([*dvc, "status", "--json"], cwd=paths.ROOT, check=True, capture_output=True)
+    status = subprocess.run([*dvc, "status", "--json"], cwd=workspace.root, check=True, capture_output=True)
     # The page shows the benchmarks: the first round brings it up to date. DVC always runs `track`.
     stale = set(json.loads(status.stdout)) - {"page", "track"}
     assert not stale, f"{', '.join(sorted(stale))}: not up to date; run `dvc repro` first"
     run = [*dvc, "repro", "--quiet"]
-    benchmark.pedantic(lambda: subprocess.run(run, cwd=paths.ROOT, check=True), rounds=3, warmup_rounds=1)
+    benchmark.pedantic(lambda: subprocess.run(run, cwd=workspace.root, check=True), rounds=3, warmup_rounds=1)
     seconds = benchmark.stats.stats.median
     record(
         "repro_nothing_changed",
@@ -79,7 +78,7 @@ def test_repro_one_setting(record, miniature):
 
 
 @pytest.fixture
-def clone(request, sizes, tmp_path):
+def clone(workspace, request, sizes, tmp_path):
     """A fresh clone of the last commit, with the recorded data of this checkout, and its environment.
 
     At tiny size it is the pipeline at miniature scale.
@@ -89,9 +88,9 @@ def clone(request, sizes, tmp_path):
     if sizes.name == "tiny":
         project = Project(tmp_path)
         return project.folder, project.environment
-    subprocess.run(["git", "clone", "--quiet", str(paths.ROOT), str(tmp_path / "clone")], check=True)
-    for source in paths.SOURCES.glob("*/*"):
-        target = tmp_path / "clone" / source.relative_to(paths.ROOT)
+    subprocess.run(["git", "clone", "--quiet", str(workspace.root), str(tmp_path / "clone")], check=True)
+    for source in workspace.sources.glob("*/*"):
+        target = tmp_path / "clone" / source.relative_to(workspace.root)
         if not target.exists():
             target.symlink_to(source)
     return tmp_path / "clone", clean_environment(tmp_path / "clone")

@@ -20,7 +20,7 @@ from pipeline.base import params
 from pipeline.commands.command_line import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
-VALUES = params.load()
+VALUES = params.load(ROOT / "params.yaml")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CODE = sorted((ROOT / "pipeline").rglob("*.py"))
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

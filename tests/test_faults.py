@@ -25,6 +25,7 @@ import scipy.io
 import scipy.sparse
 import yaml
 from builders import grasps, stag_metadata, strain_workspaces, touch_logs
+from builders.project import ROOT
 from hypothesis import HealthCheck, example, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -435,7 +436,7 @@ def test_a_damaged_touch_recording_is_accounted_for(name, damages, two, tmp_path
 @pytest.fixture(scope="module")
 def strain_recording():
     """Settings, and file -> lines of a simulated recording of task 1 of 400 s."""
-    settings = copy.deepcopy(params.load()["strain"])
+    settings = copy.deepcopy(params.load(ROOT / "params.yaml")["strain"])
     settings["simulate"]["samples"] = 2000
     settings["ingest"] |= LENIENT
     recording = next(one for one in strain_scene.recordings(settings["simulate"]) if one.condition == "task_1")
@@ -569,11 +570,11 @@ def read_strain_recorded(path: Path) -> None:
     assert 0 < frames.num_rows <= log["accepted"]
 
 
-def read_stag(path: Path) -> None:
+def read_stag(workspace, path: Path) -> None:
     try:
         with in_time(), pytest.MonkeyPatch.context() as patch:
             patch.setattr(own_data, "unnoticed", lambda path: None)  # it need not lie in data/own here
-            found = stag.read(path, balanced=False)
+            found = stag.read(workspace, path, balanced=False)
     except InputError as error:
         assert path.name in one_sentence(error)
         return
@@ -661,7 +662,7 @@ def test_a_damaged_grasp_is_one_sentence_or_accounted_for(damages, changes, cut,
 
 # Settings and results.
 
-WHOLE = params.load()
+WHOLE = params.load(ROOT / "params.yaml")
 SETTINGS = yaml.safe_dump({"touch": WHOLE["touch"]}, sort_keys=False).encode().splitlines(keepends=True)
 
 
@@ -727,7 +728,6 @@ def test_a_damaged_table_is_one_sentence_or_has_its_columns(damages, changes, tm
     path = tmp_path / "scores.csv"
     path.write_bytes(overwritten(damaged(SCORES, damages, b",", 3), changes, 1000))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", tmp_path)
         try:
             table = results.read_csv(path, columns, "python -m pipeline.stages.evaluate touch")
         except InputError as error:
@@ -742,16 +742,16 @@ FIT = json.dumps({"stop_reason": "completed", "best_epoch": 3, "epochs": 5, "par
 @fuzz(150)
 @given(changes=BYTES, cut=CUT)
 @example(changes=[], cut=0)
-def test_a_damaged_json_file_is_one_sentence_or_read(changes, cut, tmp_path):
-    check_json(overwritten(FIT, changes, cut), tmp_path)
+def test_a_damaged_json_file_is_one_sentence_or_read(workspace, changes, cut, tmp_path):
+    check_json(workspace, overwritten(FIT, changes, cut), tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"[]", b"3", b"null", b'"run"', b"{}", b"\xff\xfe", b"[" * 100_000, b"9" * 5000])
-def test_json_of_another_kind_is_one_sentence(content, tmp_path):
-    assert not check_json(content, tmp_path)
+def test_json_of_another_kind_is_one_sentence(workspace, content, tmp_path):
+    assert not check_json(workspace, content, tmp_path)
 
 
-def check_json(content: bytes, folder: Path) -> bool:
+def check_json(workspace, content: bytes, folder: Path) -> bool:
     """Whether the content is read as a fit; it must be by all readers of JSON, or be one sentence."""
     run = folder / "data" / "touch" / "models" / "lomp" / "press-0"
     run.mkdir(parents=True, exist_ok=True)
@@ -762,8 +762,8 @@ def check_json(content: bytes, folder: Path) -> bool:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paths, "ROOT", folder)
         readers = (
-            lambda: results.read_fit("touch", "lomp", "press", 0),
-            lambda: availability.why_not_run("touch"),
+            lambda: results.read_fit(workspace, "touch", "lomp", "press", 0),
+            lambda: availability.why_not_run(workspace, "touch"),
             lambda: fits.read(run, "dvc repro train"),
         )
         for read in readers:

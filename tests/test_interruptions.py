@@ -282,9 +282,9 @@ def test_a_full_disk_says_what_it_does_to_dvc():
 
 
 @pytest.mark.parametrize("name", ["../outside.txt", "/tmp/outside.txt", "a/../../outside.txt"])
-def test_a_source_cannot_leave_its_folder(name, tmp_path, monkeypatch):
+def test_a_source_cannot_leave_its_folder(workspace, name, tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "SOURCES", tmp_path / "sources")
     monkeypatch.setattr(sources, "files", lambda source: {name: "0" * 64})
     monkeypatch.setattr(fetch, "_download", lambda *arguments: pytest.fail("asked for a file outside"))
     with pytest.raises(InputError, match="leaves the folder"):
-        fetch.fetch("velostat_recorded")
+        fetch.fetch(workspace, "velostat_recorded")

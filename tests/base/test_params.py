@@ -20,7 +20,7 @@ from pipeline.commands import check
 from pipeline.settings import Params, schema
 from pipeline.settings import models as settings_of_models
 
-WHOLE = params.load()
+WHOLE = params.load(ROOT / "params.yaml")
 NETWORK = WHOLE["touch"]["models"]["cnn"]
 
 
@@ -258,7 +258,7 @@ def test_the_schema_for_editors_is_up_to_date():
         ),
     ],
 )
-def test_the_file_that_a_wrong_key_is_in_is_named(values, words, tmp_path):
+def test_the_file_that_a_wrong_key_is_in_is_named(workspace, values, words, tmp_path):
     """Here FOLDER/settings.yaml of a sensor, whose keys are set in a copy of params.yaml."""
     folder = tmp_path / "mine" / "stretch" / "run000"
     folder.mkdir(parents=True)
@@ -266,7 +266,7 @@ def test_the_file_that_a_wrong_key_is_in_is_named(values, words, tmp_path):
     settings.write_text(yaml.safe_dump(values))
     experiment = list(values)[-1].partition(".")[0]
     with pytest.raises(InputError) as error:
-        check.main(argparse.Namespace(experiment=experiment, folder=tmp_path / "mine"))
+        check.main(workspace, argparse.Namespace(experiment=experiment, folder=tmp_path / "mine"))
     name, said = re.fullmatch(r"(.*?settings.yaml)[:,] (.*)", str(error.value)).groups()
     assert name == str(settings) and said.startswith(words)
 

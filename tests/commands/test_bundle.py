@@ -45,39 +45,39 @@ def other(checkout, monkeypatch):
     return folder
 
 
-def test_what_was_written_is_restored_in_another_checkout(checkout, monkeypatch, capsys):
+def test_what_was_written_is_restored_in_another_checkout(workspace, checkout, monkeypatch, capsys):
     file = checkout.parent / "all.zip"
-    bundle.main(argparse.Namespace(what="write", file=file))
+    bundle.main(workspace, argparse.Namespace(what="write", file=file))
     assert "all.zip: 2 files" in capsys.readouterr().out  # the folder's list, and the file in it
     with zipfile.ZipFile(file) as archive:
         assert {"reports/index.html", "params.yaml", "dvc.lock"} <= set(archive.namelist())
     folder = other(checkout, monkeypatch)
     with Repo(str(folder)) as repo:
         assert repo.status()
-    bundle.main(argparse.Namespace(what="restore", file=file))
+    bundle.main(workspace, argparse.Namespace(what="restore", file=file))
     assert (folder / "made" / "a").read_text() == "1"
     with Repo(str(folder)) as repo:
         assert repo.status() == {}, "nothing is left to run"
     assert not (folder / ".dvc" / "config.local").exists(), "the user's remotes stay as they are"
 
 
-def test_a_wrong_archive_is_named(checkout, monkeypatch):
+def test_a_wrong_archive_is_named(workspace, checkout, monkeypatch):
     file = checkout.parent / "all.zip"
     with pytest.raises(InputError, match="there is no such file"):
-        bundle.restore(file)
-    bundle.write(file)
+        bundle.restore(workspace, file)
+    bundle.write(workspace, file)
     folder = other(checkout, monkeypatch)
     (folder / "dvc.lock").write_text((folder / "dvc.lock").read_text() + "# of another commit\n")
     with pytest.raises(InputError, match="not that of this checkout"):
-        bundle.restore(file)
+        bundle.restore(workspace, file)
     file.write_bytes(file.read_bytes()[:100])
     with pytest.raises(InputError, match="cut short"):
-        bundle.restore(file)
+        bundle.restore(workspace, file)
 
 
-def test_what_was_not_run_is_named(checkout):
+def test_what_was_not_run_is_named(workspace, checkout):
     shutil.rmtree(checkout / ".dvc" / "cache")
     shutil.rmtree(checkout / "made")
     with pytest.raises(InputError, match="run `dvc repro` first"):
-        bundle.write(checkout.parent / "all.zip")
+        bundle.write(workspace, checkout.parent / "all.zip")
     assert not (checkout.parent / "all.zip").exists()

@@ -14,8 +14,6 @@ from pipeline.commands import own
 @pytest.fixture
 def root(tmp_path, monkeypatch):
     """An empty repository root."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
     return tmp_path
 
 
