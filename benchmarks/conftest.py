@@ -23,6 +23,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # before the first import of numpy and torch
 
 from benchmarks import growth, report, rows  # noqa: E402
+from benchmarks.made import ROOT  # noqa: E402
 
 
 class Sizes(NamedTuple):
@@ -61,13 +62,13 @@ def sizes(request) -> Sizes:
 
 
 @pytest.fixture(scope="session")
-def results(workspace, request, sizes, tmp_path_factory) -> Iterator[Path]:
+def results(request, sizes, tmp_path_factory) -> Iterator[Path]:
     """The folder that results go to."""
     given = request.config.getoption("results")
     if given is not None:
         folder = given.resolve()
     else:
-        folder = workspace.reports if sizes.name == "full" else tmp_path_factory.mktemp("reports")
+        folder = ROOT / "reports" if sizes.name == "full" else tmp_path_factory.mktemp("reports")
     yield folder
     report.write(folder)
 

@@ -9,14 +9,15 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from benchmarks.made import ROOT
 from pipeline import tasks
 from pipeline.base import params
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import CODE
 from pipeline.datasets import schemas
 from pipeline.datasets.series import Record
 from pipeline.experiments import glove, touch
 
+ROOT = CODE.parent
 LOGS = Path("data", "own", "logs", "single")  # where measure.ingest looks for recordings
 ARRAY_HZ, LOAD_CELL_HZ, CNC_HZ = 200, 100, 50  # 1 GB of 5x5 counts lasts 16 hours; 28 are the most that ingest takes
 LINE_BYTES = 92  # of the array's log, about
@@ -120,11 +121,10 @@ def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
     return pa.table(columns).select(schema.names).cast(schema)
 
 
-def at_paper_scale(workspace, folder: Path) -> dict:
+def at_paper_scale(folder: Path) -> dict:
     """Return params.yaml with scales/paper.yaml applied; a copy in `folder` is what is changed."""
-    copy = folder / workspace.params.name
-    shutil.copy(workspace.params, copy)
-    set_values(params.parsed(workspace.scales / "paper.yaml"), copy)
+    copy = Path(shutil.copy(ROOT / "params.yaml", folder))
+    set_values(params.parsed(ROOT / "scales" / "paper.yaml"), copy)
     return params.load(copy)
 
 

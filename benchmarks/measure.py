@@ -14,6 +14,7 @@ from pathlib import Path
 from benchmarks.made import ROOT
 from pipeline import models
 from pipeline.base import processes
+from pipeline.base.paths import Workspace
 
 HERE = Path(__file__).resolve().parent
 UPDATES, EPOCHS = 5, 3  # of a network, timed together
@@ -53,25 +54,24 @@ def read_log_pandas(folder: Path, _):
     return lambda: peers.read_log(folder / "array.log", ["t_us", *(f"v{k}" for k in range(25))])
 
 
-def ingest(workspace, folder: Path, _):
+def ingest(folder: Path, _):
     """All logs in `folder`/data/own/logs to frames: the stage."""
     from benchmarks.made import touch_settings
     from pipeline.stages import ingest
 
-    workspace.root = folder
-    settings = touch_settings() | {"source": "data/own/logs"}
+    workspace, settings = Workspace(folder), touch_settings() | {"source": "data/own/logs"}
     return lambda: ingest.ingest(workspace, "touch", settings)
 
 
-def dataset(workspace, folder: Path, _):
+def dataset(folder: Path, _):
     """Frames to windows to a dataset: both stages, with the papers' amounts of windows and splits."""
     from benchmarks.made import at_paper_scale
     from pipeline.base import params
     from pipeline.stages import dataset, window
 
-    values = at_paper_scale(workspace, folder)
+    values = at_paper_scale(folder)
     params.load = lambda *_: values  # in this process, which ends with the task
-    workspace.root = folder
+    workspace = Workspace(folder)
 
     def run():
         sys.argv = ["window", "touch"]

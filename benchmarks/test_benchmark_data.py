@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks import made, peers
 from benchmarks.measure import measured
+from pipeline.base.paths import Workspace
 from pipeline.experiments import touch
 from pipeline.logs import parse
 
@@ -73,7 +74,8 @@ def test_ingest_stage(record, sizes, recording):
     record("ingest_memory", what="largest memory of the stage", unit="GB", ours=ours, peer=peer, most=2, **shared)
 
 
-def test_dataset(workspace, record, sizes, tmp_path, monkeypatch):
+def test_dataset(record, sizes, tmp_path, monkeypatch):
+    workspace = Workspace(tmp_path)
     made.frames_file(workspace.frames("touch"), sizes.frames, made.touch_settings())
     runs = [measured("dataset", tmp_path) for _ in range(3)]
     seconds = float(np.median([run["seconds"] for run in runs]))

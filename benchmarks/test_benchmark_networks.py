@@ -10,6 +10,7 @@ from benchmarks import made, measure, peers
 from benchmarks.made import ROOT
 from pipeline import experiments, tasks
 from pipeline.base import params, paths, workers
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning.lstm import LstmRegressor
@@ -24,9 +25,9 @@ WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
 
 
 @pytest.fixture(scope="module")
-def touch(workspace):
+def touch():
     """The touch experiment's dataset, and what loads a model of its first run; needs what `dvc repro` has made."""
-    values = params.load(ROOT / "params.yaml")
+    workspace, values = Workspace(ROOT), params.load(ROOT / "params.yaml")
     data = read_dataset(paths.require(workspace.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
     spec = tasks_windows.spec(values["touch"])
 
@@ -173,9 +174,9 @@ def test_strain_two_seeds(race, record, sizes, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def transfer(workspace):
+def transfer():
     """Series, scaling, base and settings of transfer to task 1, seed 0; needs what `dvc repro` has made."""
-    settings = params.load(ROOT / "params.yaml")["strain"]
+    workspace, settings = Workspace(ROOT), params.load(ROOT / "params.yaml")["strain"]
     module = experiments.module("strain")
     task = module.task("task_1", settings)
     pieces = series.read(paths.require(workspace.dataset("strain"), "dvc repro"), task, "task_1", 0)

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from builders.project import Project
+from builders.project import ROOT, Project
 
 from benchmarks import repro_stages
 
@@ -27,15 +27,15 @@ def miniature(tmp_path_factory):
     return project, time.perf_counter() - began
 
 
-def test_repro_nothing_changed(workspace, benchmark, record):
+def test_repro_nothing_changed(benchmark, record):
     """In this checkout, where everything is up to date."""
     dvc = [sys.executable, "-m", "dvc"]
-    status = subprocess.run([*dvc, "status", "--json"], cwd=workspace.root, check=True, capture_output=True)
+    status = subprocess.run([*dvc, "status", "--json"], cwd=ROOT, check=True, capture_output=True)
     # The page shows the benchmarks: the first round brings it up to date. DVC always runs `track`.
     stale = set(json.loads(status.stdout)) - {"page", "track"}
     assert not stale, f"{', '.join(sorted(stale))}: not up to date; run `dvc repro` first"
     run = [*dvc, "repro", "--quiet"]
-    benchmark.pedantic(lambda: subprocess.run(run, cwd=workspace.root, check=True), rounds=3, warmup_rounds=1)
+    benchmark.pedantic(lambda: subprocess.run(run, cwd=ROOT, check=True), rounds=3, warmup_rounds=1)
     seconds = benchmark.stats.stats.median
     record(
         "repro_nothing_changed",
@@ -78,7 +78,7 @@ def test_repro_one_setting(record, miniature):
 
 
 @pytest.fixture
-def clone(workspace, request, sizes, tmp_path):
+def clone(request, sizes, tmp_path):
     """A fresh clone of the last commit, with the recorded data of this checkout, and its environment.
 
     At tiny size it is the pipeline at miniature scale.
@@ -88,9 +88,9 @@ def clone(workspace, request, sizes, tmp_path):
     if sizes.name == "tiny":
         project = Project(tmp_path)
         return project.folder, project.environment
-    subprocess.run(["git", "clone", "--quiet", str(workspace.root), str(tmp_path / "clone")], check=True)
-    for source in workspace.sources.glob("*/*"):
-        target = tmp_path / "clone" / source.relative_to(workspace.root)
+    subprocess.run(["git", "clone", "--quiet", str(ROOT), str(tmp_path / "clone")], check=True)
+    for source in (ROOT / "data" / "sources").glob("*/*"):
+        target = tmp_path / "clone" / source.relative_to(ROOT)
         if not target.exists():
             target.symlink_to(source)
     return tmp_path / "clone", clean_environment(tmp_path / "clone")

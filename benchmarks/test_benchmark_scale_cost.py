@@ -8,9 +8,9 @@ MOST = {"touch": 8, "glove": 12}  # core-hours
 
 
 @pytest.fixture(scope="module")
-def costs(workspace, sizes, results, tmp_path_factory) -> list[scale_cost.Cost]:
+def costs(sizes, results, tmp_path_factory) -> list[scale_cost.Cost]:
     """The costs of all networks, which are also written to benchmarks/scale_cost.csv."""
-    values = made.at_paper_scale(workspace, tmp_path_factory.mktemp("scale"))
+    values = made.at_paper_scale(tmp_path_factory.mktemp("scale"))
     table = [cost for name in scale_cost.EXPERIMENTS for cost in scale_cost.costs(values, name, sizes.updates)]
     scale_cost.write(results / "benchmarks" / "scale_cost.csv", table)
     return table

@@ -17,6 +17,7 @@ import pytest
 from dvc.repo import Repo
 
 from pipeline.base import params
+from pipeline.base.paths import Workspace
 from pipeline.commands.command_line import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -96,7 +97,7 @@ def parser_of(name: str) -> argparse.ArgumentParser | None:
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(Made) as caught:
         patch.setattr(argparse.ArgumentParser, "parse_args", stop)
-        importlib.import_module(name).main()
+        importlib.import_module(name).main(*([] if name == PEOPLE else [Workspace(ROOT)]))
     loosen(caught.value.parser)
     return caught.value.parser
 

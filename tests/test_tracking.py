@@ -15,8 +15,8 @@ import yaml
 from builders.made_results import EPOCHS, write_results
 
 from pipeline import models
-from pipeline.base import paths
 from pipeline.base.errors import InputError, run_stage
+from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store, packages, predictor
 from pipeline.stages import track
@@ -60,12 +60,15 @@ def write_repository(root: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def tracked(workspace, tmp_path_factory):
+def workspace(tmp_path_factory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("tracked"))
+
+
+@pytest.fixture(scope="module")
+def tracked(workspace):
     """A repository whose runs are in its store; creating one takes seconds, so all tests share it."""
-    root = tmp_path_factory.mktemp("tracked")
+    root = workspace.root
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", root)
-        patch.setattr(paths, "PARAMS", root / "params.yaml")
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         write_repository(root)
         track.track(workspace, PARAMS)
@@ -216,9 +219,8 @@ def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tra
         track.track(workspace, PARAMS)
     client(workspace).restore_experiment(number)
     shutil.copytree(tracked, tmp_path / "copy")
-    monkeypatch.setattr(paths, "ROOT", tmp_path / "copy")
     with pytest.raises(InputError, match=r"^mlruns/mlflow.db: .* moved or copied; delete mlruns"):
-        track.track(workspace, PARAMS)
+        track.track(Workspace(tmp_path / "copy"), PARAMS)
 
 
 def test_conditions_of_any_name_are_logged_apart(workspace, tracked):
@@ -283,7 +285,7 @@ def test_an_unreachable_store_is_one_sentence_without_secrets(workspace, tracked
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
     with pytest.raises(SystemExit) as ended:
-        run_stage(lambda: track.track(workspace, PARAMS))
+        run_stage(lambda: track.track(workspace, PARAMS), workspace.params)
     message = str(ended.value)
     assert message.startswith("error: MLFLOW_TRACKING_URI: the MLflow store cannot be used") and "\n" not in message
     assert "s3cret" not in message + "".join(capfd.readouterr()) + caplog.text
@@ -305,5 +307,5 @@ def test_runs_of_a_copy_that_dvc_made_go_to_the_checkout(workspace, tracked, mon
     """DVC_ROOT is also set where a stage of another project starts this one."""
     monkeypatch.setenv("DVC_ROOT", str(tmp_path))
     assert mlflow_store.folder(workspace) == tracked / "mlruns"
-    monkeypatch.setattr(paths, "ROOT", tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx")
-    assert mlflow_store.folder(workspace) == tmp_path / "mlruns"
+    copied = Workspace(tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx")
+    assert mlflow_store.folder(copied) == tmp_path / "mlruns"

@@ -85,16 +85,12 @@ def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
     """The first removed thing would be the draft or the model's folder, which the key is the name of."""
     project, canary = tmp_path / "project", tmp_path / "project" / "canary"
     (canary / "important").mkdir(parents=True)
-    (project / "pipeline").symlink_to(ROOT / "pipeline")
     program, experiment = stage.split()
     key = where.format(canary=canary)
     values = altered(experiment, "models", value={key: {}})
     text_file(project, yaml.safe_dump(values))
-    code = f"import runpy, sys; from pipeline.base import paths; paths.ROOT = paths.Path({str(project)!r})\n"
-    code += "paths.PARAMS = paths.ROOT / 'params.yaml'\n"
-    code += f"sys.argv = [{program!r}, {experiment!r}]\n"
-    code += f"runpy.run_module('pipeline.stages.{program}', run_name='__main__')"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    command = [sys.executable, "-m", f"pipeline.stages.{program}", experiment, "--root", str(project)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr.startswith("error: params.yaml"), done.stderr
     assert "there is no pipeline/models/" in done.stderr
     assert (canary / "important").is_dir()
@@ -318,9 +314,9 @@ def test_params_yaml_is_read_in_main_alone():
 STAGE = """
 import os, sys
 from pathlib import Path
-from pipeline.base import errors, paths
-paths.PARAMS = Path(sys.argv[1])
-errors.run_stage(lambda: paths.PARAMS.write_text(sys.argv[2]))
+from pipeline.base import errors
+params = Path(sys.argv[1])
+errors.run_stage(lambda: params.write_text(sys.argv[2]), params)
 """
 
 

@@ -7,8 +7,9 @@ import subprocess
 import pytest
 import yaml
 
-from pipeline.base import paths, provenance
+from pipeline.base import provenance
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 
 
 def test_git_state_reports_commit_and_changes(workspace, tmp_path, monkeypatch):
@@ -27,8 +28,7 @@ def test_git_state_reports_commit_and_changes(workspace, tmp_path, monkeypatch):
     assert provenance.git_state(workspace) == (commit, "true")
     inside = tmp_path / "copy"
     inside.mkdir()
-    monkeypatch.setattr(paths, "ROOT", inside)
-    assert provenance.git_state(workspace)[0] == "unknown (not a git checkout)"
+    assert provenance.git_state(Workspace(inside))[0] == "unknown (not a git checkout)"
 
 
 def test_results_of_other_settings_are_refused(workspace, tmp_path, monkeypatch):

@@ -40,7 +40,7 @@ def train(workspace, values, monkeypatch):
     def trained(experiment="touch", stop_at=None) -> list[tuple[str, str, int]]:
         done = []
 
-        def train_run(values, experiment, model, protocol, seed, target, report):
+        def train_run(workspace, values, experiment, model, protocol, seed, target, report):
             target.mkdir(parents=True)
             if (model, protocol, seed) == stop_at:
                 raise Stopped

@@ -12,12 +12,13 @@ from scipy import stats
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, expressions, judge, rules
 from pipeline.claims.rules import CALIBRATED, CONTRADICTED, NOT_TESTABLE, REPRODUCED, UNDECIDED
 from pipeline.scoring import claim_inputs, published
 
 VALUES = params.load(ROOT / "params.yaml")
-CLAIMS, PAPERS = entries.read([entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
+CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
 BY_ID = {claim.id: claim for claim in CLAIMS}
 SEEDS = (0, 1, 2)
 

@@ -1,6 +1,7 @@
 """Settings and a dataset on which a network of touch trains in a second."""
 
 import copy
+import functools
 
 import numpy as np
 import pyarrow as pa
@@ -14,8 +15,8 @@ SMALL = {"channels": [4], "hidden": [16]}
 
 
 @pytest.fixture
-def values(tmp_path, monkeypatch):
-    """params.yaml with a small CNN of few epochs and three seeds, in a folder of its own and in this process."""
+def values(monkeypatch):
+    """params.yaml with a small CNN of few epochs and three seeds, in this process."""
     monkeypatch.setenv("WORKERS", "1")
     values = copy.deepcopy(params.load(ROOT / "params.yaml")) | {"device": "cpu"}
     monkeypatch.setattr(params, "load", lambda _: values)
@@ -41,5 +42,5 @@ def write_small_dataset(workspace, wrong: str) -> None:
 
 @pytest.fixture
 def write_dataset(workspace):
-    """What writes the dataset, in the folder of `values`."""
-    return write_small_dataset
+    """What writes the dataset, in the workspace of the test."""
+    return functools.partial(write_small_dataset, workspace)

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import longer
 from pipeline.stages import train
@@ -61,11 +61,9 @@ def test_a_longer_training_that_diverged_tells_nothing():
     assert [cell.strip() for cell in line.split("|")][6:-1] == ["diverged", "", "not known", "2"]
 
 
-def test_rows_of_other_protocols_stay(workspace, tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "REPORTS", tmp_path)
-    (tmp_path / "longer").mkdir()
+def test_rows_of_other_protocols_stay(workspace):
     for protocol, errors in (("press", (1.0,)), ("random_window", (2.0,)), ("press", (3.0,))):
         rows = [(protocol, "cnn", seed, 3, error, 6, error, 1.0) for seed, error in enumerate(errors)]
         longer.write(workspace, "touch", pd.DataFrame(rows, columns=longer.COLUMNS))
-    rows = pd.read_csv(tmp_path / "longer" / "touch.csv")
+    rows = pd.read_csv(workspace.reports / "longer" / "touch.csv")
     assert dict(zip(rows["protocol"], rows["error"], strict=True)) == {"random_window": 2.0, "press": 3.0}

@@ -23,11 +23,10 @@ from pipeline.inference import packages, pictures, predictor, recordings, touche
 from pipeline.scoring import classification, metrics
 
 VALUES = params.load(ROOT / "params.yaml")
-TOUCH, STRAIN, GLOVE = (
-    packages.PRETRAINED / name for name in ("touch/lomp_stream", "strain/lstm_direct", "glove/sp_resnet")
-)
+PRETRAINED = ROOT / "pretrained"
+TOUCH, STRAIN, GLOVE = (PRETRAINED / name for name in ("touch/lomp_stream", "strain/lstm_direct", "glove/sp_resnet"))
 LINES = 40  # of a written log: a window of 36 and a few more
-PACKAGES = sorted(path.parent for path in packages.PRETRAINED.glob(f"*/*/{cards.NAME}"))
+PACKAGES = sorted(path.parent for path in PRETRAINED.glob(f"*/*/{cards.NAME}"))
 
 
 def simulated(folder: Path, experiment: str, wanted) -> list[Path]:
@@ -105,8 +104,8 @@ def test_a_lost_line_makes_no_touch_and_no_force(double, tmp_path):
 
 
 def test_the_program_in_the_documents_runs(capsys):
-    text = (packages.PRETRAINED.parent / "docs" / "use.md").read_text().partition("## In a program")[2]
-    program = text.partition("```python\n")[2].partition("```")[0].replace("pretrained/", f"{packages.PRETRAINED}/")
+    text = (ROOT / "docs" / "use.md").read_text().partition("## In a program")[2]
+    program = text.partition("```python\n")[2].partition("```")[0].replace("pretrained/", f"{PRETRAINED}/")
     names = {}
     exec(program, names)
     assert names["maps"].shape == (100, 20, 20) and names["map_kpa"].shape == (20, 20)
@@ -179,8 +178,8 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
     before = os.times()
     done = subprocess.run(
         [sys.executable, "-m", "pipeline.commands.command_line", "predict", str(TOUCH), str(folder), "--out", str(out)],
-        cwd=packages.PRETRAINED.parent,
-        env=os.environ | {"PYTHONPATH": str(packages.PRETRAINED.parent), "OMP_NUM_THREADS": "1"},
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
     )

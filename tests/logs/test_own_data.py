@@ -10,8 +10,9 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.commands import check, command_line
 from pipeline.logs import own_data
 from pipeline.stages import ingest
@@ -64,11 +65,16 @@ UNNOTICED = (link_to_a_folder, link_to_a_folder_below)
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    """A repository root with nothing in data/own; there is room beside it."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path / "project")
-    (tmp_path / "project" / "data" / "own").mkdir(parents=True)
-    return tmp_path / "project"
+def workspace(tmp_path) -> Workspace:
+    return Workspace(tmp_path / "project")
+
+
+@pytest.fixture
+def root(workspace):
+    """The root of a workspace with nothing in data/own; there is room beside it."""
+    (workspace.root / "data" / "own").mkdir(parents=True)
+    shutil.copy(ROOT / "params.yaml", workspace.params)
+    return workspace.root
 
 
 @pytest.mark.slow
@@ -172,7 +178,7 @@ def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
     link.symlink_to(outside)
     monkeypatch.setattr(check, "check", lambda *arguments: None)  # all else is right
     for folder, words in ((outside, "is not in data/own, so"), (link, "is a link to a folder, in which")):
-        monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", str(folder)])
+        monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", str(folder), "--root", str(root)])
         with pytest.raises(SystemExit, match=f"^fix first: {folder} {words}"):
             command_line.main()
     link.unlink()

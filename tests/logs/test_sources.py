@@ -11,7 +11,6 @@ from urllib.parse import quote, unquote
 
 import pytest
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.commands import command_line, fetch
 from pipeline.logs import sources
@@ -22,7 +21,6 @@ CONTENT = {"a/one.txt": b"1.0 2.0\n", "b/two words.txt": b"3.0 4.0\n"}
 @pytest.fixture
 def small(monkeypatch, tmp_path):
     """A source of two files, its local folder, and an empty place for the fetched files."""
-    monkeypatch.setattr(paths, "SOURCES", tmp_path / "sources")
     digests = {path: hashlib.sha256(data).hexdigest() for path, data in CONTENT.items()}
     monkeypatch.setattr(sources, "files", lambda name: digests)
     local = tmp_path / "local"

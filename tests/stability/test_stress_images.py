@@ -9,9 +9,10 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.experiments import glove, glove_recorded
 from pipeline.scenes import glove_stress
@@ -22,17 +23,18 @@ MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
 
 
 @pytest.fixture(scope="module")
-def project(workspace, tmp_path_factory):
+def workspace(tmp_path_factory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("images"))
+
+
+@pytest.fixture(scope="module")
+def project(workspace):
     """Logs, frames and dataset of the glove at miniature scale, naive Bayes and constant trained and scored."""
-    folder, root = tmp_path_factory.mktemp("images"), workspace.root
-    (folder / "pipeline").symlink_to(root / "pipeline")
-    copy = folder / "params.yaml"
-    copy.write_text((root / "params.yaml").read_text())
-    set_values(yaml.safe_load((root / "tests" / "miniature.yaml").read_text()), copy)
-    values = params.load(copy)
+    workspace.params.write_text((ROOT / "params.yaml").read_text())
+    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
+    values = params.load(workspace.params)
     values["glove"]["models"] = MODELS
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", folder)
         patch.setattr(params, "load", lambda _: values)
         simulate.simulate(workspace, "glove", values["glove"])
         ingest.ingest(workspace, "glove", values["glove"])
@@ -44,7 +46,7 @@ def project(workspace, tmp_path_factory):
                 target = workspace.run_folder("glove", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 train.train_run(workspace, values, "glove", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_model(workspace, values, "glove", model, folder, lambda: None)
+            scores += evaluate.evaluate_model(workspace, values, "glove", model, workspace.root, lambda: None)
         with open(workspace.scores("glove"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])
         yield values
@@ -169,7 +171,7 @@ def test_the_recorded_hand_has_six_matrices_and_joints_without_lines():
     assert np.array_equal(stress_images.perturbed(frames, "strain", "dead_line", 2, 0), joints)
 
 
-def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_numbers(workspace):
+def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_numbers():
     asked = []
 
     def predict(x):

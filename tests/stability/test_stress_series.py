@@ -8,9 +8,10 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
 from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
 from pipeline.stability import series as stress_series
@@ -111,13 +112,15 @@ def test_a_failed_run_has_no_numbers_and_seeds_draw_anew():
 
 
 @pytest.fixture(scope="module")
-def project(workspace, tmp_path_factory):
+def workspace(tmp_path_factory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("series"))
+
+
+@pytest.fixture(scope="module")
+def project(workspace):
     """Logs, frames and dataset of strain at miniature scale, ridge and constant trained and scored; its settings."""
-    folder = tmp_path_factory.mktemp("series")
-    (folder / "pipeline").symlink_to(workspace.root / "pipeline")
-    values = miniature(workspace, folder)
+    values = miniature(workspace)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", folder)
         patch.setattr(params, "load", lambda _: values)
         simulate.simulate(workspace, "strain", values["strain"])
         ingest.ingest(workspace, "strain", values["strain"])
@@ -129,19 +132,17 @@ def project(workspace, tmp_path_factory):
                 target = workspace.run_folder("strain", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 train.train_run(workspace, values, "strain", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_model(workspace, values, "strain", model, folder, lambda: None)
+            scores += evaluate.evaluate_model(workspace, values, "strain", model, workspace.root, lambda: None)
         with open(workspace.scores("strain"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])
         yield values
 
 
-def miniature(workspace, folder) -> dict:
+def miniature(workspace) -> dict:
     """params.yaml at miniature scale, with the two models of strain that are solved at once."""
-    root = workspace.root
-    copy = folder / "params.yaml"
-    copy.write_text((root / "params.yaml").read_text())
-    set_values(yaml.safe_load((root / "tests" / "miniature.yaml").read_text()), copy)
-    values = params.load(copy)
+    workspace.params.write_text((ROOT / "params.yaml").read_text())
+    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
+    values = params.load(workspace.params)
     values["strain"]["models"] = {"constant": {}, "ridge": {"ridge": 1.0}}
     return values
 

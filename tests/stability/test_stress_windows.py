@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windows import read_dataset
@@ -34,31 +35,32 @@ def small() -> dict:
 
 
 @pytest.fixture(scope="module")
-def trained(workspace, tmp_path_factory):
-    """Root of a project in which `touch` was simulated, trained and evaluated."""
-    root, values = tmp_path_factory.mktemp("touch"), small()
-    (root / "pipeline").symlink_to(workspace.root / "pipeline")
+def workspace(tmp_path_factory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("touch"))
+
+
+@pytest.fixture(scope="module")
+def trained(workspace):
+    """A workspace in which `touch` was simulated, trained and evaluated."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", root)
-        patch.setattr(params, "load", small_loader(values))
+        patch.setattr(params, "load", small_loader(small()))
         patch.setenv("WORKERS", "1")
         for stage in (simulate, ingest, window, dataset, train, evaluate):
             patch.setattr(sys, "argv", [stage.__name__, "touch"])
-            stage.main()
-    return root
+            stage.main(workspace)
+    return workspace
 
 
 def small_loader(values: dict):
     text = json.dumps(values)
-    return lambda: json.loads(text)
+    return lambda _: json.loads(text)
 
 
 @pytest.fixture
 def project(trained, monkeypatch):
-    """`project(values)` makes the trained project the current one."""
+    """`project(values)` makes these the settings of the trained workspace."""
 
     def use(values: dict) -> None:
-        monkeypatch.setattr(paths, "ROOT", trained)
         monkeypatch.setattr(params, "load", small_loader(values))
         monkeypatch.setenv("WORKERS", "1")
         monkeypatch.setattr(sys, "argv", ["stress", "touch"])

@@ -18,8 +18,7 @@ REASON = "recordings not downloaded; run `tactile fetch`"
 @pytest.fixture
 def clone(workspace, tmp_path, monkeypatch):
     """A fresh clone's reports on recordings, and what the stages before write where recordings are absent."""
-    committed = workspace.reports
-    reports = tmp_path / "reports"
+    committed, reports = ROOT / "reports", workspace.reports
     for name in ("scores.csv", "latency.csv", "stress.csv", "stability", *RECORDED):
         copy = shutil.copytree if (committed / name).is_dir() else shutil.copy
         reports.mkdir(exist_ok=True)
@@ -31,13 +30,13 @@ def clone(workspace, tmp_path, monkeypatch):
         workspace.ingest_report(name).write_text(json.dumps({"run": False, "reason": REASON}))
         for path, module in ((workspace.latency, latency), (workspace.stress, stress)):
             path(name).write_text(",".join(module.COLUMNS) + "\n")
-        run(monkeypatch, evaluate, name)
+        run(workspace, monkeypatch, evaluate, name)
     return committed
 
 
-def run(monkeypatch, stage, *arguments):
+def run(workspace, monkeypatch, stage, *arguments):
     monkeypatch.setattr("sys.argv", [stage.__name__, *arguments])
-    stage.main()
+    stage.main(workspace)
 
 
 def rows(path, name):
@@ -45,10 +44,10 @@ def rows(path, name):
 
 
 def test_committed_results_on_recordings_stay(workspace, clone, monkeypatch, capsys):
-    run(monkeypatch, collect)
+    run(workspace, monkeypatch, collect)
     for name in RECORDED:
-        run(monkeypatch, render, name)
-    run(monkeypatch, render_stability)
+        run(workspace, monkeypatch, render, name)
+    run(workspace, monkeypatch, render_stability)
     for name in RECORDED:
         for table in ("scores.csv", "latency.csv", "stress.csv", "stability/failures.csv", "stability/training.csv"):
             kept = rows(workspace.reports / table, name)
@@ -65,9 +64,9 @@ def test_committed_results_on_recordings_stay(workspace, clone, monkeypatch, cap
 
 def test_without_committed_results_an_experiment_is_not_run(workspace, clone, monkeypatch):
     shutil.rmtree(workspace.reports)
-    run(monkeypatch, collect)
-    run(monkeypatch, render, "strain_recorded")
-    run(monkeypatch, render_stability)
+    run(workspace, monkeypatch, collect)
+    run(workspace, monkeypatch, render, "strain_recorded")
+    run(workspace, monkeypatch, render_stability)
     assert (workspace.reports / "scores.csv").read_text().count("\n") == 1
     for place in ("strain_recorded/accuracy", "strain_recorded/speed", "stability"):
         assert ": not run\n\nRecordings not downloaded" in (workspace.reports / place / "README.md").read_text()

@@ -9,7 +9,7 @@ from builders import grasps, strain_workspaces
 from builders.project import ROOT, leaves
 from opened.noted import Noted, ignore_bookkeeping
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.logs import sources
 from pipeline.stages import (
     agreement,
@@ -61,21 +61,20 @@ MADE = {"velostat_recorded": made_velostat, "strain_recorded": made_strain, "glo
 
 
 @pytest.fixture
-def stages(tmp_path, monkeypatch):
+def stages(workspace, monkeypatch):
     """`stages(experiment, folder, values, more)`: all up to the scores, and `more`, of one model in this process."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path / "project")
     monkeypatch.setenv("WORKERS", "1")
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         monkeypatch.setenv(name, "1")  # put back after `latency`
 
     def run(experiment, folder, values, more=()):
-        monkeypatch.setattr(sources, "is_complete", lambda name: True)
-        monkeypatch.setattr(sources, "folder", lambda name: folder)
+        monkeypatch.setattr(sources, "is_complete", lambda workspace, name: True)
+        monkeypatch.setattr(sources, "folder", lambda workspace, name: folder)
         monkeypatch.setattr(params, "load", lambda _: values)
         windows = [window] if experiment == "velostat_recorded" else []
         for module in [ingest, *windows, dataset, train, evaluate, *more]:
             monkeypatch.setattr("sys.argv", [module.__name__, experiment])
-            module.main()
+            module.main(workspace)
 
     return run
 
@@ -112,7 +111,7 @@ def test_every_setting_of_recorded_data_is_read(workspace, experiment, stages, t
 def test_real_recordings_have_the_committed_scores(workspace, experiment, stages, recordings):
     folder = recordings(experiment)
     stages(experiment, folder, settings(experiment, MODEL[experiment]))
-    committed = pd.read_csv(workspace.reports / "scores.csv")
+    committed = pd.read_csv(ROOT / "reports" / "scores.csv")
     chosen = (committed["experiment"] == experiment) & (committed["model"] == MODEL[experiment])
     committed = committed[chosen & committed["protocol"].isin(PROTOCOLS[experiment])]
     both = committed.merge(

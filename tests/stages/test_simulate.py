@@ -5,7 +5,8 @@ import copy
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
+from pipeline.base.paths import Workspace
 from pipeline.scenes import touch
 from pipeline.stages import simulate
 
@@ -30,10 +31,10 @@ def written(folder):
     return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_the_number_of_processes_changes_no_byte(workspace, settings, tmp_path, monkeypatch):
+def test_the_number_of_processes_changes_no_byte(settings, tmp_path, monkeypatch):
     logs = []
     for processes in ("1", "2"):
-        monkeypatch.setattr(paths, "ROOT", tmp_path / processes)
+        workspace = Workspace(tmp_path / processes)
         monkeypatch.setenv("WORKERS", processes)
         simulate.simulate(workspace, "touch", settings)
         logs.append(written(workspace.logs("touch")))

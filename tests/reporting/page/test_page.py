@@ -16,7 +16,7 @@ import yaml
 from builders import browser
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.claims import rules
 from pipeline.reporting.page import answers, charts, hypertext, leaderboards, provenance, sections, templates, verdicts
@@ -196,7 +196,7 @@ def write_claims(reports: Path, rows: list) -> None:
 
 @pytest.fixture
 def reports(tmp_path, monkeypatch) -> Path:
-    """A small reports/ of all experiments, one of them not run, which the stage page takes for its own."""
+    """A small reports/ of all experiments, one of them not run."""
     for part in ("params.yaml", "constraints.txt"):
         shutil.copy(ROOT / part, tmp_path / part)
     shutil.copytree(ROOT / "scales", tmp_path / "scales")
@@ -234,8 +234,6 @@ def reports(tmp_path, monkeypatch) -> Path:
     (folder / "claims.md").write_text("# Claims\n\nThe rules.\n\n## A\n\n### A: what was tried\n\n- It was tried.\n")
     write_claims(folder, CLAIMS)
     monkeypatch.setattr(sys, "argv", ["page"])
-    monkeypatch.setattr(paths, "REPORTS", folder)
-    monkeypatch.setattr(params.load, "__defaults__", (tmp_path / "params.yaml", None))
     return folder
 
 
