@@ -3,13 +3,14 @@
 import functools
 import os
 import pickle
+import shutil
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from builders.project import Project, run_miniature
+from builders.project import ROOT, Project, run_miniature
 
 from pipeline.base.paths import Workspace
 from pipeline.logs import sources
@@ -55,8 +56,11 @@ def miniature_under_way(request, tmp_path_factory) -> Callable[[], Project]:
 
 @pytest.fixture
 def workspace(tmp_path) -> Workspace:
-    """Return an empty workspace."""
-    return Workspace(tmp_path)
+    """Return a workspace with the repository's settings, and nothing else."""
+    made = Workspace(tmp_path)
+    shutil.copy(ROOT / "params.yaml", made.params)
+    shutil.copytree(ROOT / "scales", made.scales)
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ SEEDS = (0, 1, 2)
 def test_a_network_that_still_improves_has_a_verdict_only_where_that_would_not_change_it(
     workspace, monkeypatch, errors, scale, longer_error, verdict
 ):
-    monkeypatch.setattr(params, "scale_of", lambda experiment, settings: scale)
+    monkeypatch.setattr(params, "scale_of", lambda scales, experiment, settings: scale)
     claim = next(entries._claims(
         {"paper": "lomp", "simulated": {"experiment": "touch", "metric": "rmse", "unit": "", "protocol": "press"}},
         [{"id": "a", "text": "A.", "source": "I", "above": "single.cnn - single.lomp"}],

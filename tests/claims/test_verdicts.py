@@ -69,8 +69,9 @@ def test_the_papers_own_numbers_reproduce_its_claims(workspace, paper):
     assert tested == {"lomp": 41, "latent": 17, "sp_resnet": 71}[paper]
 
 
-def test_committed_results_have_the_committed_verdicts(workspace):
+def test_committed_results_have_the_committed_verdicts():
     """reports/claims.csv follows from the other files of reports, but for what they do not hold."""
+    workspace = Workspace(ROOT)
     results = evidence.read(evidence.of_reports(workspace.reports))
     found = judge.table(
         CLAIMS, evidence.Evidence(workspace, results, VALUES, evidence.trainings(workspace.reports))

@@ -69,7 +69,7 @@ def test_every_setting_is_one_of_the_scene_and_every_statistic_a_twins():
 def test_the_command_prints_and_changes_nothing(workspace, short, monkeypatch, capsys):
     before = (workspace.root / "params.yaml").read_bytes()
     monkeypatch.setattr(fit_strain, "SET_BY", {"circuit.noise_v": "noise", "drift.ageing": "time_share"})
-    monkeypatch.setattr(fit_strain, "why_not_run", lambda experiment: None)
+    monkeypatch.setattr(fit_strain, "why_not_run", lambda *given: None)
     table = recorded({name: 1.0 for name in twins.STATISTICS})
     monkeypatch.setattr(twins, "recorded", lambda values: table)
     fit_strain.main(workspace, argparse.Namespace(factors=[0.5], specimens=1))

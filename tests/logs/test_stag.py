@@ -18,7 +18,7 @@ from pipeline.studies import stag as stag_study
 @pytest.fixture(autouse=True)
 def anywhere(monkeypatch):
     """Files of these tests need not lie in data/own."""
-    monkeypatch.setattr(own_data, "unnoticed", lambda path: None)
+    monkeypatch.setattr(own_data, "unnoticed", lambda *given: None)
 
 
 def test_frames_with_a_valid_label_and_their_names(workspace, tmp_path):

@@ -79,7 +79,7 @@ def test_enough_statistics_have_a_unit_and_a_meaning(experiment):
 
 @pytest.mark.parametrize("absent", [True, False])
 def test_recordings_that_are_absent_leave_the_scene(workspace, absent, monkeypatch):
-    monkeypatch.setattr(twins_stage, "why_not_run", lambda experiment: "not fetched" if absent else None)
+    monkeypatch.setattr(twins_stage, "why_not_run", lambda *given: "not fetched" if absent else None)
     module = twins_stage.MODULES["strain"]
     rows = pd.DataFrame([("day", "noise", 1.0)], columns=["recording", "statistic", "value"])
     monkeypatch.setattr(module, "recorded", lambda values: rows)

@@ -90,7 +90,7 @@ def test_times_are_of_the_threads_that_the_table_names(workspace, tmp_path, monk
     model = SimpleNamespace(predict=watched, streams=False, parameters=lambda: 5, macs=lambda: 6)
     monkeypatch.setattr(params, "load", lambda _: values)
     monkeypatch.setattr("sys.argv", ["latency", "touch"])
-    monkeypatch.setattr(latency, "why_not_run", lambda experiment: None)
+    monkeypatch.setattr(latency, "why_not_run", lambda *given: None)
     monkeypatch.setattr(windows, "stream", lambda *arguments: (None, np.zeros((4, 2, 3))))
     monkeypatch.setattr(tasks, "load", lambda *arguments: SimpleNamespace(model=model))
     monkeypatch.setattr(latency, "fastest", lambda *arguments: {"linear": windows.timed(model, arguments[-1])})

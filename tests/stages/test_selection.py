@@ -1,5 +1,7 @@
 """No stage lets the test part choose the epoch of a network, nor anything but the validation part."""
 
+import functools
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -163,12 +165,12 @@ def ablation(values, experiment, folder) -> list:
     return list(changed_scene.scores(experiment, values[experiment], asked, 0, folder, "cpu"))
 
 
-def of_physics_touch(values, wrong, folder):
+def of_physics_touch(workspace, values, wrong, folder):
     windows_dataset(changed_scene.dataset_of(folder), wrong)
     ablation(values, "touch", folder)
 
 
-def of_physics_glove(values, wrong, folder):
+def of_physics_glove(workspace, values, wrong, folder):
     images_dataset(changed_scene.dataset_of(folder), wrong)
     ablation(values, "glove", folder)
 
@@ -176,7 +178,7 @@ def of_physics_glove(values, wrong, folder):
 def of_train_stag(workspace, values, wrong, folder):
     data = stag_data(wrong, values["glove"]["stag"]["validation"])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stag, "read", lambda path: data)
+        patch.setattr(stag, "read", lambda workspace, path: data)
         stag_stage.train_run(workspace, values, "glove", "sp_resnet", 0, 1, "metadata.mat", nothing)
 
 
@@ -186,9 +188,9 @@ STAGES += (of_physics_touch, of_physics_glove, of_train_stag)
 
 @pytest.mark.parametrize("stage", STAGES)
 @pytest.mark.parametrize(("wrong", "best"), [("validation", 1), ("test", EPOCHS)])
-def test_the_best_epoch_is_that_of_the_validation_part(stage, wrong, best, values, best_epochs, tmp_path):
+def test_the_best_epoch_is_that_of_the_validation_part(workspace, stage, wrong, best, values, best_epochs, tmp_path):
     """What is learned does harm where the labels are wrong: in the validation part from the first epoch on."""
-    stage(values, wrong, tmp_path)
+    stage(workspace, values, wrong, tmp_path)
     assert best_epochs == [best]
 
 
@@ -198,7 +200,7 @@ def accuracy_of_augmentation(workspace, values, wrong, folder) -> float:
     return next(value for *_, metric, unit, value, n in rows if metric == "accuracy")
 
 
-def accuracy_of_ablation(values, wrong, folder) -> float:
+def accuracy_of_ablation(workspace, values, wrong, folder) -> float:
     images_dataset(changed_scene.dataset_of(folder), wrong)
     ((_, _, scores),) = ablation(values, "glove", folder)
     return next(value for metric, unit, value, n in scores if metric == "accuracy")
@@ -207,8 +209,8 @@ def accuracy_of_ablation(values, wrong, folder) -> float:
 @pytest.mark.parametrize("accuracy", [accuracy_of_augmentation, accuracy_of_ablation])
 def test_a_study_of_images_is_scored_on_the_test_part(workspace, accuracy, values, tmp_path):
     """Who learned the right names is wrong where the names are exchanged."""
-    assert accuracy(values, "test", tmp_path) == 0
-    assert accuracy(values, "nowhere", tmp_path) == 1
+    assert accuracy(workspace, values, "test", tmp_path) == 0
+    assert accuracy(workspace, values, "nowhere", tmp_path) == 1
 
 
 def test_an_ablation_of_windows_is_scored_on_the_test_part(values, tmp_path, monkeypatch):
@@ -263,7 +265,7 @@ def of_model_zero(workspace, values, folder):
     train_stage.train_run(workspace, values, "strain", paths.MODEL_ZERO, "task_0", 0, folder / "run", nothing)
 
 
-def of_physics_strain(values, folder):
+def of_physics_strain(workspace, values, folder):
     values["physics"]["strain"] |= {"protocols": ["task_1"]}
     ablation(values, "strain", folder)
 
@@ -284,7 +286,7 @@ def series_model(monkeypatch):
 
 @pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])
 def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(workspace, stage, tmp_path, series_model):
-    stage(params.load(ROOT / "params.yaml"), tmp_path)
+    stage(workspace, params.load(ROOT / "params.yaml"), tmp_path)
     assert series_model.records
     for seen in series_model.records:
         assert seen.x[:, 0].tolist() == list(range(80)) and seen.training.tolist() == [True] * 70 + [False] * 10
@@ -311,5 +313,7 @@ def test_a_training_reads_no_setting_that_its_origin_lacks(workspace, values, tm
 
 
 def test_a_training_of_series_reads_no_setting_that_its_origin_lacks(workspace, series_model, tmp_path):
-    keys = read_by_training("strain", params.load(ROOT / "params.yaml"), of_train_series, tmp_path)
+    keys = read_by_training(
+        "strain", params.load(ROOT / "params.yaml"), functools.partial(of_train_series, workspace), tmp_path
+    )
     assert keys >= {"models", "window", "sensor"}

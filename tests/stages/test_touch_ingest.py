@@ -308,7 +308,7 @@ VELOSTAT_SETTINGS = {"ingest": {"max_reject_fraction": 0.05}}
 
 
 def test_velostat_recordings_share_a_clock(workspace, root, monkeypatch):
-    monkeypatch.setattr(sources, "is_complete", lambda name: True)
+    monkeypatch.setattr(sources, "is_complete", lambda *given: True)
     velostat(workspace, root, "exp1")
     velostat(workspace, root, "exp2")
     ingest.ingest(workspace, "velostat_recorded", VELOSTAT_SETTINGS)
@@ -327,7 +327,7 @@ def test_velostat_recordings_share_a_clock(workspace, root, monkeypatch):
 
 
 def test_a_velostat_log_without_its_pair_is_refused(workspace, root, monkeypatch):
-    monkeypatch.setattr(sources, "is_complete", lambda name: True)
+    monkeypatch.setattr(sources, "is_complete", lambda *given: True)
     velostat(workspace, root, "exp1").unlink()
     with pytest.raises(InputError, match="futek_data/pike1_force_5/.*log not found"):
         ingest.ingest(workspace, "velostat_recorded", VELOSTAT_SETTINGS)

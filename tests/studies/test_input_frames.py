@@ -232,7 +232,7 @@ def test_the_study_of_stag_trains_on_several_frames_too(workspace, values, monke
     x, y, session, part = grasps()
     data = stag.Stag(x, y.argmax(axis=1), ["a", "b"], np.array([f"r{k}" for k in session]), part)
     data = data._replace(part=np.where(part == "validation", "train", part))
-    monkeypatch.setattr(stag, "read", lambda path: data)
+    monkeypatch.setattr(stag, "read", lambda *given: data)
     for frames, form, numbers in ((2, "trained", {2}), (1, "mean", {1, 2, 3, 4})):
         rows = stag_study.train_run(workspace, values, "glove", "sp_resnet", 0, frames, "metadata.mat", None)
         assert {row[:3] for row in rows} == {(form, "sp_resnet", 0)} and {row[3] for row in rows} == numbers
