@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pipeline.base.errors import InputError
 
-CODE = Path(__file__).resolve().parents[1]
+CODE = Path(__file__).parents[1]
 EXPERIMENTS = CODE / "experiments"  # one file per experiment
 MODELS = CODE / "models"  # one file per row of a table
 MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from

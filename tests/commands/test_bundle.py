@@ -29,6 +29,7 @@ def checkout(tmp_path, monkeypatch):
     (folder / "reports" / "index.html").write_text("page")
     (folder / "params.yaml").write_text("a: 1\n")
     (folder / "dvc.yaml").write_text(PIPELINE.format(python=sys.executable))
+    monkeypatch.chdir(folder)  # DVC reproduces what is here
     with Repo.init(str(folder), no_scm=True) as repo:
         repo.reproduce()
     return folder

@@ -71,7 +71,7 @@ def test_the_command_prints_and_changes_nothing(workspace, short, monkeypatch, c
     monkeypatch.setattr(fit_strain, "SET_BY", {"circuit.noise_v": "noise", "drift.ageing": "time_share"})
     monkeypatch.setattr(fit_strain, "why_not_run", lambda *given: None)
     table = recorded({name: 1.0 for name in twins.STATISTICS})
-    monkeypatch.setattr(twins, "recorded", lambda values: table)
+    monkeypatch.setattr(twins, "recorded", lambda *given: table)
     fit_strain.main(workspace, argparse.Namespace(factors=[0.5], specimens=1))
     printed = capsys.readouterr().out
     assert "circuit.noise_v" in printed and "2 of 2 settings are told" in printed and "1 specimens" not in printed

@@ -68,7 +68,7 @@ def test_the_command_trains_the_grid_at_the_first_seed_and_the_two_best_at_all(w
 def made_up(workspace, values, monkeypatch, rmse):
     """Rows of the search over cnn and lomp with errors `rmse(model, rate, seed)` in place of trainings."""
 
-    def train_run(values, experiment, model, rate, seed, report):
+    def train_run(workspace, values, experiment, model, rate, seed, report):
         return (model, rate, seed, 64, 3, 2, rmse(model, rate, seed), 2.0)
 
     monkeypatch.setattr(rates, "train_run", train_run)

@@ -184,6 +184,6 @@ def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
     link.unlink()
     put(root / "data" / "own")
     monkeypatch.chdir(link)
-    monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", "."])
+    monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", ".", "--root", str(root)])
     command_line.main()
     assert capsys.readouterr().out.startswith("ready: `tactile try data/own/finger` for a quick look")

@@ -181,10 +181,7 @@ def test_a_lomp_that_the_ablation_has_is_not_trained_again(workspace, tmp_path, 
     ("seeds", "frames", "words"),
     [([0, 1], [1], None), ([0, 1, 2], [1], "lomp, condition single, size 8, seed 2"), ([0], [1, 4], "window.*size 4")],
 )
-def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(
-    workspace, tmp_path, monkeypatch, seeds, frames, words
-):
-    monkeypatch.setattr(ladders.paths, "ROOT", tmp_path)
+def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(workspace, seeds, frames, words):
     path = ladders.path(workspace, "touch")
     path.parent.mkdir(parents=True)
     rows = [runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})]
