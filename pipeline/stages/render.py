@@ -35,7 +35,7 @@ def main(workspace: Workspace) -> None:
         if reason is None and values[experiment].get("source", "simulated") != "simulated":
             own_sensor.write(workspace, draft / "accuracy", experiment, values[experiment])
         elif reason is None:
-            REPORTS[experiment].write(draft, values[experiment])
+            REPORTS[experiment].write(workspace, draft, values[experiment])
     print(f"reports/{experiment}: {sum(path.is_file() for path in target.rglob('*'))} files")
 
 

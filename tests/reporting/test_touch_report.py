@@ -469,7 +469,7 @@ def test_table_is_aligned_as_raw_text():
 def test_every_experiment_has_a_report_of_its_name_with_one_contract():
     assert set(render.REPORTS) == set(load(ROOT / "params.yaml")["experiments"])
     for report in render.REPORTS.values():
-        assert list(inspect.signature(report.write).parameters) == ["target", "settings"]
+        assert list(inspect.signature(report.write).parameters) == ["workspace", "target", "settings"]
 
 
 @pytest.mark.slow

@@ -195,12 +195,10 @@ def write_claims(reports: Path, rows: list) -> None:
 
 
 @pytest.fixture
-def reports(tmp_path, monkeypatch) -> Path:
+def reports(workspace, tmp_path, monkeypatch) -> Path:
     """A small reports/ of all experiments, one of them not run."""
-    for part in ("params.yaml", "constraints.txt"):
-        shutil.copy(ROOT / part, tmp_path / part)
-    shutil.copytree(ROOT / "scales", tmp_path / "scales")
-    folder = tmp_path / "reports"
+    shutil.copy(ROOT / "constraints.txt", tmp_path)
+    folder = workspace.reports
     experiments = yaml.safe_load((ROOT / "params.yaml").read_text())["experiments"]
     stability = folder / "stability"
     stability.mkdir(parents=True)
