@@ -73,10 +73,10 @@ def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> 
     asked = changed_scene.Asked([chosen["protocol"]], settings["models"], block, names, part)
     errors = {}
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        changed_scene.write_dataset(experiment, settings, asked.protocols, seed, folder)
+        workspace = Workspace(Path(name))
+        changed_scene.write_dataset(workspace, experiment, settings, asked.protocols, seed)
         for condition, model, scores in changed_scene.scores(
-            experiment, settings, asked, seed, folder, values["device"]
+            workspace, experiment, settings, asked, seed, values["device"]
         ):
             if condition == chosen["condition"]:
                 score = next(number for metric, _, number, _ in scores if metric == chosen["metric"])

@@ -49,10 +49,10 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
     asked, settings = asked_of(values, experiment), settings_of(values, experiment, effect, seed)
     metric, rows = MAIN_METRIC[experiment], []
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        changed_scene.write_dataset(experiment, settings, asked.protocols, seed, folder)
+        workspace = Workspace(Path(name))
+        changed_scene.write_dataset(workspace, experiment, settings, asked.protocols, seed)
         for condition, model, scores in changed_scene.scores(
-            experiment, settings, asked, seed, folder, values["device"]
+            workspace, experiment, settings, asked, seed, values["device"]
         ):
             unit, value = next((unit, value) for name, unit, value, _ in scores if name == metric)
             rows.append((experiment, effect, condition, model, seed, metric, unit, value))

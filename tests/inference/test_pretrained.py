@@ -16,6 +16,7 @@ from builders.project import ROOT
 from pipeline import experiments, scenes
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.commands import predict
 from pipeline.datasets import schemas, series, specimens
 from pipeline.inference import card as cards
@@ -144,9 +145,9 @@ def test_a_card_belongs_to_its_weights(tmp_path):
         ("touch/nothing", r"not trained in this checkout; .* the pretrained \(glove/sp_resnet, strain/lstm_direct"),
     ],
 )
-def test_a_model_that_is_not_there_is_named(workspace, name, problem, tmp_path):
+def test_a_model_that_is_not_there_is_named(name, problem, tmp_path):
     with pytest.raises(InputError, match=problem):
-        packages.locate(workspace, name, VALUES, tmp_path / "draft")
+        packages.locate(Workspace(ROOT), name, VALUES, tmp_path / "draft")
 
 
 def test_touches_and_force_of_a_map():

@@ -82,8 +82,8 @@ def test_recordings_that_are_absent_leave_the_scene(workspace, absent, monkeypat
     monkeypatch.setattr(twins_stage, "why_not_run", lambda *given: "not fetched" if absent else None)
     module = twins_stage.MODULES["strain"]
     rows = pd.DataFrame([("day", "noise", 1.0)], columns=["recording", "statistic", "value"])
-    monkeypatch.setattr(module, "recorded", lambda values: rows)
-    monkeypatch.setattr(module, "simulated", lambda values: rows.assign(value=2.0))
+    monkeypatch.setattr(module, "recorded", lambda *given: rows)
+    monkeypatch.setattr(module, "simulated", lambda *given: rows.assign(value=2.0))
     monkeypatch.setattr(module, "STATISTICS", {"noise": ("mV", "Noise.")})
     table = twins_stage.statistics(workspace, {"strain": {"source": "simulated"}}, "strain")
     assert table["source"].tolist() == (["simulated"] if absent else ["recorded", "simulated"])

@@ -159,20 +159,20 @@ def of_rightsize_glove(workspace, values, wrong, folder):
     sizes.glove_run(workspace, values, "pressure", 0.25, 0, nothing)
 
 
-def ablation(values, experiment, folder) -> list:
-    """Return the scores of the study of physics on the dataset in `folder`."""
+def ablation(workspace, values, experiment) -> list:
+    """Return the scores of the study of physics on the dataset in the workspace."""
     asked = physics_study.asked_of(values, experiment)
-    return list(changed_scene.scores(experiment, values[experiment], asked, 0, folder, "cpu"))
+    return list(changed_scene.scores(workspace, experiment, values[experiment], asked, 0, "cpu"))
 
 
 def of_physics_touch(workspace, values, wrong, folder):
-    windows_dataset(changed_scene.dataset_of(folder), wrong)
-    ablation(values, "touch", folder)
+    windows_dataset(workspace.dataset("touch"), wrong)
+    ablation(workspace, values, "touch")
 
 
 def of_physics_glove(workspace, values, wrong, folder):
-    images_dataset(changed_scene.dataset_of(folder), wrong)
-    ablation(values, "glove", folder)
+    images_dataset(workspace.dataset("glove"), wrong)
+    ablation(workspace, values, "glove")
 
 
 def of_train_stag(workspace, values, wrong, folder):
@@ -201,8 +201,8 @@ def accuracy_of_augmentation(workspace, values, wrong, folder) -> float:
 
 
 def accuracy_of_ablation(workspace, values, wrong, folder) -> float:
-    images_dataset(changed_scene.dataset_of(folder), wrong)
-    ((_, _, scores),) = ablation(values, "glove", folder)
+    images_dataset(workspace.dataset("glove"), wrong)
+    ((_, _, scores),) = ablation(workspace, values, "glove")
     return next(value for metric, unit, value, n in scores if metric == "accuracy")
 
 
@@ -213,12 +213,12 @@ def test_a_study_of_images_is_scored_on_the_test_part(workspace, accuracy, value
     assert accuracy(workspace, values, "nowhere", tmp_path) == 1
 
 
-def test_an_ablation_of_windows_is_scored_on_the_test_part(values, tmp_path, monkeypatch):
-    windows_dataset(changed_scene.dataset_of(tmp_path), "nowhere")
+def test_an_ablation_of_windows_is_scored_on_the_test_part(workspace, values, monkeypatch):
+    windows_dataset(workspace.dataset("touch"), "nowhere")
     scored = []
     monkeypatch.setattr(metrics, "touch", lambda truth, *others: scored.append(truth) or [("rmse", "kPa", 1.0, 1)])
-    ablation(values, "touch", tmp_path)
-    labels = schemas.matrix(schemas.read(changed_scene.dataset_of(tmp_path))["y"])
+    ablation(workspace, values, "touch")
+    labels = schemas.matrix(schemas.read(workspace.dataset("touch"))["y"])
     assert {len(truth) for truth in scored} == {20}, "of the two conditions, only single touches are there"
     for truth in scored:
         np.testing.assert_array_equal(truth, labels[PART == "test"])
@@ -267,7 +267,7 @@ def of_model_zero(workspace, values, folder):
 
 def of_physics_strain(workspace, values, folder):
     values["physics"]["strain"] |= {"protocols": ["task_1"]}
-    ablation(values, "strain", folder)
+    ablation(workspace, values, "strain")
 
 
 @pytest.fixture
