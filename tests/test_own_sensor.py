@@ -68,9 +68,9 @@ def written(tmp_path_factory):
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    """An empty repository root."""
-    return tmp_path
+def root(workspace):
+    """The folder of the workspace."""
+    return workspace.root
 
 
 def ingested(workspace, root, experiment, logs, values):

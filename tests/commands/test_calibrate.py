@@ -34,7 +34,7 @@ def made_scores(monkeypatch):
     """Let the error of the yardstick's model be the knob, and the other one's error 2; return what was asked for."""
     asked_for = []
 
-    def scores(experiment, settings, asked, seed, folder, device):
+    def scores(workspace, experiment, settings, asked, seed, device):
         asked_for.append(asked)
         chosen = settings["yardstick"]
         value = settings

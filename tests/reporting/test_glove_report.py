@@ -38,8 +38,8 @@ COLUMNS = ["experiment", "protocol", "condition", "model", "seed", "metric", "un
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    return tmp_path
+def root(workspace):
+    return workspace.root
 
 
 @pytest.fixture

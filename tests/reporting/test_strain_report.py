@@ -12,8 +12,8 @@ MODELS = {"constant": {}, "press_difference": {}, "lstm_direct": {}, "lstm_highp
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    return tmp_path
+def root(workspace):
+    return workspace.root
 
 
 def write_scores(workspace, experiment, rows):

@@ -53,8 +53,8 @@ def settings():
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    return tmp_path
+def root(workspace):
+    return workspace.root
 
 
 def runs(settings):

@@ -18,9 +18,9 @@ from pipeline.stages import ingest
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    """An empty repository root."""
-    return tmp_path
+def root(workspace):
+    """The folder of the workspace."""
+    return workspace.root
 
 
 def run(workspace, root, settings=SETTINGS):
