@@ -23,7 +23,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # before the first import of numpy and torch
 
 from benchmarks import growth, report, rows  # noqa: E402
-from pipeline.base import paths  # noqa: E402
+from benchmarks.made import ROOT  # noqa: E402
 
 
 class Sizes(NamedTuple):
@@ -68,7 +68,7 @@ def results(request, sizes, tmp_path_factory) -> Iterator[Path]:
     if given is not None:
         folder = given.resolve()
     else:
-        folder = paths.REPORTS if sizes.name == "full" else tmp_path_factory.mktemp("reports")
+        folder = ROOT / "reports" if sizes.name == "full" else tmp_path_factory.mktemp("reports")
     yield folder
     report.write(folder)
 

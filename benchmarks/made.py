@@ -10,12 +10,14 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from pipeline import tasks
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import CODE
 from pipeline.datasets import schemas
 from pipeline.datasets.series import Record
 from pipeline.experiments import glove, touch
 
+ROOT = CODE.parent
 LOGS = Path("data", "own", "logs", "single")  # where measure.ingest looks for recordings
 ARRAY_HZ, LOAD_CELL_HZ, CNC_HZ = 200, 100, 50  # 1 GB of 5x5 counts lasts 16 hours; 28 are the most that ingest takes
 LINE_BYTES = 92  # of the array's log, about
@@ -121,15 +123,14 @@ def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
 
 def at_paper_scale(folder: Path) -> dict:
     """Return params.yaml with scales/paper.yaml applied; a copy in `folder` is what is changed."""
-    copy = folder / paths.PARAMS.name
-    shutil.copy(paths.PARAMS, copy)
-    set_values(params.parsed(paths.SCALES / "paper.yaml"), copy)
+    copy = Path(shutil.copy(ROOT / "params.yaml", folder))
+    set_values(params.parsed(ROOT / "scales" / "paper.yaml"), copy)
     return params.load(copy)
 
 
 def touch_settings() -> dict:
     """The block `touch` of params.yaml."""
-    return params.load()["touch"]
+    return params.load(ROOT / "params.yaml")["touch"]
 
 
 def series(samples: int, outputs: int = 2) -> Record:

@@ -11,8 +11,10 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from benchmarks.made import ROOT
 from pipeline import models
-from pipeline.base import paths, processes
+from pipeline.base import processes
+from pipeline.base.paths import Workspace
 
 HERE = Path(__file__).resolve().parent
 UPDATES, EPOCHS = 5, 3  # of a network, timed together
@@ -57,9 +59,8 @@ def ingest(folder: Path, _):
     from benchmarks.made import touch_settings
     from pipeline.stages import ingest
 
-    paths.ROOT = folder
-    settings = touch_settings() | {"source": "data/own/logs"}
-    return lambda: ingest.ingest("touch", settings)
+    workspace, settings = Workspace(folder), touch_settings() | {"source": "data/own/logs"}
+    return lambda: ingest.ingest(workspace, "touch", settings)
 
 
 def dataset(folder: Path, _):
@@ -70,13 +71,13 @@ def dataset(folder: Path, _):
 
     values = at_paper_scale(folder)
     params.load = lambda *_: values  # in this process, which ends with the task
-    paths.ROOT = folder
+    workspace = Workspace(folder)
 
     def run():
         sys.argv = ["window", "touch"]
-        window.main()
+        window.main(workspace)
         sys.argv = ["dataset", "touch"]
-        dataset.main()
+        dataset.main(workspace)
 
     return run
 
@@ -256,7 +257,7 @@ def _images(count: float):
     from pipeline.base import params
     from pipeline.learning.image_classifier import spec_of
 
-    block = shortened(params.load()["glove"]["models"]["sp_resnet"], 1)
+    block = shortened(params.load(ROOT / "params.yaml")["glove"]["models"]["sp_resnet"], 1)
     rng = np.random.default_rng(0)
     x = rng.uniform(0, 255, (int(count), 1, 32 * 32)).astype(np.float32)
     return block, x, np.eye(16, dtype=np.float32)[rng.integers(0, 16, int(count))], spec_of(16)
@@ -281,7 +282,7 @@ def lstm(epochs: int):
     from pipeline.base import params
     from pipeline.learning.regressors import Spec
 
-    block = shortened(params.load()["strain"]["models"]["lstm_direct"], epochs)
+    block = shortened(params.load(ROOT / "params.yaml")["strain"]["models"]["lstm_direct"], epochs)
     return models.build("lstm_direct", Spec(10, 1, 6, 1, 2), block, "benchmark")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import made, peers
 from benchmarks.measure import measured
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.experiments import touch
 from pipeline.logs import parse
 
@@ -75,11 +75,11 @@ def test_ingest_stage(record, sizes, recording):
 
 
 def test_dataset(record, sizes, tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    made.frames_file(paths.frames("touch"), sizes.frames, made.touch_settings())
+    workspace = Workspace(tmp_path)
+    made.frames_file(workspace.frames("touch"), sizes.frames, made.touch_settings())
     runs = [measured("dataset", tmp_path) for _ in range(3)]
     seconds = float(np.median([run["seconds"] for run in runs]))
-    rows = pyarrow.parquet.ParquetFile(paths.dataset("touch")).metadata.num_rows
+    rows = pyarrow.parquet.ParquetFile(workspace.dataset("touch")).metadata.num_rows
     record(
         "dataset",
         what=f"window + dataset, both stages with their files: {sizes.frames} frames to {rows} windows, all of a press",
@@ -88,7 +88,7 @@ def test_dataset(record, sizes, tmp_path, monkeypatch):
         rounds=3,
     )
     memory = max(run["mb"] for run in runs)
-    limit = 3 * uncompressed_mb(paths.dataset("touch"))
+    limit = 3 * uncompressed_mb(workspace.dataset("touch"))
     record(
         "dataset_memory",
         what="largest memory of window + dataset; the target is 3 times the uncompressed dataset",

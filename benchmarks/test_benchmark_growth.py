@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import growth, made
 from benchmarks.measure import measured
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 
 
 def points(task, against, sizes, unit, folder_of, repeats):
@@ -41,8 +41,8 @@ def test_growth_of_ingest(sizes, results, tmp_path):
 
 def test_growth_of_dataset(sizes, results, tmp_path, monkeypatch):
     def folder(frames):
-        monkeypatch.setattr(paths, "ROOT", tmp_path / str(frames))
-        made.frames_file(paths.frames("touch"), frames, made.touch_settings())
+        workspace = Workspace(tmp_path / str(frames))
+        made.frames_file(workspace.frames("touch"), frames, made.touch_settings())
         return tmp_path / str(frames)
 
     growth.write(results, points_of_data("dataset", sizes.growth.frames, "frames", folder, sizes.growth))

@@ -4,13 +4,14 @@ import pytest
 
 from benchmarks import inference_speed
 from benchmarks.inference_speed import ONNX, PREDICTOR, TORCH, Speed
+from benchmarks.made import ROOT
 from pipeline.base import params
 
 
 @pytest.fixture(scope="module")
 def table(sizes, results, tmp_path_factory) -> dict[str, dict[str, Speed]]:
     """The times by network and by what runs it, which are also written to benchmarks/inference.csv."""
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     speeds = {
         network: inference_speed.speeds(values, experiment, network, tmp_path_factory.mktemp(network), sizes.rounds)
         for experiment, network in inference_speed.NETWORKS

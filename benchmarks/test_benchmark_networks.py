@@ -7,8 +7,10 @@ from torch import nn
 from tqdm import tqdm
 
 from benchmarks import made, measure, peers
+from benchmarks.made import ROOT
 from pipeline import experiments, tasks
 from pipeline.base import params, paths, workers
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning.lstm import LstmRegressor
@@ -25,12 +27,12 @@ WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
 @pytest.fixture(scope="module")
 def touch():
     """The touch experiment's dataset, and what loads a model of its first run; needs what `dvc repro` has made."""
-    values = params.load()
-    data = read_dataset(paths.require(paths.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
+    workspace, values = Workspace(ROOT), params.load(ROOT / "params.yaml")
+    data = read_dataset(paths.require(workspace.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
     spec = tasks_windows.spec(values["touch"])
 
     def load(model: str):
-        return tasks.load(values, "touch", model, "press", 0, spec).model
+        return tasks.load(workspace, values, "touch", model, "press", 0, spec).model
 
     return data, load
 
@@ -174,11 +176,11 @@ def test_strain_two_seeds(race, record, sizes, monkeypatch):
 @pytest.fixture(scope="module")
 def transfer():
     """Series, scaling, base and settings of transfer to task 1, seed 0; needs what `dvc repro` has made."""
-    settings = params.load()["strain"]
+    workspace, settings = Workspace(ROOT), params.load(ROOT / "params.yaml")["strain"]
     module = experiments.module("strain")
     task = module.task("task_1", settings)
-    pieces = series.read(paths.require(paths.dataset("strain"), "dvc repro"), task, "task_1", 0)
-    base = paths.require(paths.run_folder("strain", paths.MODEL_ZERO, task.base, 0), "dvc repro")
+    pieces = series.read(paths.require(workspace.dataset("strain"), "dvc repro"), task, "task_1", 0)
+    base = paths.require(workspace.run_folder("strain", paths.MODEL_ZERO, task.base, 0), "dvc repro")
     return settings, spec_of_series(task, settings["window"]["frames"]), pieces, base
 
 
@@ -232,7 +234,7 @@ def test_strain_transfer(race, record, sizes, transfer):
 
 
 def test_esn_states(race, record, sizes):
-    block = params.load()["strain"]["models"]["esn"]
+    block = params.load(ROOT / "params.yaml")["strain"]["models"]["esn"]
     model = esn.build(Spec(10, 1, 6, 1, 2), **block)
     system, x = model.make(6, 0), made.series(sizes.samples).x
     states = peers.reservoir_states(system, block["leak"], x[:500])

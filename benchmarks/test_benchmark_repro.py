@@ -9,10 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
-from builders.project import Project
+from builders.project import ROOT, Project
 
 from benchmarks import repro_stages
-from pipeline.base import paths
 
 # A change of one model of `touch` must not run what makes its data, nor another experiment.
 FORBIDDEN = r"simulate|ingest|window|dataset|study|augment|frames|probe|count|stag|(?<!render_)rightsize|physics"
@@ -31,12 +30,12 @@ def miniature(tmp_path_factory):
 def test_repro_nothing_changed(benchmark, record):
     """In this checkout, where everything is up to date."""
     dvc = [sys.executable, "-m", "dvc"]
-    status = subprocess.run([*dvc, "status", "--json"], cwd=paths.ROOT, check=True, capture_output=True)
+    status = subprocess.run([*dvc, "status", "--json"], cwd=ROOT, check=True, capture_output=True)
     # The page shows the benchmarks: the first round brings it up to date. DVC always runs `track`.
     stale = set(json.loads(status.stdout)) - {"page", "track"}
     assert not stale, f"{', '.join(sorted(stale))}: not up to date; run `dvc repro` first"
     run = [*dvc, "repro", "--quiet"]
-    benchmark.pedantic(lambda: subprocess.run(run, cwd=paths.ROOT, check=True), rounds=3, warmup_rounds=1)
+    benchmark.pedantic(lambda: subprocess.run(run, cwd=ROOT, check=True), rounds=3, warmup_rounds=1)
     seconds = benchmark.stats.stats.median
     record(
         "repro_nothing_changed",
@@ -89,9 +88,9 @@ def clone(request, sizes, tmp_path):
     if sizes.name == "tiny":
         project = Project(tmp_path)
         return project.folder, project.environment
-    subprocess.run(["git", "clone", "--quiet", str(paths.ROOT), str(tmp_path / "clone")], check=True)
-    for source in paths.SOURCES.glob("*/*"):
-        target = tmp_path / "clone" / source.relative_to(paths.ROOT)
+    subprocess.run(["git", "clone", "--quiet", str(ROOT), str(tmp_path / "clone")], check=True)
+    for source in (ROOT / "data" / "sources").glob("*/*"):
+        target = tmp_path / "clone" / source.relative_to(ROOT)
         if not target.exists():
             target.symlink_to(source)
     return tmp_path / "clone", clean_environment(tmp_path / "clone")

@@ -3,14 +3,16 @@
 import functools
 import os
 import pickle
+import shutil
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from builders.project import Project, run_miniature
+from builders.project import ROOT, Project, run_miniature
 
+from pipeline.base.paths import Workspace
 from pipeline.logs import sources
 
 SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
@@ -52,6 +54,15 @@ def miniature_under_way(request, tmp_path_factory) -> Callable[[], Project]:
         yield wait if worker not in (None, "gw0") else pool.submit(make).result if wanted else None
 
 
+@pytest.fixture
+def workspace(tmp_path) -> Workspace:
+    """Return a workspace with the repository's settings, and nothing else."""
+    made = Workspace(tmp_path)
+    shutil.copy(ROOT / "params.yaml", made.params)
+    shutil.copytree(ROOT / "scales", made.scales)
+    return made
+
+
 @pytest.fixture(scope="session")
 def miniature(miniature_under_way) -> Project:
     """Return the project in which the whole pipeline ran once, at miniature scale, with `dvc repro`."""
@@ -59,7 +70,7 @@ def miniature(miniature_under_way) -> Project:
 
 
 @pytest.fixture(scope="session")
-def recordings(tmp_path_factory):
+def recordings(workspace, tmp_path_factory):
     """Return `recordings(source)`: the folder of a source's recordings, laid out as `fetch` does it; or skip the test.
 
     Recordings are looked for where `fetch` puts them, and in <TACTILE_RECORDINGS>/<source>, there also side by side
@@ -68,7 +79,7 @@ def recordings(tmp_path_factory):
 
     def find(name: str) -> Path:
         listed, elsewhere = sources.files(name), os.environ.get("TACTILE_RECORDINGS")
-        for folder in [sources.folder(name), *([Path(elsewhere) / name] if elsewhere else [])]:
+        for folder in [sources.folder(workspace, name), *([Path(elsewhere) / name] if elsewhere else [])]:
             places = {path: (folder / path, folder / Path(path).name) for path in listed}
             present = {path: next(filter(Path.is_file, two), None) for path, two in places.items()}
             if not any(present.values()):

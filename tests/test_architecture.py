@@ -46,7 +46,7 @@ ARROWS = {
 }
 BY_NAME = {f"pipeline/{name}/__init__.py" for name in DOORS} | {"pipeline/base/cluster.py"}  # a task's function
 RUN = 'if __name__ == "__main__":'
-VALUES = params.load()
+VALUES = params.load(ROOT / "params.yaml")
 
 
 def reachable(name: str) -> set[str]:

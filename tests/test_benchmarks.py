@@ -10,10 +10,10 @@ import sys
 import numpy as np
 import pytest
 import torch
+from builders.project import ROOT
 
 from benchmarks import growth, made, measure, peers, report, repro_stages, rows, scale_cost
 from benchmarks.test_benchmark_repro import FORBIDDEN
-from pipeline.base import params, paths
 from pipeline.experiments import touch
 from pipeline.learning import lomp_network
 from pipeline.learning.lstm import Lstm
@@ -132,6 +132,7 @@ def test_what_one_setting_must_not_run():
 
 
 def test_the_papers_scale_costs_what_its_amounts_say(tmp_path):
+    before = (ROOT / "params.yaml").read_bytes()
     values = made.at_paper_scale(tmp_path)
     assert scale_cost.training_rows(values, "touch", "lomp_stream") == round(0.8 * 331_000)
     assert scale_cost.training_rows(values, "glove", "sp_resnet") == round(0.8 * 16 * 950)
@@ -143,7 +144,7 @@ def test_the_papers_scale_costs_what_its_amounts_say(tmp_path):
     cost = scale_cost.cost(values, "touch", "cnn", seconds=1e-3)
     assert cost.runs == 10 and cost.epochs == 5 * 3 + 5 * 2 * 3
     assert cost.core_hours == pytest.approx(1e-3 * seen * 45 / 3600)
-    assert params.load() == params.load(paths.PARAMS)  # of the checkout, as it was
+    assert (ROOT / "params.yaml").read_bytes() == before
 
 
 STAT = """cpu  1000 200 300 9000 50 0 7 0 0 0
@@ -183,7 +184,7 @@ def test_benchmarks_run_at_tiny_size(tmp_path):
     alone = {
         name: value for name, value in os.environ.items() if not name.startswith("PYTEST_XDIST")
     }  # nothing is timed there
-    subprocess.run([*command, "-p", "no:cacheprovider"], cwd=paths.ROOT, env=alone, check=True)
+    subprocess.run([*command, "-p", "no:cacheprovider"], cwd=ROOT, env=alone, check=True)
     with open(tmp_path / "benchmarks.csv", newline="", encoding="utf-8") as file:
         found = {row["name"]: row["ours"] for row in csv.DictReader(file)}
     assert set(found) == {"esn_states", "strain_epoch"}

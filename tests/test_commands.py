@@ -17,10 +17,11 @@ import pytest
 from dvc.repo import Repo
 
 from pipeline.base import params
+from pipeline.base.paths import Workspace
 from pipeline.commands.command_line import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
-VALUES = params.load()
+VALUES = params.load(ROOT / "params.yaml")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CODE = sorted((ROOT / "pipeline").rglob("*.py"))
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -96,7 +97,7 @@ def parser_of(name: str) -> argparse.ArgumentParser | None:
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(Made) as caught:
         patch.setattr(argparse.ArgumentParser, "parse_args", stop)
-        importlib.import_module(name).main()
+        importlib.import_module(name).main(*([] if name == PEOPLE else [Workspace(ROOT)]))
     loosen(caught.value.parser)
     return caught.value.parser
 

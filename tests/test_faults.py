@@ -25,14 +25,16 @@ import scipy.io
 import scipy.sparse
 import yaml
 from builders import grasps, stag_metadata, strain_workspaces, touch_logs
+from builders.project import ROOT
 from hypothesis import HealthCheck, example, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
 from pipeline import models
-from pipeline.base import availability, params, paths
+from pipeline.base import availability, params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, schemas, series
 from pipeline.datasets.windows import read_dataset
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
@@ -435,7 +437,7 @@ def test_a_damaged_touch_recording_is_accounted_for(name, damages, two, tmp_path
 @pytest.fixture(scope="module")
 def strain_recording():
     """Settings, and file -> lines of a simulated recording of task 1 of 400 s."""
-    settings = copy.deepcopy(params.load()["strain"])
+    settings = copy.deepcopy(params.load(ROOT / "params.yaml")["strain"])
     settings["simulate"]["samples"] = 2000
     settings["ingest"] |= LENIENT
     recording = next(one for one in strain_scene.recordings(settings["simulate"]) if one.condition == "task_1")
@@ -572,8 +574,8 @@ def read_strain_recorded(path: Path) -> None:
 def read_stag(path: Path) -> None:
     try:
         with in_time(), pytest.MonkeyPatch.context() as patch:
-            patch.setattr(own_data, "unnoticed", lambda path: None)  # it need not lie in data/own here
-            found = stag.read(path, balanced=False)
+            patch.setattr(own_data, "unnoticed", lambda *given: None)  # it need not lie in data/own here
+            found = stag.read(Workspace(path.parent), path, balanced=False)
     except InputError as error:
         assert path.name in one_sentence(error)
         return
@@ -661,7 +663,7 @@ def test_a_damaged_grasp_is_one_sentence_or_accounted_for(damages, changes, cut,
 
 # Settings and results.
 
-WHOLE = params.load()
+WHOLE = params.load(ROOT / "params.yaml")
 SETTINGS = yaml.safe_dump({"touch": WHOLE["touch"]}, sort_keys=False).encode().splitlines(keepends=True)
 
 
@@ -726,14 +728,12 @@ def test_a_damaged_table_is_one_sentence_or_has_its_columns(damages, changes, tm
     columns = ["protocol", "seed", "value"]
     path = tmp_path / "scores.csv"
     path.write_bytes(overwritten(damaged(SCORES, damages, b",", 3), changes, 1000))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", tmp_path)
-        try:
-            table = results.read_csv(path, columns, "python -m pipeline.stages.evaluate touch")
-        except InputError as error:
-            assert one_sentence(error).startswith("scores.csv")
-        else:
-            assert set(columns) <= set(table.columns)
+    try:
+        table = results.read_csv(path, columns, "python -m pipeline.stages.evaluate touch")
+    except InputError as error:
+        assert one_sentence(error).startswith(str(path))
+    else:
+        assert set(columns) <= set(table.columns)
 
 
 FIT = json.dumps({"stop_reason": "completed", "best_epoch": 3, "epochs": 5, "parameters": 7, "run": True}).encode()
@@ -743,35 +743,34 @@ FIT = json.dumps({"stop_reason": "completed", "best_epoch": 3, "epochs": 5, "par
 @given(changes=BYTES, cut=CUT)
 @example(changes=[], cut=0)
 def test_a_damaged_json_file_is_one_sentence_or_read(changes, cut, tmp_path):
-    check_json(overwritten(FIT, changes, cut), tmp_path)
+    check_json(tmp_path, overwritten(FIT, changes, cut))
 
 
 @pytest.mark.parametrize("content", [b"[]", b"3", b"null", b'"run"', b"{}", b"\xff\xfe", b"[" * 100_000, b"9" * 5000])
 def test_json_of_another_kind_is_one_sentence(content, tmp_path):
-    assert not check_json(content, tmp_path)
+    assert not check_json(tmp_path, content)
 
 
-def check_json(content: bytes, folder: Path) -> bool:
+def check_json(folder: Path, content: bytes) -> bool:
     """Whether the content is read as a fit; it must be by all readers of JSON, or be one sentence."""
+    workspace = Workspace(folder)
     run = folder / "data" / "touch" / "models" / "lomp" / "press-0"
     run.mkdir(parents=True, exist_ok=True)
     (run / "history.csv").write_text("epoch,train_loss,validation_loss\n1,2.0,3.0\n")
     for path in (run / "fit.json", folder / "data" / "touch" / "ingest.json"):
         path.write_bytes(content)
     good = True
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", folder)
-        readers = (
-            lambda: results.read_fit("touch", "lomp", "press", 0),
-            lambda: availability.why_not_run("touch"),
-            lambda: fits.read(run, "dvc repro train"),
-        )
-        for read in readers:
-            try:
-                read()
-            except InputError as error:
-                one_sentence(error)
-                good = False
+    readers = (
+        lambda: results.read_fit(workspace, "touch", "lomp", "press", 0),
+        lambda: availability.why_not_run(workspace, "touch"),
+        lambda: fits.read(run, "dvc repro train"),
+    )
+    for read in readers:
+        try:
+            read()
+        except InputError as error:
+            one_sentence(error)
+            good = False
     return good
 
 

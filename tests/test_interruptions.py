@@ -16,7 +16,7 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline.base import errors, paths
+from pipeline.base import errors
 from pipeline.base.errors import InputError
 from pipeline.commands import fetch
 from pipeline.datasets import schemas
@@ -25,7 +25,7 @@ from pipeline.logs import sources
 # Runs stages one after the other, each in a fork in which no file can grow beyond its limit, as on a full disk.
 LIMITED = """
 import importlib, json, os, resource, sys
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments
 import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
 for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
     heard, said = os.pipe()  # a file's size is limited, a pipe's is not
@@ -35,7 +35,7 @@ for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
         os.dup2(said, 2)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
         sys.argv = [stage, *arguments]
-        run_stage(importlib.import_module(f"pipeline.{stage}").main)
+        arguments.run(importlib.import_module(f"pipeline.{stage}").main)
         os._exit(0)
     os.close(said)
     with open(heard) as pipe, open(f"stderr{number}", "w") as file:
@@ -115,7 +115,7 @@ def table(size: int) -> pa.Table:
 def write_as_a_stage(path: Path, size: int) -> str:
     """What a stage that writes a table prints before it ends."""
     with pytest.raises(SystemExit) as end:
-        errors.run_stage(lambda: schemas.write(path, SCHEMA, [table(size)]))
+        errors.run_stage(lambda: schemas.write(path, SCHEMA, [table(size)]), path)
     assert isinstance(end.value.code, str) and "\n" not in end.value.code  # status 1
     return end.value.code
 
@@ -169,7 +169,7 @@ def test_an_error_of_the_code_keeps_its_traceback():
         raise FileNotFoundError(errno.ENOENT, "x", "data")
 
     with pytest.raises(FileNotFoundError):
-        errors.run_stage(stage)
+        errors.run_stage(stage, Path("params.yaml"))
 
 
 # Killed processes.
@@ -178,8 +178,9 @@ ORPHAN = '''
 import os, subprocess, sys, time
 stage = """
 import time
+from pathlib import Path
 from pipeline.base.errors import run_stage
-run_stage(lambda: print(1, flush=True) or time.sleep(60))
+run_stage(lambda: print(1, flush=True) or time.sleep(60), Path("params.yaml"))
 """
 child = subprocess.Popen([sys.executable, "-c", stage])
 print(child.pid, flush=True)
@@ -282,9 +283,8 @@ def test_a_full_disk_says_what_it_does_to_dvc():
 
 
 @pytest.mark.parametrize("name", ["../outside.txt", "/tmp/outside.txt", "a/../../outside.txt"])
-def test_a_source_cannot_leave_its_folder(name, tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "SOURCES", tmp_path / "sources")
+def test_a_source_cannot_leave_its_folder(workspace, name, monkeypatch):
     monkeypatch.setattr(sources, "files", lambda source: {name: "0" * 64})
     monkeypatch.setattr(fetch, "_download", lambda *arguments: pytest.fail("asked for a file outside"))
     with pytest.raises(InputError, match="leaves the folder"):
-        fetch.fetch("velostat_recorded")
+        fetch.fetch(workspace, "velostat_recorded")

@@ -18,7 +18,7 @@ from builders.packets import arrived, stamps_us
 from builders.project import ROOT, Project
 
 from pipeline import experiments
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import check
 from pipeline.datasets import schemas
@@ -40,7 +40,7 @@ FAULTS = {"column count", "duplicate", "out of order", "unreadable bytes"}
 def touch_values(name):
     """params.yaml for one of ARRAYS."""
     (rows, cols, _), highest, (map_rows, map_cols) = ARRAYS[name]
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["touch"]["sensor"] = {"rows": rows, "cols": cols, "pitch_mm": 10.0, "element_mm": 9.0}
     values["touch"]["label"] |= {"map_rows": map_rows, "map_cols": map_cols}
     values["touch"]["ingest"]["highest_count"] = highest
@@ -50,7 +50,7 @@ def touch_values(name):
 
 def strain_values():
     """params.yaml for four channels at 12 Hz."""
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["strain"] |= {"sensor": {"channels": 4}, "source": "data/own/sensor"}
     values["strain"]["ingest"]["rate_hz"] = 12
     return values
@@ -68,24 +68,23 @@ def written(tmp_path_factory):
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    """An empty repository root."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    return tmp_path
+def root(workspace):
+    """The folder of the workspace."""
+    return workspace.root
 
 
-def ingested(root, experiment, logs, values):
+def ingested(workspace, root, experiment, logs, values):
     shutil.copytree(logs, root / "data" / "own" / "sensor")
-    ingest.ingest(experiment, values[experiment])
-    report = json.loads(paths.ingest_report(experiment).read_text())["recordings"]
-    return pq.read_table(paths.frames(experiment)), pq.read_table(paths.rejects(experiment)), report
+    ingest.ingest(workspace, experiment, values[experiment])
+    report = json.loads(workspace.ingest_report(experiment).read_text())["recordings"]
+    return pq.read_table(workspace.frames(experiment)), pq.read_table(workspace.rejects(experiment)), report
 
 
 @pytest.mark.parametrize("name", ARRAYS)
-def test_own_array_becomes_a_dataset(root, written, name):
+def test_own_array_becomes_a_dataset(workspace, root, written, name):
     (rows, cols, hz), highest, (map_rows, map_cols) = ARRAYS[name]
     values = touch_values(name)
-    frames, rejects, report = ingested(root, "touch", written / name, values)
+    frames, rejects, report = ingested(workspace, root, "touch", written / name, values)
     assert FAULTS <= set(rejects["reason"].to_pylist())
     for one in report.values():
         array = one["files"]["array.log"]
@@ -107,9 +106,9 @@ def test_own_array_becomes_a_dataset(root, written, name):
     assert firm.sum() > 10 and right.mean() > 0.7
 
 
-def test_own_strain_sensor_becomes_a_dataset(root, written):
+def test_own_strain_sensor_becomes_a_dataset(workspace, root, written):
     values = strain_values()
-    frames, rejects, report = ingested(root, "strain", written / "strain", values)
+    frames, rejects, report = ingested(workspace, root, "strain", written / "strain", values)
     assert FAULTS <= set(rejects["reason"].to_pylist()) and frames["v"].type.list_size == 4
     time, segment = frames["t_s"].to_numpy(), frames["segment"].to_numpy()
     assert np.median(np.diff(time)) == pytest.approx(1 / 12) and set(segment) == {0, 1}
@@ -120,33 +119,35 @@ def test_own_strain_sensor_becomes_a_dataset(root, written):
     assert set(parts) == {"train", "validation", "test", "unused"}
 
 
-def drawn(experiment):
+def drawn(workspace, experiment):
     """Size in bytes of the picture."""
-    return paths.check(experiment).stat().st_size
+    return workspace.check(experiment).stat().st_size
 
 
 @pytest.mark.parametrize("name", ["3x7", "strain"])
-def test_check_says_ready(root, written, name, capsys):
+def test_check_says_ready(workspace, root, written, name, capsys):
     experiment = "strain" if name == "strain" else "touch"
     values = strain_values() if name == "strain" else touch_values(name)
-    assert check.check(experiment, written / name, values) is None
+    assert check.check(workspace, experiment, written / name, values) is None
     said = capsys.readouterr().out
     wanted = ["3 of 3 recordings can be used", "correlation", "rejected: column count", "clock: offset", "train"]
     wanted += ["u0 .. u3", "task_2: "] if name == "strain" else ["v0 .. v20", "2 segments", "presses", "N (", "single"]
     for words in wanted:
         assert words in said, words
-    assert drawn(experiment) > 20_000
+    assert drawn(workspace, experiment) > 20_000
 
 
-def test_check_of_a_glove(root, written, tmp_path, capsys):
-    assert check.check("glove", written / "glove", params.load()) is None
+def test_check_of_a_glove(workspace, root, written, tmp_path, capsys):
+    assert check.check(workspace, "glove", written / "glove", params.load(ROOT / "params.yaml")) is None
     said = capsys.readouterr().out
     for words in ("6 of 6 recordings", "2 of 405 elements never change", "p0, s134", "15.00 Hz", "column count 1"):
         assert words in said, words
-    assert drawn("glove") > 20_000
+    assert drawn(workspace, "glove") > 20_000
     shutil.copytree(written / "glove", tmp_path / "logs")
     shutil.rmtree(tmp_path / "logs" / "cup" / "grasp2")
-    assert "object 'cup': 2 sessions; at least 3" in check.check("glove", tmp_path / "logs", params.load())
+    assert "object 'cup': 2 sessions; at least 3" in check.check(
+        workspace, "glove", tmp_path / "logs", params.load(ROOT / "params.yaml")
+    )
 
 
 def changed(folder, target, edit, pattern="array.log"):
@@ -238,7 +239,7 @@ def small(tmp_path_factory):
     """Logs of 2 x 3 elements, and their settings: one recording, quickly read."""
     folder = tmp_path_factory.mktemp("small")
     own_logs.touch(folder, 2, 3, 40.0, seconds=40.0, recordings=1, conditions=())
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["touch"]["sensor"] = {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0}
     values["touch"]["label"] |= {"map_rows": 8, "map_cols": 9}
     return folder, values
@@ -251,10 +252,10 @@ def undrawn(monkeypatch):
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_check_names_the_mistake(root, small, undrawn, mistake, tmp_path):
+def test_check_names_the_mistake(workspace, root, small, undrawn, mistake, tmp_path):
     pattern, edit, words = MISTAKES[mistake]
     folder, values = small
-    first = check.check("touch", changed(folder, tmp_path / "logs", edit, pattern), values)
+    first = check.check(workspace, "touch", changed(folder, tmp_path / "logs", edit, pattern), values)
     assert first is not None and re.search(words, first), first
     assert "\n" not in first
 
@@ -273,24 +274,24 @@ def wired(folder, target, order):
         ([2, 1, 0, 5, 4, 3], "seem to be printed row by row from the bottom row, each from right to left"),
     ],
 )
-def test_check_finds_how_the_elements_are_wired(root, small, undrawn, order, words, tmp_path):
+def test_check_finds_how_the_elements_are_wired(workspace, root, small, undrawn, order, words, tmp_path):
     folder, values = small
     logs = wired(folder, tmp_path / "logs", order)
-    first = check.check("touch", logs, values)
+    first = check.check(workspace, "touch", logs, values)
     assert re.search(words, first) and f"touch.sensor.order: {order}" in first, first
     mended = values | {"touch": values["touch"] | {"sensor": values["touch"]["sensor"] | {"order": order}}}
-    assert check.check("touch", logs, mended) is None
+    assert check.check(workspace, "touch", logs, mended) is None
     plain = experiments.module("touch").read_recording(folder / "single" / "day1_0", values["touch"])[0]
     again = experiments.module("touch").read_recording(logs / "single" / "day1_0", mended["touch"])[0]
     assert again["v"].equals(plain["v"])
 
 
-def test_check_is_not_ready_where_no_element_answers_its_place(root, small, undrawn, tmp_path):
+def test_check_is_not_ready_where_no_element_answers_its_place(workspace, root, small, undrawn, tmp_path):
     """The CNC's places are those of other presses."""
     folder, values = small
     rng = np.random.default_rng(0)
     logs = changed(folder, tmp_path / "logs", numbers(lambda v: [*rng.uniform(1, [29, 19]), v[2]]), "cnc.log")
-    first = check.check("touch", logs, values)
+    first = check.check(workspace, "touch", logs, values)
     assert re.search(r"strongest in \d+ % of firm contacts, and no order of the elements explains many more", first)
 
 
@@ -336,13 +337,13 @@ def test_logs_of_one_clock_are_not_aligned(small, tmp_path):
         module.read_recording(folder / "single" / "day1_0", shared)
 
 
-def test_one_element_needs_no_places(tmp_path, undrawn, root):
+def test_one_element_needs_no_places(workspace, tmp_path, undrawn, root):
     own_logs.touch(tmp_path / "logs", 1, 1, 40.0, seconds=40.0, recordings=1, conditions=())
     (tmp_path / "logs" / "single" / "day1_0" / "cnc.log").unlink()
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["touch"]["sensor"] = {"rows": 1, "cols": 1, "pitch_mm": 10.0, "element_mm": 9.0}
     values["touch"]["label"] |= {"map_rows": 3, "map_cols": 3}
-    assert check.check("touch", tmp_path / "logs", values) is None
+    assert check.check(workspace, "touch", tmp_path / "logs", values) is None
     frames = experiments.module("touch").read_recording(tmp_path / "logs" / "single" / "day1_0", values["touch"])[0]
     assert set(schemas.matrix(frames["x_mm"])[:, 0]) == {5.0}
 
@@ -365,15 +366,15 @@ def test_conditions_that_train_and_their_tips(small, tmp_path):
     assert set(part[0]) <= {"test", "unused"} and {"train", "validation", "test"} <= set(part[1])
 
 
-def test_ingest_says_that_check_knows_more(root, small):
+def test_ingest_says_that_check_knows_more(workspace, root, small):
     folder, values = small
     logs = changed(folder, root / "data" / "own" / "sensor", lambda lines: [line.replace(",", ";") for line in lines])
     settings = values["touch"] | {"source": "data/own/sensor"}
     with pytest.raises(InputError, match=rf"{logs}.* \(`tactile check touch data/own/sensor` says more\)$"):
-        ingest.ingest("touch", settings)
+        ingest.ingest(workspace, "touch", settings)
 
 
-def test_check_says_that_times_come_in_packets(root, small, undrawn, tmp_path, capsys):
+def test_check_says_that_times_come_in_packets(workspace, root, small, undrawn, tmp_path, capsys):
     folder, values = small
     shutil.copytree(folder, tmp_path / "logs")
     log = tmp_path / "logs" / "single" / "day1_0" / "load_cell.log"
@@ -381,20 +382,20 @@ def test_check_says_that_times_come_in_packets(root, small, undrawn, tmp_path, c
     times_s = np.array([int(t_us) for t_us, _ in lines]) / 1e6
     stamped = stamps_us(arrived(times_s, 0.016, np.random.default_rng(0)))
     log.write_text("".join(f"{t_us},{rest}\n" for t_us, (_, rest) in zip(stamped, lines, strict=True)))
-    assert check.check("touch", tmp_path / "logs", values) is None
+    assert check.check(workspace, "touch", tmp_path / "logs", values) is None
     said = capsys.readouterr().out
     assert "times come in packets of 16 ms" in said
     assert float(re.search(r"load_cell.log.*\n *([\d.]+) Hz", said)[1]) == pytest.approx(80, rel=0.005)
 
 
 @pytest.mark.parametrize("name", ["load_cell.csv", "Load_Cell.txt", None])
-def test_check_says_what_lies_there_in_place_of_a_log(root, small, undrawn, name, tmp_path):
+def test_check_says_what_lies_there_in_place_of_a_log(workspace, root, small, undrawn, name, tmp_path):
     folder, values = small
     shutil.copytree(folder, tmp_path / "logs")
     log = tmp_path / "logs" / "single" / "day1_0" / "load_cell.log"
     log.rename(log.with_name(name)) if name else log.unlink()
     wanted = f"the folder has {name}: if that is it, rename it" if name else "add it, with lines of t_us,fz_n"
-    assert check.check("touch", tmp_path / "logs", values) == f"{log}: log not found; {wanted}"
+    assert check.check(workspace, "touch", tmp_path / "logs", values) == f"{log}: log not found; {wanted}"
 
 
 @pytest.mark.parametrize(
@@ -405,25 +406,25 @@ def test_check_says_what_lies_there_in_place_of_a_log(root, small, undrawn, name
     ],
     ids=["millivolts", "metres"],
 )
-def test_check_names_the_mistake_of_a_strain_sensor(root, written, undrawn, file, edit, words, tmp_path):
+def test_check_names_the_mistake_of_a_strain_sensor(workspace, root, written, undrawn, file, edit, words, tmp_path):
     logs = changed(written / "strain", tmp_path / "logs", numbers(edit), file)
-    assert re.search(words, check.check("strain", logs, strain_values()))
+    assert re.search(words, check.check(workspace, "strain", logs, strain_values()))
 
 
-def test_check_names_the_keys_that_do_not_fit(root, written, undrawn):
+def test_check_names_the_keys_that_do_not_fit(workspace, root, written, undrawn):
     values = touch_values("3x7")
     values["touch"]["label"]["map_cols"] = 20
-    first = check.check("touch", written / "3x7", values)
+    first = check.check(workspace, "touch", written / "3x7", values)
     assert "touch.label.map_cols: 20 is no multiple of touch.sensor.cols (7), which lomp needs; set 21" in first
     values = strain_values()
     values["strain"]["sensor"]["channels"] = 6
-    assert "4 voltages per line" in check.check("strain", written / "strain", values)
+    assert "4 voltages per line" in check.check(workspace, "strain", written / "strain", values)
 
 
-def test_a_task_without_a_recording_is_one_sentence(root, written, undrawn, tmp_path):
+def test_a_task_without_a_recording_is_one_sentence(workspace, root, written, undrawn, tmp_path):
     shutil.copytree(written / "strain", tmp_path / "logs")
     shutil.rmtree(tmp_path / "logs" / "task_2")
-    first = check.check("strain", tmp_path / "logs", strain_values())
+    first = check.check(workspace, "strain", tmp_path / "logs", strain_values())
     assert "strain.protocols.task_2: no recording of this task to train on" in first
 
 
@@ -593,7 +594,7 @@ def test_one_strain_sensor_of_two_days_end_to_end(tmp_path):
 
 @pytest.mark.parametrize("name", own_logs.UNPRINTABLE, ids=ascii)
 @pytest.mark.parametrize("place", ["condition", "recording", "source"])
-def test_a_name_that_is_no_line_of_text_is_one_sentence(root, small, undrawn, name, place):
+def test_a_name_that_is_no_line_of_text_is_one_sentence(workspace, root, small, undrawn, name, place):
     folder, values = small
     logs = root / "data" / "own" / (name if place == "source" else "sensor")
     shutil.copytree(folder, logs)
@@ -602,10 +603,10 @@ def test_a_name_that_is_no_line_of_text_is_one_sentence(root, small, undrawn, na
         recording.rename(logs / "single" / name) if place == "recording" else (logs / "single").rename(logs / name)
     words = r"has a line break, another control character or bytes that are no UTF-8; rename the folder"
     with pytest.raises(InputError, match=words) as refused:
-        check.check("touch", logs, values)
+        check.check(workspace, "touch", logs, values)
     assert str(refused.value).isascii() and ascii(name) in str(refused.value)
     with pytest.raises(InputError, match=words):
-        ingest.ingest("touch", values["touch"] | {"source": f"data/own/{logs.name}"})
+        ingest.ingest(workspace, "touch", values["touch"] | {"source": f"data/own/{logs.name}"})
 
 
 @pytest.mark.parametrize("experiment", ["strain", "glove"])
@@ -618,7 +619,7 @@ def test_names_of_every_experiment_are_looked_at(written, tmp_path, experiment):
         recordings(tmp_path / "logs")
 
 
-def test_any_name_of_a_touch_condition(tmp_path):
+def test_any_name_of_a_touch_condition(workspace, tmp_path):
     """Conditions and recordings of all NAMES, stage by stage, and the files that name them."""
     project = Project(tmp_path)
     logs = project.folder / "data" / "own" / "sensor"
@@ -638,7 +639,7 @@ def test_any_name_of_a_touch_condition(tmp_path):
         rows = pd.read_csv(table, dtype=str, keep_default_na=False, encoding="utf-8")
         assert set(rows["condition"]) == {"single", *own_logs.NAMES}
     tables, _, _ = (accuracy / "README.md").read_text(encoding="utf-8").partition("## Figures")
-    cells = re.findall("<td[^>]*>(.*?)</td>", Pages(()).render(tables, "touch/accuracy", 1, "Own sensor"))
+    cells = re.findall("<td[^>]*>(.*?)</td>", Pages(workspace, ()).render(tables, "touch/accuracy", 1, "Own sensor"))
     for name in own_logs.NAMES:
         assert any(f"{escape(name)}/" in cell for cell in cells), name
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from builders.project import ROOT, lock, mlflow_runs
+from builders.project import ROOT, copy_code, lock, mlflow_runs
 
 MODELS = ["constant", "linear", "tree", "cnn", "rnn", "lomp", "lomp_stream"]
 
@@ -291,6 +291,7 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     """A model is a file and a block: no other edit. In a copy, so that the other tests keep theirs."""
     copy = tmp_path / "project"
     shutil.copytree(miniature.folder, copy, symlinks=True)
+    copy_code(copy)
     project = type(miniature).__new__(type(miniature))
     project.folder = copy
     project.environment = miniature.environment | {"PYTHONPATH": str(copy)}
@@ -404,6 +405,7 @@ def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_pa
     """No other edit takes it from its logs to scores and stress tests."""
     copy = tmp_path / "project"
     shutil.copytree(miniature.folder, copy, symlinks=True)
+    copy_code(copy)
     project = type(miniature).__new__(type(miniature))
     project.folder = copy
     project.environment = miniature.environment | {"PYTHONPATH": str(copy)}

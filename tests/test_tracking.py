@@ -15,8 +15,8 @@ import yaml
 from builders.made_results import EPOCHS, write_results
 
 from pipeline import models
-from pipeline.base import paths
 from pipeline.base.errors import InputError, run_stage
+from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store, packages, predictor
 from pipeline.stages import track
@@ -60,43 +60,46 @@ def write_repository(root: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def tracked(tmp_path_factory):
+def workspace(tmp_path_factory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("tracked"))
+
+
+@pytest.fixture(scope="module")
+def tracked(workspace):
     """A repository whose runs are in its store; creating one takes seconds, so all tests share it."""
-    root = tmp_path_factory.mktemp("tracked")
+    root = workspace.root
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", root)
-        patch.setattr(paths, "PARAMS", root / "params.yaml")
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         write_repository(root)
-        track.track(PARAMS)
+        track.track(workspace, PARAMS)
         yield root
 
 
-def client() -> mlflow.MlflowClient:
-    return mlflow.MlflowClient(tracking_uri=f"sqlite:///{mlflow_store.folder() / 'mlflow.db'}")
+def client(workspace) -> mlflow.MlflowClient:
+    return mlflow.MlflowClient(tracking_uri=f"sqlite:///{mlflow_store.folder(workspace) / 'mlflow.db'}")
 
 
-def all_runs() -> dict:
+def all_runs(workspace) -> dict:
     """Run id -> run, deleted ones as well."""
-    source = client()
+    source = client(workspace)
     found = source.search_runs([source.get_experiment_by_name("touch").experiment_id], run_view_type=3)
     return {run.info.run_id: run for run in found}
 
 
-def current() -> dict:
+def current(workspace) -> dict:
     """(model, seed) -> the one run that is current."""
-    runs = [run for run in all_runs().values() if run.data.tags["current"] == "true"]
+    runs = [run for run in all_runs(workspace).values() if run.data.tags["current"] == "true"]
     runs = [run for run in runs if run.info.lifecycle_stage == "active"]
     by_key = {(run.data.tags["model"], run.data.tags["seed"]): run for run in runs}
     assert len(by_key) == len(runs) == 4
     return by_key
 
 
-def new_runs(values: dict = PARAMS) -> list:
+def new_runs(workspace, values: dict = PARAMS) -> list:
     """Track, and return the runs that this added; those that were there must be as before, but for `current`."""
-    before = all_runs()
-    track.track(values)
-    after = all_runs()
+    before = all_runs(workspace)
+    track.track(workspace, values)
+    after = all_runs(workspace)
     for run_id, run in before.items():
         assert after[run_id].data.metrics.keys() == run.data.metrics.keys()
         assert after[run_id].data.params == run.data.params
@@ -113,8 +116,8 @@ def change(file: Path, column: str, value, row: int = 0) -> str:
     return former
 
 
-def test_a_run_says_what_was_trained_and_how_well_it_does(tracked):
-    run = current()["lomp", "1"]
+def test_a_run_says_what_was_trained_and_how_well_it_does(workspace, tracked):
+    run = current(workspace)["lomp", "1"]
     assert run.info.run_name == "LoMP, press, seed 1" and run.info.status == "FINISHED"
     assert run.info.end_time - run.info.start_time == 2000  # the training's seconds in ms
     assert run.data.params == {
@@ -125,37 +128,37 @@ def test_a_run_says_what_was_trained_and_how_well_it_does(tracked):
     assert run.data.metrics.items() >= scores.items()
     tags = {"unit.rmse": "kPa", "published.single.rmse": "2.17", "stop_reason": "closed_form"}
     assert run.data.tags.items() >= tags.items()
-    curve = client().get_metric_history(run.info.run_id, "validation_loss")
+    curve = client(workspace).get_metric_history(run.info.run_id, "validation_loss")
     assert [(point.step, point.value) for point in curve] == [(n, 10.0 / n) for n in range(1, EPOCHS + 1)]
-    files = {file.path for file in client().list_artifacts(run.info.run_id)}
+    files = {file.path for file in client(workspace).list_artifacts(run.info.run_id)}
     assert files == {"model", "params.yaml", "fit.json", "history.csv"}
     note = run.data.tags["mlflow.note.content"]
     assert "float32 (n, 6) in counts" in note and "float32 (n, 3, 5) in kPa" in note
-    about = client().get_experiment_by_name("touch").tags["mlflow.note.content"]
+    about = client(workspace).get_experiment_by_name("touch").tags["mlflow.note.content"]
     assert "float32 (n, 6) in counts" in about and "`unit.<metric>`" in about
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_run_opens_with_its_own_weights(tracked, tmp_path, monkeypatch, seed):
-    run = current()["linear", str(seed)]
+def test_every_run_opens_with_its_own_weights(workspace, tracked, tmp_path, monkeypatch, seed):
+    run = current(workspace)["linear", str(seed)]
     readings = np.random.default_rng(9).integers(0, 1024, (12, 6)).astype(np.float32)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tracked / 'mlruns' / 'mlflow.db'}")
     opened = mlflow.pyfunc.load_model(f"runs:/{run.info.run_id}/model")
-    packages.make(PARAMS, "touch", "linear", "press", seed, tmp_path / "ours")
+    packages.make(workspace, PARAMS, "touch", "linear", "press", seed, tmp_path / "ours")
     ours = predictor.load(tmp_path / "ours").predict(readings)
     np.testing.assert_array_equal(opened.predict(readings), ours)
     assert ours.shape == (12, 3, 5) and np.isfinite(ours[-1]).all()
-    folder, origin = packages.locate(run.info.run_id, PARAMS, tmp_path / "from_mlflow")
+    folder, origin = packages.locate(workspace, run.info.run_id, PARAMS, tmp_path / "from_mlflow")
     assert origin == "from MLflow" and cards.read(folder).seed == seed
     np.testing.assert_array_equal(predictor.load(folder).predict(readings), ours)
     assert sorted(file.name for file in folder.iterdir()) == ["card.json", "estimator.skops"]
 
 
-def test_a_second_call_adds_nothing_and_prints_the_comparison(tracked, capsys):
-    assert not new_runs()
+def test_a_second_call_adds_nothing_and_prints_the_comparison(workspace, tracked, capsys):
+    assert not new_runs(workspace)
     said = capsys.readouterr().out
     assert "velostat_recorded: not run, so nothing to track (recordings not downloaded)" in said
-    number = client().get_experiment_by_name("touch").experiment_id
+    number = client(workspace).get_experiment_by_name("touch").experiment_id
     start, _, query = said.strip().splitlines()[-1].partition("/runs?")
     where = f"http://127.0.0.1:5055/#/experiments/{number}"
     assert start.endswith(f": 0 of 4 runs are new in MLflow; compare them at {where}")
@@ -168,77 +171,78 @@ def test_a_second_call_adds_nothing_and_prints_the_comparison(tracked, capsys):
     }
 
 
-def test_another_result_adds_a_run_and_the_old_one_stays(tracked):
-    first = current()[LINEAR].info.run_id
-    change(paths.latency("touch"), "p50_ms", 0.9)
-    assert not new_runs()  # times are no part of a result
-    former = change(paths.scores("touch"), "value", 8.75)
-    weights = paths.run_folder("touch", "lomp", "press", 1) / "estimator.skops"
+def test_another_result_adds_a_run_and_the_old_one_stays(workspace, tracked):
+    first = current(workspace)[LINEAR].info.run_id
+    change(workspace.latency("touch"), "p50_ms", 0.9)
+    assert not new_runs(workspace)  # times are no part of a result
+    former = change(workspace.scores("touch"), "value", 8.75)
+    weights = workspace.run_folder("touch", "lomp", "press", 1) / "estimator.skops"
     trained = weights.read_bytes()
     weights.write_bytes(b"trained anew")
-    new = {(run.data.tags["model"], run.data.tags["seed"]): run for run in new_runs()}
+    new = {(run.data.tags["model"], run.data.tags["seed"]): run for run in new_runs(workspace)}
     assert new.keys() == {LINEAR, ("lomp", "1")} and new[LINEAR].data.metrics["single.rmse"] == 8.75
-    assert current()[LINEAR].info.run_id == new[LINEAR].info.run_id
-    assert all_runs()[first].data.tags["current"] == "false"
-    paths.scores("touch").write_text(former)
+    assert current(workspace)[LINEAR].info.run_id == new[LINEAR].info.run_id
+    assert all_runs(workspace)[first].data.tags["current"] == "false"
+    workspace.scores("touch").write_text(former)
     weights.write_bytes(trained)
-    assert not new_runs() and current()[LINEAR].info.run_id == first  # the old result again is the old run again
+    assert (
+        not new_runs(workspace) and current(workspace)[LINEAR].info.run_id == first
+    )  # the old result again is the old run again
 
 
-def test_a_failed_run_is_logged(tracked):
-    former = change(paths.scores("touch"), "value", np.nan)
-    history = paths.run_folder("touch", "linear", "press", 0) / "history.csv"
+def test_a_failed_run_is_logged(workspace, tracked):
+    former = change(workspace.scores("touch"), "value", np.nan)
+    history = workspace.run_folder("touch", "linear", "press", 0) / "history.csv"
     curve = change(history, "validation_loss", np.inf)
-    (new,) = new_runs()
+    (new,) = new_runs(workspace)
     assert np.isnan(new.data.metrics["single.rmse"]) and new.info.status == "FINISHED"
     assert "validation_loss" not in new.data.metrics and new.data.metrics["train_loss"] == 9.0
     history.write_text(curve)
-    paths.scores("touch").write_text(former)
-    assert not new_runs()
+    workspace.scores("touch").write_text(former)
+    assert not new_runs(workspace)
 
 
-def test_what_was_deleted_or_left_half_way_is_logged_anew(tracked):
-    deleted, unfinished = current()[LINEAR].info.run_id, current()["linear", "1"].info.run_id
-    client().delete_run(deleted)
-    client().update_run(unfinished, status="RUNNING")  # as a call leaves it that is killed
-    assert len(new_runs()) == 2 and not new_runs()
-    assert client().get_run(unfinished).info.status == "KILLED"
-    assert client().get_run(deleted).info.lifecycle_stage == "deleted"
-    assert not {deleted, unfinished} & {run.info.run_id for run in current().values()}
+def test_what_was_deleted_or_left_half_way_is_logged_anew(workspace, tracked):
+    deleted, unfinished = current(workspace)[LINEAR].info.run_id, current(workspace)["linear", "1"].info.run_id
+    client(workspace).delete_run(deleted)
+    client(workspace).update_run(unfinished, status="RUNNING")  # as a call leaves it that is killed
+    assert len(new_runs(workspace)) == 2 and not new_runs(workspace)
+    assert client(workspace).get_run(unfinished).info.status == "KILLED"
+    assert client(workspace).get_run(deleted).info.lifecycle_stage == "deleted"
+    assert not {deleted, unfinished} & {run.info.run_id for run in current(workspace).values()}
 
 
-def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(tracked, monkeypatch, tmp_path):
-    number = client().get_experiment_by_name("touch").experiment_id
-    client().delete_experiment(number)
+def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tracked, monkeypatch, tmp_path):
+    number = client(workspace).get_experiment_by_name("touch").experiment_id
+    client(workspace).delete_experiment(number)
     with pytest.raises(InputError, match=f"experiment touch was deleted there.*restore -x {number}"):
-        track.track(PARAMS)
-    client().restore_experiment(number)
+        track.track(workspace, PARAMS)
+    client(workspace).restore_experiment(number)
     shutil.copytree(tracked, tmp_path / "copy")
-    monkeypatch.setattr(paths, "ROOT", tmp_path / "copy")
     with pytest.raises(InputError, match=r"^mlruns/mlflow.db: .* moved or copied; delete mlruns"):
-        track.track(PARAMS)
+        track.track(Workspace(tmp_path / "copy"), PARAMS)
 
 
-def test_conditions_of_any_name_are_logged_apart(tracked):
-    former = change(paths.scores("touch"), "condition", "two fingers (90°)::größer")
-    (new,) = new_runs()
+def test_conditions_of_any_name_are_logged_apart(workspace, tracked):
+    former = change(workspace.scores("touch"), "condition", "two fingers (90°)::größer")
+    (new,) = new_runs(workspace)
     assert new.data.metrics["two fingers _90____größer.rmse"] == 8.5
-    table = pd.read_csv(paths.scores("touch"))
+    table = pd.read_csv(workspace.scores("touch"))
     alike = table[:1].assign(condition="two fingers [90°]::größer")
-    pd.concat([table, alike]).to_csv(paths.scores("touch"), index=False)
+    pd.concat([table, alike]).to_csv(workspace.scores("touch"), index=False)
     with pytest.raises(InputError, match="scores.csv: two rows for the same condition and metric"):
-        track.track(PARAMS)
-    paths.scores("touch").write_text(former)
-    track.track(PARAMS)
+        track.track(workspace, PARAMS)
+    workspace.scores("touch").write_text(former)
+    track.track(workspace, PARAMS)
 
 
-def test_a_run_of_an_unknown_id_is_one_sentence(tracked, tmp_path):
+def test_a_run_of_an_unknown_id_is_one_sentence(workspace, tracked, tmp_path):
     with pytest.raises(InputError, match="^0{32}: no such run in MLflow"):
-        packages.locate("0" * 32, PARAMS, tmp_path / "draft")
-    own = client().create_run(client().get_experiment_by_name("touch").experiment_id).info.run_id
+        packages.locate(workspace, "0" * 32, PARAMS, tmp_path / "draft")
+    own = client(workspace).create_run(client(workspace).get_experiment_by_name("touch").experiment_id).info.run_id
     with pytest.raises(InputError, match=f"^{own}: this MLflow run holds no model"):
-        packages.locate(own, PARAMS, tmp_path / "draft")
-    client().delete_run(own)
+        packages.locate(workspace, own, PARAMS, tmp_path / "draft")
+    client(workspace).delete_run(own)
 
 
 @pytest.mark.parametrize(
@@ -253,55 +257,55 @@ def test_a_run_of_an_unknown_id_is_one_sentence(tracked, tmp_path):
         ("models/lomp/press-1/estimator.skops", "data/touch/models/lomp/press-1: no network.safetensors or"),
     ],
 )
-def test_a_missing_file_is_named_and_nothing_is_logged(tracked, file, named):
-    path, before = tracked / "data" / "touch" / file, all_runs().keys()
+def test_a_missing_file_is_named_and_nothing_is_logged(workspace, tracked, file, named):
+    path, before = tracked / "data" / "touch" / file, all_runs(workspace).keys()
     away = path.rename(path.with_suffix(".away"))
     with pytest.raises(InputError, match=named):
-        track.track(PARAMS)
+        track.track(workspace, PARAMS)
     away.rename(path)
-    assert all_runs().keys() == before
+    assert all_runs(workspace).keys() == before
 
 
-def test_missing_rows_and_other_settings_are_named(tracked):
-    former = change(paths.scores("touch"), "seed", 7)
+def test_missing_rows_and_other_settings_are_named(workspace, tracked):
+    former = change(workspace.scores("touch"), "seed", 7)
     with pytest.raises(InputError, match=r"scores.csv: no row for protocol press, model linear, seed 0"):
-        track.track(PARAMS)
-    paths.scores("touch").write_text(former)
+        track.track(workspace, PARAMS)
+    workspace.scores("touch").write_text(former)
     other = copy.deepcopy(PARAMS)
     other["touch"]["models"]["lomp"]["hidden"] = 16
     with pytest.raises(InputError, match=r"press-0/fit.json: was made with other settings than touch.models.lomp"):
-        track.track(other)
+        track.track(workspace, other)
 
 
 @pytest.mark.parametrize(
     "uri",
     ["http://me:s3cret@127.0.0.1:9", "http://127.0.0.1:9/?token=s3cret", "postgresql://me:s3cret@127.0.0.1:9/runs"],
 )
-def test_an_unreachable_store_is_one_sentence_without_secrets(tracked, uri, monkeypatch, capfd, caplog):
+def test_an_unreachable_store_is_one_sentence_without_secrets(workspace, tracked, uri, monkeypatch, capfd, caplog):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
     with pytest.raises(SystemExit) as ended:
-        run_stage(lambda: track.track(PARAMS))
+        run_stage(lambda: track.track(workspace, PARAMS), workspace.params)
     message = str(ended.value)
     assert message.startswith("error: MLFLOW_TRACKING_URI: the MLflow store cannot be used") and "\n" not in message
     assert "s3cret" not in message + "".join(capfd.readouterr()) + caplog.text
     assert "s3cret" not in mlflow_store.link("1", "press", "single.rmse", ascending=True)
 
 
-def test_a_locked_or_damaged_store_is_one_sentence(tracked, monkeypatch, tmp_path):
+def test_a_locked_or_damaged_store_is_one_sentence(workspace, tracked, monkeypatch, tmp_path):
     with sqlite3.connect(tracked / "mlruns" / "mlflow.db") as other:
         other.execute("begin exclusive")
         with pytest.raises(InputError, match="^mlruns/mlflow.db: .* cannot be used .*locked.*close what else uses it"):
-            track.track(PARAMS)
+            track.track(workspace, PARAMS)
     (tmp_path / "damaged.db").write_text("not a database" * 100)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'damaged.db'}")
     with pytest.raises(InputError, match="cannot be used .*not a database.*move a damaged file away"):
-        track.track(PARAMS)
+        track.track(workspace, PARAMS)
 
 
-def test_runs_of_a_copy_that_dvc_made_go_to_the_checkout(tracked, monkeypatch, tmp_path):
+def test_runs_of_a_copy_that_dvc_made_go_to_the_checkout(workspace, tracked, monkeypatch, tmp_path):
     """DVC_ROOT is also set where a stage of another project starts this one."""
     monkeypatch.setenv("DVC_ROOT", str(tmp_path))
-    assert mlflow_store.folder() == tracked / "mlruns"
-    monkeypatch.setattr(paths, "ROOT", tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx")
-    assert mlflow_store.folder() == tmp_path / "mlruns"
+    assert mlflow_store.folder(workspace) == tracked / "mlruns"
+    copied = Workspace(tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx")
+    assert mlflow_store.folder(copied) == tmp_path / "mlruns"

@@ -2,21 +2,48 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
+
+
+def add_root(parser: argparse.ArgumentParser) -> None:
+    """Add `--root FOLDER`, the workspace; without it the current folder."""
+    parser.add_argument(
+        "--root", type=_workspace, default=Workspace(Path()), metavar="FOLDER", help="work there, not in this folder"
+    )
+
+
+def _workspace(text: str) -> Workspace:
+    if not Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f"there is no folder {text}")
+    return Workspace(Path(text))
+
+
+def run(main: Callable[[Workspace], None]) -> None:
+    """Run the `main` of a stage or study, as `run_stage`, in the workspace that the command line names."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    add_root(parser)
+    workspace = parser.parse_known_args()[0].root
+    run_stage(lambda: main(workspace), workspace.params)
 
 
 def parse(description: str, **positionals: Sequence[str | None] | None) -> argparse.Namespace:
     """Return the positional arguments of the module that runs; a wrong one ends it with a sentence (exit status 2).
 
     description: the module's docstring; positionals: name -> allowed words, or None where any text will do. An
-    argument with None among its words may be left out.
+    argument with None among its words may be left out. `--root` is that of `run`.
     """
     spec = getattr(sys.modules["__main__"], "__spec__", None)
     parser = argparse.ArgumentParser(
         prog=f"python -m {spec.name}" if spec else None,
         description=description.partition("\nUsage:")[0],
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
+    add_root(parser)
     for name, words in positionals.items():
         known = [word for word in words or () if word is not None]
         optional = "?" if words and None in words else None

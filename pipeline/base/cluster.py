@@ -19,8 +19,9 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from pipeline.base import files, paths
+from pipeline.base import files
 from pipeline.base.errors import InputError, memory_error
+from pipeline.base.paths import CODE
 from pipeline.base.processes import KEEP_MEMORY, ONE_THREAD, die_with_parent
 
 CONNECT_S, NO_WORKER_S = 10, 60
@@ -44,14 +45,14 @@ def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterato
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # ValueError: no such port
         raise InputError(f"WORKERS={address}: no Dask scheduler answers there ({error}); start one") from error
-    (paths.ROOT / "data").mkdir(exist_ok=True)
+    root = Path.cwd()
     module = sys.modules["__main__"].__spec__.name if function.__module__ == "__main__" else function.__module__
-    with client, tempfile.NamedTemporaryFile(dir=paths.ROOT / "data", suffix=".unfinished") as mark:
+    with client, tempfile.NamedTemporaryFile(dir=root, suffix=".unfinished") as mark:
         try:
             client.wait_for_workers(1, timeout=NO_WORKER_S)
         except TimeoutError as error:
             raise InputError(f"{address}: no worker for {NO_WORKER_S} s; start one and repeat the command") from error
-        here, futures = (str(paths.ROOT), mark.name, versions()), {}
+        here, futures = (str(root), mark.name, versions()), {}
         for name, (arguments, folder) in calls.items():
             # As one call without arguments: Dask looks for names of other tasks in arguments.
             call = partial(_in_a_process, here, name, (module, function.__qualname__, arguments), folder)
@@ -82,8 +83,8 @@ def _in_a_process(
 ) -> tuple[object, Exception | None]:
     """Do a task in a new process of this worker; return its result and its error.
 
-    here: the project's folder, a file in it that is new, and the versions that are wanted; task: module, function and
-    arguments.
+    here: the stage's current folder, a file in it that is new, and the versions that are wanted; task: module,
+    function and arguments.
     """
     from distributed import get_worker
 
@@ -97,7 +98,8 @@ def _in_a_process(
         files.remove_folder(folder, inside=folder.parent)  # of a worker that was lost while it wrote
     ours, theirs = Pipe()
     command = [sys.executable, "-c", ANSWER, str(theirs.fileno())]
-    environment = {"GLIBC_TUNABLES": KEEP_MEMORY} | os.environ | ONE_THREAD
+    code = os.pathsep.join([str(CODE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {"GLIBC_TUNABLES": KEEP_MEMORY} | os.environ | ONE_THREAD | {"PYTHONPATH": code}
     process = subprocess.Popen(command, cwd=root, env=environment, stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()])
     theirs.close()
     try:

@@ -25,22 +25,20 @@ class InputError(Exception):
         super().__init__(re.sub(r"\s*[\r\n]\s*", " ", message))  # a quoted library's message may have several lines
 
 
-def run_stage(main: Callable[[], None]) -> None:
+def run_stage(main: Callable[[], None], params: Path) -> None:
     """Run a stage's `main`; bad input, a disk and a lack of memory become a sentence on stderr and exit status 1.
 
     Ctrl-C prints nothing and ends with the status that a shell gives it. A stage that DVC started ends when DVC does:
-    otherwise the next `dvc repro` would find the stage still writing. The stage fails where params.yaml changed while
-    it ran: DVC reads the file after the stage, and would take the results for results of the new values.
+    otherwise the next `dvc repro` would find the stage still writing. The stage fails where `params`, its params.yaml,
+    changed while it ran: DVC reads the file after the stage, and would take the results for results of the new values.
     """
-    from pipeline.base import paths  # not at the top: paths imports InputError from here
-
     by_dvc = "DVC_STAGE" in os.environ
     if by_dvc:
         die_with_parent()
-    settings = _content(paths.PARAMS)
+    settings = _content(params)
     try:
         main()
-        if by_dvc and _content(paths.PARAMS) != settings:
+        if by_dvc and _content(params) != settings:
             raise InputError("params.yaml changed while this ran; run `dvc repro` again, for results of the new values")
     except InputError as error:
         sys.exit(f"error: {error}")

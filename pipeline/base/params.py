@@ -22,15 +22,17 @@ DEEPEST = 20  # blocks and lists inside each other; params.yaml has 8. The parse
 SCALES = ("laptop", "paper")  # files of scales/
 
 
-def load(path: Path = paths.PARAMS, sources: Mapping[str, str] | None = None) -> dict:
-    """Return params.yaml as nested dictionaries, every key and value checked against pipeline/settings.
+def load(path: Path, sources: Mapping[str, str] | None = None) -> dict:
+    """Return a file like params.yaml as nested dictionaries, every key and value checked against pipeline/settings.
 
     A stage calls it once, in its `main`, and hands the values on: a file that changes while a stage runs must not
     reach a part of it. sources: as in `check`.
     Raises InputError when the file is missing or not YAML, or a key is unknown, missing or of the wrong kind.
     """
     if not path.is_file():
-        raise InputError(f"{path.name}: not found; run the command from a checkout of the repository")
+        raise InputError(
+            f"{path.name}: not found; run the command from a checkout of the repository, or name one by --root"
+        )
     values = parsed(path)
     check(values, sources)
     return values
@@ -166,30 +168,31 @@ def check_model(key: str, settings, where: str) -> Block:
     return check_block(settings, Models.model_fields[key].annotation, where)
 
 
-def scale_settings(name: str, experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
+def scale_settings(scales: Path, name: str, experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
     """Return (keys, value) of every setting of a scale (a file of scales/) below an experiment, of what it has.
 
     A model or protocol that is not among its own has no settings.
 
-    settings: the experiment's block of params.yaml.
+    scales: the folder of scales; settings: the experiment's block of params.yaml.
     """
-    scale = [(dotted.split("."), value) for dotted, value in parsed(paths.SCALES / f"{name}.yaml").items()]
+    scale = [(dotted.split("."), value) for dotted, value in parsed(scales / f"{name}.yaml").items()]
     below = [(keys, value) for (block, *keys), value in scale if block == experiment]
     chosen = ("models", "protocols")
     return [(keys, value) for keys, value in below if keys[0] not in chosen or keys[1] in settings[keys[0]]]
 
 
-def scale_of(experiment: str, settings: Mapping) -> str:
+def scale_of(scales: Path, experiment: str, settings: Mapping) -> str:
     """Return the scale that an experiment's settings are of: laptop, paper, both where they are the same, or other.
 
-    settings: the experiment's block of params.yaml. What only a study of it reads is not looked at.
+    scales: the folder of scales; settings: the experiment's block of params.yaml. What only a study of it reads is not
+    looked at.
     """
     names = [
         name
         for name in SCALES
         if all(
             functools.reduce(lambda block, key: block[key], keys, settings) == value
-            for keys, value in scale_settings(name, experiment, settings)
+            for keys, value in scale_settings(scales, name, experiment, settings)
         )
     ]
     return "both" if len(names) > 1 else names[0] if names else "other"

@@ -5,11 +5,11 @@ from pathlib import Path
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from pipeline.base import files, params, paths
+from pipeline.base import files, params
 from pipeline.base.errors import InputError
 
 
-def set_values(values: dict, params_file: Path, source: str = paths.PARAMS.name) -> None:
+def set_values(values: dict, params_file: Path, source: str = "params.yaml") -> None:
     """Set the values of dotted keys (`touch.window.stride`) in a params file; InputError for an unknown key.
 
     A key that the file lacks is set where it is optional. `source`: the file that the values are from, which a sentence

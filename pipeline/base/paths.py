@@ -1,161 +1,155 @@
-"""Give every file of an experiment its path."""
+"""Give every file of a workspace its path, and name the folders of the installed code."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.base.errors import InputError
 
-ROOT = Path(__file__).resolve().parents[2]
-MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from
-PARAMS = ROOT / "params.yaml"
-CODE = ROOT / "pipeline"
+CODE = Path(__file__).parents[1]
 EXPERIMENTS = CODE / "experiments"  # one file per experiment
 MODELS = CODE / "models"  # one file per row of a table
-SOURCES = ROOT / "data" / "sources"
-REPORTS = ROOT / "reports"
-SCALES = ROOT / "scales"  # amounts of data, epochs and runs: laptop.yaml, paper.yaml
+MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from
 
 
-def shown(path: Path) -> str:
-    """Return `path` as a message names it: relative to the repository."""
-    return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else str(path)
+@dataclass(frozen=True)
+class Workspace:
+    """A folder with params.yaml, in which stages and commands read and write: a checkout, or one of an own sensor.
 
-
-def experiment_folder(experiment: str) -> Path:
-    """Return `data/<experiment>`, the folder of all that the stages of one experiment write."""
-    return ROOT / "data" / experiment
-
-
-def logs(experiment: str) -> Path:
-    """Return the folder of raw logs that the simulator writes: `<condition>/<recording>/<device>.log`."""
-    return experiment_folder(experiment) / "logs"
-
-
-def frames(experiment: str) -> Path:
-    """Return the file of aligned, validated frames (output of ingest)."""
-    return experiment_folder(experiment) / "frames.parquet"
-
-
-def rejects(experiment: str) -> Path:
-    """Return the file of rejected lines with file, number and reason, the first with their text (output of ingest)."""
-    return experiment_folder(experiment) / "rejects.parquet"
-
-
-def ingest_report(experiment: str) -> Path:
-    """Return the report of ingest: rates, clock offsets, gaps and reject counts per recording."""
-    return experiment_folder(experiment) / "ingest.json"
-
-
-def check(experiment: str) -> Path:
-    """Return the picture of a folder of own logs, written by `tactile check`; no stage reads it."""
-    return experiment_folder(experiment) / "check.png"
-
-
-def windows(experiment: str) -> Path:
-    """Return the table with one row per window (output of window)."""
-    return experiment_folder(experiment) / "windows.parquet"
-
-
-def dataset(experiment: str) -> Path:
-    """Return the table of windows with labels and one split column per run (output of dataset)."""
-    return experiment_folder(experiment) / "dataset.parquet"
-
-
-def models(experiment: str) -> Path:
-    """Return the folder of an experiment's trained models (output of train)."""
-    return experiment_folder(experiment) / "models"
-
-
-def model_folder(experiment: str, model: str) -> Path:
-    """Return the folder that `train` writes for one model: one folder per run, named `<protocol>-<seed>`."""
-    return models(experiment) / model
-
-
-def model_draft(experiment: str, model: str) -> Path:
-    """Return the folder in which `train` builds a model's folder: outside `models`, so that no stage reads a draft."""
-    return experiment_folder(experiment) / "unfinished" / model
-
-
-def run_folder(experiment: str, model: str, protocol: str, seed: int) -> Path:
-    """Return the folder of one trained model: its files, `history.csv` and `fit.json`."""
-    return model_folder(experiment, model) / f"{protocol}-{seed}"
-
-
-def training_times(experiment: str, model: str) -> Path:
-    """Return the file of measured training seconds, apart from the model because they differ from call to call.
-
-    The folder holds nothing else: the stage latency, which joins the seconds of all models, depends on it.
+    `root` as it was given: messages name files by it, and for the current folder that is `data/...`.
     """
-    return experiment_folder(experiment) / "latency" / f"{model}.train.csv"
 
+    root: Path
 
-def latency(experiment: str) -> Path:
-    """Return the file of measured inference times (output of latency)."""
-    return experiment_folder(experiment) / "speed" / "latency.csv"
+    @property
+    def params(self) -> Path:
+        """Return the file of settings."""
+        return self.root / "params.yaml"
 
+    @property
+    def scales(self) -> Path:
+        """Return the folder of amounts of data, epochs and runs: laptop.yaml, paper.yaml."""
+        return self.root / "scales"
 
-def predictions(experiment: str) -> Path:
-    """Return the folder with one Parquet file per model: the predictions of all its runs on the test windows."""
-    return experiment_folder(experiment) / "predictions"
+    @property
+    def sources(self) -> Path:
+        """Return the folder of public recordings that the user downloaded."""
+        return self.root / "data" / "sources"
 
+    @property
+    def reports(self) -> Path:
+        """Return the folder of what people read."""
+        return self.root / "reports"
 
-def scores(experiment: str) -> Path:
-    """Return the table with one row per metric, in full precision (output of evaluate)."""
-    return experiment_folder(experiment) / "scores.csv"
+    def experiment_folder(self, experiment: str) -> Path:
+        """Return `data/<experiment>`, the folder of all that the stages of one experiment write."""
+        return self.root / "data" / experiment
 
+    def logs(self, experiment: str) -> Path:
+        """Return the folder of raw logs that the simulator writes: `<condition>/<recording>/<device>.log`."""
+        return self.experiment_folder(experiment) / "logs"
 
-def augmentation(experiment: str) -> Path:
-    """Return the scores of one model with each augmentation method alone (output of augmentation)."""
-    return experiment_folder(experiment) / "augmentation.csv"
+    def frames(self, experiment: str) -> Path:
+        """Return the file of aligned, validated frames (output of ingest)."""
+        return self.experiment_folder(experiment) / "frames.parquet"
 
+    def rejects(self, experiment: str) -> Path:
+        """Return the file of rejected lines: file, number and reason, of the first their text (output of ingest)."""
+        return self.experiment_folder(experiment) / "rejects.parquet"
 
-def input_frames(experiment: str) -> Path:
-    """Return the scores of networks that are trained on several input frames (output of input_frames)."""
-    return experiment_folder(experiment) / "input_frames.csv"
+    def ingest_report(self, experiment: str) -> Path:
+        """Return the report of ingest: rates, clock offsets, gaps and reject counts per recording."""
+        return self.experiment_folder(experiment) / "ingest.json"
 
+    def check(self, experiment: str) -> Path:
+        """Return the picture of a folder of own logs, written by `tactile check`; no stage reads it."""
+        return self.experiment_folder(experiment) / "check.png"
 
-def ablation(experiment: str) -> Path:
-    """Return the scores of models with one thing changed (output of ablation)."""
-    return experiment_folder(experiment) / "ablation.csv"
+    def windows(self, experiment: str) -> Path:
+        """Return the table with one row per window (output of window)."""
+        return self.experiment_folder(experiment) / "windows.parquet"
 
+    def dataset(self, experiment: str) -> Path:
+        """Return the table of windows with labels and one split column per run (output of dataset)."""
+        return self.experiment_folder(experiment) / "dataset.parquet"
 
-def probe(experiment: str) -> Path:
-    """Return the scores of naming the object from recorded joint angles alone (output of joint_angles)."""
-    return experiment_folder(experiment) / "probe.csv"
+    def models(self, experiment: str) -> Path:
+        """Return the folder of an experiment's trained models (output of train)."""
+        return self.experiment_folder(experiment) / "models"
 
+    def model_folder(self, experiment: str, model: str) -> Path:
+        """Return the folder that `train` writes for one model: one folder per run, named `<protocol>-<seed>`."""
+        return self.models(experiment) / model
 
-def stag(experiment: str) -> Path:
-    """Return the scores of figure 15 on the STAG data set (output of stag); only a header without the user's file."""
-    return experiment_folder(experiment) / "stag.csv"
+    def model_draft(self, experiment: str, model: str) -> Path:
+        """Return where `train` builds a model's folder: outside `models`, so that no stage reads a draft."""
+        return self.experiment_folder(experiment) / "unfinished" / model
 
+    def run_folder(self, experiment: str, model: str, protocol: str, seed: int) -> Path:
+        """Return the folder of one trained model: its files, `history.csv` and `fit.json`."""
+        return self.model_folder(experiment, model) / f"{protocol}-{seed}"
 
-def claim_inputs(experiment: str) -> Path:
-    """Return the numbers that claims need beside scores, times and counts (output of claim_inputs)."""
-    return experiment_folder(experiment) / "claim_inputs.csv"
+    def training_times(self, experiment: str, model: str) -> Path:
+        """Return the file of measured training seconds, apart from the model because they differ from call to call.
 
+        The folder holds nothing else: the stage latency, which joins the seconds of all models, depends on it.
+        """
+        return self.experiment_folder(experiment) / "latency" / f"{model}.train.csv"
 
-def stress(experiment: str) -> Path:
-    """Return the scores of the trained models on perturbed data (output of stress)."""
-    return experiment_folder(experiment) / "stress.csv"
+    def latency(self, experiment: str) -> Path:
+        """Return the file of measured inference times (output of latency)."""
+        return self.experiment_folder(experiment) / "speed" / "latency.csv"
 
+    def predictions(self, experiment: str) -> Path:
+        """Return the folder with one Parquet file per model: the predictions of all its runs on the test windows."""
+        return self.experiment_folder(experiment) / "predictions"
 
-def stress_scenes(experiment: str) -> Path:
-    """Return the folder of datasets of perturbed scenes, which exists while `stress` runs."""
-    return experiment_folder(experiment) / "unfinished" / "stress"
+    def scores(self, experiment: str) -> Path:
+        """Return the table with one row per metric, in full precision (output of evaluate)."""
+        return self.experiment_folder(experiment) / "scores.csv"
 
+    def augmentation(self, experiment: str) -> Path:
+        """Return the scores of one model with each augmentation method alone (output of augmentation)."""
+        return self.experiment_folder(experiment) / "augmentation.csv"
 
-def physics(experiment: str) -> Path:
-    """Return the scores of small models on the scene without one of its effects (output of physics)."""
-    return experiment_folder(experiment) / "physics.csv"
+    def input_frames(self, experiment: str) -> Path:
+        """Return the scores of networks that are trained on several input frames (output of input_frames)."""
+        return self.experiment_folder(experiment) / "input_frames.csv"
 
+    def ablation(self, experiment: str) -> Path:
+        """Return the scores of models with one thing changed (output of ablation)."""
+        return self.experiment_folder(experiment) / "ablation.csv"
 
-def twins(experiment: str) -> Path:
-    """Return the model-free statistics of a scene and of its recordings (output of twins)."""
-    return experiment_folder(experiment) / "twins.csv"
+    def probe(self, experiment: str) -> Path:
+        """Return the scores of naming the object from recorded joint angles alone (output of joint_angles)."""
+        return self.experiment_folder(experiment) / "probe.csv"
+
+    def stag(self, experiment: str) -> Path:
+        """Return the scores of figure 15 on STAG (output of stag); only a header without the user's file."""
+        return self.experiment_folder(experiment) / "stag.csv"
+
+    def claim_inputs(self, experiment: str) -> Path:
+        """Return the numbers that claims need beside scores, times and counts (output of claim_inputs)."""
+        return self.experiment_folder(experiment) / "claim_inputs.csv"
+
+    def stress(self, experiment: str) -> Path:
+        """Return the scores of the trained models on perturbed data (output of stress)."""
+        return self.experiment_folder(experiment) / "stress.csv"
+
+    def stress_scenes(self, experiment: str) -> Path:
+        """Return the folder of datasets of perturbed scenes, which exists while `stress` runs."""
+        return self.experiment_folder(experiment) / "unfinished" / "stress"
+
+    def physics(self, experiment: str) -> Path:
+        """Return the scores of small models on the scene without one of its effects (output of physics)."""
+        return self.experiment_folder(experiment) / "physics.csv"
+
+    def twins(self, experiment: str) -> Path:
+        """Return the model-free statistics of a scene and of its recordings (output of twins)."""
+        return self.experiment_folder(experiment) / "twins.csv"
 
 
 def require(path: Path, made_by: str) -> Path:
     """Return `path`; where it does not exist, raise InputError that names the command which makes it."""
     if not path.exists():
-        name = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
-        raise InputError(f"{name}: not found; run `{made_by}` first (or `dvc repro` for everything)")
+        raise InputError(f"{path}: not found; run `{made_by}` first (or `dvc repro` for everything)")
     return path

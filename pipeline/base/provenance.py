@@ -7,31 +7,31 @@ from pathlib import Path
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 
 
-def git_state() -> tuple[str, str]:
+def git_state(workspace: Workspace) -> tuple[str, str]:
     """Return the commit of the working tree, and "true" if code or params differ from it, else "false".
 
     `dvc.lock` and `reports/` do not count: the pipeline itself has just written them.
     """
     try:
-        top, commit = _git("rev-parse", "--show-toplevel", "HEAD").split("\n")
-        if Path(top) != paths.ROOT.resolve():  # a copy that lies inside somebody else's repository
+        top, commit = _git(workspace, "rev-parse", "--show-toplevel", "HEAD").split("\n")
+        if Path(top) != workspace.root.resolve():  # a copy that lies inside somebody else's repository
             raise ValueError
-        changes = _git("status", "--porcelain", "--", ".", ":!dvc.lock", ":!reports")
+        changes = _git(workspace, "status", "--porcelain", "--", ".", ":!dvc.lock", ":!reports")
     except (OSError, ValueError, subprocess.CalledProcessError):
         return "unknown (not a git checkout)", "unknown (not a git checkout)"
     return commit, "true" if changes else "false"
 
 
-def check_settings(experiments: Iterable[str], params: dict) -> None:
+def check_settings(workspace: Workspace, experiments: Iterable[str], params: dict) -> None:
     """Raise InputError if DVC made the results of `experiments` with other settings than `params`.
 
     Results that dvc.lock does not know, such as those of stages run by hand, cannot be checked.
     """
-    path = paths.ROOT / "dvc.lock"
+    path = workspace.root / "dvc.lock"
     if not path.is_file():
         return
     try:
@@ -44,20 +44,20 @@ def check_settings(experiments: Iterable[str], params: dict) -> None:
     except (YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError("dvc.lock: was cut short or damaged; delete it and run `dvc repro`") from error
     for experiment in experiments:
-        for output in (paths.scores(experiment), paths.models(experiment)):
-            for dotted, value in made_with.get(paths.shown(output), {}).items():
+        for output in (workspace.scores(experiment), workspace.models(experiment)):
+            file = output.relative_to(workspace.root).as_posix()
+            for dotted, value in made_with.get(file, {}).items():
                 wanted = params
                 for key in dotted.split("."):
                     wanted = wanted.get(key) if isinstance(wanted, Mapping) else None
                 if key := _difference(value, wanted, dotted):
-                    file = paths.shown(output)
                     raise InputError(
                         f"params.yaml, {key}: {file} was made with another value, says dvc.lock; run `dvc repro`"
                     )
 
 
-def _git(*arguments: str) -> str:
-    command = ["git", "-C", str(paths.ROOT), *arguments]
+def _git(workspace: Workspace, *arguments: str) -> str:
+    command = ["git", "-C", str(workspace.root), *arguments]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 

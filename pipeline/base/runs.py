@@ -11,24 +11,27 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pipeline.base import files, params, paths, workers
+from pipeline.base import files, params, workers
 from pipeline.base.availability import why_not_run
+from pipeline.base.paths import Workspace
 
 TIMES = ("protocol", "seed", "train_s")
 ORIGIN = "origin.txt"  # in a model's folder and in its draft
 
 
 def train_all(
+    workspace: Workspace,
     train_run: Callable[..., float],
     values: Mapping,
     experiment: str,
     origins: Mapping[str, str],
     protocols: Collection[str] | None = None,
 ) -> None:
-    """Call `train_run(values, experiment, model, protocol, seed, folder, report)` for every run of models to train.
+    """Call `train_run` for every run of models to train.
 
-    `train_run` writes the run's files to the new `folder`, calls `report` once per epoch and returns the seconds that
-    fitting took. All runs go to the same processes, those of the last model first: params.yaml lists networks last,
+    `train_run(workspace, values, experiment, model, protocol, seed, folder, report)` writes the run's files to the new
+    `folder`, calls `report` once per epoch and returns the seconds that fitting took. All runs go to the same
+    processes, those of the last model first: params.yaml lists networks last,
     and what takes long must not be left to one process at the end. Without recordings a model's folder has no runs.
     Kept is a folder of the same origin whose files are those that were written. The other folders stay until the last
     run is done. Where this call is stopped, its finished runs are kept in the models' drafts, and the next call with
@@ -36,11 +39,11 @@ def train_all(
     `values`: params.yaml; `origins`: model -> digest of all that its runs are made from (see `origin`); `protocols`:
     only these, in place of all.
     """
-    runs = params.runs(values, experiment) if why_not_run(experiment) is None else []
+    runs = params.runs(values, experiment) if why_not_run(workspace, experiment) is None else []
     runs = [run for run in runs if protocols is None or run[0] in protocols]
     origins = {model: origin if runs else "" for model, origin in reversed(origins.items())}
-    origins = {model: origin for model, origin in origins.items() if not _is_kept(experiment, model, origin)}
-    drafts = {model: paths.model_draft(experiment, model) for model in origins}
+    origins = {model: origin for model, origin in origins.items() if not _is_kept(workspace, experiment, model, origin)}
+    drafts = {model: workspace.model_draft(experiment, model) for model in origins}
     seconds = {model: _begin(drafts[model], origin) for model, origin in origins.items()}
     folders = {
         (model, *run): _folder(draft, run)
@@ -57,18 +60,18 @@ def train_all(
         whole, steps = sum(steps.values()), {task: steps[task] for task in folders}
         size = {"total": whole, "initial": whole - sum(steps.values())}
         with tqdm(**size, desc=f"train {experiment}", unit="epoch") as bar:
-            tasks = {task: (values, experiment, *task, folder) for task, folder in folders.items()}
+            tasks = {task: (workspace, values, experiment, *task, folder) for task, folder in folders.items()}
             for (model, *run), taken in workers.run(train_run, tasks, bar, steps=steps, folders=folders):
                 seconds[model][tuple(run)] = taken
                 _write_times(drafts[model] / "times.csv", seconds[model])
     for model, origin in origins.items():
-        _write_times(paths.training_times(experiment, model), {run: seconds[model][run] for run in runs})
-        _finish(drafts[model], paths.model_folder(experiment, model), origin)
+        _write_times(workspace.training_times(experiment, model), {run: seconds[model][run] for run in runs})
+        _finish(drafts[model], workspace.model_folder(experiment, model), origin)
 
 
-def remove_others(experiment: str, models: Collection[str]) -> None:
+def remove_others(workspace: Workspace, experiment: str, models: Collection[str]) -> None:
     """Remove the folders and training times of models that are not among `models`."""
-    kept = {path(experiment, model) for model in models for path in (paths.model_folder, paths.training_times)}
+    kept = {path(experiment, model) for model in models for path in (workspace.model_folder, workspace.training_times)}
     for place in {path.parent for path in kept}:
         for path in set(place.iterdir()) - kept:
             if path.is_dir():
@@ -85,15 +88,15 @@ def origin(settings: object, inputs: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
-def _is_kept(experiment: str, model: str, origin: str) -> bool:
+def _is_kept(workspace: Workspace, experiment: str, model: str, origin: str) -> bool:
     """Tell whether a model's folder is of this origin and as it was written, and has its times; remove its draft."""
-    folder = paths.model_folder(experiment, model)
+    folder = workspace.model_folder(experiment, model)
     mark = folder / ORIGIN
-    if not (mark.is_file() and paths.training_times(experiment, model).is_file()):
+    if not (mark.is_file() and workspace.training_times(experiment, model).is_file()):
         return False
     if mark.read_bytes() != _mark(folder, origin).encode():
         return False
-    draft = paths.model_draft(experiment, model)
+    draft = workspace.model_draft(experiment, model)
     files.remove_folder(draft, inside=draft.parent)
     return True
 

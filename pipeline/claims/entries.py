@@ -29,8 +29,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.claims.expressions import Result, evaluate
 from pipeline.claims.rules import RULES
 from pipeline.scoring import published
@@ -98,12 +98,15 @@ class Paper:
     recorded: str
 
 
-def files() -> list[Path]:
+def files(workspace: Workspace) -> list[Path]:
     """Return the files of claims: the papers', and those of the workspace, claims/*.yaml."""
-    return [*(FOLDER / f"{paper}.yaml" for paper in published.PRINTED), *sorted((paths.ROOT / "claims").glob("*.yaml"))]
+    return [
+        *(FOLDER / f"{paper}.yaml" for paper in published.PRINTED),
+        *sorted((workspace.root / "claims").glob("*.yaml")),
+    ]
 
 
-def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, Paper]]:
+def read(workspace: Workspace, sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, Paper]]:
     """Return all claims, in the order of their files, and paper -> what is said of it.
 
     A later file of the same paper adds to its claims, and need not say again what the first one says. Raises InputError
@@ -112,7 +115,7 @@ def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, 
     heads: dict[str, dict] = {}
     claims: dict[str, Claim] = {}
     papers: dict[str, Paper] = {}
-    for path in files() if sources is None else sources:
+    for path in files(workspace) if sources is None else sources:
         try:
             content = _parsed(path.read_text(encoding="utf-8"))
             if unknown := set(content) - HEAD:
@@ -126,15 +129,15 @@ def read(sources: Sequence[Path] | None = None) -> tuple[list[Claim], dict[str, 
                     raise InputError(f"claim {claim.id}: stands there twice")
                 claims[claim.id] = claim
         except (InputError, yaml.YAMLError, TypeError, AttributeError) as error:
-            raise InputError(f"{paths.shown(path)}: {error}; see pipeline/claims/entries.py") from error
+            raise InputError(f"{path}: {error}; see pipeline/claims/entries.py") from error
         except KeyError as error:
-            raise InputError(f"{paths.shown(path)}: key {error} is missing") from error
+            raise InputError(f"{path}: key {error} is missing") from error
     return list(claims.values()), papers
 
 
-def papers() -> dict[str, Paper]:
+def papers(workspace: Workspace) -> dict[str, Paper]:
     """Return paper -> what is said of it."""
-    return read()[1]
+    return read(workspace)[1]
 
 
 @cache

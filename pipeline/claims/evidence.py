@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.claims import longer
 from pipeline.claims.entries import Claim
 from pipeline.claims.expressions import Result
@@ -32,7 +33,13 @@ WHOLE = "whole"  # column: whether the value is an error of a whole run, as scor
 class Evidence:
     """The results that the claims read, and how much longer trainings would change them."""
 
-    def __init__(self, table: pd.DataFrame, values: Mapping, trainings: Mapping[str, pd.DataFrame] | None = None):
+    def __init__(
+        self,
+        workspace: Workspace,
+        table: pd.DataFrame,
+        values: Mapping,
+        trainings: Mapping[str, pd.DataFrame] | None = None,
+    ):
         """table: see `read`; values: params.yaml; trainings: experiment -> longer trainings, rows as of `longer`."""
         rows = table.astype(dict.fromkeys(KEY, object)).fillna(dict.fromkeys(KEY, "")).fillna({"seed": -1})
         if len(repeated := rows[rows.duplicated([*KEY, "seed"])]):
@@ -44,7 +51,7 @@ class Evidence:
         self._experiments = set(rows["experiment"])
         self._values = values
         self._changes = {name: longer.changes(runs) for name, runs in (trainings or {}).items()}
-        self.scale = cache(lambda name: params.scale_of(name, values[name]) if name in values else "")
+        self.scale = cache(lambda name: params.scale_of(workspace.scales, name, values[name]) if name in values else "")
         self.start()
 
     def start(self) -> None:
@@ -94,12 +101,12 @@ def of_reports(folder: Path) -> dict[str, Path]:
     return {name: folder / f"{name}.csv" for name in names} | studies
 
 
-def of_experiment(experiment: str) -> dict[str, Path]:
+def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path]:
     """Return the files of results that the stages of one experiment write, and of the glove the counts."""
-    files = {"scores": paths.scores(experiment), "latency": paths.latency(experiment)}
-    files |= {"claim_inputs": paths.claim_inputs(experiment)}
-    study = paths.experiment_folder("strain") / "study"
-    further = {"glove": {"counts": paths.REPORTS / "counts.csv"}}
+    files = {"scores": workspace.scores(experiment), "latency": workspace.latency(experiment)}
+    files |= {"claim_inputs": workspace.claim_inputs(experiment)}
+    study = workspace.experiment_folder("strain") / "study"
+    further = {"glove": {"counts": workspace.reports / "counts.csv"}}
     further |= {"strain": {name: study / f"{name}.csv" for name in STUDIES}}
     return files | further.get(experiment, {})
 

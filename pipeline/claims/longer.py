@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import params, paths
+from pipeline.base import params
+from pipeline.base.paths import Workspace
 from pipeline.scoring.results import PLAIN, R2, read_csv, scale_of
 
 ENDED = 0.01  # a longer training changes the error of one that has ended by less, as a share of it
@@ -14,9 +15,9 @@ PLACE = ["protocol", "model", "epochs", "longer_epochs"]
 Network = tuple[str, str, str]  # experiment, protocol, model
 
 
-def path(experiment: str) -> Path:
+def path(workspace: Workspace, experiment: str) -> Path:
     """Return where the trainings of an experiment are: one row per run, of COLUMNS."""
-    return paths.REPORTS / "longer" / f"{experiment}.csv"
+    return workspace.reports / "longer" / f"{experiment}.csv"
 
 
 def read(file: Path) -> pd.DataFrame:

@@ -12,8 +12,8 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 
 REMOTE, OBJECTS = "bundle", "objects"  # DVC's name of the archive's folder, and that folder
 OBJECT = re.compile(OBJECTS + r"/files/md5/[0-9a-f]{2}/[0-9a-f]{30}(\.dir)?")  # a file of DVC's; no other is unpacked
@@ -26,41 +26,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="the archive, a .zip file")
 
 
-def repository(objects: Path):
+def repository(workspace: Workspace, objects: Path):
     """Return DVC's view of this checkout with a folder as its only remote."""
     from dvc.repo import Repo
 
-    return Repo(paths.ROOT, config={"remote": {REMOTE: {"url": str(objects)}}})
+    return Repo(workspace.root, config={"remote": {REMOTE: {"url": str(objects)}}})
 
 
-def write(file: Path) -> int:
+def write(workspace: Workspace, file: Path) -> int:
     """Write the archive; return how many files of DVC's cache are in it. InputError where something was not run."""
     with tempfile.TemporaryDirectory(dir=file.parent) as folder:
         objects = Path(folder) / OBJECTS
         objects.mkdir()
-        with repository(objects) as repo:
+        with repository(workspace, objects) as repo:
             if lost := sorted(str(out) for out in repo.index.outs if out.use_cache and out.changed_cache()):
                 raise InputError(f"{lost[0]}: not in DVC's cache, and {len(lost) - 1} more; run `dvc repro` first")
             count = repo.push(remote=REMOTE)
         draft = Path(folder) / file.name
         with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
             for name in BESIDE:
-                for path in (paths.ROOT / name, *sorted((paths.ROOT / name).rglob("*"))):
-                    archive.write(path, path.relative_to(paths.ROOT))
+                for path in (workspace.root / name, *sorted((workspace.root / name).rglob("*"))):
+                    archive.write(path, path.relative_to(workspace.root))
             for path in sorted(objects.rglob("*")):
                 archive.write(path, path.relative_to(folder))
         draft.replace(file)
     return count
 
 
-def restore(file: Path) -> None:
+def restore(workspace: Workspace, file: Path) -> None:
     """Put what an archive holds in its place. InputError where there is none, or it is of another commit."""
     if not file.is_file():
         raise InputError(f"{file}: there is no such file; `tactile bundle write {file.name}` writes it")
     with tempfile.TemporaryDirectory(dir=file.parent) as folder:
         try:
             with zipfile.ZipFile(file) as archive:
-                if archive.read("dvc.lock") != (paths.ROOT / "dvc.lock").read_bytes():
+                if archive.read("dvc.lock") != (workspace.root / "dvc.lock").read_bytes():
                     wrong = "its dvc.lock is not that of this checkout; `git checkout` the commit it is of"
                     raise InputError(f"{file}: {wrong}")
                 for name in filter(OBJECT.fullmatch, archive.namelist()):
@@ -71,15 +71,15 @@ def restore(file: Path) -> None:
         except (zipfile.BadZipFile, KeyError) as error:
             wrong = f"not an archive that `tactile bundle write {file.name}` wrote, or cut short ({error})"
             raise InputError(f"{file}: {wrong}") from error
-        with repository(Path(folder) / OBJECTS) as repo:
+        with repository(workspace, Path(folder) / OBJECTS) as repo:
             repo.pull(remote=REMOTE)
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Write or restore the archive that was named."""
     if given.what == "write":
-        count = write(given.file)
+        count = write(workspace, given.file)
         print(f"{given.file}: {count} files, {given.file.stat().st_size / 1e6:.0f} MB")
     else:
-        restore(given.file)
+        restore(workspace, given.file)
         print(f"{given.file}: restored; `dvc status` names what is not up to date")

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from pipeline import experiments
 from pipeline.base import params, workers
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.scoring import classification
 from pipeline.stability import changed_scene
 
@@ -34,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def at_paper_scale(values: Mapping, experiment: str) -> None:
+def at_paper_scale(workspace: Workspace, values: Mapping, experiment: str) -> None:
     """Set the experiment's block of params.yaml, in place, to the values of scales/paper.yaml."""
-    for (*keys, last), value in params.scale_settings("paper", experiment, values[experiment]):
+    for (*keys, last), value in params.scale_settings(workspace.scales, "paper", experiment, values[experiment]):
         reduce(getitem, keys, values[experiment])[last] = value
 
 
@@ -72,10 +73,10 @@ def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> 
     asked = changed_scene.Asked([chosen["protocol"]], settings["models"], block, names, part)
     errors = {}
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        changed_scene.write_dataset(experiment, settings, asked.protocols, seed, folder)
+        workspace = Workspace(Path(name))
+        changed_scene.write_dataset(workspace, experiment, settings, asked.protocols, seed)
         for condition, model, scores in changed_scene.scores(
-            experiment, settings, asked, seed, folder, values["device"]
+            workspace, experiment, settings, asked, seed, values["device"]
         ):
             if condition == chosen["condition"]:
                 score = next(number for metric, _, number, _ in scores if metric == chosen["metric"])
@@ -84,11 +85,11 @@ def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> 
     return errors[names[0]], errors[names[1]]
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Print one line per value of the knob and seed, and the value whose mean ratio is nearest to the published one."""
-    values = params.load()
+    values = params.load(workspace.params)
     if given.paper_scale:
-        at_paper_scale(values, given.experiment)
+        at_paper_scale(workspace, values, given.experiment)
     settings = values[given.experiment]
     chosen = settings["yardstick"]
     if settings["source"] != "simulated":

@@ -23,9 +23,10 @@ import pyarrow.compute as pc
 from scipy.optimize import linear_sum_assignment
 
 from pipeline import experiments
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
@@ -496,7 +497,7 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
     return [f"{len(dead)} of {len(lowest)} elements never change (dead, or never touched): {listed}"] if dead else []
 
 
-def check(experiment: str, folder: Path, values: Mapping) -> str | None:
+def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) -> str | None:
     """Print all that was understood, draw it, and return the first thing to fix, or None if ingest can read it all."""
     settings = values[experiment]
     recordings = experiments.module(experiment).recordings(folder)
@@ -515,7 +516,7 @@ def check(experiment: str, folder: Path, values: Mapping) -> str | None:
             findings, wrong = parts(experiment, rows, values)
             said, problems = said + findings, problems + wrong
     print("\n".join(f"  {line}" for line in said))
-    target = paths.check(experiment)
+    target = workspace.check(experiment)
     target.parent.mkdir(parents=True, exist_ok=True)
     drawn = [recording for recording in read if recording.logs][:DRAWN]
     if drawn:
@@ -560,19 +561,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Check the folder named on the command line."""
     experiment, folder = given.experiment, given.folder
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
     with tempfile.TemporaryDirectory() as draft:
-        changed = Path(shutil.copy(paths.PARAMS, draft))
+        changed = Path(shutil.copy(workspace.params, draft))
         of_sensor, source = own_settings(folder), str(folder / SETTINGS)
         set_values(of_sensor, changed, source)
         values = params.load(changed, dict.fromkeys(of_sensor, source))
-    first = check(experiment, folder, values) or own_data.unnoticed(place)
+    first = check(workspace, experiment, folder, values) or own_data.unnoticed(workspace, place)
     if first is not None:
         sys.exit(f"fix first: {first}")
-    place = own_data.setting(place)
+    place = own_data.setting(workspace, place)
     print(f"ready: `tactile try {place}` for a quick look, `tactile own {place}` for all models")

@@ -6,6 +6,7 @@ Each command of `tactile` is a module of this room: its `add_arguments(parser)` 
 
 import argparse
 
+from pipeline.base import arguments
 from pipeline.base.errors import run_stage
 from pipeline.commands import (
     bundle,
@@ -49,16 +50,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="tactile", description=__doc__.partition("\n")[0])
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, module in COMMANDS.items():
-        module.add_arguments(
-            commands.add_parser(
-                name,
-                help=module.__doc__.partition("\n")[0],
-                description=module.__doc__,
-                formatter_class=argparse.RawDescriptionHelpFormatter,
-            )
+        command = commands.add_parser(
+            name,
+            help=module.__doc__.partition("\n")[0],
+            description=module.__doc__,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
         )
+        arguments.add_root(command)
+        module.add_arguments(command)
     given = parser.parse_args()
-    run_stage(lambda: COMMANDS[given.command].main(given))
+    run_stage(lambda: COMMANDS[given.command].main(given.root, given), given.root.params)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--onnx", action="store_true", help="write model.onnx, too")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Export the model named on the command line."""
     import torch
 
@@ -32,9 +33,9 @@ def main(given: argparse.Namespace) -> None:
     torch.set_num_threads(1)
     if given.folder.exists():
         raise InputError(f"{given.folder}: exists already and is never overwritten; give another name")
-    values = params.load()
+    values = params.load(workspace.params)
     with tempfile.TemporaryDirectory() as draft:
-        source, comes_from = packages.locate(given.model, values, Path(draft, "located"))
+        source, comes_from = packages.locate(workspace, given.model, values, Path(draft, "located"))
         card, package = cards.read(source), Path(draft, "package")
         package.mkdir()
         for path in (source / cards.NAME, cards.weights_file(source)):

@@ -15,6 +15,7 @@ from urllib.request import Request, urlopen
 from tqdm import tqdm
 
 from pipeline.base.errors import InputError, storage_error
+from pipeline.base.paths import Workspace
 from pipeline.logs import sources
 
 TIMEOUT_S = 60
@@ -23,9 +24,9 @@ LARGEST_FILE = 256 << 20  # bytes; the largest recording has 4 MB
 SIZES = {"velostat_recorded": 16_927_854, "strain_recorded": 5_867_681, "glove_recorded": 5_093_550}  # bytes
 
 
-def state(name: str) -> str:
+def state(workspace: Workspace, name: str) -> str:
     """Return how much of a source is downloaded: absent, partly (how many files are right), or complete."""
-    listed, target = sources.files(name), sources.folder(name)
+    listed, target = sources.files(name), sources.folder(workspace, name)
     present = [path for path in listed if (target / path).is_file()]
     right = sum(sources.sha256(target / path) == listed[path] for path in present)
     if right == len(listed):
@@ -34,12 +35,12 @@ def state(name: str) -> str:
     return f"partly: {right} of {len(listed)} files{wrong}" if present else "absent"
 
 
-def listing() -> str:
+def listing(workspace: Workspace) -> str:
     """Return all sources with files, size, state, licence and address, as lines of text."""
     rows = [("source", "files", "size", "state", "licence")]
     for name, source in sources.SOURCES.items():
         size = f"{SIZES[name] / 1e6:.1f} MB"
-        rows.append((name, str(len(sources.files(name))), size, state(name), source.licence))
+        rows.append((name, str(len(sources.files(name))), size, state(workspace, name), source.licence))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     lines += ["", "from, at pinned commits:"]
@@ -52,14 +53,14 @@ def listing() -> str:
     return "\n".join(lines)
 
 
-def fetch(name: str, from_folder: Path | None = None) -> tuple[int, int]:
+def fetch(workspace: Workspace, name: str, from_folder: Path | None = None) -> tuple[int, int]:
     """Put every file of source `name` into `sources.folder(name)`.
 
     Files come from `from_folder` (laid out like the source) if given, from the public address otherwise.
     Returns how many files were written and how many were already right. Raises InputError if a file is
     missing, cannot be downloaded or is not the expected one; what was written before stays.
     """
-    target, listed = sources.folder(name), sources.files(name)
+    target, listed = sources.folder(workspace, name), sources.files(name)
     if from_folder is not None and not from_folder.is_dir():
         raise InputError(f"{from_folder}: no such folder; give the folder that holds the files of {name}")
     written = kept = 0
@@ -140,13 +141,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--from", dest="from_folder", type=Path, metavar="FOLDER", help="copy, do not download")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """List the sources, or fetch the one named on the command line."""
     if given.name is None:
         if given.from_folder is not None:
             raise InputError(f"--from: name the source too, one of {', '.join(sources.SOURCES)}")
-        print(listing())
+        print(listing(workspace))
         return
-    written, kept = fetch(given.name, given.from_folder)
+    written, kept = fetch(workspace, given.name, given.from_folder)
     print(f"{given.name}: {written} files written, {kept} already there, all SHA-256 right")
     print(f"licence: {sources.source(given.name).licence}")

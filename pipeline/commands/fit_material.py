@@ -32,8 +32,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.experiments import velostat_recorded
 from pipeline.logs import parse, sources
 from pipeline.reporting import material as report
@@ -298,11 +298,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add nothing to the parser of this command."""
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Fit, score, and write `velostat.json` and `reports/material/`."""
-    if not sources.is_complete(SOURCE):
+    if not sources.is_complete(workspace, SOURCE):
         raise InputError(f"data/sources/{SOURCE}: no recordings; run `tactile fetch {SOURCE}`")
-    folder = sources.folder(SOURCE)
+    folder = sources.folder(workspace, SOURCE)
     began = time.perf_counter()
 
     def say(text: str) -> None:
@@ -385,10 +385,10 @@ def main(given: argparse.Namespace) -> None:
         "above_1300_after_release": above_after_release(exp1 + exp2, 1300, 3.0),
     }
     FITTED.write_text(json.dumps(result, indent=1) + "\n")
-    reports = paths.REPORTS / "material"
+    reports = workspace.reports / "material"
     reports.mkdir(parents=True, exist_ok=True)
     (reports / "fit.md").write_text(report.table(result))
     courses = [course(best, recording) for recording in exp2]
     figures.draw_loops(reports / "fit.png", courses)
     figures.draw_courses(reports / "courses.png", courses, DT_S)
-    say(f"wrote {FITTED.name} and {reports.relative_to(paths.ROOT)}/")
+    say(f"wrote {FITTED.name} and {reports.relative_to(workspace.root)}/")

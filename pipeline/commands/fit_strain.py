@@ -21,6 +21,7 @@ from tqdm import tqdm
 from pipeline.base import params
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.commands.calibrate import changes_of
 from pipeline.reporting.words import markdown
 from pipeline.stability import changed_scene
@@ -80,7 +81,7 @@ def simulated(values: Mapping, specimens: int, setting: str = "", value: float =
         changes["simulate"] |= changes_of(setting, value)
     where = f"{setting} = {value:g}" if setting else f"{specimens} specimens"
     settings = changed_scene.settings_of(values, "strain", changes, where)
-    return medians(twins.simulated({**values, "strain": settings}))
+    return medians(twins.of_scene({**values, "strain": settings}))
 
 
 def tried(values: Mapping, recorded: pd.DataFrame, factors: Sequence[float], specimens: int) -> list[Tried]:
@@ -117,15 +118,15 @@ def table(results: Sequence[Tried]) -> str:
     return markdown.table(header, rows)
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Print the table, and for how many settings the present value is the nearest."""
-    values = params.load()
+    values = params.load(workspace.params)
     if values["strain"]["source"] != "simulated":
         raise InputError("params.yaml, strain.source: only a simulated scene has settings that can be fitted")
-    if reason := why_not_run("strain_recorded"):
+    if reason := why_not_run(workspace, "strain_recorded"):
         raise InputError(f"nothing to compare with: {reason}")
     specimens = values["strain"]["simulate"]["specimens"] if given.specimens is None else given.specimens
-    results = tried(values, twins.recorded(values), given.factors, specimens)
+    results = tried(values, twins.recorded(workspace, values), given.factors, specimens)
     print(table(results))
     told = [each for each in results if each.told()]
     kept = sum(each.nearest() == each.values[0] for each in told)

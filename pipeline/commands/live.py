@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.commands import record
 
 
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--udp", metavar="HOST:PORT", help="a datagram of JSON per prediction, to this machine only")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Run the model named on the command line until its source ends."""
     import torch
 
@@ -55,7 +56,9 @@ def main(given: argparse.Namespace) -> None:
     stop = record.Stop()
     torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as draft:
-        folder, comes_from = packages.locate(given.model, params.load(), Path(draft, "package"))
+        folder, comes_from = packages.locate(
+            workspace, given.model, params.load(workspace.params), Path(draft, "package")
+        )
         model = onnx_export.faster(predictor.load(folder), Path(draft))
     card = model.card
     who, fmt = f"{card.experiment}/{card.model}", source.line_format(card)

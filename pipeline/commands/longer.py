@@ -16,8 +16,9 @@ import pandas as pd
 from tqdm import tqdm
 
 from pipeline import tasks
-from pipeline.base import files, params, paths, workers
+from pipeline.base import files, params, workers
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.claims.longer import COLUMNS, ENDED, changes, path, read
 from pipeline.commands.rates import error_of, fit
 from pipeline.datasets import fits
@@ -41,28 +42,35 @@ def lengthened(block: Mapping, times: int) -> dict:
     return {**block, "training": training}
 
 
-def trained(experiment: str, model: str, protocol: str, seed: int) -> tuple[int, float]:
+def trained(workspace: Workspace, experiment: str, model: str, protocol: str, seed: int) -> tuple[int, float]:
     """Return (epochs, validation error of the epoch that was kept) of a run of data/EXPERIMENT/models."""
-    folder = paths.run_folder(experiment, model, protocol, seed)
+    folder = workspace.run_folder(experiment, model, protocol, seed)
     fit = fits.read(folder, params.training_command(experiment))
     history = pd.read_csv(folder / "history.csv").set_index("epoch")
     return fit["epochs"], error_of(experiment, history["validation_loss"][fit["best_epoch"]])
 
 
 def train_longer(
-    values: Mapping, experiment: str, model: str, protocol: str, seed: int, times: int, report: Callable[..., None]
+    workspace: Workspace,
+    values: Mapping,
+    experiment: str,
+    model: str,
+    protocol: str,
+    seed: int,
+    times: int,
+    report: Callable[..., None],
 ) -> tuple:
     """Return the row (COLUMNS) of one run of params.yaml (`values`), trained `times` as long beside the one there is.
 
     A training that diverged has NaN as error.
     """
     block = lengthened(params.run_settings(values, experiment, model, protocol), times)
-    error, fitted = fit(values, experiment, model, block, protocol, seed, report)
+    error, fitted = fit(workspace, values, experiment, model, block, protocol, seed, report)
     return (
         protocol,
         model,
         seed,
-        *trained(experiment, model, protocol, seed),
+        *trained(workspace, experiment, model, protocol, seed),
         len(fitted.history),
         error,
         fitted.seconds,
@@ -108,25 +116,25 @@ def text(experiment: str, rows: pd.DataFrame) -> str:
     )
 
 
-def write(experiment: str, rows: pd.DataFrame) -> None:
+def write(workspace: Workspace, experiment: str, rows: pd.DataFrame) -> None:
     """Write <experiment>.csv and .md to reports/longer; rows of protocols that are not among `rows` stay."""
-    before = read(path(experiment))
+    before = read(path(workspace, experiment))
     rows = pd.concat([before[~before["protocol"].isin(rows["protocol"])], rows])
-    files.write_table(path(experiment), rows)
-    files.write_text(path(experiment).with_suffix(".md"), text(experiment, rows))
-    print(f"{paths.shown(path(experiment))}, .md: {len(rows)} trainings")
+    files.write_table(path(workspace, experiment), rows)
+    files.write_text(path(workspace, experiment).with_suffix(".md"), text(experiment, rows))
+    print(f"{path(workspace, experiment)}, .md: {len(rows)} trainings")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Train the networks of the experiment named on the command line."""
-    values, experiment = params.load(), given.experiment
+    values, experiment = params.load(workspace.params), given.experiment
     runs = chosen(values, experiment, given.protocols, given.seeds)
     for protocol, model, seed in runs:  # before hours of training, not after
-        trained(experiment, model, protocol, seed)
-    jobs = {run: (values, experiment, run[1], run[0], run[2], given.times) for run in runs}
+        trained(workspace, experiment, model, protocol, seed)
+    jobs = {run: (workspace, values, experiment, run[1], run[0], run[2], given.times) for run in runs}
     steps = given.times * max(
         (values[experiment]["models"][model]["training"]["epochs"] for _, model, _ in runs), default=0
     )
     with tqdm(total=steps * len(runs), desc=f"longer {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_longer, jobs, bar, steps=steps))
-    write(experiment, pd.DataFrame([rows[run] for run in runs], columns=COLUMNS))
+    write(workspace, experiment, pd.DataFrame([rows[run] for run in runs], columns=COLUMNS))

@@ -21,6 +21,7 @@ from typing import NamedTuple
 from pipeline.base import files, params, paths, processes
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
 from pipeline.commands import check
 from pipeline.datasets import images
 from pipeline.logs import own_data
@@ -44,10 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(checkout: Workspace, given: argparse.Namespace) -> None:
     """Train all models of params.yaml on the logs named on the command line."""
-    with prepared(given.folder, SEEDS) as sensor:
-        run(sensor, params.load(sensor.workspace / paths.PARAMS.name))
+    with prepared(checkout, given.folder, SEEDS) as sensor:
+        run(checkout, sensor, params.load(sensor.workspace.params))
 
 
 class Sensor(NamedTuple):
@@ -56,86 +57,85 @@ class Sensor(NamedTuple):
     experiment: str
     folder: Path  # of its logs
     name: str  # as of `name_of`
-    workspace: Path  # build/own/NAME, as `prepare` makes it
+    workspace: Workspace  # build/own/NAME, as `prepare` makes it
 
 
 @contextmanager
-def prepared(folder: Path, seeds: Sequence[int], models: Mapping[str, Sequence[str]] | None = None) -> Iterator[Sensor]:
+def prepared(
+    checkout: Workspace, folder: Path, seeds: Sequence[int], models: Mapping[str, Sequence[str]] | None = None
+) -> Iterator[Sensor]:
     """Give the block a sensor whose workspace is up to date, and keep other processes from it.
 
     seeds, models: as of `prepare`, models by experiment. Raises InputError for a folder that holds no sensor, and where
     another process trains on it.
     """
-    experiment, name = check.experiment_of(folder), name_of(folder)
+    experiment, name = check.experiment_of(folder), name_of(checkout, folder)
 
     def refuse() -> None:
         both = f"`tactile own {folder}` or `tactile try {folder}`"
         raise InputError(f"{both} runs already; wait until it ends, or stop it")
 
-    sensor = Sensor(experiment, folder, name, paths.ROOT / "build" / "own" / name)
-    with processes.holding(sensor.workspace / "lock", refuse):
-        prepare(sensor, seeds, models and models[experiment])
+    sensor = Sensor(experiment, folder, name, Workspace(checkout.root / "build" / "own" / name))
+    with processes.holding(sensor.workspace.root / "lock", refuse):
+        prepare(checkout, sensor, seeds, models and models[experiment])
         yield sensor
 
 
-def name_of(folder: Path) -> str:
+def name_of(checkout: Workspace, folder: Path) -> str:
     """Return the path of a sensor's folder below data/own, such as `finger` or `left/finger`.
 
     Raises InputError for a folder elsewhere, and for one in, or around, the folder or the report of another sensor.
     """
     folder = Path(os.path.abspath(folder))  # without ..
-    if problem := own_data.unnoticed(folder):
+    if problem := own_data.unnoticed(checkout, folder):
         raise InputError(f"fix first: {problem}")
-    _, _, *parts = Path(own_data.setting(folder)).parts
+    _, _, *parts = Path(own_data.setting(checkout, folder)).parts
     if not parts:
         raise InputError(f"{folder}: holds the folders of sensors; move its logs into one, such as data/own/finger")
     outer = [around for around in list(folder.parents)[: len(parts) - 1] if check.kinds_of(around)]
     logs = [log for name in check.LOGS.values() for log in folder.rglob(name)]
     inner = sorted(log.parents[2] for log in logs if len(log.relative_to(folder).parts) > 3)
-    reports = paths.REPORTS.joinpath("own", *parts)
+    reports = checkout.reports.joinpath("own", *parts)
     inner += sorted(path for path in reports.glob("*") if path.is_dir())
     if other := outer or inner:
         raise InputError(f"{folder}: lies in one folder with {other[0]}, another sensor; move one of them")
     return "/".join(parts)
 
 
-def run(sensor: Sensor, values: Mapping) -> None:
+def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     """Check logs, train on them and write their report; values: params.yaml of the workspace.
 
     Raises InputError that names the first thing to fix.
     """
     experiment, folder, name, workspace = sensor
-    if problem := check.check(experiment, folder, values):
+    if problem := check.check(checkout, experiment, folder, values):
         raise InputError(f"fix first: {problem}")
     for stage in STAGES[experiment]:
         _python(workspace, f"pipeline.stages.{stage}", experiment)
     _python(workspace, "pipeline.stages.render", experiment)
-    target = paths.REPORTS / "own" / name
+    target = checkout.reports / "own" / name
     with files.replacing_folder(target) as draft:
-        shutil.copytree(workspace / "reports" / experiment / "accuracy", draft, dirs_exist_ok=True)
-    trained = workspace / "trained"
+        shutil.copytree(workspace.reports / experiment / "accuracy", draft, dirs_exist_ok=True)
+    trained = workspace.root / "trained"
     shutil.rmtree(trained, ignore_errors=True)
     for model in values[experiment]["models"]:
         if model != "constant":
-            package = [f"{experiment}/{model}", f"trained/{model}"]
+            package = [f"{experiment}/{model}", str(trained / model)]
             _python(workspace, "pipeline.commands.command_line", "export", *package, quiet=True)
-    print(f"\n{paths.shown(target)}/README.md: what they score")
+    print(f"\n{target}/README.md: what they score")
     names = ", ".join(sorted(path.name for path in trained.glob("*")))
-    print(f"{paths.shown(trained)}: {names}, for `tactile predict MODEL LOGS`")
+    print(f"{trained}: {names}, for `tactile predict MODEL LOGS`")
 
 
-def prepare(sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) -> None:
-    """Make or renew a workspace: a copy of the code, params.yaml with this sensor's settings, its logs.
+def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) -> None:
+    """Make or renew a workspace: params.yaml with this sensor's settings, the scales, its logs.
 
     The logs are links to the files of its folder. What the stages have written there stays. seeds: of every protocol;
     models: keys of params.yaml, None: all that it has.
     """
     experiment, folder, name, workspace = sensor
-    for part in ("pipeline", "scales"):
-        shutil.rmtree(workspace / part, ignore_errors=True)
-        shutil.copytree(paths.ROOT / part, workspace / part, ignore=shutil.ignore_patterns("__pycache__"))
-    settings = workspace / "params.yaml"
-    shutil.copy(paths.PARAMS, settings)
+    shutil.copytree(checkout.scales, workspace.scales, dirs_exist_ok=True)
+    settings = Path(shutil.copy(checkout.params, workspace.params))
     block = params.parsed(settings)[experiment]
     kept = {key: dict(value) for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)}
     changed = {
@@ -153,7 +153,7 @@ def prepare(sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) 
     params.check(params.parsed(settings), dict.fromkeys(of_sensor, source))
     if experiment == "glove":
         set_values(_of_images(params.parsed(settings)["glove"], seeds, of_sensor), settings)
-    logs = workspace / "data" / "own"
+    logs = workspace.root / "data" / "own"
     shutil.rmtree(logs, ignore_errors=True)
     for path in sorted(folder.rglob("*")):
         if path.is_file():
@@ -176,13 +176,13 @@ def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict
     return {key: value for key, value in changed.items() if key not in of_sensor}
 
 
-def _python(workspace: Path, module: str, *arguments: str, quiet: bool = False) -> None:
-    """Run a module of the workspace's own code; InputError where it fails: its message is on the screen."""
-    environment = os.environ | {"PYTHONPATH": str(workspace)}
-    command = [sys.executable, "-m", module, *arguments]
+def _python(workspace: Workspace, module: str, *arguments: str, quiet: bool = False) -> None:
+    """Run a module of this code in a workspace; InputError where it fails: its message is on the screen."""
+    environment = os.environ | {"PYTHONPATH": str(paths.CODE.parent)}
+    command = [sys.executable, "-P", "-m", module, *arguments, "--root", str(workspace.root)]
     out = subprocess.DEVNULL if quiet else None
     # A killed `own` frees its lock: no stage of it may go on.
     ended = processes.die_with_parent if os.name == "posix" else None
-    done = subprocess.run(command, cwd=workspace, env=environment, stdout=out, preexec_fn=ended)
+    done = subprocess.run(command, env=environment, stdout=out, preexec_fn=ended)
     if done.returncode:
-        raise InputError(f"{paths.shown(workspace)}: `{module} {' '.join(arguments)}` failed; its message is above")
+        raise InputError(f"{workspace.root}: `{module} {' '.join(arguments)}` failed; its message is above")

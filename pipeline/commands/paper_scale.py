@@ -21,9 +21,10 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from pipeline.base import files, params, paths
+from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
 from pipeline.claims.rules import NOT_TESTABLE
 from pipeline.scoring import claim_inputs
 
@@ -50,36 +51,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(folder: Path, *command: str) -> None:
     """Run a command in a folder, with its code before all other; InputError where it fails."""
-    environment = os.environ | {"PYTHONPATH": str(folder)}
+    environment = os.environ | {"PYTHONPATH": str(folder.resolve())}
     done = subprocess.run(command, cwd=folder, env=environment)
     if done.returncode:
-        raise InputError(f"{paths.shown(folder)}: `{' '.join(command)}` failed; its message is above")
+        raise InputError(f"{folder}: `{' '.join(command)}` failed; its message is above")
 
 
-def prepare(experiment: str, protocols: Sequence[str], folder: Path) -> None:
+def prepare(workspace: Workspace, experiment: str, protocols: Sequence[str], folder: Path) -> None:
     """Make the clone, or bring it to the present commit; what it has computed stays.
 
     protocols: those of the experiment that its params.yaml keeps; all where there are none.
     """
-    git = ["git", "-c", "advice.detachedHead=false"]
+    root, git = str(workspace.root.resolve()), ["git", "-c", "advice.detachedHead=false"]
     commit = subprocess.run(
-        ["git", "rev-parse", "HEAD"], cwd=paths.ROOT, capture_output=True, text=True, check=True
+        ["git", "rev-parse", "HEAD"], cwd=workspace.root, capture_output=True, text=True, check=True
     ).stdout.strip()
     if not (folder / ".git").exists():
         folder.parent.mkdir(parents=True, exist_ok=True)
-        run(paths.ROOT, *git, "clone", "--quiet", "--shared", "--no-checkout", str(paths.ROOT), str(folder))
+        run(workspace.root, *git, "clone", "--quiet", "--shared", "--no-checkout", root, str(folder.resolve()))
     else:
         run(folder, *git, "fetch", "--quiet", "origin")
     run(folder, *git, "checkout", "--quiet", "--force", commit)
     settings = folder / "params.yaml"
-    set_values(params.parsed(paths.SCALES / "paper.yaml"), settings, "scales/paper.yaml")
+    set_values(params.parsed(workspace.scales / "paper.yaml"), settings, "scales/paper.yaml")
     if protocols:
         known = params.parsed(settings)[experiment]["protocols"]
         unknown = [name for name in protocols if name not in known]
         if unknown:
             raise InputError(f"--protocols: {experiment} has no '{unknown[0]}'; take of {', '.join(known)}")
         set_values({f"{experiment}.protocols": {name: known[name] for name in known if name in protocols}}, settings)
-    run(folder, sys.executable, "-m", "dvc", "config", "--local", "cache.dir", str(paths.ROOT / ".dvc" / "cache"))
+    run(folder, sys.executable, "-m", "dvc", "config", "--local", "cache.dir", f"{root}/.dvc/cache")
 
 
 def merged(name: str, rows: pd.DataFrame, before: pd.DataFrame) -> pd.DataFrame:
@@ -149,18 +150,18 @@ def _keep_rows(path: Path, target: Path) -> None:
         files.write_table(target, _with_earlier(_rows(path), target))
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Run the experiment that was given, and keep its results."""
-    folder = paths.ROOT / FOLDER
-    prepare(given.experiment, given.protocols, folder)
+    folder = workspace.root / FOLDER
+    prepare(workspace, given.experiment, given.protocols, folder)
     run(folder, sys.executable, "-m", "dvc", "repro", *STAGES[given.experiment])
     if given.longer:
         tactile = [sys.executable, "-m", "pipeline.commands.command_line"]
-        protocols = ["--protocols", *params.load(folder / paths.PARAMS.name)[given.experiment]["protocols"]]
+        protocols = ["--protocols", *params.load(folder / "params.yaml")[given.experiment]["protocols"]]
         run(folder, *tactile, "longer", given.experiment, *protocols)
     if given.experiment in claim_inputs.EXPERIMENTS:
         run(folder, sys.executable, "-m", "pipeline.stages.claim_inputs", given.experiment)
-    keep_numbers(given.experiment, folder, paths.ROOT / REPORTS)
+    keep_numbers(given.experiment, folder, workspace.root / REPORTS)
     run(folder, sys.executable, "-m", "pipeline.stages.judge", given.experiment)
-    keep_verdicts(given.experiment, given.protocols, folder, paths.ROOT / REPORTS)
-    print(f"{paths.shown(paths.ROOT / REPORTS)}: {given.experiment} at the papers' scale")
+    keep_verdicts(given.experiment, given.protocols, folder, workspace.root / REPORTS)
+    print(f"{workspace.root / REPORTS}: {given.experiment} at the papers' scale")

@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 
 MOST_LINES = 10  # recordings that are printed
 MOST_PICTURES = 20  # recordings that are drawn: each takes a second
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-pictures", action="store_true", help="write the table and the summary only")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the logs named on the command line."""
     import torch
 
@@ -39,7 +40,9 @@ def main(given: argparse.Namespace) -> None:
 
     torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as draft:
-        folder, comes_from = packages.locate(given.model, params.load(), Path(draft, "package"))
+        folder, comes_from = packages.locate(
+            workspace, given.model, params.load(workspace.params), Path(draft, "package")
+        )
         model = predictor.load(folder)
     card = model.card
     print(f"{card.experiment}/{card.model}: {comes_from}")

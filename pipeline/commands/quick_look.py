@@ -6,7 +6,8 @@ FOLDER is as `tactile own` takes it, and what is written as there, until `tactil
 import argparse
 from pathlib import Path
 
-from pipeline.base import params, paths
+from pipeline.base import params
+from pipeline.base.paths import Workspace
 from pipeline.commands import own
 
 MODELS = {  # one that knows nothing, quick ones and a network of the papers
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Look at the logs named on the command line."""
-    with own.prepared(given.folder, [0], MODELS) as sensor:
-        own.run(sensor, params.load(sensor.workspace / paths.PARAMS.name))
+    with own.prepared(workspace, given.folder, [0], MODELS) as sensor:
+        own.run(workspace, sensor, params.load(sensor.workspace.params))

@@ -20,6 +20,7 @@ from tqdm import tqdm
 from pipeline import models, tasks
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.learning.trained import Fitted
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number, table
@@ -65,7 +66,14 @@ def error_of(experiment: str, validation_loss: float) -> float:
 
 
 def fit(
-    values: Mapping, experiment: str, model: str, block: Mapping, protocol: str, seed: int, report: Callable[..., None]
+    workspace: Workspace,
+    values: Mapping,
+    experiment: str,
+    model: str,
+    block: Mapping,
+    protocol: str,
+    seed: int,
+    report: Callable[..., None],
 ) -> tuple[float, Fitted]:
     """Train a network on one thread by the settings `block`, beside the runs there are.
 
@@ -76,12 +84,12 @@ def fit(
     torch.set_num_threads(1)
     task, settings = tasks.of(experiment), values[experiment]
     base = task.base(experiment, settings, protocol) if params.transfers(model) else None
-    zero = paths.run_folder(experiment, paths.MODEL_ZERO, base, seed) if base else None
+    zero = workspace.run_folder(experiment, paths.MODEL_ZERO, base, seed) if base else None
 
     def build(spec):
         return models.build(model, spec, block, f"{experiment}.models.{model}")
 
-    place = paths.dataset(experiment), experiment, settings, protocol, seed
+    place = workspace.dataset(experiment), experiment, settings, protocol, seed
     fitted = task.fit(*place, build, device=values["device"], progress=report, base=zero)
     reason, best = fitted.model.summary
     error = math.nan if reason == "diverged" else error_of(experiment, fitted.history[best - 1]["validation_loss"])
@@ -89,18 +97,24 @@ def fit(
 
 
 def train_run(
-    values: Mapping, experiment: str, model: str, learning_rate: float, seed: int, report: Callable[..., None]
+    workspace: Workspace,
+    values: Mapping,
+    experiment: str,
+    model: str,
+    learning_rate: float,
+    seed: int,
+    report: Callable[..., None],
 ) -> tuple:
     """Return the row (COLUMNS) of one network at one rate; a training that diverged has NaN as RMSE."""
     protocol, _ = params.runs(values, experiment)[0]
     block = params.model_settings(values, experiment, model)
     block = block | {"training": block["training"] | {"learning_rate": learning_rate}}
-    rmse, fitted = fit(values, experiment, model, block, protocol, seed, report)
+    rmse, fitted = fit(workspace, values, experiment, model, block, protocol, seed, report)
     epochs, best, batch_size = len(fitted.history), fitted.model.summary[1], block["training"]["batch_size"]
     return model, learning_rate, seed, batch_size, epochs, best, rmse, fitted.seconds
 
 
-def search(values: Mapping, experiment: str, networks: Sequence[str]) -> list[tuple]:
+def search(workspace: Workspace, values: Mapping, experiment: str, networks: Sequence[str]) -> list[tuple]:
     """Return the rows (COLUMNS) of all trainings, by network, rate and seed."""
     blocks = {model: params.model_settings(values, experiment, model)["training"] for model in networks}
     steps = max(block["epochs"] for block in blocks.values())
@@ -108,7 +122,7 @@ def search(values: Mapping, experiment: str, networks: Sequence[str]) -> list[tu
     rows, errors = {}, {model: {} for model in networks}
 
     def train(wanted: Iterable[tuple[str, int, int]]) -> None:
-        tasks = {key: (values, experiment, key[0], rate(key[1]), key[2]) for key in wanted}
+        tasks = {key: (workspace, values, experiment, key[0], rate(key[1]), key[2]) for key in wanted}
         bar.total += steps * len(tasks)
         bar.refresh()
         if tasks:
@@ -173,14 +187,14 @@ def _cell(rmse: float) -> str:
     return "diverged" if math.isnan(rmse) else number(rmse)
 
 
-def main(given: argparse.Namespace) -> None:
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Search the rates of the experiment named on the command line."""
-    values, experiment = params.load(), given.experiment
+    values, experiment = params.load(workspace.params), given.experiment
     networks = [model for model in NETWORKS if model in values[experiment]["models"]]
     if not networks:
         raise InputError(f"params.yaml, {experiment}.models: no network to train; list one of {', '.join(NETWORKS)}")
-    paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")
-    write(values, experiment, search(values, experiment, networks), paths.REPORTS / "rates")
+    paths.require(workspace.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")
+    write(values, experiment, search(workspace, values, experiment, networks), workspace.reports / "rates")
 
 
 def write(values: Mapping, experiment: str, rows: list[tuple], folder: Path) -> None:
@@ -188,4 +202,4 @@ def write(values: Mapping, experiment: str, rows: list[tuple], folder: Path) -> 
     files.write_csv(folder / f"{experiment}.csv", COLUMNS, rows)
     with open(folder / f"{experiment}.csv", newline="", encoding="utf-8") as file:
         files.write_text(folder / f"{experiment}.md", text(values, experiment, list(csv.DictReader(file))))
-    print(f"{paths.shown(folder / experiment)}.csv, .md: {len(rows)} trainings")
+    print(f"{folder / experiment}.csv, .md: {len(rows)} trainings")

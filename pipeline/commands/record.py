@@ -23,6 +23,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 
 BAUD = 115200
 PRINTABLE = frozenset(range(32, 127)) | frozenset(b"\t\r\n")
@@ -321,7 +322,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--every", type=float, metavar="SECONDS", help="send the line of --start again and again")
 
 
-def main(given: argparse.Namespace) -> None:
+def main(_: Workspace, given: argparse.Namespace) -> None:
     """Record from the ports named on the command line."""
     names, files = given.places[::2], [Path(name) for name in given.places[1::2]]
     if len(names) != len(files):

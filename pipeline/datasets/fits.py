@@ -34,7 +34,7 @@ def read(folder: Path, made_by: str) -> dict:
         fit = json.loads(path.read_text(encoding="utf-8"))
         absent = [key for key in KEYS if key not in fit]
     except (OSError, ValueError, TypeError, RecursionError) as error:
-        raise InputError(f"{paths.shown(path)}: no fit summary ({error}); run `{made_by}` again") from error
+        raise InputError(f"{path}: no fit summary ({error}); run `{made_by}` again") from error
     if absent:
-        raise InputError(f"{paths.shown(path)}: key '{absent[0]}' is missing; run `{made_by}` again")
+        raise InputError(f"{path}: key '{absent[0]}' is missing; run `{made_by}` again")
     return fit

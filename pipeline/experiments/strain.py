@@ -7,8 +7,8 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import theilslopes
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.logs import alignment, parse
 from pipeline.logs.parse import Column, Format
@@ -511,9 +511,9 @@ def recording_of(seed: int, names: Iterable[str]) -> str:
     return different[seed % len(different)]
 
 
-def true_drift(protocol: str, seed: int, time_s: np.ndarray) -> dict[str, np.ndarray]:
+def true_drift(workspace: Workspace, protocol: str, seed: int, time_s: np.ndarray) -> dict[str, np.ndarray]:
     """Return the strands' true drift, (n, strands), at times (n,) of the DAQ's clock; {} without simulated logs."""
-    folder = paths.logs("strain") / protocol
+    folder = workspace.logs("strain") / protocol
     names = [path.parent.name for path in folder.glob("*/truth.csv")]
     if not names:
         return {}

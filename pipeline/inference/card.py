@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from pipeline.base import files, paths
+from pipeline.base import files
 from pipeline.base.errors import InputError
 
 NAME = "card.json"
@@ -87,9 +87,7 @@ def weights_file(folder: Path) -> Path:
     for name in WEIGHTS:
         if (folder / name).is_file():
             return folder / name
-    raise InputError(
-        f"{paths.shown(folder)}: no {' or '.join(WEIGHTS)} in it; train it again, or name the folder of a saved model"
-    )
+    raise InputError(f"{folder}: no {' or '.join(WEIGHTS)} in it; train it again, or name the folder of a saved model")
 
 
 def digest(path: Path) -> str:
@@ -106,18 +104,18 @@ def read(folder: Path) -> Card:
     """Return the card of a saved model; InputError where it is absent or broken, or where the weights are not its."""
     path = folder / NAME
     if not path.is_file():
-        raise InputError(f"{paths.shown(path)}: not found; make the folder with `tactile export MODEL FOLDER`")
+        raise InputError(f"{path}: not found; make the folder with `tactile export MODEL FOLDER`")
     try:
         card = Card.model_validate_json(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{paths.shown(path)}: cannot be read ({error}); make the folder again") from error
+        raise InputError(f"{path}: cannot be read ({error}); make the folder again") from error
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         key = ".".join(map(str, fault["loc"])) or "the file"
-        raise InputError(f"{paths.shown(path)}, {key}: {fault['msg']}; make the folder again") from error
+        raise InputError(f"{path}, {key}: {fault['msg']}; make the folder again") from error
     weights = weights_file(folder)
     if digest(weights) != card.sha256:
-        raise InputError(f"{paths.shown(weights)}: is not the file that {NAME} describes; make the folder again")
+        raise InputError(f"{weights}: is not the file that {NAME} describes; make the folder again")
     return card
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 from pipeline import experiments, tasks
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, images, schemas
 from pipeline.inference import card as cards
 from pipeline.scoring import metrics, results
@@ -27,16 +28,17 @@ OUTPUT_UNITS = {"velostat_recorded": "N", "windows": "kPa", "series": "mm", "ima
 class Describer:
     """Makes the cards of the runs of an experiment; what they share is read once."""
 
-    def __init__(self, values: Mapping, experiment: str):
+    def __init__(self, workspace: Workspace, values: Mapping, experiment: str):
         """Take params.yaml. Raises InputError where a file that the experiment's stages write is missing."""
+        self.workspace = workspace
         self.values, self.experiment, self.kind = values, experiment, tasks.kind(experiment)
-        self._inputs = _inputs(experiment, self.kind, values[experiment])
+        self._inputs = _inputs(workspace, experiment, self.kind, values[experiment])
         of_images = self.kind == "images"
-        self._classes = images.classes(_table(paths.dataset(experiment), ["condition"])) if of_images else None
+        self._classes = images.classes(_table(workspace.dataset(experiment), ["condition"])) if of_images else None
 
     @cached_property
     def _scores(self) -> dict[tuple[str, str, int], list[cards.Score]]:
-        return _scores(self.experiment)
+        return _scores(self.workspace, self.experiment)
 
     def card(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
         """Return the card of one run. Raises InputError where it has not been trained, or with other settings."""
@@ -49,11 +51,14 @@ class Describer:
     def without_scores(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
         """Return the card of a run that need not have been evaluated; errors as `card`."""
         experiment, settings = self.experiment, self.values[self.experiment]
-        folder, made_by = paths.run_folder(experiment, model, protocol, seed), params.training_command(experiment)
+        folder, made_by = (
+            self.workspace.run_folder(experiment, model, protocol, seed),
+            params.training_command(experiment),
+        )
         fit, block = fits.read(folder, made_by), params.run_settings(self.values, experiment, model, protocol)
         if fit["settings"] != block:
             raise InputError(
-                f"{paths.shown(folder)}: was trained with other settings than {experiment}.models.{model} of "
+                f"{folder}: was trained with other settings than {experiment}.models.{model} of "
                 f"params.yaml; run `{made_by}`"
             )
         names, chosen, touch_kpa = self._classes, None, None
@@ -88,9 +93,9 @@ class Describer:
         )
 
 
-def _inputs(experiment: str, kind: str, settings: Mapping) -> cards.Inputs:
+def _inputs(workspace: Workspace, experiment: str, kind: str, settings: Mapping) -> cards.Inputs:
     """Return what one reading of an experiment's sensor is."""
-    frames = _table(paths.frames(experiment), ["t_s"])
+    frames = _table(workspace.frames(experiment), ["t_s"])
     schema = experiments.module(experiment).frames_schema(settings)
     columns = images.reading_columns(schema) if kind == "images" else ["v"]
     return cards.Inputs(
@@ -107,10 +112,10 @@ def _table(path: Path, columns: list[str]):
     return schemas.read(paths.require(path, "dvc repro evaluate"), columns)
 
 
-def _scores(experiment: str) -> dict[tuple[str, str, int], list[cards.Score]]:
+def _scores(workspace: Workspace, experiment: str) -> dict[tuple[str, str, int], list[cards.Score]]:
     """Return (protocol, model, seed) -> the run's rows of scores.csv."""
     columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    table = results.read_csv(paths.scores(experiment), columns, "dvc repro evaluate")
+    table = results.read_csv(workspace.scores(experiment), columns, "dvc repro evaluate")
     scores = {}
     for row in table.itertuples(index=False):
         score = cards.Score(

@@ -21,6 +21,7 @@ import pandas as pd
 
 from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store
@@ -60,7 +61,7 @@ class TrainedRun:
     content: str
 
 
-def read_runs(experiment: str, values: Mapping) -> list[TrainedRun]:
+def read_runs(workspace: Workspace, experiment: str, values: Mapping) -> list[TrainedRun]:
     """Read every run that params.yaml (`values`) lists for an experiment: model, then protocol, then seed.
 
     Raises InputError that names the first file, column or row that is missing, or the first model made with other
@@ -68,34 +69,41 @@ def read_runs(experiment: str, values: Mapping) -> list[TrainedRun]:
     """
     settings, made_by = values[experiment], params.training_command(experiment)
     columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value"]
-    scores = results.read_csv(paths.scores(experiment), columns, "dvc repro evaluate")
+    scores = results.read_csv(workspace.scores(experiment), columns, "dvc repro evaluate")
     rows = dict(list(scores.groupby(["protocol", "model", "seed"])))
-    latency, runs = results.read_latency(experiment, settings), []
+    latency, runs = results.read_latency(workspace, experiment, settings), []
     for model in settings["models"]:
         speed = {f"latency.batch_{n}.p50_ms": latency[model, n]["p50_ms"] for n in settings["latency"]["batches"]}
-        times = results.read_csv(paths.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
+        times = results.read_csv(workspace.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
         seconds = {(row.protocol, row.seed): row.train_s for row in times.itertuples()}
         for protocol, seed in params.runs(values, experiment):
             if (protocol, seed) not in seconds:
-                file = paths.shown(paths.training_times(experiment, model))
+                file = workspace.training_times(experiment, model)
                 raise InputError(f"{file}: no row for protocol {protocol}, seed {seed}; run `{made_by}` again")
             scored, measured = (
                 rows.get((protocol, model, seed), scores[:0]),
                 speed | {"train_s": seconds[protocol, seed]},
             )
-            runs.append(_read_run(experiment, values, model, protocol, seed, scored, measured))
+            runs.append(_read_run(workspace, experiment, values, model, protocol, seed, scored, measured))
     return runs
 
 
 def _read_run(
-    experiment: str, values: Mapping, model: str, protocol: str, seed: int, scores: pd.DataFrame, measured: dict
+    workspace: Workspace,
+    experiment: str,
+    values: Mapping,
+    model: str,
+    protocol: str,
+    seed: int,
+    scores: pd.DataFrame,
+    measured: dict,
 ) -> TrainedRun:
     """Read the folder of one run; scores: its rows of scores.csv, measured: its times."""
-    made_by, folder = params.training_command(experiment), paths.run_folder(experiment, model, protocol, seed)
+    made_by, folder = params.training_command(experiment), workspace.run_folder(experiment, model, protocol, seed)
     fit = fits.read(folder, made_by)
     if fit["settings"] != params.run_settings(values, experiment, model, protocol):
         raise InputError(
-            f"{paths.shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
+            f"{folder / 'fit.json'}: was made with other settings than {experiment}.models.{model} of "
             "params.yaml; run `dvc repro`"
         )
     by_name, tags = {}, {"stop_reason": str(fit["stop_reason"]), "precision": str(fit["precision"])}
@@ -107,7 +115,7 @@ def _read_run(
     if not by_name or len(by_name) < len(scores):
         problem = "two rows for the same condition and metric of" if by_name else "no row for"
         raise InputError(
-            f"{paths.shown(paths.scores(experiment))}: {problem} protocol {protocol}, model {model}, seed {seed}; "
+            f"{workspace.scores(experiment)}: {problem} protocol {protocol}, model {model}, seed {seed}; "
             "run `dvc repro evaluate` again"
         )
     paths.require(folder / "history.csv", made_by)
@@ -121,12 +129,12 @@ def _read_run(
     )
 
 
-def log(client, experiment: str, values: Mapping, runs: list[TrainedRun]) -> tuple[int, str]:
+def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: list[TrainedRun]) -> tuple[int, str]:
     """Log those of `runs`, as `read_runs` returns them, that the store lacks, and mark all of them as the current ones.
 
     client: MlflowClient. Return the number of new runs, and the link that compares those of the first protocol.
     """
-    in_mlflow = mlflow_store.experiment_id(client, experiment)
+    in_mlflow = mlflow_store.experiment_id(workspace, client, experiment)
     page = client.search_runs([in_mlflow], "tags.content LIKE '%'")
     held = list(page)
     while page.token:
@@ -138,7 +146,7 @@ def log(client, experiment: str, values: Mapping, runs: list[TrainedRun]) -> tup
     known = {run.data.tags["content"]: run.info.run_id for run in held if run.info.status == "FINISHED"}
     new = [run for run in runs if run.content not in known]
     if new:
-        writer = _Writer(client, in_mlflow, experiment, values)
+        writer = _Writer(workspace, client, in_mlflow, experiment, values)
         known |= {run.content: writer.write(run) for run in new}
     current = {known[run.content] for run in runs}
     for run in held:  # after the new ones are complete
@@ -152,12 +160,16 @@ def log(client, experiment: str, values: Mapping, runs: list[TrainedRun]) -> tup
 class _Writer:
     """Writes runs of one experiment into the store; what they share is read once."""
 
-    def __init__(self, client, in_mlflow: str, experiment: str, values: Mapping):
+    def __init__(self, workspace: Workspace, client, in_mlflow: str, experiment: str, values: Mapping):
         from pipeline.inference.describer import Describer  # here, because the import of torch takes 2 s
 
+        self.workspace = workspace
         self.client, self.in_mlflow, self.experiment = client, in_mlflow, experiment
-        self.name, self.git = labels.experiment_name(experiment), provenance.git_state()
-        self.describer, self.readings = Describer(values, experiment), _readings(experiment, values[experiment])
+        self.name, self.git = labels.experiment_name(experiment), provenance.git_state(workspace)
+        self.describer, self.readings = (
+            Describer(workspace, values, experiment),
+            _readings(workspace, experiment, values[experiment]),
+        )
         self.required = [f"{name}=={importlib.metadata.version(name).partition('+')[0]}" for name in REQUIRED]
         protocol, seed = params.runs(values, experiment)[0]
         card = self.describer.without_scores(next(iter(values[experiment]["models"])), protocol, seed, self.git[0])
@@ -197,7 +209,7 @@ class _Writer:
         client.log_batch(run_id, params=[Param(name, value) for name, value in settings.items()])
         for first in range(0, len(points), PER_CALL):
             client.log_batch(run_id, metrics=points[first : first + PER_CALL])
-        for file in (paths.PARAMS, run.folder / "fit.json", run.folder / "history.csv"):
+        for file in (self.workspace.params, run.folder / "fit.json", run.folder / "history.csv"):
             client.log_artifact(run_id, str(file))
         with tempfile.TemporaryDirectory() as draft:
             self._save(Path(draft), run, card)
@@ -248,14 +260,14 @@ def _told(card: cards.Card) -> dict[str, str]:
     return {"readings": f"Readings: {taken}.", "predictions": f"Predictions: {said}."}
 
 
-def _readings(experiment: str, settings: Mapping) -> np.ndarray:
+def _readings(workspace: Workspace, experiment: str, settings: Mapping) -> np.ndarray:
     """Return the readings of an experiment's frames, (n, columns) float32."""
     from pipeline import experiments
     from pipeline.datasets import images, schemas
 
     schema = experiments.module(experiment).frames_schema(settings)
     names = ["v"] if "v" in schema.names else images.reading_columns(schema)
-    frames = schemas.read(paths.require(paths.frames(experiment), "dvc repro evaluate"), names)
+    frames = schemas.read(paths.require(workspace.frames(experiment), "dvc repro evaluate"), names)
     return np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1).astype(np.float32)
 
 

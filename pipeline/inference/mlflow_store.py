@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote, urlencode
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError, storage_error
 from pipeline.inference import card as cards
 
@@ -21,6 +20,8 @@ from mlflow.exceptions import MlflowException
 from mlflow.store.db.db_types import DATABASE_ENGINES
 from sqlalchemy.exc import SQLAlchemyError
 
+from pipeline.base.paths import Workspace
+
 MODEL = "model"  # folder of a run that MLflow opens as a model
 PACKAGE = f"{MODEL}/artifacts"  # weights and card in it, where MLflow puts the files of a model
 TRACK = "run `python -m pipeline.stages.track` again"
@@ -30,15 +31,16 @@ for name in ("alembic", "mlflow", "urllib3"):  # what goes wrong reaches the use
     logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
-def folder() -> Path:
+def folder(workspace: Workspace) -> Path:
     """Return `mlruns`, the default store: `mlflow.db` and the runs' `artifacts`.
 
     `dvc exp run --queue` and `--temp` work in a copy below the checkout's `.dvc/tmp/exps`, which DVC then removes. The
     runs go to the checkout, which DVC_ROOT names.
     """
-    origin = Path(os.environ.get("DVC_ROOT", paths.ROOT)).resolve()
-    copied = paths.ROOT.resolve().is_relative_to(origin / ".dvc" / "tmp" / "exps")
-    return (origin if copied else paths.ROOT) / "mlruns"
+    root = workspace.root.resolve()  # MLflow notes the place of its files
+    origin = Path(os.environ.get("DVC_ROOT", root)).resolve()
+    copied = root.is_relative_to(origin / ".dvc" / "tmp" / "exps")
+    return (origin if copied else root) / "mlruns"
 
 
 def server() -> str | None:
@@ -47,7 +49,7 @@ def server() -> str | None:
 
 
 @contextmanager
-def opened(then: str = TRACK) -> Iterator[MlflowClient]:
+def opened(workspace: Workspace, then: str = TRACK) -> Iterator[MlflowClient]:
     """Give the block a client of the store; an error of the store becomes one sentence that ends with `then`.
 
     The sentence names no address, and gives no reason that could quote one with a password in it.
@@ -55,8 +57,8 @@ def opened(then: str = TRACK) -> Iterator[MlflowClient]:
     uri = server()
     try:
         if uri is None:
-            folder().mkdir(parents=True, exist_ok=True)
-        client = MlflowClient(tracking_uri=uri or f"sqlite:///{folder() / 'mlflow.db'}")
+            folder(workspace).mkdir(parents=True, exist_ok=True)
+        client = MlflowClient(tracking_uri=uri or f"sqlite:///{folder(workspace) / 'mlflow.db'}")
         client.search_experiments(max_results=1)
         yield client
     except (MlflowException, SQLAlchemyError, OSError, ImportError) as error:
@@ -69,14 +71,18 @@ def opened(then: str = TRACK) -> Iterator[MlflowClient]:
         ) from error
 
 
-def experiment_id(client: MlflowClient, name: str) -> str:
+def experiment_id(workspace: Workspace, client: MlflowClient, name: str) -> str:
     """Return MLflow's id of the experiment `name`, which is made where there is none.
 
     Raises InputError where somebody deleted it, or the default store keeps its files in another checkout.
     """
     # A server knows where files go; a database alone would have them below the working folder, which may be a copy's.
     uri = server() or "sqlite:"
-    place = str(folder() / "artifacts" / name) if uri.partition(":")[0].partition("+")[0] in DATABASE_ENGINES else None
+    place = (
+        str(folder(workspace) / "artifacts" / name)
+        if uri.partition(":")[0].partition("+")[0] in DATABASE_ENGINES
+        else None
+    )
     found = client.get_experiment_by_name(name)
     if found is None:
         return client.create_experiment(name, place)
@@ -110,14 +116,14 @@ def link(experiment: str, protocol: str, metric: str, ascending: bool) -> str:
     return f"{shown.rstrip('/')}/#/experiments/{experiment}/runs?{urlencode(query, quote_via=quote)}"
 
 
-def downloaded(run_id: str, target: Path) -> Path:
+def downloaded(workspace: Workspace, run_id: str, target: Path) -> Path:
     """Copy weights and card of an MLflow run below the new folder `target`, and return their folder, a package.
 
     Raises InputError where the store has no such run, or the run holds no model.
     """
-    if not server() and not (folder() / "mlflow.db").is_file():
+    if not server() and not (folder(workspace) / "mlflow.db").is_file():
         raise InputError(f"{run_id}: this checkout has no MLflow runs; run `dvc repro`, or set MLFLOW_TRACKING_URI")
-    with opened("repeat the command") as client:
+    with opened(workspace, "repeat the command") as client:
         try:
             client.get_run(run_id)
         except MlflowException as error:

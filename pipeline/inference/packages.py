@@ -7,35 +7,37 @@ from pathlib import Path
 
 from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
 from pipeline.inference.describer import Describer
 
-PRETRAINED = paths.ROOT / "pretrained"  # packages that come with the repository, <experiment>/<model>
 RUN_ID = re.compile("[0-9a-f]{32}")  # of MLflow
 
 
-def make(values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path) -> cards.Card:
+def make(
+    workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path
+) -> cards.Card:
     """Write the package of one run of params.yaml (`values`) to the new folder `target`, and return its card.
 
     Raises InputError where the run has not been trained and evaluated, or was trained with other settings.
     """
-    folder = paths.require(paths.run_folder(experiment, model, protocol, seed), params.training_command(experiment))
+    folder = paths.require(workspace.run_folder(experiment, model, protocol, seed), params.training_command(experiment))
     weights = cards.weights_file(folder)
     target.mkdir(parents=True)
     shutil.copy(weights, target / weights.name)
-    card = of_run(values, experiment, model, protocol, seed)
+    card = of_run(workspace, values, experiment, model, protocol, seed)
     cards.write(target, card)
     return card
 
 
-def of_run(values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> cards.Card:
+def of_run(workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> cards.Card:
     """Return the card of one run of params.yaml; errors as `make`."""
-    card = Describer(values, experiment).card(model, protocol, seed, provenance.git_state()[0])
-    provenance.check_settings([experiment], values)
+    card = Describer(workspace, values, experiment).card(model, protocol, seed, provenance.git_state(workspace)[0])
+    provenance.check_settings(workspace, [experiment], values)
     return card
 
 
-def locate(name: str, values: Mapping, draft: Path) -> tuple[Path, str]:
+def locate(workspace: Workspace, name: str, values: Mapping, draft: Path) -> tuple[Path, str]:
     """Return (folder of the package, where it comes from) for what the user calls a model.
 
     name: a folder with a card, or EXPERIMENT/MODEL, or EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of an MLflow run. The
@@ -48,7 +50,7 @@ def locate(name: str, values: Mapping, draft: Path) -> tuple[Path, str]:
     if RUN_ID.fullmatch(name):
         from pipeline.inference import mlflow_store  # here, because the import of MLflow takes a second
 
-        return mlflow_store.downloaded(name, draft), "from MLflow"
+        return mlflow_store.downloaded(workspace, name, draft), "from MLflow"
     words = name.strip("/").split("/")
     if len(words) not in (2, 4) or words[0] not in values["experiments"]:
         raise InputError(
@@ -57,13 +59,14 @@ def locate(name: str, values: Mapping, draft: Path) -> tuple[Path, str]:
         )
     experiment, model = words[:2]
     protocol, seed = params.runs(values, experiment)[0] if len(words) == 2 else (words[2], _number(words[3], name))
-    if paths.run_folder(experiment, model, protocol, seed).is_dir():
-        make(values, experiment, model, protocol, seed, draft)
+    if workspace.run_folder(experiment, model, protocol, seed).is_dir():
+        make(workspace, values, experiment, model, protocol, seed, draft)
         return draft, f"trained here, {protocol}, seed {seed}"
-    shipped = PRETRAINED / experiment / model
+    pretrained = workspace.root / "pretrained"  # packages that come with the repository, <experiment>/<model>
+    shipped = pretrained / experiment / model
     if len(words) == 2 and shipped.is_dir():
         return shipped, "pretrained"
-    have = sorted(path.parent.relative_to(PRETRAINED).as_posix() for path in PRETRAINED.glob(f"*/*/{cards.NAME}"))
+    have = sorted(path.parent.relative_to(pretrained).as_posix() for path in pretrained.glob(f"*/*/{cards.NAME}"))
     raise InputError(
         f"{name}: not trained in this checkout; run `dvc repro`, or take one of the pretrained "
         f"({', '.join(have) or 'none'})"

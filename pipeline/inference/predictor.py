@@ -16,7 +16,6 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, models, tasks
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
@@ -185,5 +184,5 @@ def load(folder: str | Path) -> Predictor:
         return Predictor(model, card)
     onnx = OnnxNetwork(path)
     if cards.Card.model_validate_json(onnx.card) != card:
-        raise InputError(f"{paths.shown(path)}: is not of the model of {cards.NAME}; make the folder again")
+        raise InputError(f"{path}: is not of the model of {cards.NAME}; make the folder again")
     return Predictor(model, card, onnx)

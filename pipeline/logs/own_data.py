@@ -8,18 +8,18 @@ import os
 import shlex
 from pathlib import Path
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 
 
-def unnoticed(path: Path) -> str | None:
+def unnoticed(workspace: Workspace, path: Path) -> str | None:
     """Say why DVC would not notice a change of `path`, a folder or a file, and what to do; None where it would."""
     path = path.absolute()
-    own = _own(path)
+    own = _own(workspace, path)
     if own is None:
         target = path.resolve()
         return (
             f"{path} is not in data/own, so `dvc repro` would not notice when it changes; copy it there, or, which "
-            f"takes no space, link its files: `{_linking(target, paths.ROOT / 'data' / 'own' / target.name)}`"
+            f"takes no space, link its files: `{_linking(target, workspace.root / 'data' / 'own' / target.name)}`"
         )
     way = (path, *path.parents)
     links = [folder for folder in way[: way.index(own)] if folder.is_symlink() and folder.is_dir()]
@@ -37,15 +37,15 @@ def unnoticed(path: Path) -> str | None:
     )
 
 
-def setting(path: Path) -> str:
+def setting(workspace: Workspace, path: Path) -> str:
     """Return the name that params.yaml has for a folder or file in data/own: `data/own/...`."""
     path = path.absolute()
-    return Path("data", "own", path.relative_to(_own(path))).as_posix()
+    return Path("data", "own", path.relative_to(_own(workspace, path))).as_posix()
 
 
-def _own(path: Path) -> Path | None:
+def _own(workspace: Workspace, path: Path) -> Path | None:
     """Return `path` (absolute) or the folder above it that is data/own; None without one, or with `..` in between."""
-    own = paths.ROOT / "data" / "own"
+    own = workspace.root / "data" / "own"
     for folder in (path, *path.parents):
         if folder.name == "..":  # leads elsewhere than the text says where the folder before it is a link
             return None

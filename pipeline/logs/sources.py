@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,10 @@ def address(name: str, path: str) -> str:
     return f"https://raw.githubusercontent.com/{origin.repository}/{origin.commit}/{place}"
 
 
-def folder(name: str) -> Path:
+def folder(workspace: Workspace, name: str) -> Path:
     """Return `data/sources/<name>`, where `tactile fetch <name>` puts the files."""
     source(name)
-    return paths.SOURCES / name
+    return workspace.sources / name
 
 
 def sha256(path: Path) -> str:
@@ -78,12 +78,12 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def is_complete(name: str, at: Path | None = None) -> bool:
+def is_complete(workspace: Workspace, name: str, at: Path | None = None) -> bool:
     """Return whether the folder `at` (default: `folder(name)`) has all files of a source (True) or none (False).
 
     Raises InputError that names the first file that is missing beside others, or whose SHA-256 is another.
     """
-    at, listed = folder(name) if at is None else at, files(name)
+    at, listed = folder(workspace, name) if at is None else at, files(name)
     present = [path for path in listed if (at / path).is_file()]
     if not present:
         return False

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.logs import matlab, own_data
 
@@ -34,7 +35,7 @@ class Stag(NamedTuple):
     part: np.ndarray  # (n,) 'train' or 'test': whole recordings, as the authors split them
 
 
-def read(path: Path, balanced: bool = True) -> Stag:
+def read(workspace: Workspace, path: Path, balanced: bool = True) -> Stag:
     """Read `metadata.mat`, saved by MATLAB as version 5 to 7.
 
     `balanced`: only the frames that the authors picked so that every object has as many. Raises InputError for a file
@@ -43,7 +44,7 @@ def read(path: Path, balanced: bool = True) -> Stag:
     """
     if not path.is_file():
         raise InputError(f"{path}: not found; download the classification data of STAG and name its metadata.mat")
-    if problem := own_data.unnoticed(path):
+    if problem := own_data.unnoticed(workspace, path):
         raise InputError(f"params.yaml, glove.stag.file: {problem}")
     variables = matlab.read(path, VARIABLES, LARGEST_FILE)
     pressure = variables["pressure"]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, judge
 from pipeline.claims.entries import NUMBER, SENTENCE
 from pipeline.claims.rules import AGREEMENT, BAND, CONTRADICTED, NOT_TESTABLE, TOLERANCE, UNDECIDED, VERDICTS
@@ -36,9 +36,9 @@ BY_SCALE = {"present_verdict": "Present run", "paper_scale_verdict": "Papers' sc
 NOT_TRIED = "No reason was looked for."
 
 
-def titles() -> dict[str, str]:
+def titles(workspace: Workspace) -> dict[str, str]:
     """Return paper -> its name in headings."""
-    return {key: paper.title for key, paper in entries.papers().items()}
+    return {key: paper.title for key, paper in entries.papers(workspace).items()}
 
 
 def value_text(value: float, unit: str) -> str:
@@ -54,13 +54,13 @@ def ours_text(ours: float, low: float, high: float, unit: str) -> str:
     return text if low != low else f"{text} [{value_text(low, unit)}, {value_text(high, unit)}]"
 
 
-def count_rows(claims: pd.DataFrame, by: Sequence[str]) -> list[list[str]]:
+def count_rows(workspace: Workspace, claims: pd.DataFrame, by: Sequence[str]) -> list[list[str]]:
     """Return the rows of a table of counts: of recorded and of simulated data, each with a sum, and of all claims.
 
     claims: rows as of claims.csv, of which those of the kinds COUNTED are; by: `paper`, `kind` or both. Each row has
     the data, the names of its group, a count per verdict, and the number of claims.
     """
-    claims = claims[claims["kind"].isin(COUNTED)].assign(paper=lambda table: table["paper"].map(titles()))
+    claims = claims[claims["kind"].isin(COUNTED)].assign(paper=lambda table: table["paper"].map(titles(workspace)))
     groups = []
     for data, of_data in claims.groupby("data"):
         groups += [([data, *names], group) for names, group in of_data.groupby(list(by), sort=False)]
@@ -73,9 +73,9 @@ def count_rows(claims: pd.DataFrame, by: Sequence[str]) -> list[list[str]]:
     return rows
 
 
-def read_paper_scale() -> pd.DataFrame:
+def read_paper_scale(workspace: Workspace) -> pd.DataFrame:
     """Read claims.csv of the run at the papers' scale; no row where there was none."""
-    path = paths.REPORTS / "paper_scale" / "claims.csv"
+    path = workspace.reports / "paper_scale" / "claims.csv"
     if not path.exists():
         return pd.DataFrame(columns=["id", "verdict", "ours"])
     table = read_csv(path, ["id", "verdict"], "tactile paper-scale")
@@ -121,14 +121,14 @@ def changed_by_scale(rows: pd.DataFrame) -> str:
     )
 
 
-def sentences_of(experiment: str, settings: Mapping) -> Callable[..., list[str]]:
+def sentences_of(workspace: Workspace, experiment: str, settings: Mapping) -> Callable[..., list[str]]:
     """Return what gives the lines of claims by their names, judged by what the stages wrote.
 
     settings: the experiment's block of params.yaml.
     """
-    results = evidence.read(evidence.of_experiment(experiment))
-    known = evidence.Evidence(results, {experiment: settings}, evidence.trainings(paths.REPORTS))
-    listed, papers = entries.read()
+    results = evidence.read(evidence.of_experiment(workspace, experiment))
+    known = evidence.Evidence(workspace, results, {experiment: settings}, evidence.trainings(workspace.reports))
+    listed, papers = entries.read(workspace)
     claims = {claim.id.split("/")[1]: claim for claim in listed if papers[claim.paper].simulated == experiment}
 
     def lines(*names: str) -> list[str]:
@@ -156,7 +156,7 @@ def reason_text(reason: str, over: str, compatible: str) -> str:
     return "; ".join(filter(None, [reason, over, words[compatible]]))
 
 
-def text(claims: pd.DataFrame, tried: Mapping[str, str]) -> str:
+def text(workspace: Workspace, claims: pd.DataFrame, tried: Mapping[str, str]) -> str:
     """Write claims.md.
 
     claims: rows of `by_scale`; tried: id of a claim -> what was tried where it is not reproduced.
@@ -182,10 +182,10 @@ def text(claims: pd.DataFrame, tried: Mapping[str, str]) -> str:
         "the present run; strain has as much data at both. Beside them stand the verdicts of both, and of the same "
         f"claim on recorded data. {changed_by_scale(claims)}\n",
         "## Counts\n",
-        table(["Data", "Paper", "Kind", *VERDICTS, "claims"], count_rows(claims, ["paper", "kind"])),
+        table(["Data", "Paper", "Kind", *VERDICTS, "claims"], count_rows(workspace, claims, ["paper", "kind"])),
     ]
     claims = claims.sort_values("data", kind="stable")
-    for paper, title in titles().items():
+    for paper, title in titles(workspace).items():
         of_paper = claims[claims["paper"] == paper]
         lines.append(f"## {title}\n")
         header = ["Claim", "Section", "Data", "Kind", "Published", "Ours", "Unit", "Verdict", *BY_SCALE.values()]

@@ -15,6 +15,7 @@ import pyarrow as pa
 
 from pipeline import experiments
 from pipeline.base import files, params, paths
+from pipeline.base.paths import Workspace
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.sentences import read_differences
@@ -33,12 +34,15 @@ SCENES = {
 }  # the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open
 
 
-def read(experiment: str, settings: Mapping) -> tuple[results.Scores, dict, pa.Table, str, int]:
+def read(workspace: Workspace, experiment: str, settings: Mapping) -> tuple[results.Scores, dict, pa.Table, str, int]:
     """Read (scores, latency, dataset, main protocol, its first seed): what every report starts from."""
     protocol = next(iter(settings["protocols"]))
     seed = settings["protocols"][protocol]["seeds"][0]
-    scores, latency = results.Scores(experiment, settings), results.read_latency(experiment, settings)
-    return scores, latency, results.read_windows(experiment), protocol, seed
+    scores, latency = (
+        results.Scores(workspace, experiment, settings),
+        results.read_latency(workspace, experiment, settings),
+    )
+    return scores, latency, results.read_windows(workspace, experiment), protocol, seed
 
 
 def score_table(
@@ -60,7 +64,7 @@ def score_table(
     return pd.DataFrame(rows)
 
 
-def experiment_differences(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
+def experiment_differences(workspace: Workspace, experiment: str, settings: Mapping) -> list[tuple[str, str]]:
     """Read the differences of one experiment from its paper: (file, text), first those in code, then amounts."""
     names = [
         *(f"learning/{name}" for name in FITTING[experiments.module(experiment).KIND]),
@@ -68,16 +72,16 @@ def experiment_differences(experiment: str, settings: Mapping) -> list[tuple[str
         *SCENES.get(experiment, []),
         *(f"models/{model}" for model in settings["models"]),
     ]
-    return read_differences(paths.CODE, (f"{name}.py" for name in names)) + amounts(experiment, settings)
+    return read_differences(paths.CODE, (f"{name}.py" for name in names)) + amounts(workspace, experiment, settings)
 
 
-def amounts(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
+def amounts(workspace: Workspace, experiment: str, settings: Mapping) -> list[tuple[str, str]]:
     """Return the values of params.yaml that are not the papers': (file, text); settings: the experiment's block.
 
     The papers' amounts of data, epochs and runs are the values of scales/paper.yaml.
     """
     differences = []
-    for keys, papers in params.scale_settings("paper", experiment, settings):
+    for keys, papers in params.scale_settings(workspace.scales, "paper", experiment, settings):
         ours = reduce(getitem, keys, settings)
         if ours != papers:
             name = ".".join([experiment, *keys])
@@ -87,6 +91,7 @@ def amounts(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
 
 
 def write_speed(
+    workspace: Workspace,
     target: Path,
     settings: Mapping,
     scores: results.Scores,
@@ -98,7 +103,7 @@ def write_speed(
 ) -> None:
     """Write the folder `speed`; panels, measure: see `speed.speed_table`; note, end: more text of table2.md."""
     folder = target / "speed"
-    table = speed_report.speed_table(scores, settings, latency, panels, measure)
+    table = speed_report.speed_table(workspace, scores, settings, latency, panels, measure)
     files.write_table(folder / "table2.csv", table)
     files.write_text(folder / "table2.md", speed_report.speed_text(table, settings["latency"]["calls"], note) + end)
     speed_figures.chart(folder / "tradeoff.png", table, "p50_ms")

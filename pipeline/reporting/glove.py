@@ -9,6 +9,7 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.base import files, paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.datasets.images import MODALITIES
 from pipeline.datasets.seeding import generator
@@ -61,7 +62,7 @@ NAMED_PAIRS = {  # that the paper says are confused, section 3.2
 }
 
 
-def write(target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `glove`; see `experiment`.
 
     Differs from paper: left open there and chosen here: batches of 32 images, and how the learning rate rises and falls
@@ -72,16 +73,18 @@ def write(target: Path, settings: Mapping) -> None:
     Differs from paper: figure 15 is of the STAG data set; on the glove, a session is one grasp.
     """
     accuracy = target / "accuracy"
-    scores, latency, table, _, _ = experiment.read("glove", settings)
+    scores, latency, table, _, _ = experiment.read(workspace, "glove", settings)
     objects, protocols = images.classes(table), main_protocols(settings)
-    counts, stag = glove_results.read_counts(), glove_results.read_stag()
-    augmentation = {metric: glove_results.read_augmentation(settings, metric) for metric in METRICS}
-    fits = glove_results.read_fits("glove", settings)
+    counts, stag = glove_results.read_counts(workspace), glove_results.read_stag(workspace)
+    augmentation = {metric: glove_results.read_augmentation(workspace, settings, metric) for metric in METRICS}
+    fits = glove_results.read_fits(workspace, "glove", settings)
     asked = dict.fromkeys(protocols if "sp_resnet" in settings["models"] else (), "sp_resnet")
-    confusions = glove_results.read_confusions("glove", settings, table, asked)
+    confusions = glove_results.read_confusions(workspace, "glove", settings, table, asked)
     compared = [model for model in COMPARED if model in settings["models"]]
-    frames = {dataset: glove_results.read_frames(table, dataset, settings, compared) for dataset in FRAMES_OF}
-    verdicts = sentences_of("glove", settings)
+    frames = {
+        dataset: glove_results.read_frames(workspace, table, dataset, settings, compared) for dataset in FRAMES_OF
+    }
+    verdicts = sentences_of(workspace, "glove", settings)
 
     files.write_table(accuracy / "table1.csv", glove_tables.score_table(scores, settings))
     files.write_text(accuracy / "table1.md", glove_tables.table_one(scores, settings, counts))
@@ -91,7 +94,7 @@ def write(target: Path, settings: Mapping) -> None:
     files.write_table(accuracy / "figure15.csv", pd.concat(by_frames))
     captions = draw_laws(accuracy, settings) if settings["source"] == "simulated" else {}
     captions["figure10"] = draw_grasp(accuracy / "figure10.png", table, objects)
-    captions["figure13"] = draw_sequences(accuracy / "figure13.png", settings, objects)
+    captions["figure13"] = draw_sequences(workspace, accuracy / "figure13.png", settings, objects)
     captions |= draw_confusions(accuracy, "figure14", settings, confusions, asked, objects, DATASETS)
     if compared:
         title = "Figure 15 on the simulated glove: several frames of a session"
@@ -103,13 +106,14 @@ def write(target: Path, settings: Mapping) -> None:
         captions["figure15_stag"] = glove_captions.precision_by_frames(of_stag)
     captions |= draw_learning(accuracy, settings, fits, DATASETS)
     tables = frames | {"STAG": stag}
-    readme = findings(scores, settings, verdicts, confusions, objects, tables, fits, captions)
+    readme = findings(workspace, scores, settings, verdicts, confusions, objects, tables, fits, captions)
     files.write_text(accuracy / "README.md", readme)
     panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
-    experiment.write_speed(target, settings, scores, latency, panels, WRONG)
+    experiment.write_speed(workspace, target, settings, scores, latency, panels, WRONG)
 
 
 def findings(
+    workspace: Workspace,
     scores: Scores,
     settings: Mapping,
     verdicts: Callable[..., list[str]],
@@ -167,7 +171,7 @@ def findings(
             lines += verdicts(*(f"{verb}-{dataset}-{'-'.join(pair)}" for verb in ("confused", "resolved")))
     lines += confused_sentences(confusions, objects)
     lines += ["\n## Figures\n", *sentences.figure_lines(captions)]
-    lines += sentences.differences_section(experiment.experiment_differences("glove", settings))
+    lines += sentences.differences_section(experiment.experiment_differences(workspace, "glove", settings))
     return "\n".join(lines) + "\n"
 
 
@@ -446,9 +450,9 @@ def draw_grasp(path: Path, table: pa.Table, objects: Sequence[str]) -> str:
     return glove_captions.tactile_images(pictures, grasped)
 
 
-def draw_sequences(path: Path, settings: Mapping, objects: Sequence[str]) -> str:
+def draw_sequences(workspace: Workspace, path: Path, settings: Mapping, objects: Sequence[str]) -> str:
     """Draw the conductance (mS) of pressure cells and wired joints of each last session; return the caption."""
-    frames_path = paths.require(paths.frames("glove"), "python -m pipeline.stages.ingest glove")
+    frames_path = paths.require(workspace.frames("glove"), "python -m pipeline.stages.ingest glove")
     frames = schemas.read(frames_path, columns=["condition", "recording", "pressure", "strain"])
     names, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     ohm = settings["sensor"]["reference_ohm"]

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files, paths
+from pipeline.base import files
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images
 from pipeline.datasets.images import MODALITIES
 from pipeline.reporting import experiment, glove_tables, sentences
@@ -47,24 +48,24 @@ EXPECTED = {  # accuracy in % of others' models on final frames, five-fold over 
 DATASETS = {"pressure": "pressure", "strain": "joint angles", "combined": "combined"}
 
 
-def write(target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `glove_recorded`; see `experiment`.
 
     Differs from paper: left open there and chosen here: batches of 32 images.
     """
     accuracy = target / "accuracy"
-    scores, latency, dataset, _, _ = experiment.read("glove_recorded", settings)
-    objects, fits = images.classes(dataset), read_fits("glove_recorded", settings)
+    scores, latency, dataset, _, _ = experiment.read(workspace, "glove_recorded", settings)
+    objects, fits = images.classes(dataset), read_fits(workspace, "glove_recorded", settings)
     best = best_networks(scores, settings)
-    confusions = read_confusions("glove_recorded", settings, dataset, best)
+    confusions = read_confusions(workspace, "glove_recorded", settings, dataset, best)
     files.write_table(accuracy / "table.csv", glove_tables.score_table(scores, settings).drop(columns="published"))
     files.write_text(accuracy / "table.md", score_text(scores, settings, objects))
     captions = draw_confusions(accuracy, "confusion", settings, confusions, best, objects, DATASETS)
     captions |= draw_learning(accuracy, settings, fits, DATASETS)
-    readme = findings(scores, settings, confusions, objects, read_probe(), fits, captions)
+    readme = findings(workspace, scores, settings, confusions, objects, read_probe(workspace), fits, captions)
     files.write_text(accuracy / "README.md", readme)
     panels = {DATASETS[modality]: (protocol, modality) for modality, protocol in main_protocols(settings).items()}
-    experiment.write_speed(target, settings, scores, latency, panels, WRONG)
+    experiment.write_speed(workspace, target, settings, scores, latency, panels, WRONG)
 
 
 def best_networks(scores: Scores, settings: Mapping) -> dict[str, str]:
@@ -100,6 +101,7 @@ def score_text(scores: Scores, settings: Mapping, objects: Sequence[str]) -> str
 
 
 def findings(
+    workspace: Workspace,
     scores: Scores,
     settings: Mapping,
     confusions: Mapping[str, np.ndarray],
@@ -131,7 +133,7 @@ def findings(
         *ending_sentences(fits),
         "\n## Figures\n",
         *sentences.figure_lines(captions),
-        *sentences.differences_section(experiment.experiment_differences("glove_recorded", settings)),
+        *sentences.differences_section(experiment.experiment_differences(workspace, "glove_recorded", settings)),
     ]
     return "\n".join(lines) + "\n"
 
@@ -165,10 +167,10 @@ def fusion_sentences(scores: Scores, best: Mapping[str, str], main: str) -> list
     return lines
 
 
-def read_probe() -> pd.DataFrame:
+def read_probe(workspace: Workspace) -> pd.DataFrame:
     """Read probe.csv: accuracy of extra trees on joint angles as recorded, and on parts of them; one row per seed."""
     made_by = "python -m pipeline.studies.joint_angles glove_recorded"
-    return read_csv(paths.probe("glove_recorded"), ["input", "seed", "metric", "value"], made_by)
+    return read_csv(workspace.probe("glove_recorded"), ["input", "seed", "metric", "value"], made_by)
 
 
 def leak_sentences(scores: Scores, best: Mapping[str, str], main: str, probe: pd.DataFrame) -> list[str]:

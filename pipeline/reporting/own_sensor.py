@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from pipeline import experiments
 from pipeline.base import files, paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.reporting import sentences
 from pipeline.reporting.figures import glove as glove_figures
@@ -66,19 +67,23 @@ FITTED = {
 }
 
 
-def write(target: Path, experiment: str, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping) -> None:
     """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of params.yaml."""
-    kind, scores, rows = experiments.module(experiment).KIND, Scores(experiment, settings), read_windows(experiment)
+    kind, scores, rows = (
+        experiments.module(experiment).KIND,
+        Scores(workspace, experiment, settings),
+        read_windows(workspace, experiment),
+    )
     name = settings["source"].removeprefix("data/own/")
-    report = json.loads(paths.require(paths.ingest_report(experiment), "tactile own").read_text(encoding="utf-8"))
+    report = json.loads(paths.require(workspace.ingest_report(experiment), "tactile own").read_text(encoding="utf-8"))
     fits = [
-        read_fit(experiment, model, protocol, seed)
+        read_fit(workspace, experiment, model, protocol, seed)
         for model in settings["models"]
         for protocol, block in settings["protocols"].items()
         for seed in block["seeds"]
     ]
-    files.write_text(target / "scores.csv", paths.scores(experiment).read_text(encoding="utf-8"))
-    captions = _figures(target, experiment, settings, scores, rows)
+    files.write_text(target / "scores.csv", workspace.scores(experiment).read_text(encoding="utf-8"))
+    captions = _figures(workspace, target, experiment, settings, scores, rows)
     lines = [
         f"# {code(name)}: {experiment_name(experiment).lower()}, your own logs\n",
         "Every number is from these logs. A seed draws another split and another start; intervals are 95 % t intervals "
@@ -194,7 +199,9 @@ def _findings(kind: str, settings: Mapping, scores: Scores, fits: Sequence[Fit])
     return [*lines, f"- {sentences.stops(trained)}"] if trained else lines
 
 
-def _figures(target: Path, experiment: str, settings: Mapping, scores: Scores, rows: pa.Table) -> dict[str, str]:
+def _figures(
+    workspace: Workspace, target: Path, experiment: str, settings: Mapping, scores: Scores, rows: pa.Table
+) -> dict[str, str]:
     """Draw the figures of the first run; return name of the file without .png -> caption."""
     kind = experiments.module(experiment).KIND
     captions = {}
@@ -206,7 +213,9 @@ def _figures(target: Path, experiment: str, settings: Mapping, scores: Scores, r
         part = schemas.names(rows[schemas.split_column(protocol, seed)])
         conditions = schemas.names(rows["condition"]) if kind != "images" else np.full(len(part), condition)
         chosen = np.flatnonzero((part == "test") & (conditions == condition))
-        guesses = {model: read_predictions(experiment, model, protocol, seed, rows)[chosen] for model in order}
+        guesses = {
+            model: read_predictions(workspace, experiment, model, protocol, seed, rows)[chosen] for model in order
+        }
         where = _place(protocol, condition)
         title, name = f"{where}, seed {seed}", _file_name(len(captions), kind)
         if kind == "windows":

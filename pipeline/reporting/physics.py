@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import files
+from pipeline.base.paths import Workspace
 from pipeline.reporting.figures import physics as physics_figures
 from pipeline.reporting.sentences import caption, picture
 from pipeline.reporting.verdicts import physics as physics_verdicts
@@ -27,9 +28,9 @@ ERRORS = {
 VERDICTS = (CHANGES, EQUIVALENT, UNKNOWN, FAILED)
 
 
-def write(values: Mapping, folder: Path) -> pd.DataFrame:
+def write(workspace: Workspace, values: Mapping, folder: Path) -> pd.DataFrame:
     """Judge all experiments, write README.md and one figure each into the empty `folder`, and return physics.csv."""
-    scores = {experiment: physics_verdicts.read(experiment, values) for experiment in values["physics"]}
+    scores = {experiment: physics_verdicts.read(workspace, experiment, values) for experiment in values["physics"]}
     assessed = {experiment: physics_verdicts.assess(table) for experiment, table in scores.items()}
     switches = {experiment: values[experiment]["simulate"]["effects"] for experiment in assessed}
     for experiment, judgements in assessed.items():

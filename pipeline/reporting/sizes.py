@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import files
+from pipeline.base.paths import Workspace
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.sentences import caption, picture
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
@@ -28,12 +29,12 @@ glove it has macro precision as a fraction, of which more is better; here it is 
 """
 
 
-def write(values: Mapping, folder: Path) -> pd.DataFrame:
+def write(workspace: Workspace, values: Mapping, folder: Path) -> pd.DataFrame:
     """Judge all ladders, write README.md and one figure per experiment into the empty `folder`, and return JUDGED."""
     tables, references = [], {}
     for experiment in ladders.METRIC:
-        judged = sizes_verdicts.judge(sizes_verdicts.read(experiment, values))
-        known = sizes_verdicts.references(experiment, values, judged)
+        judged = sizes_verdicts.judge(sizes_verdicts.read(workspace, experiment, values))
+        known = sizes_verdicts.references(workspace, experiment, values, judged)
         title = f"{experiment.capitalize()}: how small a model is enough? (lower is better)"
         sizes_figures.curves(folder / f"{experiment}.png", title, judged, known)
         tables.append(judged)

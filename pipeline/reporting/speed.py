@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.reporting.sentences import best, caption, split_unit
 from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name
 from pipeline.reporting.words.markdown import interval, number, size, table
@@ -37,6 +38,7 @@ def error_of(scores: Scores, protocol: str, condition: str, model: str, metric: 
 
 
 def speed_table(
+    workspace: Workspace,
     scores: Scores,
     settings: Mapping,
     latency: Mapping[tuple[str, int], Mapping],
@@ -54,7 +56,7 @@ def speed_table(
     for panel, (protocol, condition) in panels.items():
         for model in settings["models"]:
             single, large = latency[model, batches[0]], latency[model, batches[-1]]
-            times = read_training_times(scores.experiment, model, protocol)
+            times = read_training_times(workspace, scores.experiment, model, protocol)
             row = {"panel": panel, "protocol": protocol, "condition": condition, "model": model, "measure": name}
             row |= dict(zip(ESTIMATE, error_of(scores, protocol, condition, model, metric), strict=True))
             row |= {"threads": single["threads"], "batch": batches[0]}

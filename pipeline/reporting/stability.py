@@ -12,6 +12,7 @@ import pandas as pd
 from pipeline.base import files
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.reporting.figures import stability as stability_figures
 from pipeline.reporting.sentences import best, caption, figure_lines, one_run, some
 from pipeline.reporting.verdicts import stability as stability_verdicts
@@ -58,13 +59,13 @@ WRONG = "share of images classified incorrectly"  # the error of an image classi
 UNNAMED = ("severity", "see params.yaml")
 
 
-def write(values: Mapping, folder: Path, former: Path) -> None:
+def write(workspace: Workspace, values: Mapping, folder: Path, former: Path) -> None:
     """Write figures, tables and texts of all experiments of params.yaml (`values`) into the empty `folder`.
 
     former: the folder that is replaced; of experiments that were not run, what it holds is kept.
     """
     failures, trainings, pictures, absent = [], [], {}, {}
-    not_run = {name: reason for name in values["experiments"] if (reason := why_not_run(name))}
+    not_run = {name: reason for name in values["experiments"] if (reason := why_not_run(workspace, name))}
     kept = {name: kept_rows(former / f"{name}.csv", not_run) for name in ("failures", "training")}
     for experiment in values["experiments"]:
         if experiment in not_run:
@@ -79,10 +80,10 @@ def write(values: Mapping, folder: Path, former: Path) -> None:
         if experiment not in values["stress"]:
             raise InputError(f"params.yaml, stress: there is no block '{experiment}'; add one")
         settings = values[experiment]
-        table = stability_verdicts.read(experiment, settings, values["stress"][experiment])
+        table = stability_verdicts.read(workspace, experiment, settings, values["stress"][experiment])
         judged = stability_verdicts.failures(table, experiment, values["stress"][experiment]["usable"])
         failures.append(judged)
-        trainings.append(stability_verdicts.training_failures(experiment, settings))
+        trainings.append(stability_verdicts.training_failures(workspace, experiment, settings))
         _, error, unit = ERRORS[experiment]
         ylabel = WRONG.capitalize() if unit == "1" else f"{error} ({unit})"
         captions = {}

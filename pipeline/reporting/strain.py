@@ -9,6 +9,7 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.base import files
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.reporting import experiment, sentences, strain_captions
 from pipeline.reporting.claims import sentences_of
@@ -44,19 +45,19 @@ SCENE = (
 )
 
 
-def write(target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `strain`; see `experiment`."""
     accuracy = target / "accuracy"
-    scores, latency, dataset, _, _ = experiment.read("strain", settings)
+    scores, latency, dataset, _, _ = experiment.read(workspace, "strain", settings)
     models, tasks = list(settings["models"]), list(settings["protocols"])
     parameters = {
-        (model, task): read_fit("strain", model, task, block["seeds"][0]).parameters
+        (model, task): read_fit(workspace, "strain", model, task, block["seeds"][0]).parameters
         for model in models
         for task, block in settings["protocols"].items()
     }
-    studies = {name: read_study(name) for name in ("samples", "drift", "capacity", "strands", "bases")}
+    studies = {name: read_study(workspace, name) for name in ("samples", "drift", "capacity", "strands", "bases")}
     by_time = {
-        task: {model: errors_by_time(settings, dataset, task, model) for model in models}
+        task: {model: errors_by_time(workspace, settings, dataset, task, model) for model in models}
         for task in tasks
         if task != "task_0"
     }
@@ -67,8 +68,8 @@ def write(target: Path, settings: Mapping) -> None:
     captions = {}
     for task, figure in (("task_1", 5), ("task_2", 6)):
         if task in tasks:
-            captions |= draw_performance(accuracy, settings, dataset, task, figure)
-    changes = strain_figures.latent_space(accuracy / "figure7.png", read_latents())
+            captions |= draw_performance(workspace, accuracy, settings, dataset, task, figure)
+    changes = strain_figures.latent_space(accuracy / "figure7.png", read_latents(workspace))
     captions["figure7"] = strain_captions.latent_space(*changes)
     share = (np.arange(TIME_BINS) + 0.5) / TIME_BINS
     rows = tested_rows(dataset, "task_1", settings["protocols"]["task_1"]["seeds"][0])
@@ -77,13 +78,18 @@ def write(target: Path, settings: Mapping) -> None:
     captions["time"] = strain_captions.error_over_time(by_time)
     captions |= draw_studies(accuracy, settings, scores, studies)
     files.write_text(
-        accuracy / "README.md", findings(scores, settings, studies, by_time, sentences_of("strain", settings), captions)
+        accuracy / "README.md",
+        findings(workspace, scores, settings, studies, by_time, sentences_of(workspace, "strain", settings), captions),
     )
 
-    train_s = {(model, task): read_training_times("strain", model, task) for model in models for task in tasks}
+    train_s = {
+        (model, task): read_training_times(workspace, "strain", model, task) for model in models for task in tasks
+    }
     files.write_text(target / "speed" / "table1_times.md", table_times(train_s, settings))
     panels = {task.replace("_", " "): (task, task) for task in tasks}
-    experiment.write_speed(target, settings, scores, latency, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
+    experiment.write_speed(
+        workspace, target, settings, scores, latency, panels, ("error", "Error (mm)"), TRANSFER_COSTS
+    )
 
 
 def score_table(scores: Scores, settings: Mapping) -> pd.DataFrame:
@@ -142,6 +148,7 @@ def table_times(train_s: Mapping[tuple[str, str], Sequence[float]], settings: Ma
 
 
 def findings(
+    workspace: Workspace,
     scores: Scores,
     settings: Mapping,
     studies: Mapping[str, pd.DataFrame],
@@ -182,7 +189,7 @@ def findings(
         "\n## Figures\n",
     ]
     lines += sentences.figure_lines(captions)
-    lines += sentences.differences_section(experiment.experiment_differences("strain", settings))
+    lines += sentences.differences_section(experiment.experiment_differences(workspace, "strain", settings))
     return "\n".join(lines) + "\n"
 
 
@@ -286,12 +293,14 @@ def bases_sentences(bases: pd.DataFrame) -> list[str]:
     return lines
 
 
-def draw_performance(folder: Path, settings: Mapping, dataset: pa.Table, task: str, figure: int) -> dict[str, str]:
+def draw_performance(
+    workspace: Workspace, folder: Path, settings: Mapping, dataset: pa.Table, task: str, figure: int
+) -> dict[str, str]:
     """Draw figure 5 or 6, and the task's part of figure 8; return name of the file without .png -> caption."""
     seed = settings["protocols"][task]["seeds"][0]
     rows = tested_rows(dataset, task, seed)
     compared = [model for model in ("lstm_direct", "lstm_transfer") if model in settings["models"]]
-    guesses = {model: read_predictions("strain", model, task, seed, dataset)[rows] for model in compared}
+    guesses = {model: read_predictions(workspace, "strain", model, task, seed, dataset)[rows] for model in compared}
     time_s = dataset["t_s"].to_numpy()[rows]
     volts, truth = (schemas.matrix(dataset[name])[rows] for name in ("v", "y"))
     outputs = [k for k in range(3) if all(np.isfinite(guess[:, k]).all() for guess in guesses.values())]

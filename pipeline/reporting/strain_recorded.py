@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.base import files
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.reporting import experiment, sentences, strain_captions
 from pipeline.reporting.figures import strain as strain_figures
@@ -41,10 +42,10 @@ EXPLORATORY = "lstm_highpass"  # chosen among four variants by scores of the sec
 CHOSEN_ON = ("across_days", "new_places")  # splits that test on the day it was chosen on
 
 
-def write(target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `strain_recorded`; see `experiment`."""
     accuracy = target / "accuracy"
-    scores, latency, dataset, _, _ = experiment.read("strain_recorded", settings)
+    scores, latency, dataset, _, _ = experiment.read(workspace, "strain_recorded", settings)
     tested = {protocol: condition for protocol, condition, _ in scores.measured()}
     files.write_table(accuracy / "table.csv", score_table(scores, settings))
     files.write_text(accuracy / "table.md", score_text(scores, settings, tested))
@@ -56,7 +57,7 @@ def write(target: Path, settings: Mapping) -> None:
             part = schemas.names(dataset[schemas.split_column(protocol, seed)])
             rows = np.flatnonzero((part == "test") & (press >= 0))
             guesses = {
-                model: read_predictions("strain_recorded", model, protocol, seed, dataset)[rows]
+                model: read_predictions(workspace, "strain_recorded", model, protocol, seed, dataset)[rows]
                 for model in settings["models"]
             }
             views[protocol] = (truth[rows], press[rows], guesses)
@@ -66,7 +67,7 @@ def write(target: Path, settings: Mapping) -> None:
     files.write_text(accuracy / "README.md", findings(scores, settings, tested, captions))
     panels = {protocol.replace("_", " "): (protocol, tested[protocol]) for protocol in views}
     measure = ("press_error", "Error per press (mm)")
-    experiment.write_speed(target, settings, scores, latency, panels, measure, TRANSFER_COSTS)
+    experiment.write_speed(workspace, target, settings, scores, latency, panels, measure, TRANSFER_COSTS)
 
 
 def columns(task: str) -> dict[str, str]:

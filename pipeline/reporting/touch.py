@@ -9,6 +9,7 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.base import files, paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.reporting import experiment, sentences, touch_ablation, touch_captions
 from pipeline.reporting.claims import sentences_of
@@ -47,30 +48,32 @@ SCENE = (
 )
 
 
-def write(target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `touch`; see `experiment`."""
     accuracy = target / "accuracy"
-    scores, latency, table, protocol, seed = experiment.read("touch", settings)
+    scores, latency, table, protocol, seed = experiment.read(workspace, "touch", settings)
     windows = touch_figures.windows_of(table, settings, protocol, seed)
     present = set(windows.condition)
     known = ("single", "double", "three", "slide", "tape")
     conditions = [name for name in known if name in present] + sorted(present - set(known))
     fits = {
-        (model, name): [read_fit("touch", model, name, run_seed) for run_seed in block["seeds"]]
+        (model, name): [read_fit(workspace, "touch", model, name, run_seed) for run_seed in block["seeds"]]
         for model in settings["models"]
         for name, block in settings["protocols"].items()
     }
     maps = {
-        model: read_predictions("touch", model, protocol, seed, table)[windows.rows].reshape(windows.truth.shape)
+        model: read_predictions(workspace, "touch", model, protocol, seed, table)[windows.rows].reshape(
+            windows.truth.shape
+        )
         for model in settings["models"]
     }
-    frames_path = paths.require(paths.frames("touch"), "python -m pipeline.stages.ingest touch")
+    frames_path = paths.require(workspace.frames("touch"), "python -m pipeline.stages.ingest touch")
     frames = schemas.read(frames_path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
 
     files.write_table(accuracy / "table1.csv", score_table(scores, settings, conditions))
     files.write_text(accuracy / "table1.md", table_one(scores, settings, conditions))
     both = [name for name in TABLE_CONDITIONS if name in conditions]
-    ablated = touch_ablation.text(ablation.read("touch"), scores, settings, both)
+    ablated = touch_ablation.text(ablation.read(workspace, "touch"), scores, settings, both)
     files.write_text(accuracy / "ablation.md", ablated)
 
     learned = {model: fits[model, protocol] for model in settings["models"]}
@@ -79,11 +82,13 @@ def write(target: Path, settings: Mapping) -> None:
     part = schemas.names(table[schemas.split_column(protocol, seed)])
     share = unseen_products(last, part, schemas.names(table["condition"]), settings["sensor"])
     trained = [fit for runs in fits.values() for fit in runs if fit.stop_reason != "closed_form"]
-    files.write_text(accuracy / "README.md", findings(scores, settings, conditions, trained, share, captions))
+    files.write_text(
+        accuracy / "README.md", findings(workspace, scores, settings, conditions, trained, share, captions)
+    )
 
     panels = {f"{name} touch": (protocol, name) for name in TABLE_CONDITIONS if name in conditions}
     end = published_times(latency, settings)
-    experiment.write_speed(target, settings, scores, latency, panels, ("rmse", "RMSE (kPa)"), end=end)
+    experiment.write_speed(workspace, target, settings, scores, latency, panels, ("rmse", "RMSE (kPa)"), end=end)
 
 
 def draw(
@@ -202,6 +207,7 @@ def _protocol_note(protocol: str, n: int, settings: Mapping) -> str:
 
 
 def findings(
+    workspace: Workspace,
     scores: Scores,
     settings: Mapping,
     conditions: Sequence[str],
@@ -235,7 +241,7 @@ def findings(
             lines.append(f"- There are no recordings of {condition} touch.")
     if "double" in errors and "lomp" in settings["models"]:
         lines.append(double_sentence(errors["double"]))
-        lines += sentences_of("touch", settings)("lomp-best-double")
+        lines += sentences_of(workspace, "touch", settings)("lomp-best-double")
     if {"lomp", "lomp_stream"} <= set(settings["models"]):
         lines.append(stream_sentence(errors))
     if "constant" in settings["models"]:
@@ -253,7 +259,7 @@ def findings(
     lines.append("\n## Figures\n")
     lines += sentences.figure_lines(captions)
     lines.append(f"\nFigures 4 and 6 to 8 show the run `{protocol}`, seed {seeds[0]}.")
-    lines += sentences.differences_section(experiment.experiment_differences("touch", settings))
+    lines += sentences.differences_section(experiment.experiment_differences(workspace, "touch", settings))
     return "\n".join(lines) + "\n"
 
 

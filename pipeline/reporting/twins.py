@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files, paths
+from pipeline.base import files
+from pipeline.base.paths import Workspace
 from pipeline.reporting.figures import twins as twins_figure
 from pipeline.reporting.sentences import caption, picture
 from pipeline.reporting.words import markdown
@@ -25,13 +26,14 @@ SUMMARY = ["experiment", "statistic", "unit", *(f"{side}{end}" for side in SIDES
 SUMMARY += ["inside", "meaning", "note"]  # columns of reports/twins.csv
 
 
-def write(folder: Path, former: Path) -> pd.DataFrame:
+def write(workspace: Workspace, folder: Path, former: Path) -> pd.DataFrame:
     """Write README.md and one figure per experiment into the empty `folder`, and return reports/twins.csv.
 
     former: the folder that is replaced. Where recordings are absent, their side of its twins.csv and its figure stay.
     """
     tables = {
-        name: results.read_csv(paths.twins(name), COLUMNS, f"python -m pipeline.stages.twins {name}") for name in TITLES
+        name: results.read_csv(workspace.twins(name), COLUMNS, f"python -m pipeline.stages.twins {name}")
+        for name in TITLES
     }
     absent = [name for name, table in tables.items() if set(table["source"]) == {"simulated"}]
     kept = kept_rows(former.with_suffix(".csv"), absent)

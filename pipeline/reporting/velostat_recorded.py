@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import files
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.reporting import experiment, sentences
 from pipeline.reporting.figures import velostat as velostat_figures
@@ -22,16 +23,17 @@ METRICS = {
 }
 
 
-def write(target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `velostat_recorded`; see `experiment`."""
     accuracy = target / "accuracy"
-    scores, latency, dataset, protocol, seed = experiment.read("velostat_recorded", settings)
+    scores, latency, dataset, protocol, seed = experiment.read(workspace, "velostat_recorded", settings)
     test = schemas.names(dataset[schemas.split_column(protocol, seed)]) == "test"
     recordings = sorted(set(schemas.names(dataset["recording"])[test]))
     groups = ["all", *sorted({name.split("/")[0] for name in recordings}, key=_by_force)]
     best = best_model(scores, settings)
     predicted = {
-        model: read_predictions("velostat_recorded", model, protocol, seed, dataset) for model in settings["models"]
+        model: read_predictions(workspace, "velostat_recorded", model, protocol, seed, dataset)
+        for model in settings["models"]
     }
 
     files.write_table(accuracy / "table.csv", score_table(scores, settings, groups))
@@ -50,7 +52,7 @@ def write(target: Path, settings: Mapping) -> None:
     files.write_text(accuracy / "README.md", findings(scores, settings, groups, best, captions))
 
     panels = {"all recordings": (protocol, "all")}
-    experiment.write_speed(target, settings, scores, latency, panels, ("rmse", "RMSE (N)"))
+    experiment.write_speed(workspace, target, settings, scores, latency, panels, ("rmse", "RMSE (N)"))
 
 
 def _by_force(name: str) -> tuple:

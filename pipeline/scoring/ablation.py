@@ -4,16 +4,16 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.scoring.results import Scores, read_csv
 
 METRIC = "rmse"
 
 
-def read(experiment: str) -> pd.DataFrame:
+def read(workspace: Workspace, experiment: str) -> pd.DataFrame:
     """Read ablation.csv: row, condition, seed, metric, value."""
     made_by = f"python -m pipeline.studies.ablation {experiment}"
-    return read_csv(paths.ablation(experiment), ["row", "condition", "seed", "metric", "value"], made_by)
+    return read_csv(workspace.ablation(experiment), ["row", "condition", "seed", "metric", "value"], made_by)
 
 
 def block_of(settings: Mapping, name: str) -> dict:

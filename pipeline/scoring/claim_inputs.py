@@ -13,6 +13,7 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.base import params, paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, labels, schemas
 from pipeline.datasets.images import classes
 from pipeline.scoring import ablation, glove_results, metrics
@@ -26,37 +27,37 @@ KPA_BINS = np.arange(50.0, 401.0, 50.0)
 Row = Mapping[str, object]
 
 
-def rows(experiment: str, settings: Mapping) -> pd.DataFrame:
+def rows(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFrame:
     """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of params.yaml."""
-    derived = [{"experiment": experiment, "n": 1, **row} for row in EXPERIMENTS[experiment](settings)]
+    derived = [{"experiment": experiment, "n": 1, **row} for row in EXPERIMENTS[experiment](workspace, settings)]
     return pd.DataFrame(derived, columns=COLUMNS).astype({"seed": "Int64"})
 
 
-def studies(experiment: str) -> list[Path]:
+def studies(workspace: Workspace, experiment: str) -> list[Path]:
     """Return the files of studies that the rows of an experiment are derived from, where they are there."""
-    of_glove = [paths.augmentation("glove"), paths.input_frames("glove"), paths.stag("glove")]
-    return {"touch": [paths.ablation("touch")], "glove": of_glove}.get(experiment, [])
+    of_glove = [workspace.augmentation("glove"), workspace.input_frames("glove"), workspace.stag("glove")]
+    return {"touch": [workspace.ablation("touch")], "glove": of_glove}.get(experiment, [])
 
 
-def touch(settings: Mapping) -> Iterator[Row]:
+def touch(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     """Yield what the claims of LoMP need of the array."""
-    table = read_windows("touch")
+    table = read_windows(workspace, "touch")
     for protocol, block in settings["protocols"].items():
         for seed in block["seeds"]:
             tested = schemas.names(table[schemas.split_column(protocol, seed)]) == "test"
             for model in settings["models"]:
-                maps = read_predictions("touch", model, protocol, seed, table)
+                maps = read_predictions(workspace, "touch", model, protocol, seed, table)
                 run = {"protocol": protocol, "model": model, "seed": seed}
                 found = (
                     high_pressure_error(settings, table, maps, tested),
                     left_right_tilt(settings, table, maps, tested),
                 )
                 yield from (run | row for row in found if row["n"])
-    for element, shift in press_shift(settings).items():
+    for element, shift in press_shift(workspace, settings).items():
         yield {"condition": "single", "model": DATA, "metric": "off_centre_shift", "seed": element} | {
             "unit": "counts", "value": shift,
         }  # fmt: skip
-    for row in ablation.read("touch").itertuples() if paths.ablation("touch").exists() else ():
+    for row in ablation.read(workspace, "touch").itertuples() if workspace.ablation("touch").exists() else ():
         if row.row in settings["ablation"]:
             model = settings["ablation"][row.row]["of"]
             place = {"protocol": row.protocol, "condition": row.condition, "model": model, "variant": row.row}
@@ -92,13 +93,13 @@ def left_right_tilt(settings: Mapping, table: pa.Table, maps: np.ndarray, tested
     return {"condition": "tape", "metric": "left_right_tilt", "unit": "1", "value": value, "n": len(chosen)}
 
 
-def press_shift(settings: Mapping) -> pd.Series:
+def press_shift(workspace: Workspace, settings: Mapping) -> pd.Series:
     """Return element -> by how many counts its reading is lower for presses off its centre, at the same pressure.
 
     Single-touch frames under an element's area, in bins of 50 kPa: near the centre (within a quarter of the pitch in
     x and y) against the rest, mean over the bins that have both.
     """
-    path = paths.require(paths.frames("touch"), "python -m pipeline.stages.ingest touch")
+    path = paths.require(workspace.frames("touch"), "python -m pipeline.stages.ingest touch")
     frames = schemas.read(path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
     frames = frames.filter(schemas.names(frames["condition"]) == "single")
     sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]
@@ -116,9 +117,9 @@ def press_shift(settings: Mapping) -> pd.Series:
     return (mean[True] - mean[False]).dropna().groupby("element").mean()
 
 
-def strain(settings: Mapping) -> Iterator[Row]:
+def strain(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     """Yield what the claims of the latent space need of the fingers, and the cost of every training."""
-    table = read_windows("strain")
+    table = read_windows(workspace, "strain")
     for task in settings["protocols"]:
         for number, correlation in enumerate(strand_correlations(table, task).values()):
             yield {"protocol": task, "condition": task, "model": DATA, "metric": "strand_correlation"} | {
@@ -126,13 +127,13 @@ def strain(settings: Mapping) -> Iterator[Row]:
             }  # fmt: skip
     made_by = params.training_command("strain")
     for model in settings["models"]:
-        times = read_csv(paths.training_times("strain", model), ["protocol", "seed", "train_s"], made_by)
+        times = read_csv(workspace.training_times("strain", model), ["protocol", "seed", "train_s"], made_by)
         for run in times.itertuples():
             place = {"protocol": run.protocol, "condition": run.protocol, "model": model, "seed": run.seed}
             yield place | {"metric": "train_s", "unit": "s", "value": run.train_s}
         for task, block in settings["protocols"].items():
             for seed in block["seeds"]:
-                fit = fits.read(paths.run_folder("strain", model, task, seed), made_by)
+                fit = fits.read(workspace.run_folder("strain", model, task, seed), made_by)
                 place = {"protocol": task, "condition": task, "model": model, "seed": seed}
                 yield place | {"metric": "params", "unit": "1", "value": fit["parameters"]}
 
@@ -146,24 +147,24 @@ def strand_correlations(table: pa.Table, task: str) -> dict[str, float]:
     return {name: float(np.abs(np.corrcoef(part.T)[pair]).mean()) for name, part in parts.items()}
 
 
-def glove(settings: Mapping) -> Iterator[Row]:
+def glove(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     """Yield what the claims of SP-ResNet need of the glove, and of the STAG data set where the user has it."""
-    table, protocols = read_windows("glove"), glove_results.main_protocols(settings)
+    table, protocols = read_windows(workspace, "glove"), glove_results.main_protocols(settings)
     if "sp_resnet" in settings["models"]:
-        yield from confusions(settings, table, protocols)
+        yield from confusions(workspace, settings, table, protocols)
     compared = [model for model in glove_results.COMPARED if model in settings["models"]]
-    augmented, by_number, stag = (path.exists() for path in studies("glove"))
+    augmented, by_number, stag = (path.exists() for path in studies(workspace, "glove"))
     if augmented:
-        yield from augmentation(settings)
+        yield from augmentation(workspace, settings)
     for dataset in ("combined", "pressure") if by_number else ():
         if protocols.get(dataset) == f"{settings['input_frames']['split']}_{dataset}":
-            frames = glove_results.read_frames(table, dataset, settings, compared)
+            frames = glove_results.read_frames(workspace, table, dataset, settings, compared)
             yield from ({"protocol": protocols[dataset], "condition": dataset, **row} for row in by_frames(frames))
-    recorded = by_frames(glove_results.read_stag()) if stag else ()
+    recorded = by_frames(glove_results.read_stag(workspace)) if stag else ()
     yield from ({"experiment": "glove_recorded", "condition": "stag", **row} for row in recorded)
 
 
-def confusions(settings: Mapping, table: pa.Table, protocols: Mapping[str, str]) -> Iterator[Row]:
+def confusions(workspace: Workspace, settings: Mapping, table: pa.Table, protocols: Mapping[str, str]) -> Iterator[Row]:
     """Yield for every two objects the share of their images that SP-ResNet gave the other's name, by seed.
 
     Beside it the mean over all pairs, and the rank of each pair among them over all runs together.
@@ -171,7 +172,7 @@ def confusions(settings: Mapping, table: pa.Table, protocols: Mapping[str, str])
     names = classes(table)
     first, second = np.triu_indices(len(names), 1)
     for dataset, protocol in protocols.items():
-        counts = glove_results.read_confusions("glove", settings, table, {dataset: "sp_resnet"})[dataset]
+        counts = glove_results.read_confusions(workspace, "glove", settings, table, {dataset: "sp_resnet"})[dataset]
         seeds = settings["protocols"][protocol]["seeds"]
         if len(counts) < len(seeds):  # a run failed: its score says so
             continue
@@ -193,11 +194,11 @@ def confusions(settings: Mapping, table: pa.Table, protocols: Mapping[str, str])
             }
 
 
-def augmentation(settings: Mapping) -> Iterator[Row]:
+def augmentation(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     """Yield the scores of one network with each augmentation method alone, and with all."""
     block = settings["augmentation"]
     for metric in ("accuracy", "macro_precision"):
-        for (method, dataset), scores in glove_results.read_augmentation(settings, metric).items():
+        for (method, dataset), scores in glove_results.read_augmentation(workspace, settings, metric).items():
             place = {"protocol": f"{block['split']}_{dataset}", "condition": dataset, "model": block["model"]}
             place |= {"variant": f"augmentation_{method}", "metric": metric, "unit": "1"}
             for seed, value in zip(block["seeds"], scores, strict=True):

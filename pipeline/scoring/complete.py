@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 
 
@@ -20,4 +19,4 @@ def check(table: pd.DataFrame, path: Path, key: list[str], wanted: Iterable[tupl
     for problem, runs in (("two rows", repeated), ("no row", missing)):
         if (run := next(runs, None)) is not None:
             words = ", ".join(f"{name} {value}" for name, value in zip(key, run, strict=True))
-            raise InputError(f"{paths.shown(path)}: {problem} for {words}; run `{made_by}` again")
+            raise InputError(f"{path}: {problem} for {words}; run `{made_by}` again")

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets.images import MODALITIES, classes, modality, split_name
 from pipeline.scoring import classification, frame_sets
 from pipeline.scoring.published import METHODS
@@ -27,10 +27,10 @@ FRAMES_COLUMNS = ["form", "model", "seed", "frames", "metric", "value"]
 MOST_CONFUSED = 3  # pairs that are listed; one that the paper names must be among them
 
 
-def read_counts() -> pd.DataFrame:
+def read_counts(workspace: Workspace) -> pd.DataFrame:
     """Read counts.csv: multiply-accumulates and parameters."""
     names = ["model", "input_shape", "classes", "macs", "params", "published_macs", "published_params", "verdict"]
-    return read_csv(paths.REPORTS / "counts.csv", [*names, "note"], "python -m pipeline.studies.counts")
+    return read_csv(workspace.reports / "counts.csv", [*names, "note"], "python -m pipeline.studies.counts")
 
 
 def like_with_like(counts: pd.DataFrame) -> pd.DataFrame:
@@ -38,18 +38,18 @@ def like_with_like(counts: pd.DataFrame) -> pd.DataFrame:
     return counts[counts["published_macs"].isna()].set_index("model")
 
 
-def read_augmentation(settings: Mapping, metric: str) -> dict[tuple[str, str], list[float]]:
+def read_augmentation(workspace: Workspace, settings: Mapping, metric: str) -> dict[tuple[str, str], list[float]]:
     """Read (method, dataset) -> one fraction per seed of `augmentation.seeds`; settings: the block `glove`.
 
     `all` is the model as Table 1 has it. Raises InputError that names a missing row.
     """
     block, made_by = settings["augmentation"], "python -m pipeline.studies.augmentation glove"
     protocols = {dataset: f"{block['split']}_{dataset}" for dataset in MODALITIES}
-    path = paths.augmentation("glove")
+    path = workspace.augmentation("glove")
     table = read_csv(path, ["method", "protocol", "seed", "metric", "value"], made_by)
     written = {(row.method, row.protocol, int(row.seed), row.metric): row.value for row in table.itertuples()}
     same_seeds = {protocol: {"seeds": block["seeds"]} for protocol in protocols.values()}
-    complete = Scores("glove", {"protocols": same_seeds})
+    complete = Scores(workspace, "glove", {"protocols": same_seeds})
     values = {}
     for dataset, protocol in protocols.items():
         for method in METHODS:
@@ -59,19 +59,21 @@ def read_augmentation(settings: Mapping, metric: str) -> dict[tuple[str, str], l
             for seed in block["seeds"]:
                 if (method, protocol, seed, metric) not in written:
                     raise InputError(
-                        f"{paths.shown(path)}: no row for method {method}, protocol {protocol}, seed {seed}, metric "
+                        f"{path}: no row for method {method}, protocol {protocol}, seed {seed}, metric "
                         f"{metric}; run `{made_by}` again"
                     )
             values[method, dataset] = [written[method, protocol, seed, metric] for seed in block["seeds"]]
     return values
 
 
-def read_stag() -> pd.DataFrame:
+def read_stag(workspace: Workspace) -> pd.DataFrame:
     """Read scores on the STAG data set, as `read_frames` does; no row where the user has named no file."""
-    return with_one_frame(read_csv(paths.stag("glove"), FRAMES_COLUMNS, "python -m pipeline.studies.stag glove"))
+    return with_one_frame(read_csv(workspace.stag("glove"), FRAMES_COLUMNS, "python -m pipeline.studies.stag glove"))
 
 
-def read_frames(table: pa.Table, dataset: str, settings: Mapping, models: Sequence[str]) -> pd.DataFrame:
+def read_frames(
+    workspace: Workspace, table: pa.Table, dataset: str, settings: Mapping, models: Sequence[str]
+) -> pd.DataFrame:
     """Return the scores by number of input frames on one dataset of the glove, in both FORMS; columns as in stag.csv.
 
     Networks are trained on several frames of `input_frames.dataset` only; table: the dataset's.
@@ -79,10 +81,10 @@ def read_frames(table: pa.Table, dataset: str, settings: Mapping, models: Sequen
     block, protocol = settings["input_frames"], main_protocols(settings)[dataset]
     if dataset == block["dataset"]:
         protocol = f"{block['split']}_{dataset}"
-    rows = scores_by_frames(table, protocol, settings, models).assign(form="mean")
+    rows = scores_by_frames(workspace, table, protocol, settings, models).assign(form="mean")
     if dataset == block["dataset"]:
         made_by = "python -m pipeline.studies.input_frames glove"
-        trained = read_csv(paths.input_frames("glove"), FRAMES_COLUMNS, made_by)
+        trained = read_csv(workspace.input_frames("glove"), FRAMES_COLUMNS, made_by)
         rows = pd.concat([trained[trained["model"].isin(models)], rows]) if len(trained) else rows
     return with_one_frame(rows)
 
@@ -104,11 +106,11 @@ def judged_form(rows: pd.DataFrame) -> str:
     return "trained" if (rows["form"] == "trained").any() else "mean"
 
 
-def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fit]]]:
+def read_fits(workspace: Workspace, experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fit]]]:
     """Read network -> protocol -> one fit per seed."""
     return {
         model: {
-            protocol: [read_fit(experiment, model, protocol, seed) for seed in block["seeds"]]
+            protocol: [read_fit(workspace, experiment, model, protocol, seed) for seed in block["seeds"]]
             for protocol, block in settings["protocols"].items()
         }
         for model, model_block in settings["models"].items()
@@ -117,7 +119,7 @@ def read_fits(experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fi
 
 
 def read_confusions(
-    experiment: str, settings: Mapping, table: pa.Table, models: Mapping[str, str]
+    workspace: Workspace, experiment: str, settings: Mapping, table: pa.Table, models: Mapping[str, str]
 ) -> dict[str, np.ndarray]:
     """Count dataset -> (runs, classes, classes) test images of the main split; failed runs are left out.
 
@@ -128,7 +130,7 @@ def read_confusions(
     for dataset, model in models.items():
         runs = []
         for seed in settings["protocols"][protocols[dataset]]["seeds"]:
-            predicted = read_predictions(experiment, model, protocols[dataset], seed, table)
+            predicted = read_predictions(workspace, experiment, model, protocols[dataset], seed, table)
             rows = np.isfinite(predicted).all(axis=1)
             if rows.any():
                 runs.append(classification.confusion(truth[rows], predicted[rows]))
@@ -153,7 +155,9 @@ def ranked_pairs(counts: np.ndarray) -> list[tuple[int, int]]:
     return [(int(first[k]), int(second[k])) for k in np.argsort(-shares[first, second], kind="stable")]
 
 
-def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: Sequence[str]) -> pd.DataFrame:
+def scores_by_frames(
+    workspace: Workspace, table: pa.Table, protocol: str, settings: Mapping, models: Sequence[str]
+) -> pd.DataFrame:
     """Score the mean prediction of 1 .. `most` images of a test session (see `compared_images`).
 
     Columns as in stag.csv. table: the dataset's.
@@ -163,7 +167,7 @@ def scores_by_frames(table: pa.Table, protocol: str, settings: Mapping, models: 
     rows = []
     for model in models:
         for seed, used in tests.items():
-            predicted = read_predictions("glove", model, protocol, seed, table)
+            predicted = read_predictions(workspace, "glove", model, protocol, seed, table)
             failed = not np.isfinite(predicted[used]).all()
             for frames in range(1, most + 1):
                 first, mean = classification.by_frames(predicted[used], session[used], frames)

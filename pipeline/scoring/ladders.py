@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 
 COLUMNS = ("experiment", "condition", "family", "size", "params", "metric", "unit", "seed", "value", "macs")
 METRIC = {"touch": "rmse", "strain": "error", "glove": "macro_precision"}  # of each experiment's ladders
@@ -24,9 +24,9 @@ FAMILIES = {
 }
 
 
-def path(experiment: str) -> Path:
+def path(workspace: Workspace, experiment: str) -> Path:
     """Return the file of all runs of an experiment's ladders (output of pipeline/studies/sizes.py)."""
-    return paths.experiment_folder(experiment) / "rightsize.csv"
+    return workspace.experiment_folder(experiment) / "rightsize.csv"
 
 
 def protocol(experiment: str, condition: str) -> str:

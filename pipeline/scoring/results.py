@@ -14,6 +14,7 @@ from scipy.special import expit, logit
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, schemas
 
 CONFIDENCE = 0.95
@@ -84,10 +85,10 @@ def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
     try:
         table = parse_csv(paths.require(path, made_by).read_bytes())
     except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise InputError(f"{paths.shown(path)}: not a CSV table ({error}); run `{made_by}` again") from error
+        raise InputError(f"{path}: not a CSV table ({error}); run `{made_by}` again") from error
     for column in columns:
         if column not in table.columns:
-            raise InputError(f"{paths.shown(path)}: column '{column}' is missing; run `{made_by}` again")
+            raise InputError(f"{path}: column '{column}' is missing; run `{made_by}` again")
     return table
 
 
@@ -101,17 +102,17 @@ def parse_csv(content: bytes) -> pd.DataFrame:
 class Scores:
     """scores.csv of one experiment, looked up row by row."""
 
-    def __init__(self, experiment: str, settings: dict):
+    def __init__(self, workspace: Workspace, experiment: str, settings: dict):
         self.experiment = experiment
         self.made_by = f"python -m pipeline.stages.evaluate {experiment}"
-        self.path = paths.scores(experiment)
+        self.path = workspace.scores(experiment)
         self.protocols = settings["protocols"]
         key = ["protocol", "condition", "model", "seed", "metric"]
         table = read_csv(self.path, [*key, "unit", "value"], self.made_by)
         repeated = table[table.duplicated(key)]
         if len(repeated):
             row = ", ".join(str(value) for value in repeated.iloc[0][key])
-            raise InputError(f"{paths.shown(self.path)}: two rows for {row}; run `{self.made_by}` again")
+            raise InputError(f"{self.path}: two rows for {row}; run `{self.made_by}` again")
         self._values = {
             (row.protocol, row.condition, row.model, int(row.seed), row.metric): float(row.value)
             for row in table.itertuples()
@@ -127,7 +128,7 @@ class Scores:
             key = (protocol, condition, model, seed, metric)
             if key not in self._values:
                 raise InputError(
-                    f"{paths.shown(self.path)}: no row for protocol {protocol}, condition {condition}, "
+                    f"{self.path}: no row for protocol {protocol}, condition {condition}, "
                     f"model {model}, seed {seed}, metric {metric}; run `{self.made_by}` again"
                 )
             failed = np.isnan(self._values.get((*key[:4], "rmse"), 0.0))
@@ -143,9 +144,9 @@ class Scores:
         return estimate(self.runs(protocol, condition, model, metric), scale_of(metric))
 
 
-def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
+def read_latency(workspace: Workspace, experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
     """Read latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
-    path, made_by = paths.latency(experiment), f"python -m pipeline.stages.latency {experiment}"
+    path, made_by = workspace.latency(experiment), f"python -m pipeline.stages.latency {experiment}"
     wanted = [
         "model",
         "batch",
@@ -163,14 +164,14 @@ def read_latency(experiment: str, settings: dict) -> dict[tuple[str, int], dict]
     for model in settings["models"]:
         for batch in settings["latency"]["batches"]:
             if (model, batch) not in rows:
-                raise InputError(f"{paths.shown(path)}: no row for model {model}, batch {batch}; run `{made_by}` again")
+                raise InputError(f"{path}: no row for model {model}, batch {batch}; run `{made_by}` again")
     return rows
 
 
-def read_training_times(experiment: str, model: str, protocol: str) -> list[float]:
+def read_training_times(workspace: Workspace, experiment: str, model: str, protocol: str) -> list[float]:
     """Read the measured training seconds of one model, one value per seed."""
     made_by = params.training_command(experiment)
-    times = read_csv(paths.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
+    times = read_csv(workspace.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
     return times[times["protocol"] == protocol]["train_s"].tolist()
 
 
@@ -184,9 +185,9 @@ class Fit(NamedTuple):
     history: pd.DataFrame
 
 
-def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
+def read_fit(workspace: Workspace, experiment: str, model: str, protocol: str, seed: int) -> Fit:
     """Read how one run was trained. Raises InputError for a missing or broken file."""
-    folder = paths.run_folder(experiment, model, protocol, seed)
+    folder = workspace.run_folder(experiment, model, protocol, seed)
     made_by = params.training_command(experiment)
     fit = fits.read(folder, made_by)
     values = [fit[name] for name in ("stop_reason", "best_epoch", "epochs", "parameters")]
@@ -194,18 +195,20 @@ def read_fit(experiment: str, model: str, protocol: str, seed: int) -> Fit:
     return Fit(*values, history)
 
 
-def read_windows(experiment: str) -> pa.Table:
+def read_windows(workspace: Workspace, experiment: str) -> pa.Table:
     """Read the dataset's table."""
-    return schemas.read(paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}"))
+    return schemas.read(paths.require(workspace.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}"))
 
 
-def read_predictions(experiment: str, model: str, protocol: str, seed: int, windows: pa.Table) -> np.ndarray:
+def read_predictions(
+    workspace: Workspace, experiment: str, model: str, protocol: str, seed: int, windows: pa.Table
+) -> np.ndarray:
     """Read the predictions of one run on all windows of the dataset, (windows, outputs); NaN outside its test part.
 
     Raises InputError where a test window has no prediction.
     """
     made_by = f"python -m pipeline.stages.evaluate {experiment}"
-    path = paths.require(paths.predictions(experiment) / f"{model}.parquet", made_by)
+    path = paths.require(workspace.predictions(experiment) / f"{model}.parquet", made_by)
     table = schemas.read(path)
     table = table.filter(
         (pc.field("protocol").cast("string") == protocol) & (pc.field("seed") == seed)
@@ -214,7 +217,7 @@ def read_predictions(experiment: str, model: str, protocol: str, seed: int, wind
     rows = table["window"].to_numpy()
     if not np.array_equal(np.sort(rows), test):
         raise InputError(
-            f"{paths.shown(path)}: {len(rows)} predictions of {protocol} seed {seed} do not match the "
+            f"{path}: {len(rows)} predictions of {protocol} seed {seed} do not match the "
             f"{len(test)} test windows; run `{made_by}` again"
         )
     result = np.full((windows.num_rows, table.schema.field("prediction").type.list_size), np.nan, np.float32)

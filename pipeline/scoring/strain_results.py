@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.scoring.results import read_csv, read_predictions
 
@@ -16,15 +16,15 @@ LATENT = "latent of model-0"  # an input of the decoders, in drift.csv
 TIME_BINS = 10  # of the test part
 
 
-def read_study(name: str) -> pd.DataFrame:
+def read_study(workspace: Workspace, name: str) -> pd.DataFrame:
     """Read a table of the study of the latent space: samples, drift or capacity."""
-    path = paths.experiment_folder("strain") / "study" / f"{name}.csv"
+    path = workspace.experiment_folder("strain") / "study" / f"{name}.csv"
     return read_csv(path, ["protocol", "seed", "value"], STUDY)
 
 
-def read_latents() -> pd.DataFrame:
+def read_latents(workspace: Workspace) -> pd.DataFrame:
     """Read t_s and the states of model-0 on task 2."""
-    return read_csv(paths.experiment_folder("strain") / "study" / "latents.csv", ["t_s"], STUDY)
+    return read_csv(workspace.experiment_folder("strain") / "study" / "latents.csv", ["t_s"], STUDY)
 
 
 def mean_error(truth: np.ndarray, guess: np.ndarray) -> float:
@@ -38,11 +38,11 @@ def tested_rows(table: pa.Table, task: str, seed: int) -> np.ndarray:
     return np.flatnonzero(schemas.names(table[schemas.split_column(task, seed)]) == "test")
 
 
-def errors_by_time(settings: Mapping, table: pa.Table, task: str, model: str) -> np.ndarray:
+def errors_by_time(workspace: Workspace, settings: Mapping, table: pa.Table, task: str, model: str) -> np.ndarray:
     """Return the mean error in mm, (seeds, TIME_BINS), in equal parts of the test part, in the order of time."""
     truth, errors = schemas.matrix(table["y"]), []
     for seed in settings["protocols"][task]["seeds"]:
-        predicted = read_predictions("strain", model, task, seed, table)
+        predicted = read_predictions(workspace, "strain", model, task, seed, table)
         parts = np.array_split(tested_rows(table, task, seed), TIME_BINS)
         errors.append([mean_error(truth[part], predicted[part]) for part in parts])
     return np.array(errors)

@@ -1,18 +1,18 @@
 """Score models on a scene whose settings are not those of params.yaml, all the way from its logs.
 
-What the stages simulate, ingest, window, dataset, train and evaluate do, in one folder that nobody keeps.
+What the stages simulate, ingest, window, dataset, train and evaluate do, in a workspace that nobody keeps.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, models, scenes, tasks
-from pipeline.base import params
+from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas, series, specimens
 from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Trained
@@ -60,13 +60,8 @@ def _merged(block: Mapping, changes: Mapping) -> dict:
     return merged
 
 
-def dataset_of(folder: Path) -> Path:
-    """Return the path of the dataset of a changed scene."""
-    return folder / "dataset.parquet"
-
-
-def write_dataset(experiment: str, settings: dict, protocols: Iterable[str], seed: int, folder: Path) -> None:
-    """Simulate, ingest and label in `folder`: what the stages simulate, ingest, window and dataset do, unsaved.
+def write_dataset(workspace: Workspace, experiment: str, settings: dict, protocols: Iterable[str], seed: int) -> None:
+    """Simulate, ingest and label in a workspace: what the stages simulate, ingest, window and dataset do, unsaved.
 
     The protocols that model-0 of `protocols` is trained on are added.
     """
@@ -74,45 +69,49 @@ def write_dataset(experiment: str, settings: dict, protocols: Iterable[str], see
     recordings, logs_of = scenes.plan(experiment, settings)
     conditions = CONDITIONS.get(experiment)
     recordings = [each for each in recordings if conditions is None or each.condition in conditions]
-    scenes.write_logs(folder / "logs", recordings, logs_of)
+    scenes.write_logs(workspace.logs(experiment), recordings, logs_of)
     schema = module.frames_schema(settings)
-    parts = [module.read_recording(path, settings)[0] for path in module.recordings(folder / "logs")]
+    parts = [module.read_recording(path, settings)[0] for path in module.recordings(workspace.logs(experiment))]
     frames = pa.concat_tables([part.select(schema.names).cast(schema) for part in parts])
     inputs = task.inputs(frames.unify_dictionaries().combine_chunks(), settings)
     bases = [task.base(experiment, settings, protocol) for protocol in protocols]
     runs = [(name, seed) for name in dict.fromkeys([*protocols, *filter(None, bases)])]
-    tasks.write_dataset(dataset_of(folder), experiment, inputs, settings, runs)
+    tasks.write_dataset(workspace.dataset(experiment), experiment, inputs, settings, runs)
 
 
 def scores(
-    experiment: str, settings: dict, asked: Asked, seed: int, folder: Path, device: str
+    workspace: Workspace, experiment: str, settings: dict, asked: Asked, seed: int, device: str
 ) -> Iterator[tuple[str, str, list[metrics.Row]]]:
-    """Yield (condition, model, rows of scores of the asked part) of every model trained on the folder's dataset."""
+    """Yield (condition, model, rows of scores of the asked part) of every model trained on the workspace's dataset."""
     by_kind = {"windows": _windows_scores, "series": _series_scores, "images": _images_scores}
-    yield from by_kind[experiments.module(experiment).KIND](experiment, settings, asked, seed, folder, device)
+    yield from by_kind[experiments.module(experiment).KIND](workspace, experiment, settings, asked, seed, device)
 
 
-def _fitted(experiment: str, model: str, settings: dict, asked: Asked, folder: Path, run: tuple, **fitting) -> Trained:
-    """Return a model trained on the folder's dataset; run: protocol and seed."""
+def _fitted(
+    workspace: Workspace, experiment: str, model: str, settings: dict, asked: Asked, run: tuple, **fitting
+) -> Trained:
+    """Return a model trained on the workspace's dataset; run: protocol and seed."""
     if model not in asked.models:
         raise InputError(f"params.yaml, {asked.where}: '{model}' is missing; {experiment}.model_zero names it")
 
     def build(spec):
         return models.build(model, spec, asked.models[model], f"{asked.where}.{model}")
 
-    regressor = tasks.of(experiment).fit(dataset_of(folder), experiment, settings, *run, build, **fitting).model
+    regressor = (
+        tasks.of(experiment).fit(workspace.dataset(experiment), experiment, settings, *run, build, **fitting).model
+    )
     return Trained(regressor, failed=regressor.summary.best_epoch == 0)
 
 
-def _windows_scores(experiment: str, settings: dict, asked: Asked, seed: int, folder: Path, device: str):
+def _windows_scores(workspace: Workspace, experiment: str, settings: dict, asked: Asked, seed: int, device: str):
     """Yield as `scores`; a condition is that of the recording."""
     module = experiments.module(experiment)
-    data = read_dataset(dataset_of(folder), settings["window"]["frames"])
+    data = read_dataset(workspace.dataset(experiment), settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     for protocol in asked.protocols:
         part = data.part(protocol, seed)
         for model in asked.scored:
-            run = _fitted(experiment, model, settings, asked, folder, (protocol, seed), device=device)
+            run = _fitted(workspace, experiment, model, settings, asked, (protocol, seed), device=device)
             for name in CONDITIONS[experiment]:
                 rows = np.flatnonzero((part == asked.part) & (condition == name))
                 if not len(rows):  # double touches are for the test part alone
@@ -122,30 +121,32 @@ def _windows_scores(experiment: str, settings: dict, asked: Asked, seed: int, fo
                 yield name, model, metrics.unless_failed(scored, run.failed)
 
 
-def _series_scores(experiment: str, settings: dict, asked: Asked, seed: int, folder: Path, device: str):
+def _series_scores(workspace: Workspace, experiment: str, settings: dict, asked: Asked, seed: int, device: str):
     """Yield as `scores`; a condition is a task. Model-0 of transfer is trained on all of task 0 first."""
     module, zeros = experiments.module(experiment), {}
-    common = settings, asked, folder
+    common = settings, asked
     for protocol in asked.protocols:
         task = module.task(protocol, settings)
         if task.base not in zeros:
-            zeros[task.base] = folder / task.base
-            zeros[task.base].mkdir()
-            zero = _fitted(experiment, settings["model_zero"], *common, (task.base, seed), device=device, base=None)
+            zeros[task.base] = workspace.run_folder(experiment, paths.MODEL_ZERO, task.base, seed)
+            zeros[task.base].mkdir(parents=True)
+            zero = _fitted(
+                workspace, experiment, settings["model_zero"], *common, (task.base, seed), device=device, base=None
+            )
             zero.model.save(zeros[task.base])
         for model in asked.scored:
-            run = _fitted(experiment, model, *common, (protocol, seed), device=device, base=zeros[task.base])
-            (piece,) = series.read(dataset_of(folder), task, protocol, seed)
+            run = _fitted(workspace, experiment, model, *common, (protocol, seed), device=device, base=zeros[task.base])
+            (piece,) = series.read(workspace.dataset(experiment), task, protocol, seed)
             predicted = run.model.predict(piece.record.x)[piece.part == asked.part]
             scored = tasks_series.score(piece, predicted, task, asked.part)
             yield protocol, model, metrics.unless_failed(scored, run.failed)
 
 
-def _images_scores(experiment: str, settings: dict, asked: Asked, seed: int, folder: Path, device: str):
+def _images_scores(workspace: Workspace, experiment: str, settings: dict, asked: Asked, seed: int, device: str):
     """Yield as `scores`; a condition is a dataset of images."""
     for protocol in asked.protocols:
-        x, y = tasks_images.part_of(images.read(dataset_of(folder), protocol, seed), asked.part)
+        x, y = tasks_images.part_of(images.read(workspace.dataset(experiment), protocol, seed), asked.part)
         for model in asked.scored:
-            run = _fitted(experiment, model, settings, asked, folder, (protocol, seed), device=device)
+            run = _fitted(workspace, experiment, model, settings, asked, (protocol, seed), device=device)
             scored = classification.scores(y, run.model.predict(x))
             yield images.modality(protocol), model, metrics.unless_failed(scored, run.failed)

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.scoring.metrics import Row
 from pipeline.scoring.results import Scores
@@ -23,6 +22,6 @@ def check(
         expected = written.runs(protocol, condition, model, metric)[place]
         if not np.isclose(value, expected, rtol=tolerance, atol=tolerance, equal_nan=True):
             raise InputError(
-                f"{paths.shown(written.path)}: {model}, {protocol}, seed {seed} has {metric} {expected:.6g}, but the "
+                f"{written.path}: {model}, {protocol}, seed {seed} has {metric} {expected:.6g}, but the "
                 f"model gives {value:.6g} without any perturbation; run `{written.made_by}` again"
             )

@@ -30,6 +30,7 @@ import pyarrow as pa
 
 from pipeline import experiments, tasks
 from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove_stress
@@ -65,13 +66,13 @@ class Frames(NamedTuple):
     areas: Mapping[str, Area]
 
 
-def prepare(values: Mapping, experiment: str) -> dict[str, list]:
+def prepare(workspace: Workspace, values: Mapping, experiment: str) -> dict[str, list]:
     """Return the perturbations that params.yaml asks for, with their severities; InputError for an unknown one."""
     asked = values["stress"][experiment]["perturbations"]
     return perturbations.planned(experiment, values[experiment], asked, READINGS, SCENES)
 
 
-def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
+def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
     """Return rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model.
 
     A run whose training diverged has NaN for values. Raises InputError for an unknown perturbation in params.yaml,
@@ -81,16 +82,16 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 
     torch.set_num_threads(1)
     settings, block = values[experiment], values["stress"][experiment]
-    plan = prepare(values, experiment)
-    written = results.Scores(experiment, settings)
+    plan = prepare(workspace, values, experiment)
+    written = results.Scores(workspace, experiment, settings)
     rows_of_runs = {}
     for split in dict.fromkeys(map(images.split_name, block["protocols"])):
         protocols = [name for name in block["protocols"] if images.split_name(name) == split]
         for seed in block["seeds"]:
-            runs = {protocol: Run(values, experiment, model, protocol, seed) for protocol in protocols}
+            runs = {protocol: Run(workspace, values, experiment, model, protocol, seed) for protocol in protocols}
             for protocol, run in runs.items():
                 clean_scores.check(written, (protocol, run.modality, model, seed), settings, run.clean, ROUNDING)
-            frames = read(experiment, settings, next(iter(runs.values())).part)
+            frames = read(workspace, experiment, settings, next(iter(runs.values())).part)
             for name, severities in plan.items():
                 for protocol, run in runs.items():
                     rows_of_runs.setdefault((protocol, seed), []).extend((name, 0, *row) for row in run.clean)
@@ -112,10 +113,10 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 class Run:
     """One trained model and its predictions of the test images as they are."""
 
-    def __init__(self, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
-        data = images.read(paths.dataset(experiment), protocol, seed)
+    def __init__(self, workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
+        data = images.read(workspace.dataset(experiment), protocol, seed)
         spec = tasks_images.spec(data)
-        self.model, self.failed = tasks.load(values, experiment, model, protocol, seed, spec)
+        self.model, self.failed = tasks.load(workspace, values, experiment, model, protocol, seed, spec)
         self.modality, self.part = images.modality(protocol), data.part
         self.x, self.y = tasks_images.part_of(data, "test")
         self.predicted = self.model.predict(self.x)
@@ -134,10 +135,10 @@ class Run:
         return metrics.unless_failed(classification.scores(self.y, predicted), self.failed)
 
 
-def read(experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
+def read(workspace: Workspace, experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
     """Read the frames table, with its areas as they were in training; part: (images,) of one split."""
     module = experiments.module(experiment)
-    path = paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}")
+    path = paths.require(workspace.frames(experiment), f"python -m pipeline.stages.ingest {experiment}")
     table = schemas.read(path)
     chosen = module.chosen(table, settings)
     train = chosen[part == "train"]

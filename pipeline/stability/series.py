@@ -27,8 +27,8 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, scenes, tasks
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.datasets.seeding import generator
 from pipeline.logs import alignment, parse
@@ -71,13 +71,13 @@ class Run(NamedTuple):
         return metrics.unless_failed(scored, self.failed)
 
 
-def prepare(values: Mapping, experiment: str) -> dict[str, list]:
+def prepare(workspace: Workspace, values: Mapping, experiment: str) -> dict[str, list]:
     """Return the perturbations that params.yaml asks for, with their severities; InputError for an unknown one."""
     asked = values["stress"][experiment]["perturbations"]
     return perturbations.planned(experiment, values[experiment], asked, READINGS, SCENES)
 
 
-def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
+def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
     """Return rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model.
 
     A run whose training diverged has NaN for values. Raises InputError for an unknown perturbation in params.yaml,
@@ -87,12 +87,12 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
 
     torch.set_num_threads(1)
     settings, block = values[experiment], values["stress"][experiment]
-    plan = prepare(values, experiment)
-    written, rows_of_runs = results.Scores(experiment, settings), []
+    plan = prepare(workspace, values, experiment)
+    written, rows_of_runs = results.Scores(workspace, experiment, settings), []
     for protocol in block["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
-            run = loaded(values, experiment, model, protocol, seed)
-            pieces = series.read(paths.dataset(experiment), run.task, protocol, seed)
+            run = loaded(workspace, values, experiment, model, protocol, seed)
+            pieces = series.read(workspace.dataset(experiment), run.task, protocol, seed)
             seen = levels(pieces, settings)
             for piece in pieces:
                 if not (piece.part == "test").any():
@@ -106,11 +106,11 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable) -> list
     return rows_of_runs
 
 
-def loaded(values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> Run:
+def loaded(workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> Run:
     """Return a run of params.yaml as the stage train left it."""
     task = experiments.module(experiment).task(protocol, values[experiment])
     spec = tasks_series.spec(experiment, values[experiment], protocol)
-    run = tasks.load(values, experiment, model, protocol, seed, spec)
+    run = tasks.load(workspace, values, experiment, model, protocol, seed, spec)
     return Run(run.model.predict, run.failed, task, experiment, protocol, seed)
 
 

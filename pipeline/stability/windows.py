@@ -23,7 +23,8 @@ import pyarrow as pa
 from tqdm import tqdm
 
 from pipeline import experiments, scenes, tasks
-from pipeline.base import files, params, paths, workers
+from pipeline.base import files, params, workers
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
@@ -48,16 +49,16 @@ class Case(NamedTuple):
     specimen: int
 
 
-def prepare(values: Mapping, experiment: str) -> None:
+def prepare(workspace: Workspace, values: Mapping, experiment: str) -> None:
     """Simulate every perturbed scene that params.yaml asks for, in parallel; check the names in its block first."""
     listed = scene_cases(values, experiment)
-    folder = paths.stress_scenes(experiment)
-    files.remove_folder(folder, inside=paths.experiment_folder(experiment))
+    folder = workspace.stress_scenes(experiment)
+    files.remove_folder(folder, inside=workspace.experiment_folder(experiment))
     folder.mkdir(parents=True)
     if listed:
         with tqdm(total=len(listed), desc=f"stress {experiment}, scenes", unit="scene") as bar:
             settings = _of_few_presses(values[experiment], values["stress"][experiment].get("recordings", {}))
-            tasks = {case: (settings, experiment, case) for case in listed}
+            tasks = {case: (workspace, settings, experiment, case) for case in listed}
             list(workers.run(simulate, tasks, bar))
 
 
@@ -89,7 +90,7 @@ def _of_few_presses(settings: Mapping, recordings: Mapping[str, int]) -> Mapping
     return {**settings, "simulate": scene | {"double": few}}
 
 
-def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[], None]) -> None:
+def simulate(workspace: Workspace, settings: Mapping, experiment: str, case: Case, report: Callable[[], None]) -> None:
     """Logs, frames, windows and labels of one perturbed scene, as a dataset in the folder of `prepare`."""
     module = experiments.module(experiment)
     varied = touch_stress.varied(settings, case.perturbation, case.severity)
@@ -101,11 +102,11 @@ def simulate(settings: Mapping, experiment: str, case: Case, report: Callable[[]
         frames = [module.read_recording(path, varied)[0] for path in paths_of]
     windows = windows_of(pa.concat_tables(frames).unify_dictionaries().combine_chunks(), varied["window"])
     table = windows.append_column("y", schemas.lists(module.labels(windows, varied), pa.float32()))
-    schemas.write(_scene_file(experiment, case), table.schema, [table])
+    schemas.write(_scene_file(workspace, experiment, case), table.schema, [table])
     report()
 
 
-def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
+def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
     """Return one model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n).
 
     Severity 0 stands before every perturbation that has an unperturbed version. The scores of all clean windows are
@@ -117,14 +118,15 @@ def rows(values: Mapping, experiment: str, model: str, report: Callable[[], None
     torch.set_num_threads(1)
     settings, stress = values[experiment], values["stress"][experiment]
     spec = tasks_windows.spec(settings)
-    data = read_dataset(paths.dataset(experiment), spec.frames)
+    data = read_dataset(workspace.dataset(experiment), spec.frames)
     perturbed_scenes = {
-        case: read_dataset(_scene_file(experiment, case), spec.frames) for case in scene_cases(values, experiment)
+        case: read_dataset(_scene_file(workspace, experiment, case), spec.frames)
+        for case in scene_cases(values, experiment)
     }
-    written, rows_of_runs, asked = results.Scores(experiment, settings), [], stress["perturbations"]
+    written, rows_of_runs, asked = results.Scores(workspace, experiment, settings), [], stress["perturbations"]
     for protocol in stress["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
-            run = tasks.load(values, experiment, model, protocol, seed, spec)
+            run = tasks.load(workspace, values, experiment, model, protocol, seed, spec)
             test = np.flatnonzero(data.part(protocol, seed) == "test")
             few = test[_in_first_recordings(data.rows.take(test), stress.get("recordings", {}))]
             whole = _readings_rows(experiment, values, data, (protocol, seed), run.model, test, {})
@@ -234,6 +236,6 @@ def _scene_rows(
     return rows
 
 
-def _scene_file(experiment: str, case: Case) -> Path:
+def _scene_file(workspace: Workspace, experiment: str, case: Case) -> Path:
     name = f"{case.condition}-{case.perturbation}-{case.severity:g}-{case.specimen}.parquet"
-    return paths.stress_scenes(experiment) / name
+    return workspace.stress_scenes(experiment) / name

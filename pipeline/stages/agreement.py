@@ -10,8 +10,8 @@ import subprocess
 import numpy as np
 import pandas as pd
 
-from pipeline.base import arguments, files, params, paths
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments, files, params
+from pipeline.base.paths import Workspace
 from pipeline.reporting.words.markdown import table
 from pipeline.scoring import results
 
@@ -75,10 +75,10 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame) -> tuple[str, str]:
     return "\n".join(lines), sentence
 
 
-def committed_scores() -> pd.DataFrame | str:
+def committed_scores(workspace: Workspace) -> pd.DataFrame | str:
     """Return reports/scores.csv as git's HEAD has it, or why there is none."""
     try:
-        done = subprocess.run(["git", "show", COMMITTED], cwd=paths.ROOT, capture_output=True, check=True)
+        done = subprocess.run(["git", "show", COMMITTED], cwd=workspace.root, capture_output=True, check=True)
         return results.parse_csv(done.stdout)
     except FileNotFoundError:
         return "there is no git on this machine"
@@ -86,12 +86,12 @@ def committed_scores() -> pd.DataFrame | str:
         return (error.stderr.decode(errors="replace").strip().splitlines() or ["git gives no reason"])[0]
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Compare the scores of all experiments of params.yaml."""
     arguments.parse(__doc__)
-    experiments = params.load()["experiments"]
-    here = [results.read_csv(paths.scores(name), [*KEY, "value"], "dvc repro evaluate") for name in experiments]
-    committed = committed_scores()
+    experiments = params.load(workspace.params)["experiments"]
+    here = [results.read_csv(workspace.scores(name), [*KEY, "value"], "dvc repro evaluate") for name in experiments]
+    committed = committed_scores(workspace)
     if isinstance(committed, str):
         sentence = f"Not compared with the committed scores, {COMMITTED} of git: {committed}."
         text = f"# Agreement with the committed results\n\n{sentence}\n"
@@ -99,9 +99,9 @@ def main() -> None:
         text, sentence = report(
             committed, pd.concat([scores for scores in here if len(scores)] or [committed.iloc[:0]])
         )
-    files.write_text(paths.REPORTS / "agreement.md", text)
+    files.write_text(workspace.reports / "agreement.md", text)
     print(sentence)
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

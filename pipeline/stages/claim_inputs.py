@@ -5,19 +5,19 @@ scale, has no rows, and this says so.
 Usage: python -m pipeline.stages.claim_inputs EXPERIMENT
 """
 
-from pipeline.base import arguments, files, params, paths
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments, files, params
+from pipeline.base.paths import Workspace
 from pipeline.scoring import claim_inputs
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Derive the numbers of the experiment named on the command line."""
     experiment = arguments.parse(__doc__, experiment=tuple(claim_inputs.EXPERIMENTS)).experiment
-    table = claim_inputs.rows(experiment, params.load()[experiment])
-    files.write_table(paths.claim_inputs(experiment), table)
-    missing = [paths.shown(path) for path in claim_inputs.studies(experiment) if not path.exists()]
+    table = claim_inputs.rows(workspace, experiment, params.load(workspace.params)[experiment])
+    files.write_table(workspace.claim_inputs(experiment), table)
+    missing = [str(path) for path in claim_inputs.studies(workspace, experiment) if not path.exists()]
     print(f"{experiment}: {len(table)} numbers" + (f"; not run: {', '.join(missing)}" if missing else ""))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

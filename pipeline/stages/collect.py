@@ -11,7 +11,8 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.base import arguments, files, params, paths
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.scoring import claim_inputs
 from pipeline.scoring.kept import kept_rows
 
@@ -47,19 +48,19 @@ def collect(
     files.write_table(target, together[order])
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Collect every experiment of params.yaml."""
     arguments.parse(__doc__)
-    values = params.load()
+    values = params.load(workspace.params)
     experiments = values["experiments"]
-    scales = {name: params.scale_of(name, values[name]) for name in experiments}
-    collect({name: paths.scores(name) for name in experiments}, paths.REPORTS / "scores.csv", scales=scales)
-    collect({name: paths.latency(name) for name in experiments}, paths.REPORTS / "latency.csv")
-    collect({name: paths.stress(name) for name in experiments}, paths.REPORTS / "stress.csv", STRESS)
-    derived = {name: paths.claim_inputs(name) for name in experiments if name in claim_inputs.EXPERIMENTS}
+    scales = {name: params.scale_of(workspace.scales, name, values[name]) for name in experiments}
+    collect({name: workspace.scores(name) for name in experiments}, workspace.reports / "scores.csv", scales=scales)
+    collect({name: workspace.latency(name) for name in experiments}, workspace.reports / "latency.csv")
+    collect({name: workspace.stress(name) for name in experiments}, workspace.reports / "stress.csv", STRESS)
+    derived = {name: workspace.claim_inputs(name) for name in experiments if name in claim_inputs.EXPERIMENTS}
     if derived:
-        collect(derived, paths.REPORTS / "claim_inputs.csv")
+        collect(derived, workspace.reports / "claim_inputs.csv")
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -4,18 +4,18 @@ Usage: python -m pipeline.stages.dataset EXPERIMENT
 """
 
 from pipeline import tasks
-from pipeline.base import arguments, params, paths
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments, params
+from pipeline.base.paths import Workspace
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Label and split the data of the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
-    inputs, runs = tasks.of(experiment).source(experiment), params.runs(values, experiment)
-    counts = tasks.write_dataset(paths.dataset(experiment), experiment, inputs, values[experiment], runs)
+    inputs, runs = tasks.of(experiment).source(workspace, experiment), params.runs(values, experiment)
+    counts = tasks.write_dataset(workspace.dataset(experiment), experiment, inputs, values[experiment], runs)
     print(*counts, sep="\n")
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

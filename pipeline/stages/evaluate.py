@@ -10,15 +10,17 @@ from pathlib import Path
 from tqdm import tqdm
 
 from pipeline import tasks
-from pipeline.base import arguments, files, params, paths, workers
+from pipeline.base import arguments, files, params, workers
 from pipeline.base.availability import why_not_run
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 
 COLUMNS = ("experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n")
 
 
-def evaluate_model(values: Mapping, experiment: str, model: str, target: Path, report) -> list[tuple]:
+def evaluate_model(
+    workspace: Workspace, values: Mapping, experiment: str, model: str, target: Path, report
+) -> list[tuple]:
     """Predict with every run of one model, write the predictions to `target`, return rows of scores.csv.
 
     A run whose training diverged before any usable epoch predicts NaN and keeps its rows, with NaN as value.
@@ -26,10 +28,10 @@ def evaluate_model(values: Mapping, experiment: str, model: str, target: Path, r
     import torch
 
     torch.set_num_threads(1)
-    load = functools.partial(tasks.load, values, experiment, model)
+    load = functools.partial(tasks.load, workspace, values, experiment, model)
     scores, parts = [], []
-    runs = params.runs(values, experiment)
-    for protocol, seed, tests in tasks.of(experiment).tested(experiment, values[experiment], runs, load):
+    path, runs = workspace.dataset(experiment), params.runs(values, experiment)
+    for protocol, seed, tests in tasks.of(experiment).tested(path, experiment, values[experiment], runs, load):
         for rows, predicted, scored in tests:
             scores += [(experiment, protocol, condition, model, seed, *row) for condition, *row in scored]
             parts.append(schemas.prediction_rows(protocol, seed, rows, predicted))
@@ -38,21 +40,21 @@ def evaluate_model(values: Mapping, experiment: str, model: str, target: Path, r
     return scores
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Evaluate the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     models, runs = list(values[experiment]["models"]), params.runs(values, experiment)
     scores = {}
-    with files.replacing_folder(paths.predictions(experiment)) as draft:
-        if reason := why_not_run(experiment):
+    with files.replacing_folder(workspace.predictions(experiment)) as draft:
+        if reason := why_not_run(workspace, experiment):
             files.write_text(draft / "not_run.txt", reason + "\n")  # DVC warns of an empty folder
         else:
-            calls = {model: (values, experiment, model, draft) for model in models}
+            calls = {model: (workspace, values, experiment, model, draft) for model in models}
             with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
                 scores = dict(workers.run(evaluate_model, calls, bar, steps=len(runs)))
-    files.write_csv(paths.scores(experiment), COLUMNS, (row for model in models for row in scores.get(model, [])))
+    files.write_csv(workspace.scores(experiment), COLUMNS, (row for model in models for row in scores.get(model, [])))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -16,7 +16,8 @@ from tqdm import tqdm
 
 from pipeline import experiments
 from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.logs import own_data, sources
 
@@ -24,7 +25,7 @@ SMALL = 64 << 20  # bytes of logs: one process reads them in about 2 s, and to s
 Read = tuple[str, pa.Table, dict]  # `condition/recording`, its rejects, its report
 
 
-def ingest(experiment: str, settings: dict) -> None:
+def ingest(workspace: Workspace, experiment: str, settings: dict) -> None:
     """Write the frames, rejects and report of an experiment; `settings` is its block of params.yaml.
 
     The logs are from a public source (where it is not downloaded: empty tables and the reason), from the simulator, or
@@ -35,32 +36,32 @@ def ingest(experiment: str, settings: dict) -> None:
     module = experiments.module(experiment)
     schema = module.frames_schema(settings)
     if experiment in sources.SOURCES:
-        if not sources.is_complete(experiment):
+        if not sources.is_complete(workspace, experiment):
             reason = f"recordings not downloaded; run `tactile fetch {experiment}`"
-            schemas.write(paths.frames(experiment), schema, [])
-            _write_rest(experiment, [], {"run": False, "reason": reason})
+            schemas.write(workspace.frames(experiment), schema, [])
+            _write_rest(workspace, experiment, [], {"run": False, "reason": reason})
             print(f"{experiment}: not run, {reason}")
             return
-        folder = sources.folder(experiment)
+        folder = sources.folder(workspace, experiment)
     elif settings["source"] == "simulated":
-        folder = paths.require(paths.logs(experiment), f"python -m pipeline.stages.simulate {experiment}")
+        folder = paths.require(workspace.logs(experiment), f"python -m pipeline.stages.simulate {experiment}")
     else:
-        folder = paths.ROOT / settings["source"]
+        folder = workspace.root / settings["source"]
         if not folder.is_dir():
             raise InputError(
                 f"params.yaml, {experiment}.source: there is no folder {settings['source']}; name one or `simulated`"
             )
-        if problem := own_data.unnoticed(folder):
+        if problem := own_data.unnoticed(workspace, folder):
             raise InputError(f"params.yaml, {experiment}.source: {problem}")
     try:
         recordings = module.recordings(folder)
-        rejects, reports = _write_frames(experiment, recordings, schema, settings)
+        rejects, reports = _write_frames(workspace, experiment, recordings, schema, settings)
     except InputError as error:
         if settings.get("source", "simulated") == "simulated":
             raise
         more = f"`tactile check {experiment} {settings['source']}` says more"
         raise InputError(f"{error} ({more})") from error
-    _write_rest(experiment, rejects, {"run": True, "recordings": reports})
+    _write_rest(workspace, experiment, rejects, {"run": True, "recordings": reports})
     logs = [log for report in reports.values() for log in report["files"].values()]
     lines = sum(log["lines"] for log in logs)
     rejected = sum((Counter(log["rejects"]) for log in logs), Counter())
@@ -68,7 +69,7 @@ def ingest(experiment: str, settings: dict) -> None:
 
 
 def _write_frames(
-    experiment: str, recordings: list[Path], schema: pa.Schema, settings: dict
+    workspace: Workspace, experiment: str, recordings: list[Path], schema: pa.Schema, settings: dict
 ) -> tuple[list[pa.Table], dict[str, dict]]:
     """Read every recording and write its frames part by part, in the order of the recordings.
 
@@ -76,9 +77,9 @@ def _write_frames(
     """
     read_all = _in_turn if _is_small(recordings) or workers.count() == 1 else _in_processes
     rejects, reports = [], {}
-    with schemas.writing(paths.frames(experiment), schema) as write_part, _behind(write_part) as write_later:
+    with schemas.writing(workspace.frames(experiment), schema) as write_part, _behind(write_part) as write_later:
         with tqdm(total=len(recordings), desc=f"ingest {experiment}", unit="recording") as bar:
-            for name, rejected, report in read_all(experiment, recordings, settings, write_later, bar):
+            for name, rejected, report in read_all(workspace, experiment, recordings, settings, write_later, bar):
                 rejects.append(rejected)
                 reports[name] = report
     return rejects, reports
@@ -106,7 +107,9 @@ def _behind(function: Callable) -> Iterator[Callable]:
             running.pop().result()
 
 
-def _in_turn(experiment: str, recordings: list[Path], settings: dict, write: Callable, bar: tqdm) -> Iterator[Read]:
+def _in_turn(
+    workspace: Workspace, experiment: str, recordings: list[Path], settings: dict, write: Callable, bar: tqdm
+) -> Iterator[Read]:
     """Yield what `_read` returns of every recording; `write` gets their frames."""
     for path in recordings:
         yield _read(experiment, path, settings, write)
@@ -114,14 +117,14 @@ def _in_turn(experiment: str, recordings: list[Path], settings: dict, write: Cal
 
 
 def _in_processes(
-    experiment: str, recordings: list[Path], settings: dict, write: Callable, bar: tqdm
+    workspace: Workspace, experiment: str, recordings: list[Path], settings: dict, write: Callable, bar: tqdm
 ) -> Iterator[Read]:
     """Yield what `_read` returns of every recording, each read in a process; `write` gets their frames, in order.
 
     The frames pass through files beside the table that is written: so what the stage holds does not grow with the
     number of recordings, and a cluster, which shares the folder, can read too.
     """
-    folder = paths.frames(experiment).with_suffix(".parts.unfinished")
+    folder = workspace.frames(experiment).with_suffix(".parts.unfinished")
     files.remove_folder(folder, inside=folder.parent)  # of a stage that was killed
     folder.mkdir(parents=True)
     try:
@@ -172,18 +175,18 @@ def _read(experiment: str, path: Path, settings: dict, keep: Callable[[pa.Table]
     return "/".join(names), rejected, {"frames": count, "files": logs}
 
 
-def _write_rest(experiment: str, rejects: list[pa.Table], report: dict) -> None:
+def _write_rest(workspace: Workspace, experiment: str, rejects: list[pa.Table], report: dict) -> None:
     """Write the rejects and the report of an experiment."""
-    schemas.write(paths.rejects(experiment), schemas.REJECTS, rejects)
-    files.write_text(paths.ingest_report(experiment), json.dumps(report, indent=1) + "\n")
+    schemas.write(workspace.rejects(experiment), schemas.REJECTS, rejects)
+    files.write_text(workspace.ingest_report(experiment), json.dumps(report, indent=1) + "\n")
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Ingest the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
-    ingest(experiment, values[experiment])
+    ingest(workspace, experiment, values[experiment])
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

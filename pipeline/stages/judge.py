@@ -8,7 +8,7 @@ Usage: python -m pipeline.stages.judge [EXPERIMENT]
 """
 
 from pipeline.base import arguments, files, params, paths
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, judge
 from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import by_scale, read_paper_scale, text
@@ -16,25 +16,27 @@ from pipeline.reporting.claims import by_scale, read_paper_scale, text
 NEEDED = ("scores", "latency", "counts", "claim_inputs")  # without an experiment; the results of studies may be missing
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Judge the claims; what was not run is not testable."""
-    values = params.load()
-    claims, papers = entries.read()
+    values = params.load(workspace.params)
+    claims, papers = entries.read(workspace)
     experiments = [name for paper in papers.values() for name in (paper.simulated, paper.recorded)]
     chosen = arguments.parse(__doc__, experiment=(*experiments, None)).experiment
-    sources = evidence.of_experiment(chosen) if chosen else evidence.of_reports(paths.REPORTS)
+    sources = evidence.of_experiment(workspace, chosen) if chosen else evidence.of_reports(workspace.reports)
     for name in () if chosen else NEEDED:
         paths.require(sources[name], "dvc repro")
     claims = [judge.on_own_logs(claim, values) for claim in claims if chosen in (None, claim.experiment)]
-    known = evidence.Evidence(evidence.read(sources), values, evidence.trainings(paths.REPORTS))
+    known = evidence.Evidence(workspace, evidence.read(sources), values, evidence.trainings(workspace.reports))
     judged = judge.table(claims, known)
-    shown = by_scale(judged, judged.iloc[:0] if chosen else read_paper_scale())
-    files.write_table(paths.REPORTS / "claims.csv", judged)
-    files.write_table(paths.REPORTS / "claims_by_scale.csv", shown)
-    files.write_text(paths.REPORTS / "claims.md", text(shown, {claim.id: claim.tried for claim in claims}))
+    shown = by_scale(judged, judged.iloc[:0] if chosen else read_paper_scale(workspace))
+    files.write_table(workspace.reports / "claims.csv", judged)
+    files.write_table(workspace.reports / "claims_by_scale.csv", shown)
+    files.write_text(
+        workspace.reports / "claims.md", text(workspace, shown, {claim.id: claim.tried for claim in claims})
+    )
     words = list(shown["verdict"])
     print(f"{len(words)} claims: {', '.join(f'{words.count(word)} {word}' for word in VERDICTS)}")
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

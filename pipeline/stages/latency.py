@@ -22,7 +22,7 @@ from tqdm import tqdm
 from pipeline import tasks
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 
 FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
 
@@ -60,22 +60,22 @@ def prediction_times(predict, x: np.ndarray, batch: int, settings: dict) -> np.n
     return np.array(taken[warm_up:])
 
 
-def training_seconds(experiment: str, model: str, protocol: str) -> float:
+def training_seconds(workspace: Workspace, experiment: str, model: str, protocol: str) -> float:
     """Median over the seeds of the main protocol of the measured training time, in s."""
-    path = paths.require(paths.training_times(experiment, model), params.training_command(experiment))
+    path = paths.require(workspace.training_times(experiment, model), params.training_command(experiment))
     with open(path, newline="", encoding="utf-8") as file:
         return statistics.median(float(row["train_s"]) for row in csv.DictReader(file) if row["protocol"] == protocol)
 
 
 def fastest(
-    values: dict, experiment: str, protocol: str, seed: int, models: dict, x: np.ndarray
+    workspace: Workspace, values: dict, experiment: str, protocol: str, seed: int, models: dict, x: np.ndarray
 ) -> dict[str, tuple[Callable, np.ndarray]]:
     """Return, by model, what predicts the next rows of its inputs, and the inputs; models: trained, by their names."""
     from pipeline.inference import onnx_export
     from pipeline.inference.describer import Describer
     from pipeline.inference.predictor import Predictor
 
-    task, describer, timed = tasks.of(experiment), Describer(values, experiment), {}
+    task, describer, timed = tasks.of(experiment), Describer(workspace, values, experiment), {}
     for model, regressor in models.items():
         card = describer.without_scores(model, protocol, seed, commit="")
         with tempfile.TemporaryDirectory() as folder:
@@ -85,29 +85,29 @@ def fastest(
     return timed
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Time every model of the experiment named on the command line, first run of each."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     settings = values[experiment]["latency"]
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = str(settings["threads"])
     rows = []
-    if why_not_run(experiment) is None:
+    if why_not_run(workspace, experiment) is None:
         import torch
         from threadpoolctl import threadpool_limits
 
         torch.set_num_threads(settings["threads"])
         protocol, seed = params.runs(values, experiment)[0]
         task = tasks.of(experiment)
-        spec, x = task.stream(experiment, values[experiment], protocol, seed)
+        spec, x = task.stream(workspace.dataset(experiment), experiment, values[experiment], protocol, seed)
         if len(x) < max(settings["batches"]):  # a tiny dataset: the time does not depend on the values
             x = np.resize(x, (max(settings["batches"]), *x.shape[1:]))
         models = {
-            model: tasks.load(values, experiment, model, protocol, seed, spec).model
+            model: tasks.load(workspace, values, experiment, model, protocol, seed, spec).model
             for model in values[experiment]["models"]
         }
-        timed = fastest(values, experiment, protocol, seed, models, x)
+        timed = fastest(workspace, values, experiment, protocol, seed, models, x)
         times = {(model, batch): [] for model in models for batch in settings["batches"]}
         with threadpool_limits(settings["threads"]):
             turns = [key for _ in range(settings["rounds"]) for key in times]
@@ -116,13 +116,17 @@ def main() -> None:
         for (model, batch), of_rounds in times.items():
             medians = [np.median(taken) for taken in of_rounds]
             p50, p95 = np.percentile(np.concatenate(of_rounds), [50, 95])
-            folder = paths.run_folder(experiment, model, protocol, seed)
+            folder = workspace.run_folder(experiment, model, protocol, seed)
             size = sum(file.stat().st_size for file in folder.iterdir() if file.name not in ("history.csv", "fit.json"))
-            costs = models[model].parameters(), models[model].macs(), training_seconds(experiment, model, protocol)
+            costs = (
+                models[model].parameters(),
+                models[model].macs(),
+                training_seconds(workspace, experiment, model, protocol),
+            )
             key = (experiment, model, batch, settings["threads"])
             rows.append((*key, p50, min(medians), max(medians), p95, *costs, size))
-    files.write_csv(paths.latency(experiment), COLUMNS, rows)
+    files.write_csv(workspace.latency(experiment), COLUMNS, rows)
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.base import arguments, files, params, paths
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import COUNTED
 
@@ -46,16 +46,16 @@ def write(path: Path, numbers: Mapping) -> None:
     files.write_text(path, json.dumps(numbers, indent=1) + "\n")
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Write the numbers of every experiment of params.yaml."""
     arguments.parse(__doc__)
-    for experiment in params.load()["experiments"]:
-        table = paths.REPORTS / experiment / "speed" / "table2.csv"
+    for experiment in params.load(workspace.params)["experiments"]:
+        table = workspace.reports / experiment / "speed" / "table2.csv"
         numbers = of_experiment(pd.read_csv(table)) if table.exists() else {}
-        write(paths.REPORTS / "metrics" / f"{experiment}.json", numbers)
-    claims = pd.read_csv(paths.require(paths.REPORTS / "claims.csv", "dvc repro"))
-    write(paths.REPORTS / "metrics" / "verdicts.json", of_claims(claims))
+        write(workspace.reports / "metrics" / f"{experiment}.json", numbers)
+    claims = pd.read_csv(paths.require(workspace.reports / "claims.csv", "dvc repro"))
+    write(workspace.reports / "metrics" / "verdicts.json", of_claims(claims))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

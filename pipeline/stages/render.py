@@ -5,9 +5,9 @@ same in every run. Without its recordings, the committed folder of an experiment
 Usage: python -m pipeline.stages.render EXPERIMENT
 """
 
-from pipeline.base import arguments, files, params, paths
+from pipeline.base import arguments, files, params
 from pipeline.base.availability import has_report, why_not_run
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 from pipeline.reporting import glove, glove_recorded, own_sensor, strain, strain_recorded, touch, velostat_recorded
 from pipeline.scoring.kept import say_kept
 
@@ -17,13 +17,13 @@ REPORTS = {  # each module is named as its experiment
 }
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Render the experiment named on the command line; its folder in reports/ is replaced whole, or kept."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
-    target = paths.REPORTS / experiment
-    reason = why_not_run(experiment)
-    if reason and has_report(experiment):
+    target = workspace.reports / experiment
+    reason = why_not_run(workspace, experiment)
+    if reason and has_report(workspace, experiment):
         say_kept("reports", [experiment])
         return
     with files.replacing_folder(target) as draft:
@@ -33,11 +33,11 @@ def main() -> None:
                 text = f"# {experiment}: not run\n\n{reason[0].upper()}{reason[1:]}.\n"
                 files.write_text(draft / part / "README.md", text)
         if reason is None and values[experiment].get("source", "simulated") != "simulated":
-            own_sensor.write(draft / "accuracy", experiment, values[experiment])
+            own_sensor.write(workspace, draft / "accuracy", experiment, values[experiment])
         elif reason is None:
-            REPORTS[experiment].write(draft, values[experiment])
+            REPORTS[experiment].write(workspace, draft, values[experiment])
     print(f"reports/{experiment}: {sum(path.is_file() for path in target.rglob('*'))} files")
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

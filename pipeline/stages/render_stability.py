@@ -3,19 +3,19 @@
 Usage: python -m pipeline.stages.render_stability
 """
 
-from pipeline.base import arguments, files, params, paths
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments, files, params
+from pipeline.base.paths import Workspace
 from pipeline.reporting import stability
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Render all experiments of params.yaml; the folder in reports/ is replaced whole, but for what was not run."""
     arguments.parse(__doc__)
-    target = paths.REPORTS / "stability"
+    target = workspace.reports / "stability"
     with files.replacing_folder(target) as draft:
-        stability.write(params.load(), draft, former=target)
+        stability.write(workspace, params.load(workspace.params), draft, former=target)
     print(f"reports/stability: {sum(path.is_file() for path in target.rglob('*'))} files")
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

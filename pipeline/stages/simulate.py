@@ -7,18 +7,18 @@ Usage: python -m pipeline.stages.simulate touch|strain|glove
 from tqdm import tqdm
 
 from pipeline import scenes
-from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments, files, params, workers
+from pipeline.base.paths import Workspace
 
 
-def simulate(experiment: str, settings: dict) -> None:
+def simulate(workspace: Workspace, experiment: str, settings: dict) -> None:
     """Write data/<experiment>/logs/<condition>/<recording>/<device>.log and data/<experiment>/logs/faults.csv."""
     if settings["source"] != "simulated":
-        with files.replacing_folder(paths.logs(experiment)) as draft:
+        with files.replacing_folder(workspace.logs(experiment)) as draft:
             files.write_text(draft / "README.md", f"Not simulated: the logs are in {settings['source']}.\n")
         return
     recordings, logs_of = scenes.plan(experiment, settings)
-    with files.replacing_folder(paths.logs(experiment)) as draft:
+    with files.replacing_folder(workspace.logs(experiment)) as draft:
         tasks = {(each.condition, each.name): (draft, each, logs_of) for each in recordings}
         folders = {(each.condition, each.name): scenes.folder_of(draft, each) for each in recordings}
         with tqdm(total=len(tasks), desc=f"simulate {experiment}", unit="recording") as bar:
@@ -27,11 +27,11 @@ def simulate(experiment: str, settings: dict) -> None:
         files.write_csv(draft / "faults.csv", ["condition", "recording", "file", "line", "fault"], rows)
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Simulate the experiment named on the command line."""
     experiment = arguments.parse(__doc__, experiment=scenes.NAMES).experiment
-    simulate(experiment, params.load()[experiment])
+    simulate(workspace, experiment, params.load(workspace.params)[experiment])
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping
 from tqdm import tqdm
 
 from pipeline import experiments
-from pipeline.base import arguments, files, params, paths, workers
+from pipeline.base import arguments, files, params, workers
 from pipeline.base.availability import why_not_run
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.stability import images, series, windows
 
 COLUMNS = (
@@ -29,31 +30,33 @@ COLUMNS = (
 STRESSES = {"windows": windows, "series": series, "images": images}  # by kind of input
 
 
-def stress_model(values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
+def stress_model(
+    workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable[[], None]
+) -> list[tuple]:
     """Return rows of stress.csv for one model."""
-    rows = STRESSES[experiments.module(experiment).KIND].rows(values, experiment, model, report)
+    rows = STRESSES[experiments.module(experiment).KIND].rows(workspace, values, experiment, model, report)
     return [(experiment, protocol, condition, model, seed, *rest) for protocol, condition, seed, *rest in rows]
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Stress the models of the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     if experiment not in values["stress"]:
         raise InputError(f"params.yaml, stress: there is no block '{experiment}'; add one")
     protocols, block = values[experiment]["protocols"], values["stress"][experiment]
     params.check_known(block["protocols"], protocols, f"stress.{experiment}.protocols")
     models, rows = list(values[experiment]["models"]), {}
-    if why_not_run(experiment) is None:
-        STRESSES[experiments.module(experiment).KIND].prepare(values, experiment)
+    if why_not_run(workspace, experiment) is None:
+        STRESSES[experiments.module(experiment).KIND].prepare(workspace, values, experiment)
         runs = sum(len(protocols[name]["seeds"]) for name in block["protocols"])
         with tqdm(total=len(models) * runs, desc=f"stress {experiment}", unit="run") as bar:
             # The slowest models, last in params.yaml, first: else one process would end long after the others.
-            tasks = {model: (values, experiment, model) for model in reversed(models)}
+            tasks = {model: (workspace, values, experiment, model) for model in reversed(models)}
             rows = dict(workers.run(stress_model, tasks, bar, steps=runs))
-        files.remove_folder(paths.stress_scenes(experiment), inside=paths.experiment_folder(experiment))
-    files.write_csv(paths.stress(experiment), COLUMNS, (row for model in models for row in rows.get(model, [])))
+        files.remove_folder(workspace.stress_scenes(experiment), inside=workspace.experiment_folder(experiment))
+    files.write_csv(workspace.stress(experiment), COLUMNS, (row for model in models for row in rows.get(model, [])))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -6,12 +6,12 @@ the server or database that MLFLOW_TRACKING_URI names.
 
 from pipeline.base import arguments, provenance
 from pipeline.base.availability import why_not_run
-from pipeline.base.errors import run_stage
 from pipeline.base.params import load
+from pipeline.base.paths import Workspace
 from pipeline.inference import mlflow_runs, mlflow_store
 
 
-def track(values: dict) -> None:
+def track(workspace: Workspace, values: dict) -> None:
     """Log the runs of all experiments of params.yaml (`values`), and print the link that compares each one's.
 
     Raises InputError if a file is missing or was made with other settings (nothing is logged then), or the store
@@ -19,23 +19,23 @@ def track(values: dict) -> None:
     """
     ran = []
     for experiment in values["experiments"]:
-        if reason := why_not_run(experiment):
+        if reason := why_not_run(workspace, experiment):
             print(f"{experiment}: not run, so nothing to track ({reason})")
         else:
             ran.append(experiment)
-    provenance.check_settings(ran, values)
-    runs = {experiment: mlflow_runs.read_runs(experiment, values) for experiment in ran}
-    with mlflow_store.opened() as client:
+    provenance.check_settings(workspace, ran, values)
+    runs = {experiment: mlflow_runs.read_runs(workspace, experiment, values) for experiment in ran}
+    with mlflow_store.opened(workspace) as client:
         for experiment, of_experiment in runs.items():
-            new, link = mlflow_runs.log(client, experiment, values, of_experiment)
+            new, link = mlflow_runs.log(workspace, client, experiment, values, of_experiment)
             print(f"{experiment}: {new} of {len(of_experiment)} runs are new in MLflow; compare them at {link}")
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Track every experiment of params.yaml."""
     arguments.parse(__doc__)
-    track(load())
+    track(workspace, load(workspace.params))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from pipeline import models, tasks
 from pipeline.base import arguments, imports, params, paths, runs
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 
 # What a training reads of an experiment's block in params.yaml beside the model's own, by the kind of input.
 READ = {
@@ -26,7 +26,14 @@ READ = {
 
 
 def train_run(
-    values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path, report: Callable[..., None]
+    workspace: Workspace,
+    values: Mapping,
+    experiment: str,
+    model: str,
+    protocol: str,
+    seed: int,
+    target: Path,
+    report: Callable[..., None],
 ) -> float:
     """Train one run of params.yaml (`values`) and write its files (see `Fitted.save`); return the seconds of fitting.
 
@@ -36,16 +43,17 @@ def train_run(
     settings, zero = values[experiment], None
     base = tasks.of(experiment).base(experiment, settings, protocol)
     if base == protocol and model == settings["model_zero"]:
-        shutil.copytree(paths.run_folder(experiment, paths.MODEL_ZERO, base, seed), target)
-        return _seconds_of_model_zero(experiment, protocol, seed)
+        shutil.copytree(workspace.run_folder(experiment, paths.MODEL_ZERO, base, seed), target)
+        return _seconds_of_model_zero(workspace, experiment, protocol, seed)
     if model == paths.MODEL_ZERO:
         model = settings["model_zero"]
     elif base and params.transfers(model):
-        zero = paths.run_folder(experiment, paths.MODEL_ZERO, base, seed)
-    return _train(values, experiment, model, protocol, seed, target, report, zero)
+        zero = workspace.run_folder(experiment, paths.MODEL_ZERO, base, seed)
+    return _train(workspace, values, experiment, model, protocol, seed, target, report, zero)
 
 
 def _train(
+    workspace: Workspace,
     values: Mapping,
     experiment: str,
     model: str,
@@ -63,14 +71,14 @@ def _train(
     def build(spec):
         return models.build(model, spec, block, f"{experiment}.models.{model}")
 
-    place = paths.dataset(experiment), experiment, values[experiment], protocol, seed
+    place = workspace.dataset(experiment), experiment, values[experiment], protocol, seed
     fitted = tasks.of(experiment).fit(*place, build, device=values["device"], progress=report, base=zero)
     fitted.save(target, block)
     return fitted.seconds
 
 
-def _seconds_of_model_zero(experiment: str, protocol: str, seed: int) -> float:
-    path = paths.training_times(experiment, paths.MODEL_ZERO)
+def _seconds_of_model_zero(workspace: Workspace, experiment: str, protocol: str, seed: int) -> float:
+    path = workspace.training_times(experiment, paths.MODEL_ZERO)
     with open(paths.require(path, params.training_command(experiment)), newline="", encoding="ascii") as file:
         times = {(row["protocol"], row["seed"]): float(row["train_s"]) for row in csv.DictReader(file)}
     return times[protocol, str(seed)]
@@ -93,20 +101,20 @@ def read_settings(values: Mapping, experiment: str) -> list[str]:
     return [key for key in READ[tasks.kind(experiment)] if key in values[experiment]]
 
 
-def _origin(values: Mapping, experiment: str, model: str) -> str:
+def _origin(workspace: Workspace, values: Mapping, experiment: str, model: str) -> str:
     """Return the digest of all that the runs of a model, or of MODEL_ZERO, are made from."""
     settings = [values["device"], params.model_settings(values, experiment, model)]
     settings += [[key, values[experiment][key]] for key in read_settings(values, experiment)]
-    inputs = [paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")]
+    inputs = [paths.require(workspace.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")]
     if model == paths.MODEL_ZERO:
         model = values[experiment]["model_zero"]
     elif params.transfers(model):
-        inputs += sorted(paths.model_folder(experiment, paths.MODEL_ZERO).rglob("*.safetensors"))
+        inputs += sorted(workspace.model_folder(experiment, paths.MODEL_ZERO).rglob("*.safetensors"))
     inputs += [paths.CODE.parent / file for file in code(experiment, model)]
     return runs.origin(settings, inputs)
 
 
-def train(values: Mapping, experiment: str) -> None:
+def train(workspace: Workspace, values: Mapping, experiment: str) -> None:
     """Train what is out of date of the models of an experiment in params.yaml (`values`); remove those not listed."""
     settings, listed = values[experiment], list(values[experiment]["models"])
     bases = {tasks.of(experiment).base(experiment, settings, protocol) for protocol in settings["protocols"]} - {None}
@@ -114,16 +122,21 @@ def train(values: Mapping, experiment: str) -> None:
     zeros = [paths.MODEL_ZERO] if asks else []
     for names, protocols in ((zeros, bases), (listed, None)):
         runs.train_all(
-            train_run, values, experiment, {name: _origin(values, experiment, name) for name in names}, protocols
+            workspace,
+            train_run,
+            values,
+            experiment,
+            {name: _origin(workspace, values, experiment, name) for name in names},
+            protocols,
         )
-    runs.remove_others(experiment, [*zeros, *listed])
+    runs.remove_others(workspace, experiment, [*zeros, *listed])
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Train the models of the experiment named on the command line."""
-    values = params.load()
-    train(values, arguments.parse(__doc__, experiment=values["experiments"]).experiment)
+    values = params.load(workspace.params)
+    train(workspace, values, arguments.parse(__doc__, experiment=values["experiments"]).experiment)
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -5,9 +5,9 @@ Usage: python -m pipeline.stages.twins touch|strain|glove
 
 import pandas as pd
 
-from pipeline.base import arguments, files, params, paths
+from pipeline.base import arguments, files, params
 from pipeline.base.availability import why_not_run
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 from pipeline.twins import glove, strain, touch
 
 MODULES = {"touch": touch, "strain": strain, "glove": glove}
@@ -15,13 +15,13 @@ RECORDED = {"touch": "velostat_recorded", "strain": "strain_recorded", "glove": 
 COLUMNS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]
 
 
-def statistics(values: dict, experiment: str) -> pd.DataFrame:
+def statistics(workspace: Workspace, values: dict, experiment: str) -> pd.DataFrame:
     """Return the rows of twins.csv; those of recordings that are absent, or of a scene not simulated, are left out."""
     module, tables = MODULES[experiment], []
-    if why_not_run(RECORDED[experiment]) is None:
-        tables.append(module.recorded(values).assign(source="recorded"))
+    if why_not_run(workspace, RECORDED[experiment]) is None:
+        tables.append(module.recorded(workspace, values).assign(source="recorded"))
     if values[experiment]["source"] == "simulated":
-        tables.append(module.simulated(values).assign(source="simulated"))
+        tables.append(module.simulated(workspace, values).assign(source="simulated"))
     table = pd.concat([pd.DataFrame(columns=COLUMNS), *tables])
     for column, meaning in (("unit", 0), ("meaning", 1)):
         table[column] = [module.STATISTICS[name][meaning] for name in table["statistic"]]
@@ -29,14 +29,14 @@ def statistics(values: dict, experiment: str) -> pd.DataFrame:
     return table[COLUMNS]
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Write twins.csv of the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=list(MODULES)).experiment
-    table = statistics(values, experiment)
-    files.write_table(paths.twins(experiment), table)
+    table = statistics(workspace, values, experiment)
+    files.write_table(workspace.twins(experiment), table)
     print(f"{experiment}: {table['statistic'].nunique()} statistics of {table['recording'].nunique()} recordings")
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -7,25 +7,26 @@ import numpy as np
 
 from pipeline import experiments
 from pipeline.base import arguments, params, paths
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Window the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     if experiments.module(experiment).KIND != "windows":
         raise InputError(
             f"{experiment}: its models see no windows; run `python -m pipeline.stages.dataset {experiment}`"
         )
-    frames = schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
+    frames = schemas.read(paths.require(workspace.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
     windows = windows_of(frames, values[experiment]["window"])
-    schemas.write(paths.windows(experiment), windows.schema, [windows])
+    schemas.write(workspace.windows(experiment), windows.schema, [windows])
     presses = len(np.unique(windows["press"].to_numpy()))
     print(f"{experiment}: {frames.num_rows} frames, {presses} presses, {windows.num_rows} windows")
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

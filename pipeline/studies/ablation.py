@@ -11,8 +11,9 @@ from collections.abc import Mapping
 from tqdm import tqdm
 
 from pipeline import models
-from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base import arguments, files, params, workers
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Trained
@@ -24,7 +25,7 @@ CONDITIONS = ("single", "double")  # as in Table I
 COLUMNS = ("row", "protocol", "condition", "seed", "metric", "unit", "value", "n")
 
 
-def train_run(values: Mapping, experiment: str, name: str, seed: int, report) -> list[tuple]:
+def train_run(workspace: Workspace, values: Mapping, experiment: str, name: str, seed: int, report) -> list[tuple]:
     """Train and score one run of a row; return rows of ablation.csv."""
     import torch
 
@@ -32,7 +33,7 @@ def train_run(values: Mapping, experiment: str, name: str, seed: int, report) ->
     settings = values[experiment]
     row, protocol = settings["ablation"][name], next(iter(settings["protocols"]))
     spec = tasks_windows.spec(settings)
-    data = read_dataset(paths.dataset(experiment), spec.frames)
+    data = read_dataset(workspace.dataset(experiment), spec.frames)
     x, part, condition = data.x[:, -row["frames"] :], data.part(protocol, seed), schemas.names(data.rows["condition"])
     block, where = scored.block_of(settings, name), f"{experiment}.ablation.{name}"
     regressor = models.build(row["of"], spec._replace(frames=row["frames"]), block, where)
@@ -64,9 +65,9 @@ def check(settings: Mapping, experiment: str) -> None:
             raise InputError(f"params.yaml, {where}.frames: a window has {settings['window']['frames']} frames")
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Train and score all rows of the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=["touch"]).experiment
     settings = values[experiment]
     check(settings, experiment)
@@ -75,9 +76,9 @@ def main() -> None:
     blocks = [scored.block_of(settings, name) for name in rows_run]
     epochs = max(map(params.epochs, blocks), default=0)
     with tqdm(total=epochs * len(runs), desc=f"ablate {experiment}", unit="epoch") as bar:
-        rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs))
-    files.write_csv(paths.ablation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
+        rows = dict(workers.run(train_run, {run: (workspace, values, *run) for run in runs}, bar, steps=epochs))
+    files.write_csv(workspace.ablation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

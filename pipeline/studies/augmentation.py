@@ -10,8 +10,9 @@ from collections.abc import Mapping
 from tqdm import tqdm
 
 from pipeline import models
-from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base import arguments, files, params, workers
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images
 from pipeline.scoring import classification, metrics
 from pipeline.tasks import images as tasks_images
@@ -21,7 +22,9 @@ SETTINGS = ("flip", "noise", "affine")
 COLUMNS = ("method", "protocol", "condition", "seed", "metric", "unit", "value", "n")
 
 
-def train_run(values: Mapping, experiment: str, method: str, protocol: str, seed: int, report) -> list[tuple]:
+def train_run(
+    workspace: Workspace, values: Mapping, experiment: str, method: str, protocol: str, seed: int, report
+) -> list[tuple]:
     """Train and score one run with the methods that `method` leaves on; rows of scores.csv."""
     import torch
 
@@ -34,16 +37,16 @@ def train_run(values: Mapping, experiment: str, method: str, protocol: str, seed
     def build(spec):
         return models.build(model, spec, block, f"{experiment}.models.{model}")
 
-    place = paths.dataset(experiment), experiment, values[experiment], protocol, seed
+    place = workspace.dataset(experiment), experiment, values[experiment], protocol, seed
     classifier = tasks_images.fit(*place, build, device=values["device"], progress=report).model
-    x, y = tasks_images.part_of(images.read(paths.dataset(experiment), protocol, seed), "test")
+    x, y = tasks_images.part_of(images.read(workspace.dataset(experiment), protocol, seed), "test")
     scores = metrics.unless_failed(classification.scores(y, classifier.predict(x)), classifier.summary.best_epoch == 0)
     return [(method, protocol, images.modality(protocol), seed, *row) for row in scores]
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Train and score every method, dataset and seed of the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=["glove"]).experiment
     settings = values[experiment]["augmentation"]
     block = params.model_settings(values, experiment, settings["model"])
@@ -57,9 +60,9 @@ def main() -> None:
     ]
     epochs = block["training"]["epochs"]
     with tqdm(total=epochs * len(runs), desc=f"augment {experiment}", unit="epoch") as bar:
-        rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs))
-    files.write_csv(paths.augmentation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
+        rows = dict(workers.run(train_run, {run: (workspace, values, *run) for run in runs}, bar, steps=epochs))
+    files.write_csv(workspace.augmentation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

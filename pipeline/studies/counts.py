@@ -9,8 +9,8 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from pipeline.base import arguments, files, params, paths
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments, files, params
+from pipeline.base.paths import Workspace
 from pipeline.learning import cost
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.scoring import published
@@ -78,11 +78,11 @@ def _row(
     return (*row, *(int(printed * unit) for printed, unit in paper), "reproduced" if equal else "contradicted", note)
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Count with the reduction of params.yaml."""
     arguments.parse(__doc__)
-    count(params.load()["glove"]["models"]["sp_resnet"]["reduction"], paths.REPORTS / "counts.csv")
+    count(params.load(workspace.params)["glove"]["models"]["sp_resnet"]["reduction"], workspace.reports / "counts.csv")
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -12,8 +12,9 @@ from collections.abc import Mapping
 from tqdm import tqdm
 
 from pipeline import models
-from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base import arguments, files, params, workers
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.scoring import frame_sets
 from pipeline.tasks import images as tasks_images
@@ -22,7 +23,9 @@ COLUMNS = ("form", "model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")
 
 
-def train_run(values: Mapping, experiment: str, model: str, frames: int, seed: int, report) -> list[tuple]:
+def train_run(
+    workspace: Workspace, values: Mapping, experiment: str, model: str, frames: int, seed: int, report
+) -> list[tuple]:
     """Train and score one network; rows of input_frames.csv, none where no session has as many frames."""
     import torch
 
@@ -31,10 +34,10 @@ def train_run(values: Mapping, experiment: str, model: str, frames: int, seed: i
     torch.set_num_threads(1)
     settings = values[experiment]["input_frames"]
     protocol = f"{settings['split']}_{settings['dataset']}"
-    data = images.read(paths.dataset(experiment), protocol, seed)
+    data = images.read(workspace.dataset(experiment), protocol, seed)
     seeds = values[experiment]["protocols"][protocol]["seeds"]
     wanted = ["condition", "recording", "label", *(schemas.split_column(protocol, known) for known in seeds)]
-    table = schemas.read(paths.dataset(experiment), columns=wanted)
+    table = schemas.read(workspace.dataset(experiment), columns=wanted)
     most, compared = frame_sets.compared_images(table, protocol, seeds)
     if frames > most:
         return []
@@ -48,9 +51,9 @@ def train_run(values: Mapping, experiment: str, model: str, frames: int, seed: i
     return [("trained", model, seed, frames, *row) for row in scores]
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Train and score every network, number of frames and seed of the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=["glove"]).experiment
     settings, blocks = values[experiment]["input_frames"], values[experiment]["models"]
     protocol, protocols = f"{settings['split']}_{settings['dataset']}", values[experiment]["protocols"]
@@ -63,12 +66,16 @@ def main() -> None:
     runs = [(experiment, m, frames, s) for m in trained for frames in settings["numbers"] for s in settings["seeds"]]
     epochs = {run: run[2] * params.epochs(blocks[run[1]]) for run in runs}
     with tqdm(total=sum(epochs.values()), desc=f"frames {experiment}", unit="epoch") as bar:
-        rows = dict(workers.run(train_run, {run: (values, *run) for run in runs}, bar, steps=epochs)) if runs else {}
+        rows = (
+            dict(workers.run(train_run, {run: (workspace, values, *run) for run in runs}, bar, steps=epochs))
+            if runs
+            else {}
+        )
     absent = sorted({frames for (_, _, frames, _), scores in rows.items() if not scores})
     if absent:
         print(f"{experiment}: sessions have too few images for sets of {', '.join(map(str, absent))}", file=sys.stderr)
-    files.write_csv(paths.input_frames(experiment), COLUMNS, (row for run in runs for row in rows[run]))
+    files.write_csv(workspace.input_frames(experiment), COLUMNS, (row for run in runs for row in rows[run]))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.experiments import glove_recorded
 
@@ -30,9 +30,9 @@ def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def probe(settings: dict) -> list[tuple]:
+def probe(workspace: Workspace, settings: dict) -> list[tuple]:
     """Return the accuracy on the test grasps for each input and seed; settings: the block of params.yaml."""
-    path = paths.require(paths.frames(EXPERIMENT), f"python -m pipeline.stages.ingest {EXPERIMENT}")
+    path = paths.require(workspace.frames(EXPERIMENT), f"python -m pipeline.stages.ingest {EXPERIMENT}")
     frames = schemas.read(path)
     frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))
     objects = schemas.names(frames["condition"])
@@ -47,12 +47,16 @@ def probe(settings: dict) -> list[tuple]:
     return rows
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Probe the recordings; without them the table is empty."""
     arguments.parse(__doc__, experiment=[EXPERIMENT])
-    rows = probe(params.load()[EXPERIMENT]) if why_not_run(EXPERIMENT) is None else []
-    files.write_csv(paths.probe(EXPERIMENT), COLUMNS, rows)
+    rows = (
+        probe(workspace, params.load(workspace.params)[EXPERIMENT])
+        if why_not_run(workspace, EXPERIMENT) is None
+        else []
+    )
+    files.write_csv(workspace.probe(EXPERIMENT), COLUMNS, rows)
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from pipeline import models
 from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import run_stage
+from pipeline.base.paths import Workspace
 from pipeline.datasets import series
 from pipeline.experiments import strain
 from pipeline.tasks import series as tasks_series
@@ -30,6 +30,7 @@ DECODER_RIDGE = 1e-4  # of standardised inputs, against the mean squared error o
 
 
 def train_with(
+    workspace: Workspace,
     values: Mapping,
     model: str,
     block: dict,
@@ -47,13 +48,13 @@ def train_with(
     experiment = "strain"
     task = strain.task(protocol, values[experiment])
     spec = tasks_series.spec(experiment, values[experiment], protocol)
-    (piece,) = series.read(paths.dataset(experiment), task, protocol, seed)
+    (piece,) = series.read(workspace.dataset(experiment), task, protocol, seed)
     (record,) = series.seen_in_training([piece])
     if samples is not None:
         record = series.Record(*(column[-samples:] for column in record))
         record = record._replace(training=np.ones(len(record.x), dtype=bool))
     regressor = models.build(model, spec, block, f"{experiment}.models.{model}")
-    zero = zero or paths.run_folder(experiment, paths.MODEL_ZERO, task.base, seed)
+    zero = zero or workspace.run_folder(experiment, paths.MODEL_ZERO, task.base, seed)
     regressor.fit([record], seed=seed, device=values["device"], base=zero)
     if keep:
         regressor.save(keep)
@@ -62,23 +63,29 @@ def train_with(
     return regressor.parameters(), error if np.isfinite(error) else float("nan")
 
 
-def one_samples(values: Mapping, protocol: str, model: str, samples: int, seed: int, report: Callable) -> list[tuple]:
+def one_samples(
+    workspace: Workspace, values: Mapping, protocol: str, model: str, samples: int, seed: int, report: Callable
+) -> list[tuple]:
     """Return a row of samples.csv."""
     block = params.model_settings(values, "strain", model)
-    _, error = _single_thread(train_with, values, model, block, protocol, seed, samples)
+    _, error = _single_thread(train_with, workspace, values, model, block, protocol, seed, samples)
     report()
     return [(protocol, model, samples, seed, "error", "mm", error)]
 
 
-def one_capacity(values: Mapping, protocol: str, units: int, seed: int, report: Callable) -> list[tuple]:
+def one_capacity(
+    workspace: Workspace, values: Mapping, protocol: str, units: int, seed: int, report: Callable
+) -> list[tuple]:
     """Return a row of capacity.csv: the direct LSTM with another number of units, trained in parallel streams."""
     block = _in_streams(values) | {"units": units}
-    parameters, error = _single_thread(train_with, values, values["strain"]["model_zero"], block, protocol, seed)
+    parameters, error = _single_thread(
+        train_with, workspace, values, values["strain"]["model_zero"], block, protocol, seed
+    )
     report()
     return [(protocol, units, parameters, seed, "error", "mm", error)]
 
 
-def one_strands(values: Mapping, strands: int, seed: int, report: Callable) -> list[tuple]:
+def one_strands(workspace: Workspace, values: Mapping, strands: int, seed: int, report: Callable) -> list[tuple]:
     """Return rows of strands.csv: model-0, direct training and transfer, all of which see the first `strands` strands.
 
     Model-0 and direct training are trained in parallel streams.
@@ -88,22 +95,26 @@ def one_strands(values: Mapping, strands: int, seed: int, report: Callable) -> l
     blocks = {direct: _in_streams(values), TRANSFER: params.model_settings(values, "strain", TRANSFER)}
     with tempfile.TemporaryDirectory() as name:
         zero = Path(name)
-        _single_thread(train_with, fewer, direct, blocks[direct], strain.MODEL_ZERO_TASK, seed, None, None, zero)
+        _single_thread(
+            train_with, workspace, fewer, direct, blocks[direct], strain.MODEL_ZERO_TASK, seed, None, None, zero
+        )
         for task in values["strain"]["study"]["tasks"]:
             for model, block in blocks.items():
-                _, error = _single_thread(train_with, fewer, model, block, task, seed, None, zero)
+                _, error = _single_thread(train_with, workspace, fewer, model, block, task, seed, None, zero)
                 rows.append((task, strands, model, seed, "error", "mm", error))
     report()
     return rows
 
 
-def one_base(values: Mapping, base: str, protocol: str, seed: int, report: Callable) -> list[tuple]:
+def one_base(
+    workspace: Workspace, values: Mapping, base: str, protocol: str, seed: int, report: Callable
+) -> list[tuple]:
     """Return rows of bases.csv: transfer to a task from the network of another task, by Adam and in closed form."""
-    zero = paths.run_folder("strain", values["strain"]["model_zero"], base, seed)
+    zero = workspace.run_folder("strain", values["strain"]["model_zero"], base, seed)
     rows = []
     for model in (TRANSFER, f"{TRANSFER}_ridge"):
         block = params.model_settings(values, "strain", model)
-        _, error = _single_thread(train_with, values, model, block, protocol, seed, None, zero)
+        _, error = _single_thread(train_with, workspace, values, model, block, protocol, seed, None, zero)
         rows.append((protocol, base, model, seed, "error", "mm", error))
     report()
     return rows
@@ -115,20 +126,20 @@ def _in_streams(values: Mapping) -> dict:
     return {**block, "training": block["training"] | values["strain"]["study"]["capacity"]["training"]}
 
 
-def one_drift(values: Mapping, protocol: str, seed: int, report: Callable) -> list[tuple]:
+def one_drift(workspace: Workspace, values: Mapping, protocol: str, seed: int, report: Callable) -> list[tuple]:
     """Return rows of drift.csv for one task: R2 of a ridge decoder, by input and by what is decoded."""
-    rows = _single_thread(_decode, values, protocol, seed)
+    rows = _single_thread(_decode, workspace, values, protocol, seed)
     report()
     return rows
 
 
-def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
+def _decode(workspace: Workspace, values: Mapping, protocol: str, seed: int) -> list[tuple]:
     from pipeline.learning import lstm
 
     settings = values["strain"]
     task = strain.task(protocol, settings)
     spec = tasks_series.spec("strain", settings, protocol)
-    (piece,) = series.read(paths.dataset("strain"), task, protocol, seed)
+    (piece,) = series.read(workspace.dataset("strain"), task, protocol, seed)
     frames = settings["window"]["frames"]
     x, rows = piece.record.x, np.arange(frames - 1, len(piece.record.x))
     at = piece.time_s[rows]
@@ -136,14 +147,14 @@ def _decode(values: Mapping, protocol: str, seed: int) -> list[tuple]:
     inputs = {f"raw voltages, {frames} samples": window}
     zero = settings["model_zero"]
     for name, folder in {
-        "latent of model-0": paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed),
-        "latent of direct training": paths.run_folder("strain", zero, protocol, seed),
+        "latent of model-0": workspace.run_folder("strain", paths.MODEL_ZERO, task.base, seed),
+        "latent of direct training": workspace.run_folder("strain", zero, protocol, seed),
     }.items():
         outputs = strain.task(task.base if "model-0" in name else protocol, settings).outputs
         network = lstm.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
         network.load(folder)
         inputs[name] = network.latents(x)[rows]
-    known = strain.true_drift(protocol, seed, at) if settings["source"] == "simulated" else {}
+    known = strain.true_drift(workspace, protocol, seed, at) if settings["source"] == "simulated" else {}
     targets = {"elapsed time": at[:, None], **known}
     return [
         (protocol, name, target, seed, "r2", "1", decoded(given, truth, at))
@@ -174,10 +185,10 @@ def _single_thread(function: Callable, *arguments):
     return function(*arguments)
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Run the studies of the experiment named on the command line."""
     arguments.parse(__doc__, experiment=["strain"])
-    values = params.load()
+    values = params.load(workspace.params)
     study = values["strain"]["study"]
     tasks, seeds = study["tasks"], study["seeds"]
     strands = [count for count in study["strands"] if count <= values["strain"]["sensor"]["channels"]]
@@ -224,16 +235,18 @@ def main() -> None:
             ("protocol", "input", "target", "seed", "metric", "unit", "value"),
         ),
     }
-    with files.replacing_folder(paths.experiment_folder("strain") / "study") as draft:
+    with files.replacing_folder(workspace.experiment_folder("strain") / "study") as draft:
         for name, (function, runs, columns) in plans.items():
             with tqdm(total=len(runs), desc=f"study strain {name}", unit="run") as bar:
-                rows_of_runs = dict(workers.run(function, {k: (values, *task) for k, task in enumerate(runs)}, bar))
+                rows_of_runs = dict(
+                    workers.run(function, {k: (workspace, values, *task) for k, task in enumerate(runs)}, bar)
+                )
             rows = [row for key in sorted(rows_of_runs) for row in rows_of_runs[key]]
             files.write_csv(draft / f"{name}.csv", columns, sorted(rows, key=lambda row: tuple(map(str, row[:4]))))
-        _write_latents(values, draft / "latents.csv")
+        _write_latents(workspace, values, draft / "latents.csv")
 
 
-def _write_latents(values: Mapping, path: Path) -> None:
+def _write_latents(workspace: Workspace, values: Mapping, path: Path) -> None:
     """Write t_s and states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
     from pipeline.learning import lstm
 
@@ -241,8 +254,8 @@ def _write_latents(values: Mapping, path: Path) -> None:
     task, seed = strain.task("task_2", settings), settings["study"]["seeds"][0]
     spec = tasks_series.spec("strain", settings, task.base)
     network = lstm.LstmRegressor(spec, 1, None, transfer=False)
-    network.load(paths.run_folder("strain", paths.MODEL_ZERO, task.base, seed))
-    (piece,) = series.read(paths.dataset("strain"), task, "task_2", seed)
+    network.load(workspace.run_folder("strain", paths.MODEL_ZERO, task.base, seed))
+    (piece,) = series.read(workspace.dataset("strain"), task, "task_2", seed)
     first = int(np.flatnonzero(piece.part == "test")[0])
     states = network.latents(piece.record.x[: first + LATENT_SAMPLES])[first:]
     table = np.column_stack([piece.time_s[first : first + len(states)], states])
@@ -251,4 +264,4 @@ def _write_latents(values: Mapping, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

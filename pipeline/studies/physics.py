@@ -13,8 +13,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import run_stage
+from pipeline.base import arguments, files, params, workers
+from pipeline.base.paths import Workspace
 from pipeline.scoring.variants import COLUMNS, variants
 from pipeline.stability import changed_scene
 
@@ -49,10 +49,10 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
     asked, settings = asked_of(values, experiment), settings_of(values, experiment, effect, seed)
     metric, rows = MAIN_METRIC[experiment], []
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        changed_scene.write_dataset(experiment, settings, asked.protocols, seed, folder)
+        workspace = Workspace(Path(name))
+        changed_scene.write_dataset(workspace, experiment, settings, asked.protocols, seed)
         for condition, model, scores in changed_scene.scores(
-            experiment, settings, asked, seed, folder, values["device"]
+            workspace, experiment, settings, asked, seed, values["device"]
         ):
             unit, value = next((unit, value) for name, unit, value, _ in scores if name == metric)
             rows.append((experiment, effect, condition, model, seed, metric, unit, value))
@@ -60,15 +60,15 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
     return rows
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Run every variant of the experiment named on the command line."""
-    values = params.load()
+    values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["physics"]).experiment
     wanted = variants(values, experiment)
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
         rows = dict(workers.run(run_variant, {key: (values, experiment, *key) for key in wanted}, bar))
-    files.write_csv(paths.physics(experiment), COLUMNS, (row for key in wanted for row in rows[key]))
+    files.write_csv(workspace.physics(experiment), COLUMNS, (row for key in wanted for row in rows[key]))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -17,7 +17,8 @@ from tqdm import tqdm
 
 from pipeline import models, tasks
 from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.datasets.windows import read_dataset
 from pipeline.learning.image_classifier import ImageClassifier
@@ -34,7 +35,7 @@ CONDITIONS = ("single", "double")  # of touch, as in Table I
 STEM = 64  # channels of the first half of the published SP-ResNet
 
 
-def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> list[tuple]:
+def touch_run(workspace: Workspace, values: Mapping, family: str, size: int, seed: int, report) -> list[tuple]:
     """Train or load, and score one run of a touch ladder; a row a condition, in the order of ladders.COLUMNS."""
     import torch
 
@@ -52,12 +53,14 @@ def touch_run(values: Mapping, family: str, size: int, seed: int, report) -> lis
     name = _same_in_ablation(settings, model, block, spec.frames, seed)
     if name:
         report()
-        return _rows_of_ablation(name, family, size, seed, models.build(model, spec, block, "rightsize.touch"))
-    data = read_dataset(paths.dataset("touch"), frames)
+        return _rows_of_ablation(
+            workspace, name, family, size, seed, models.build(model, spec, block, "rightsize.touch")
+        )
+    data = read_dataset(workspace.dataset("touch"), frames)
     x = data.x[:, -spec.frames :]
     part = data.part(protocol, seed)
     if of_tables:
-        run = tasks.load(values, "touch", model, protocol, seed, spec)
+        run = tasks.load(workspace, values, "touch", model, protocol, seed, spec)
     else:
         regressor = models.build(model, spec, block, f"rightsize.touch.{family}")
         train, validation = ((x[part == name], data.y[part == name]) for name in ("train", "validation"))
@@ -85,9 +88,9 @@ def _same_in_ablation(settings: Mapping, model: str, block: Mapping, frames: int
     return None
 
 
-def _rows_of_ablation(name: str, family: str, size: int, seed: int, model) -> list[tuple]:
+def _rows_of_ablation(workspace: Workspace, name: str, family: str, size: int, seed: int, model) -> list[tuple]:
     """Return the rows of a run that the stage ablate_touch trained and scored; model: the same, untrained."""
-    table, protocol = ablation.read("touch"), ladders.protocol("touch", "single")
+    table, protocol = ablation.read(workspace, "touch"), ladders.protocol("touch", "single")
     table = table[(table["row"] == name) & (table["protocol"] == protocol) & (table["seed"] == seed)]
     return [
         _row("touch", condition, family, size, model, list(scores.itertuples(index=False, name=None)), seed)
@@ -96,18 +99,18 @@ def _rows_of_ablation(name: str, family: str, size: int, seed: int, model) -> li
     ]
 
 
-def glove_run(values: Mapping, condition: str, width: float, seed: int, report) -> list[tuple]:
+def glove_run(workspace: Workspace, values: Mapping, condition: str, width: float, seed: int, report) -> list[tuple]:
     """Train and score one SP-ResNet narrower than the published one, with its settings; load the published one."""
     import torch
 
     torch.set_num_threads(1)
     block = params.model_settings(values, "glove", "sp_resnet")
     protocol = ladders.protocol("glove", condition)
-    data = images.read(paths.dataset("glove"), protocol, seed)
+    data = images.read(workspace.dataset("glove"), protocol, seed)
     spec = tasks_images.spec(data)
     train, validation, test = (tasks_images.part_of(data, name) for name in images.PARTS)
     if width == 1:
-        run = tasks.load(values, "glove", "sp_resnet", protocol, seed, spec)
+        run = tasks.load(workspace, values, "glove", "sp_resnet", protocol, seed, spec)
     else:
         classifier = narrow_sp_resnet(
             spec, width=width, **dict(params.check_model("sp_resnet", block, "glove.models.sp_resnet"))
@@ -142,7 +145,7 @@ def _row(experiment: str, condition: str, family: str, size, model, scores: list
     return (experiment, condition, family, size, model.parameters(), metric, unit, seed, value, model.macs())
 
 
-def touch(values: dict) -> list[tuple]:
+def touch(workspace: Workspace, values: dict) -> list[tuple]:
     """Return the rows of both touch ladders, the largest size first."""
     ladder, settings, protocol = values["rightsize"]["touch"], values["touch"], ladders.protocol("touch", "single")
     for family, block in ladder.items():
@@ -156,10 +159,10 @@ def touch(values: dict) -> list[tuple]:
         for size in sorted(ladder[family]["sizes"], reverse=True)
         for seed in ladder[family]["seeds"]
     ]
-    return _climbed(touch_run, values, runs, "rightsize touch")
+    return _climbed(touch_run, workspace, values, runs, "rightsize touch")
 
 
-def glove(values: dict) -> list[tuple]:
+def glove(workspace: Workspace, values: dict) -> list[tuple]:
     """Return the rows of the SP-ResNet ladder."""
     block, settings = values["rightsize"]["glove"]["sp_resnet"], values["glove"]
     widths, seeds = block["sizes"], block["seeds"]
@@ -167,12 +170,12 @@ def glove(values: dict) -> list[tuple]:
         known = settings["protocols"][ladders.protocol("glove", condition)]["seeds"]
         _check_seeds("rightsize.glove.sp_resnet.seeds", seeds, known)
     runs = [(c, width, seed) for width in sorted(widths) for c in images.MODALITIES for seed in seeds]
-    return _climbed(glove_run, values, runs, "rightsize glove")
+    return _climbed(glove_run, workspace, values, runs, "rightsize glove")
 
 
-def strain(values: dict) -> list[tuple]:
+def strain(workspace: Workspace, values: dict) -> list[tuple]:
     """Return the runs of capacity.csv of the study of the latent space, as rows of a ladder."""
-    path = paths.experiment_folder("strain") / "study" / "capacity.csv"
+    path = workspace.experiment_folder("strain") / "study" / "capacity.csv"
     table = pd.read_csv(paths.require(path, "python -m pipeline.studies.latent strain"))
     model = ladders.FAMILIES["lstm"].model
     block = params.model_settings(values, "strain", model)
@@ -190,20 +193,20 @@ def _check_seeds(name: str, seeds: list[int], known: list[int]) -> None:
         raise InputError(f"params.yaml, {name}: there is no split of seed {absent[0]}; known: {known}")
 
 
-def _climbed(function, values: Mapping, runs: list[tuple], title: str) -> list[tuple]:
+def _climbed(function, workspace: Workspace, values: Mapping, runs: list[tuple], title: str) -> list[tuple]:
     with tqdm(total=len(runs), desc=title, unit="run") as bar:
-        rows = dict(workers.run(function, {run: (values, *run) for run in runs}, bar))
+        rows = dict(workers.run(function, {run: (workspace, values, *run) for run in runs}, bar))
     return [row for run in runs for row in rows[run]]
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Climb the ladders of the experiment named on the command line."""
     experiment = arguments.parse(__doc__, experiment=ladders.METRIC).experiment
-    rows = {"touch": touch, "strain": strain, "glove": glove}[experiment](params.load())
+    rows = {"touch": touch, "strain": strain, "glove": glove}[experiment](workspace, params.load(workspace.params))
     conditions = list(dict.fromkeys(row[1] for row in rows))
     rows.sort(key=lambda row: (row[2], conditions.index(row[1]), row[3], row[7]))  # family, condition, size, seed
-    files.write_csv(ladders.path(experiment), ladders.COLUMNS, rows)
+    files.write_csv(ladders.path(workspace, experiment), ladders.COLUMNS, rows)
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -13,8 +13,9 @@ import numpy as np
 from tqdm import tqdm
 
 from pipeline import models
-from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.errors import InputError, run_stage
+from pipeline.base import arguments, files, params, workers
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import seeding
 from pipeline.logs import stag
 from pipeline.scoring import classification, metrics
@@ -24,7 +25,7 @@ MODELS = ("sp_resnet", "resnet3x3")
 
 
 def train_run(
-    values: Mapping, experiment: str, model: str, seed: int, input_frames: int, file: str, report
+    workspace: Workspace, values: Mapping, experiment: str, model: str, seed: int, input_frames: int, file: str, report
 ) -> list[tuple]:
     """Train one model and score it; rows of stag.csv.
 
@@ -36,7 +37,7 @@ def train_run(
     from pipeline.studies import joined_frames
 
     torch.set_num_threads(1)
-    data = stag.read(paths.ROOT / file)
+    data = stag.read(workspace, workspace.root / file)
     y = np.eye(len(data.objects), dtype=np.float32)[data.label]
     part = parts(data, values[experiment]["stag"]["validation"], seed)
     block = params.model_settings(values, experiment, model)
@@ -71,14 +72,14 @@ def parts(data: stag.Stag, validation: float, seed: int) -> np.ndarray:
     return part
 
 
-def main() -> None:
+def main(workspace: Workspace) -> None:
     """Train and score on the user's file, or write an empty table."""
     arguments.parse(__doc__, experiment=["glove"])
-    values = params.load()
+    values = params.load(workspace.params)
     settings = values["glove"]["stag"]
     rows: dict = {}
     if settings["file"] != "none":
-        if not Path(paths.ROOT / settings["file"]).is_file():
+        if not Path(workspace.root / settings["file"]).is_file():
             raise InputError(f"params.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
         numbers = sorted({1, *values["glove"]["input_frames"]["numbers"]})
         runs = {
@@ -90,8 +91,8 @@ def main() -> None:
         epochs = {run: run[2] * params.epochs(values["glove"]["models"][run[0]]) for run in runs}
         with tqdm(total=sum(epochs.values()), desc="train STAG", unit="epoch") as bar:
             rows = dict(workers.run(train_run, runs, bar, steps=epochs))
-    files.write_csv(paths.stag("glove"), COLUMNS, (row for key in sorted(rows) for row in rows[key]))
+    files.write_csv(workspace.stag("glove"), COLUMNS, (row for key in sorted(rows) for row in rows[key]))
 
 
 if __name__ == "__main__":
-    run_stage(main)
+    arguments.run(main)

@@ -1,15 +1,16 @@
 """The three kinds of input that models see: windows, series and images. One module per kind, with the same functions:
 
-* `source(experiment)` -> the table that a dataset is made of; `inputs(frames, settings)`: the same from frames alone.
+* `source(workspace, experiment)` -> the table that a dataset is made of; `inputs(frames, settings)`: the same from
+  frames alone.
 * `rows(table, module, settings)` -> (rows that a split divides, the dataset's columns before splits).
 * `labelled(table, module, settings)` -> (schema, parts) of the whole dataset, whose splits are columns by now.
 * `base(experiment, settings, protocol)` -> the protocol whose network transfer learning starts from, or None.
 * `fit(path, experiment, settings, protocol, seed, build, *, device, progress, base)` -> a `Fitted` model; `path`: the
   dataset's file, `build(spec)`: makes the model, `base`: the folder of the network that transfer starts from.
 * `adapted(model, spec)` -> the model with the methods that this kind of input needs.
-* `tested(experiment, settings, runs, load)` -> predictions and scores of every run's test part, one run at a time.
-* `stream(experiment, settings, protocol, seed)` -> (spec, inputs of the test part); `timed(model, x)` -> (function,
-  inputs) of one prediction as a device would ask for it.
+* `tested(path, experiment, settings, runs, load)` -> predictions and scores of every run's test part, run by run.
+* `stream(path, experiment, settings, protocol, seed)` -> (spec, inputs of the test part); `timed(model, x)` ->
+  (function, inputs) of one prediction as a device would ask for it.
 
 What differs between experiments of one kind is in the experiment's module (pipeline/experiments).
 """
@@ -23,6 +24,7 @@ import pyarrow as pa
 
 from pipeline import experiments, models
 from pipeline.base import params, paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, schemas
 from pipeline.learning.trained import Trained
 
@@ -53,7 +55,7 @@ def write_dataset(
     return counts
 
 
-def load(values: Mapping, experiment: str, model: str, protocol: str, seed: int, spec) -> Trained:
+def load(workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int, spec) -> Trained:
     """Return the trained model of one run of params.yaml (`values`); spec: the shapes of the experiment's task.
 
     Raises InputError where the run has not been trained.
@@ -61,6 +63,6 @@ def load(values: Mapping, experiment: str, model: str, protocol: str, seed: int,
     block = params.model_settings(values, experiment, model)
     built = of(experiment).adapted(models.build(model, spec, block, f"{experiment}.models.{model}"), spec)
     made_by = params.training_command(experiment)
-    folder = paths.require(paths.run_folder(experiment, model, protocol, seed), made_by)
+    folder = paths.require(workspace.run_folder(experiment, model, protocol, seed), made_by)
     built.load(folder)
     return Trained(built, failed=fits.read(folder, made_by)["best_epoch"] == 0)

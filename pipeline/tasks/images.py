@@ -8,14 +8,15 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import classification, metrics
 
 
-def source(experiment: str) -> pa.Table:
+def source(workspace: Workspace, experiment: str) -> pa.Table:
     """Return the frames that the stage ingest wrote."""
-    return schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
+    return schemas.read(paths.require(workspace.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
 
 
 def inputs(frames: pa.Table, settings: Mapping) -> pa.Table:
@@ -66,10 +67,12 @@ def adapted(model, spec):
     return model
 
 
-def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable) -> Iterator[Tested]:
+def tested(
+    path: Path, experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable
+) -> Iterator[Tested]:
     """Yield the tests of all runs; predictions have one column per class. load: as of windows."""
     for protocol, seed in runs:
-        data = images.read(paths.dataset(experiment), protocol, seed)
+        data = images.read(path, protocol, seed)
         run = load(protocol, seed, spec(data))
         test = np.flatnonzero(data.part == "test")
         predicted = run.predict(data.x[test])
@@ -77,9 +80,9 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
         yield protocol, seed, [(test, predicted, [(images.modality(protocol), *row) for row in scores])]
 
 
-def stream(experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
+def stream(path: Path, experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
     """Return (spec, test images (n, 1, pixels)) of one run."""
-    data = images.read(paths.dataset(experiment), protocol, seed)
+    data = images.read(path, protocol, seed)
     return spec(data), part_of(data, "test")[0]
 
 

@@ -10,14 +10,15 @@ import pyarrow as pa
 from pipeline import experiments
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import metrics
 
 
-def source(experiment: str) -> pa.Table:
+def source(workspace: Workspace, experiment: str) -> pa.Table:
     """Return the frames that the stage ingest wrote."""
-    return schemas.read(paths.require(paths.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
+    return schemas.read(paths.require(workspace.frames(experiment), f"python -m pipeline.stages.ingest {experiment}"))
 
 
 def inputs(frames: pa.Table, settings: Mapping) -> pa.Table:
@@ -65,7 +66,9 @@ def adapted(model, spec):
     return series_regressors.adapted(model, spec)
 
 
-def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable) -> Iterator[Tested]:
+def tested(
+    path: Path, experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable
+) -> Iterator[Tested]:
     """Yield the tests of all runs: a model goes through each whole recording, and the samples of the test part count.
 
     Predictions have the three columns x, y, z (mm), NaN where the task does not ask for one. load: as of windows.
@@ -74,7 +77,7 @@ def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], 
     for protocol, seed in runs:
         task = module.task(protocol, settings)
         run, tests = load(protocol, seed, spec(experiment, settings, protocol)), []
-        for piece in series.read(paths.dataset(experiment), task, protocol, seed):
+        for piece in series.read(path, task, protocol, seed):
             test = piece.part == "test"
             if not test.any():
                 continue
@@ -93,10 +96,10 @@ def score(piece: series.Piece, predicted: np.ndarray, task: series.Task, part: s
     return metrics.series(record, predicted, task.outputs)
 
 
-def stream(experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
+def stream(path: Path, experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
     """Return (spec, test samples (n, channels)) of one run."""
     task = experiments.module(experiment).task(protocol, settings)
-    pieces = series.read(paths.dataset(experiment), task, protocol, seed)
+    pieces = series.read(path, task, protocol, seed)
     x = np.concatenate([piece.record.x[piece.part == "test"] for piece in pieces])
     return spec(experiment, settings, protocol), x
 

@@ -10,6 +10,7 @@ import pyarrow as pa
 from pipeline import experiments
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
@@ -17,9 +18,9 @@ from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import metrics
 
 
-def source(experiment: str) -> pa.Table:
+def source(workspace: Workspace, experiment: str) -> pa.Table:
     """Return the windows that the stage window wrote."""
-    return schemas.read(paths.require(paths.windows(experiment), f"python -m pipeline.stages.window {experiment}"))
+    return schemas.read(paths.require(workspace.windows(experiment), f"python -m pipeline.stages.window {experiment}"))
 
 
 def inputs(frames: pa.Table, settings: Mapping) -> pa.Table:
@@ -78,11 +79,13 @@ def adapted(model, spec):
     return model
 
 
-def tested(experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable) -> Iterator[Tested]:
+def tested(
+    path: Path, experiment: str, settings: Mapping, runs: Iterable[tuple[str, int]], load: Callable
+) -> Iterator[Tested]:
     """Yield the tests of all runs of one model; `load(protocol, seed, spec)` gives its Trained."""
     module = experiments.module(experiment)
     pooled = metrics.POOLED.get(module.SCORES, ())
-    data = read_dataset(paths.dataset(experiment), settings["window"]["frames"])
+    data = read_dataset(path, settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:
         run = load(protocol, seed, spec(settings))
@@ -130,9 +133,9 @@ def score(module: ModuleType, y: np.ndarray, predicted: np.ndarray, settings: Ma
     return getattr(metrics, module.SCORES)(y, predicted, settings)
 
 
-def stream(experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
+def stream(path: Path, experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
     """Return (spec, test windows (n, frames, elements)) of one run."""
-    data = read_dataset(paths.dataset(experiment), settings["window"]["frames"])
+    data = read_dataset(path, settings["window"]["frames"])
     return spec(settings), data.x[data.part(protocol, seed) == "test"]
 
 

@@ -17,6 +17,7 @@ import pyarrow as pa
 from sklearn.tree import DecisionTreeClassifier
 
 from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas, specimens
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove, glove_recorded
@@ -95,14 +96,14 @@ class Grasps(NamedTuple):
     middle: np.ndarray  # (grasps,) of the contact along one matrix, share of its length; NaN without contact there
 
 
-def recorded(settings: Mapping) -> pd.DataFrame:
+def recorded(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
     """Return the statistics of the recorded grasps: columns recording, statistic, value.
 
     settings: params.yaml. A recording is an object, or a set of objects where the statistic is of several. Raises
     InputError where the recordings have not been read.
     """
     table = schemas.read(
-        paths.require(paths.frames("glove_recorded"), "python -m pipeline.stages.ingest glove_recorded")
+        paths.require(workspace.frames("glove_recorded"), "python -m pipeline.stages.ingest glove_recorded")
     )
     cells, angles = schemas.matrix(table["pressure"]).astype(float), schemas.matrix(table["strain"]).astype(float)
     start = int(np.prod(glove_recorded.MATRICES[0]))
@@ -111,13 +112,13 @@ def recorded(settings: Mapping) -> pd.DataFrame:
     return statistics(grasps(table, cells, angles, matrix))
 
 
-def simulated(settings: Mapping) -> pd.DataFrame:
+def simulated(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
     """Return the statistics of the scene's grasps, as `recorded`; raises InputError where its logs have not been read.
 
     Angles are what the mean of a joint's film shows by the scene's own law; the empty hand is no grasp, and the grasps
     are of one glove, as those of the recordings are of one hand.
     """
-    table = schemas.read(paths.require(paths.frames("glove"), "python -m pipeline.stages.ingest glove"))
+    table = schemas.read(paths.require(workspace.frames("glove"), "python -m pipeline.stages.ingest glove"))
     of_one = specimens.of_seed(schemas.names(table["recording"]), 0)
     table = table.filter(pa.array(of_one & (schemas.names(table["condition"]) != "empty_hand")))
     block = settings["glove"]

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from sklearn.ensemble import ExtraTreesRegressor
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import strain_recorded
@@ -77,9 +77,9 @@ class Presses(NamedTuple):
     place: np.ndarray  # (presses, 2) mm
 
 
-def recorded(settings: Mapping) -> pd.DataFrame:
+def recorded(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
     """Return recording, statistic and value of each stretch of both recorded days; settings: the whole params."""
-    table = schemas.read(paths.frames("strain_recorded"))
+    table = schemas.read(workspace.frames("strain_recorded"))
     condition = schemas.names(table["condition"])
     volts, place = schemas.matrix(table["v"])[:, :STRANDS].astype(float), schemas.matrix(table["y_mm"])[:, :2]
     time_s, press = table["t_s"].to_numpy(), table["press"].to_numpy()
@@ -94,7 +94,12 @@ def recorded(settings: Mapping) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["recording", "statistic", "value"])
 
 
-def simulated(settings: Mapping) -> pd.DataFrame:
+def simulated(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
+    """Return the same of the scene; no file is read."""
+    return of_scene(settings)
+
+
+def of_scene(settings: Mapping) -> pd.DataFrame:
     """Return the same of each specimen of the scene, running the recorded program; settings: the whole params."""
     scene, rows = settings["strain"]["simulate"], []
     for specimen in range(scene["specimen"], scene["specimen"] + scene["specimens"]):

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout, touch, touch_contact, touch_motion
@@ -84,22 +84,22 @@ class Press(NamedTuple):
     left: int
 
 
-def recorded(settings: Mapping) -> pd.DataFrame:
+def recorded(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
     """Return the statistics of the recordings, columns recording, statistic, value; none where none are downloaded."""
-    return statistics(recorded_courses(settings))
+    return statistics(recorded_courses(workspace, settings))
 
 
-def simulated(settings: Mapping) -> pd.DataFrame:
+def simulated(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
     """Return the statistics of the twin of each recording, columns as `recorded`; settings: all of params.yaml."""
     courses = {}
-    for number, (name, pair) in enumerate(sorted(recorded_courses(settings).items())):
+    for number, (name, pair) in enumerate(sorted(recorded_courses(workspace, settings).items())):
         courses[name] = [twin(course, number, f"{name}/exp{k + 1}", settings["touch"]) for k, course in enumerate(pair)]
     return statistics(courses)
 
 
-def recorded_courses(settings: Mapping) -> dict[str, list[Course]]:
+def recorded_courses(workspace: Workspace, settings: Mapping) -> dict[str, list[Course]]:
     """Return recording -> the courses of exp1 and exp2, from the frames of the recordings."""
-    frames = schemas.read(paths.frames(EXPERIMENT))
+    frames = schemas.read(workspace.frames(EXPERIMENT))
     names, time_s = schemas.names(frames["recording"]), frames["t_s"].to_numpy()
     force, reading = schemas.matrix(frames["force_n"])[:, 0], schemas.matrix(frames["v"])[:, 0]
     step = 1 / settings["touch"]["simulate"]["devices"]["array_hz"]

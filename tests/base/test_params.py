@@ -20,7 +20,7 @@ from pipeline.commands import check
 from pipeline.settings import Params, schema
 from pipeline.settings import models as settings_of_models
 
-WHOLE = params.load()
+WHOLE = params.load(ROOT / "params.yaml")
 NETWORK = WHOLE["touch"]["models"]["cnn"]
 
 
@@ -85,16 +85,12 @@ def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
     """The first removed thing would be the draft or the model's folder, which the key is the name of."""
     project, canary = tmp_path / "project", tmp_path / "project" / "canary"
     (canary / "important").mkdir(parents=True)
-    (project / "pipeline").symlink_to(ROOT / "pipeline")
     program, experiment = stage.split()
     key = where.format(canary=canary)
     values = altered(experiment, "models", value={key: {}})
     text_file(project, yaml.safe_dump(values))
-    code = f"import runpy, sys; from pipeline.base import paths; paths.ROOT = paths.Path({str(project)!r})\n"
-    code += "paths.PARAMS = paths.ROOT / 'params.yaml'\n"
-    code += f"sys.argv = [{program!r}, {experiment!r}]\n"
-    code += f"runpy.run_module('pipeline.stages.{program}', run_name='__main__')"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    command = [sys.executable, "-m", f"pipeline.stages.{program}", experiment, "--root", str(project)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr.startswith("error: params.yaml"), done.stderr
     assert "there is no pipeline/models/" in done.stderr
     assert (canary / "important").is_dir()
@@ -258,7 +254,7 @@ def test_the_schema_for_editors_is_up_to_date():
         ),
     ],
 )
-def test_the_file_that_a_wrong_key_is_in_is_named(values, words, tmp_path):
+def test_the_file_that_a_wrong_key_is_in_is_named(workspace, values, words, tmp_path):
     """Here FOLDER/settings.yaml of a sensor, whose keys are set in a copy of params.yaml."""
     folder = tmp_path / "mine" / "stretch" / "run000"
     folder.mkdir(parents=True)
@@ -266,7 +262,7 @@ def test_the_file_that_a_wrong_key_is_in_is_named(values, words, tmp_path):
     settings.write_text(yaml.safe_dump(values))
     experiment = list(values)[-1].partition(".")[0]
     with pytest.raises(InputError) as error:
-        check.main(argparse.Namespace(experiment=experiment, folder=tmp_path / "mine"))
+        check.main(workspace, argparse.Namespace(experiment=experiment, folder=tmp_path / "mine"))
     name, said = re.fullmatch(r"(.*?settings.yaml)[:,] (.*)", str(error.value)).groups()
     assert name == str(settings) and said.startswith(words)
 
@@ -318,9 +314,9 @@ def test_params_yaml_is_read_in_main_alone():
 STAGE = """
 import os, sys
 from pathlib import Path
-from pipeline.base import errors, paths
-paths.PARAMS = Path(sys.argv[1])
-errors.run_stage(lambda: paths.PARAMS.write_text(sys.argv[2]))
+from pipeline.base import errors
+params = Path(sys.argv[1])
+errors.run_stage(lambda: params.write_text(sys.argv[2]), params)
 """
 
 

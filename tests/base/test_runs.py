@@ -19,29 +19,28 @@ class Stopped(Exception):
 
 
 @pytest.fixture
-def values(tmp_path, monkeypatch):
+def values(workspace, tmp_path, monkeypatch):
     """params.yaml with three runs of MODELS for touch, in a copy of the code, without any data but a stand-in."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(paths, "CODE", tmp_path / "pipeline")
     monkeypatch.setenv("WORKERS", "1")
     shutil.copytree(ROOT / "pipeline", tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
     for experiment in ("touch", "strain"):
-        files.write_text(paths.dataset(experiment), "data")
-        files.write_text(paths.ingest_report(experiment), '{"run": true}')
-    values = params.load()
+        files.write_text(workspace.dataset(experiment), "data")
+        files.write_text(workspace.ingest_report(experiment), '{"run": true}')
+    values = params.load(ROOT / "params.yaml")
     values["touch"]["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}}
     values["touch"]["models"] = {model: values["touch"]["models"][model] for model in MODELS}
     return values
 
 
 @pytest.fixture
-def train(values, monkeypatch):
+def train(workspace, values, monkeypatch):
     """`train(experiment, stop_at)`: train up to a run; return the runs (model, protocol, seed) trained in this call."""
 
     def trained(experiment="touch", stop_at=None) -> list[tuple[str, str, int]]:
         done = []
 
-        def train_run(values, experiment, model, protocol, seed, target, report):
+        def train_run(workspace, values, experiment, model, protocol, seed, target, report):
             target.mkdir(parents=True)
             if (model, protocol, seed) == stop_at:
                 raise Stopped
@@ -54,7 +53,7 @@ def train(values, monkeypatch):
 
         monkeypatch.setattr(stage, "train_run", train_run)
         try:
-            stage.train(values, experiment)
+            stage.train(workspace, values, experiment)
         except Stopped:
             assert stop_at
         return done
@@ -62,35 +61,35 @@ def train(values, monkeypatch):
     return trained
 
 
-def written(experiment="touch") -> dict[str, bytes]:
+def written(workspace, experiment="touch") -> dict[str, bytes]:
     """Path -> content of all that DVC takes for the outputs of the stage."""
-    outs = (paths.models(experiment), paths.training_times(experiment, "any").parent)
+    outs = (workspace.models(experiment), workspace.training_times(experiment, "any").parent)
     found = [path for out in outs for path in sorted(out.rglob("*")) if path.is_file()]
-    return {path.relative_to(paths.ROOT).as_posix(): path.read_bytes() for path in found}
+    return {path.relative_to(workspace.root).as_posix(): path.read_bytes() for path in found}
 
 
-def append(file: str) -> None:
+def append(workspace, file: str) -> None:
     """Change a file of code."""
-    with open(paths.ROOT / file, "a") as code:
+    with open(workspace.root / file, "a") as code:
         code.write("# changed\n")
 
 
-def test_all_models_are_trained_in_one_go_the_longest_first(values, train, capsys):
+def test_all_models_are_trained_in_one_go_the_longest_first(workspace, values, train, capsys):
     assert train() == ALL
-    folder = paths.models("touch")
+    folder = workspace.models("touch")
     assert sorted(path.name for path in folder.iterdir()) == sorted(MODELS)
     assert sorted(path.name for path in (folder / "cnn").glob("*/")) == ["press-0", "press-1", "random_window-0"]
-    times = paths.training_times("touch", "tree").read_text().splitlines()
+    times = workspace.training_times("touch", "tree").read_text().splitlines()
     assert times == ["protocol,seed,train_s", "press,0,10.0", "press,1,11.0", "random_window,0,10.0"]
-    assert not any(paths.model_draft("touch", model).exists() for model in MODELS)
+    assert not any(workspace.model_draft("touch", model).exists() for model in MODELS)
     epochs = 3 * (1 + 1 + values["touch"]["models"]["cnn"]["training"]["epochs"])
     assert f"train touch: 100%|██████████| {epochs}/{epochs}" in capsys.readouterr().err
 
 
-def test_nothing_is_trained_again_where_nothing_changed(train):
+def test_nothing_is_trained_again_where_nothing_changed(workspace, train):
     train()
-    before = written()
-    assert train() == [] and written() == before
+    before = written(workspace)
+    assert train() == [] and written(workspace) == before
 
 
 OF_TREE = [run for run in ALL if run[0] == "tree"]
@@ -109,18 +108,18 @@ OF_TREE = [run for run in ALL if run[0] == "tree"]
         ("pipeline/base/workers.py", []),
     ],
 )
-def test_a_change_of_code_trains_what_imports_it(train, file, again):
+def test_a_change_of_code_trains_what_imports_it(workspace, train, file, again):
     train()
-    append(file)
+    append(workspace, file)
     assert train() == again
 
 
-def test_a_change_of_one_models_settings_trains_that_model_alone(values, train):
+def test_a_change_of_one_models_settings_trains_that_model_alone(workspace, values, train):
     train()
-    before = written()
+    before = written(workspace)
     values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
     assert train() == OF_TREE
-    changed = {path for path, content in written().items() if before[path] != content}
+    changed = {path for path, content in written(workspace).items() if before[path] != content}
     assert changed == {f"data/touch/models/tree/{p}-{s}/network.safetensors" for p, s in RUNS} | {
         "data/touch/models/tree/origin.txt"
     }
@@ -143,80 +142,80 @@ def test_a_change_of_another_setting_trains_nothing(values, train, key):
     assert train() == []
 
 
-def test_other_data_train_all(train):
+def test_other_data_train_all(workspace, train):
     train()
-    files.write_text(paths.dataset("touch"), "other data")
+    files.write_text(workspace.dataset("touch"), "other data")
     assert train() == ALL
 
 
 @pytest.mark.parametrize("damage", ["changed", "lost", "added", "no times"])
-def test_a_folder_that_is_not_as_it_was_written_is_trained_again(train, damage):
+def test_a_folder_that_is_not_as_it_was_written_is_trained_again(workspace, train, damage):
     train()
-    before = written()
-    file = paths.run_folder("touch", "tree", "press", 1) / "network.safetensors"
+    before = written(workspace)
+    file = workspace.run_folder("touch", "tree", "press", 1) / "network.safetensors"
     if damage == "no times":
-        file = paths.training_times("touch", "tree")
+        file = workspace.training_times("touch", "tree")
     elif damage == "added":
         file = file.with_name("other.txt")
     if damage in ("changed", "added"):
         file.write_text("by hand")
     else:
         file.unlink()
-    assert train() == OF_TREE and written() == before
+    assert train() == OF_TREE and written(workspace) == before
 
 
-def test_a_model_that_is_no_longer_listed_is_removed(values, train):
+def test_a_model_that_is_no_longer_listed_is_removed(workspace, values, train):
     train()
     cnn = values["touch"]["models"].pop("cnn")
-    files.write_text(paths.training_times("touch", "other"), "of an earlier version")
+    files.write_text(workspace.training_times("touch", "other"), "of an earlier version")
     assert train() == []
-    assert {path.split("/")[3].split(".")[0] for path in written()} == {"constant", "tree"}
+    assert {path.split("/")[3].split(".")[0] for path in written(workspace)} == {"constant", "tree"}
     values["touch"]["models"]["cnn"] = cnn
     assert train() == ALL[:3]
 
 
-def test_a_stopped_training_goes_on_from_its_finished_runs(values, train):
+def test_a_stopped_training_goes_on_from_its_finished_runs(workspace, values, train):
     train()
-    before = written()
+    before = written(workspace)
     values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
     values["touch"]["models"]["cnn"] = values["touch"]["models"]["cnn"] | {"hidden": [8]}
     assert train(stop_at=("tree", "press", 1)) == ALL[:4]
-    assert written() == before  # the earlier training stays until this one is whole
+    assert written(workspace) == before  # the earlier training stays until this one is whole
     assert train() == ALL[4:6]
-    assert not paths.model_draft("touch", "tree").exists()
-    assert written().keys() == before.keys()
+    assert not workspace.model_draft("touch", "tree").exists()
+    assert written(workspace).keys() == before.keys()
     assert train() == []
 
 
-def test_a_stopped_training_of_settings_that_are_taken_back_is_forgotten(values, train):
+def test_a_stopped_training_of_settings_that_are_taken_back_is_forgotten(workspace, values, train):
     train()
-    before, tree = written(), values["touch"]["models"]["tree"]
+    before, tree = written(workspace), values["touch"]["models"]["tree"]
     values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
     train(stop_at=("tree", "press", 1))
     values["touch"]["models"]["tree"] = tree
-    assert train() == [] and written() == before and not paths.model_draft("touch", "tree").exists()
+    assert train() == [] and written(workspace) == before and not workspace.model_draft("touch", "tree").exists()
 
 
 @pytest.mark.parametrize("change", ["settings", "data", "code"])
-def test_finished_runs_of_other_settings_data_or_code_are_not_taken(values, train, change):
+def test_finished_runs_of_other_settings_data_or_code_are_not_taken(workspace, values, train, change):
     train(stop_at=("constant", "press", 0))
     if change == "settings":
         values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
     elif change == "data":
-        files.write_text(paths.dataset("touch"), "other data")
+        files.write_text(workspace.dataset("touch"), "other data")
     else:
-        append("pipeline/models/tree.py")
+        append(workspace, "pipeline/models/tree.py")
     assert train() == (ALL if change == "data" else ALL[3:])
 
 
-def test_a_run_without_its_time_is_trained_again(train):
+def test_a_run_without_its_time_is_trained_again(workspace, train):
     train(stop_at=("tree", "press", 0))
-    times = paths.model_draft("touch", "cnn") / "times.csv"
+    times = workspace.model_draft("touch", "cnn") / "times.csv"
     times.write_text("\n".join(times.read_text().splitlines()[:2]) + "\n")
     assert train() == ALL[1:]
 
 
-def test_model_zero_comes_first_and_only_what_starts_from_it_follows_it(values, train):
+def test_model_zero_comes_first_and_only_what_starts_from_it_follows_it(workspace, values, train):
     models = ["ridge", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]
     values["strain"]["models"] = {model: values["strain"]["models"][model] for model in models}
     trained = train("strain")
@@ -227,22 +226,22 @@ def test_model_zero_comes_first_and_only_what_starts_from_it_follows_it(values, 
     assert {model for model, *_ in train("strain")} == {"ridge"}
     values["strain"]["models"]["lstm_direct"] = values["strain"]["models"]["lstm_direct"] | {"units": 7}
     assert {model for model, *_ in train("strain")} == {paths.MODEL_ZERO, *models} - {"ridge"}
-    assert sorted(path.name for path in paths.models("strain").iterdir()) == sorted([paths.MODEL_ZERO, *models])
+    assert sorted(path.name for path in workspace.models("strain").iterdir()) == sorted([paths.MODEL_ZERO, *models])
 
 
-def test_without_recordings_no_model_has_a_run(values, train):
+def test_without_recordings_no_model_has_a_run(workspace, values, train):
     train()
-    files.write_text(paths.ingest_report("touch"), '{"run": false, "reason": "no recordings"}')
+    files.write_text(workspace.ingest_report("touch"), '{"run": false, "reason": "no recordings"}')
     assert train() == []
-    assert not list(paths.models("touch").rglob("*.safetensors"))
-    assert paths.training_times("touch", "tree").read_text() == "protocol,seed,train_s\n"
-    files.write_text(paths.ingest_report("touch"), '{"run": true}')
+    assert not list(workspace.models("touch").rglob("*.safetensors"))
+    assert workspace.training_times("touch", "tree").read_text() == "protocol,seed,train_s\n"
+    files.write_text(workspace.ingest_report("touch"), '{"run": true}')
     assert train() == ALL
 
 
-def test_a_wrong_model_leaves_the_trained_ones(values, train, monkeypatch):
+def test_a_wrong_model_leaves_the_trained_ones(workspace, values, train, monkeypatch):
     train()
-    before = written()
+    before = written(workspace)
     values["strain"]["model_zero"] = "cubic"
     with pytest.raises(InputError, match="no model 'cubic'"):
         train("strain")
@@ -253,19 +252,19 @@ def test_a_wrong_model_leaves_the_trained_ones(values, train, monkeypatch):
     values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
     monkeypatch.setattr(stage, "train_run", refuses)
     with pytest.raises(InputError, match="does not go with"):
-        stage.train(values, "touch")
-    assert written() == before
+        stage.train(workspace, values, "touch")
+    assert written(workspace) == before
 
 
-def test_a_missing_dataset_is_one_sentence(train):
-    paths.dataset("touch").unlink()
+def test_a_missing_dataset_is_one_sentence(workspace, train):
+    workspace.dataset("touch").unlink()
     with pytest.raises(InputError, match=r"dataset.parquet: not found; run `python -m pipeline.stages.dataset touch`"):
         train()
 
 
-def test_a_draft_that_links_elsewhere_is_not_removed(train, tmp_path):
+def test_a_draft_that_links_elsewhere_is_not_removed(workspace, train, tmp_path):
     (tmp_path / "canary" / "important").mkdir(parents=True)
-    draft = paths.model_draft("touch", "tree")
+    draft = workspace.model_draft("touch", "tree")
     draft.parent.mkdir(parents=True, exist_ok=True)
     draft.symlink_to(tmp_path / "canary")
     with pytest.raises(InputError, match="so it is not removed"):

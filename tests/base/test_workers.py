@@ -142,7 +142,7 @@ def test_a_task_without_memory_is_one_sentence(run, tmp_path, kind, processes):
 
 def test_a_stage_without_memory_is_one_sentence():
     with pytest.raises(SystemExit) as end:
-        errors.run_stage(lambda: np.empty(ABSURD, np.uint8))
+        errors.run_stage(lambda: np.empty(ABSURD, np.uint8), ROOT / "params.yaml")
     assert end.value.code.startswith("error: not enough memory (Unable to allocate 1.00 PiB for an array")
 
 

@@ -2,13 +2,14 @@
 
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.claims import entries, evidence, judge, longer
 from pipeline.claims.rules import NOT_TESTABLE, REPRODUCED
 from pipeline.scoring import claim_inputs
 
-VALUES = params.load()
+VALUES = params.load(ROOT / "params.yaml")
 SEEDS = (0, 1, 2)
 
 
@@ -23,9 +24,9 @@ SEEDS = (0, 1, 2)
     ],
 )
 def test_a_network_that_still_improves_has_a_verdict_only_where_that_would_not_change_it(
-    monkeypatch, errors, scale, longer_error, verdict
+    workspace, monkeypatch, errors, scale, longer_error, verdict
 ):
-    monkeypatch.setattr(params, "scale_of", lambda experiment, settings: scale)
+    monkeypatch.setattr(params, "scale_of", lambda scales, experiment, settings: scale)
     claim = next(entries._claims(
         {"paper": "lomp", "simulated": {"experiment": "touch", "metric": "rmse", "unit": "", "protocol": "press"}},
         [{"id": "a", "text": "A.", "source": "I", "above": "single.cnn - single.lomp"}],
@@ -40,10 +41,10 @@ def test_a_network_that_still_improves_has_a_verdict_only_where_that_would_not_c
     epochs = {model: VALUES["touch"]["models"][model]["training"]["epochs"] for model in errors}
     trained = [("press", model, 0, epochs[model], 1.0, 99, longer_error[model], 9.0) for model in errors]
     known = {"touch": pd.DataFrame(trained, columns=longer.COLUMNS)}
-    assert judge.judged(claim, evidence.Evidence(results, VALUES, known)).verdict == verdict
+    assert judge.judged(claim, evidence.Evidence(workspace, results, VALUES, known)).verdict == verdict
     if scale == "paper" and verdict == REPRODUCED:  # what a longer training would predict is not known
         of_predictions = results.assign(whole=False)
-        assert judge.judged(claim, evidence.Evidence(of_predictions, VALUES, known)).verdict == NOT_TESTABLE
+        assert judge.judged(claim, evidence.Evidence(workspace, of_predictions, VALUES, known)).verdict == NOT_TESTABLE
 
 
 def test_errors_of_a_longer_training():

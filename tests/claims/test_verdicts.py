@@ -10,14 +10,15 @@ import pytest
 from builders.project import ROOT
 from scipy import stats
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, expressions, judge, rules
 from pipeline.claims.rules import CALIBRATED, CONTRADICTED, NOT_TESTABLE, REPRODUCED, UNDECIDED
 from pipeline.scoring import claim_inputs, published
 
-VALUES = params.load()
-CLAIMS, PAPERS = entries.read([entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
+VALUES = params.load(ROOT / "params.yaml")
+CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
 BY_ID = {claim.id: claim for claim in CLAIMS}
 SEEDS = (0, 1, 2)
 
@@ -34,7 +35,7 @@ def spread(key: tuple, value: float, size: float = 1e-9) -> list[float]:
 
 
 @cache
-def of_the_paper(paper: str) -> evidence.Evidence:
+def of_the_paper(workspace, paper: str) -> evidence.Evidence:
     """The paper's own numbers as the results of three runs, on every protocol of its experiments."""
     rows = []
     printed = published.table(paper)
@@ -50,14 +51,14 @@ def of_the_paper(paper: str) -> evidence.Evidence:
                 values = [row.value] if alone else spread(key, row.value)
                 rows += [(*key, seed, value) for seed, value in zip(SEEDS, values, strict=False)]
     frame = pd.DataFrame(rows, columns=[*claim_inputs.KEY, "seed", "value"]).drop_duplicates()
-    return evidence.Evidence(table(frame.to_dict("records")), VALUES)
+    return evidence.Evidence(workspace, table(frame.to_dict("records")), VALUES)
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_the_papers_own_numbers_reproduce_its_claims(paper):
+def test_the_papers_own_numbers_reproduce_its_claims(workspace, paper):
     tested = 0
     for claim in (claim for claim in CLAIMS if claim.paper == paper):
-        found = judge.judged(claim, of_the_paper(paper))
+        found = judge.judged(claim, of_the_paper(workspace, paper))
         assert found.verdict in (REPRODUCED, CALIBRATED, NOT_TESTABLE), f"{claim.id}: {found}"
         if found.verdict == NOT_TESTABLE:  # what the paper does not print
             assert found.reason.startswith("there ") or claim.rule == entries.UNTESTABLE, f"{claim.id}: {found.reason}"
@@ -70,10 +71,13 @@ def test_the_papers_own_numbers_reproduce_its_claims(paper):
 
 def test_committed_results_have_the_committed_verdicts():
     """reports/claims.csv follows from the other files of reports, but for what they do not hold."""
-    results = evidence.read(evidence.of_reports(paths.REPORTS))
-    found = judge.table(CLAIMS, evidence.Evidence(results, VALUES, evidence.trainings(paths.REPORTS))).set_index("id")
-    committed = pd.read_csv(paths.REPORTS / "claims.csv").set_index("id").fillna({"strict": "", "over": ""})
-    if not (paths.REPORTS / "claim_inputs.csv").exists():
+    workspace = Workspace(ROOT)
+    results = evidence.read(evidence.of_reports(workspace.reports))
+    found = judge.table(
+        CLAIMS, evidence.Evidence(workspace, results, VALUES, evidence.trainings(workspace.reports))
+    ).set_index("id")
+    committed = pd.read_csv(workspace.reports / "claims.csv").set_index("id").fillna({"strict": "", "over": ""})
+    if not (workspace.reports / "claim_inputs.csv").exists():
         found = found[~found["reason"].str.startswith("there is no ")]
     assert len(found) > 150
     for claim, row in found.iterrows():
@@ -83,7 +87,7 @@ def test_committed_results_have_the_committed_verdicts():
         assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-12, equal_nan=True), claim
 
 
-def judged(claim: str, **changes) -> rules.Judgement:
+def judged(workspace, claim: str, **changes) -> rules.Judgement:
     """The verdict on a claim of LoMP, or on its entry, by errors of three seeds: `model_condition=level`."""
     levels = {f"{row.model}_{row.condition}": row.value for row in published.table("lomp").itertuples()} | changes
     rows = [
@@ -92,7 +96,7 @@ def judged(claim: str, **changes) -> rules.Judgement:
         for name, level in levels.items()
         for seed, value in zip(SEEDS, np.ravel(level) if np.ndim(level) else spread((name,), level, 1e-6), strict=False)
     ]
-    return judge.judged(BY_ID[f"lomp/{claim}"], evidence.Evidence(table(rows), VALUES))
+    return judge.judged(BY_ID[f"lomp/{claim}"], evidence.Evidence(workspace, table(rows), VALUES))
 
 
 @pytest.mark.parametrize(
@@ -117,9 +121,9 @@ def judged(claim: str, **changes) -> rules.Judgement:
         ("nonlinear-single", {"poly_single": [6.0] * 3, "linear_single": [8.0] * 3}, NOT_TESTABLE, "one value, 2,"),
     ],
 )
-def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
-    assert judged(claim).verdict == REPRODUCED
-    turned = judged(claim, **changes)
+def test_verdicts_turn_with_the_numbers(workspace, claim, changes, verdict, words):
+    assert judged(workspace, claim).verdict == REPRODUCED
+    turned = judged(workspace, claim, **changes)
     assert turned.verdict == verdict and words in turned.reason
 
 
@@ -151,7 +155,7 @@ def test_rules(rule, values, options, verdict):
 
 
 @pytest.mark.parametrize(("rank", "verdict"), [(3, REPRODUCED), (4, CONTRADICTED)])
-def test_a_pair_is_confused_where_it_is_among_the_worst_three(rank, verdict):
+def test_a_pair_is_confused_where_it_is_among_the_worst_three(workspace, rank, verdict):
     claim = BY_ID["sp_resnet/confused-pressure-paper_roll-toy"]
     place = {"experiment": "glove", "protocol": "session_pressure", "condition": "pressure", "model": "sp_resnet"}
     pair, both = place | {"variant": "paper_roll_and_toy"}, place | {"metric": "confusion"}
@@ -159,11 +163,11 @@ def test_a_pair_is_confused_where_it_is_among_the_worst_three(rank, verdict):
     rows += [both | {"variant": "mean_pair", "seed": seed, "value": 0.01} for seed in SEEDS]
     rows += [pair | {"metric": "confusion_rank", "value": rank}]
     assert claim.text.endswith("among the worst three.")
-    found = judge.judged(claim, evidence.Evidence(table(rows), VALUES))
+    found = judge.judged(claim, evidence.Evidence(workspace, table(rows), VALUES))
     assert found.verdict == verdict and found.ours == pytest.approx(24.0)
 
 
-def test_models_are_paired_by_seed_through_the_reader_of_results(tmp_path):
+def test_models_are_paired_by_seed_through_the_reader_of_results(workspace, tmp_path):
     """Three seeds in another order for each model: the interval is that of the differences of the same seed."""
     levels = {"linear": {0: 9.0, 1: 5.0, 2: 7.0}, "poly": {2: 5.9, 0: 8.0, 1: 3.8}}
     lines = [
@@ -173,7 +177,7 @@ def test_models_are_paired_by_seed_through_the_reader_of_results(tmp_path):
     ]
     header = "experiment,protocol,condition,model,seed,metric,unit,value,n"
     (tmp_path / "scores.csv").write_text("\n".join([header, *lines]) + "\n")
-    results = evidence.Evidence(evidence.read(evidence.of_reports(tmp_path)), VALUES)
+    results = evidence.Evidence(workspace, evidence.read(evidence.of_reports(tmp_path)), VALUES)
     found = judge.judged(BY_ID["lomp/nonlinear-single"], results)
     known = stats.ttest_rel([9.0, 5.0, 7.0], [8.0, 3.8, 5.9]).confidence_interval(0.95)
     assert (found.low, found.high) == pytest.approx(tuple(known)) and found.ours == pytest.approx(1.1)
@@ -190,8 +194,7 @@ def test_a_run_without_an_rmse_failed_whatever_else_it_has(tmp_path):
     assert read[0, "r2"] == 0.9 and np.isnan(read[1, "r2"])
 
 
-def test_a_claim_of_five_lines_in_a_workspace_is_judged(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
+def test_a_claim_of_five_lines_in_a_workspace_is_judged(workspace, tmp_path, monkeypatch):
     (tmp_path / "claims").mkdir()
     shutil.copy(ROOT / "reports" / "scores.csv", tmp_path)
     file = tmp_path / "claims" / "mine.yaml"
@@ -202,8 +205,8 @@ def test_a_claim_of_five_lines_in_a_workspace_is_judged(tmp_path, monkeypatch):
         "    source: Table I\n"
         "    above: double.tree - double.lomp\n"
     )
-    *_, claim = entries.read()[0]
-    results = evidence.Evidence(evidence.read(evidence.of_reports(tmp_path)), VALUES)
+    *_, claim = entries.read(workspace)[0]
+    results = evidence.Evidence(workspace, evidence.read(evidence.of_reports(tmp_path)), VALUES)
     row = judge.table([claim], results).iloc[0]
     assert row.id == "lomp/tree-double" and row.claim == "On double touch 14.9 kPa lie between the tree and LoMP."
     assert row.published == pytest.approx(22.35 - 7.49) and row.verdict == REPRODUCED and row.compatible == "no"
@@ -222,12 +225,12 @@ def test_a_claim_of_five_lines_in_a_workspace_is_judged(tmp_path, monkeypatch):
         ("data: measured\n    near: double.tree", "'measured'"),
     ],
 )
-def test_an_entry_that_cannot_be_read_is_named(tmp_path, change, words):
+def test_an_entry_that_cannot_be_read_is_named(workspace, tmp_path, change, words):
     change = "below: double.tree\n    " + change if "rules" in words else change
     file = tmp_path / "mine.yaml"
     file.write_text(f"paper: lomp\nclaims:\n  - id: tree\n    text: A.\n    source: I\n    {change}\n")
     with pytest.raises(InputError) as error:
-        entries.read([entries.FOLDER / "lomp.yaml", file])
+        entries.read(workspace, [entries.FOLDER / "lomp.yaml", file])
     assert words in str(error.value) and str(error.value).startswith(str(file))
 
 

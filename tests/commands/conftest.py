@@ -1,32 +1,32 @@
 """Settings and a dataset on which a network of touch trains in a second."""
 
 import copy
+import functools
 
 import numpy as np
 import pyarrow as pa
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.datasets import schemas
 
 SMALL = {"channels": [4], "hidden": [16]}
 
 
 @pytest.fixture
-def values(tmp_path, monkeypatch):
-    """params.yaml with a small CNN of few epochs and three seeds, in a folder of its own and in this process."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
+def values(monkeypatch):
+    """params.yaml with a small CNN of few epochs and three seeds, in this process."""
     monkeypatch.setenv("WORKERS", "1")
-    values = copy.deepcopy(params.load()) | {"device": "cpu"}
-    monkeypatch.setattr(params, "load", lambda: values)
+    values = copy.deepcopy(params.load(ROOT / "params.yaml")) | {"device": "cpu"}
+    monkeypatch.setattr(params, "load", lambda _: values)
     cnn = values["touch"]["models"]["cnn"]
     cnn |= SMALL | {"training": cnn["training"] | {"epochs": 3, "batch_size": 32}}
     values["touch"]["protocols"] = {"press": {"seeds": [4, 5, 6]}, "random_window": {"seeds": [0]}}
     return values
 
 
-def write_small_dataset(wrong: str) -> None:
+def write_small_dataset(workspace, wrong: str) -> None:
     """Labels follow the windows; those of the part `wrong` are noise."""
     rng = np.random.default_rng(0)
     part = np.repeat(["train", "validation", "test"], [128, 32, 32])
@@ -37,10 +37,10 @@ def write_small_dataset(wrong: str) -> None:
     columns = {schemas.split_column("press", seed): names for seed in (4, 5, 6)}
     columns |= {"x": schemas.lists(x.reshape(192, -1), pa.float32()), "y": schemas.lists(y, pa.float32())}
     table = pa.table(columns)
-    schemas.write(paths.dataset("touch"), table.schema, [table])
+    schemas.write(workspace.dataset("touch"), table.schema, [table])
 
 
 @pytest.fixture
-def write_dataset():
-    """What writes the dataset, in the folder of `values`."""
-    return write_small_dataset
+def write_dataset(workspace):
+    """What writes the dataset, in the workspace of the test."""
+    return functools.partial(write_small_dataset, workspace)

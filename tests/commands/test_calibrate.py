@@ -34,7 +34,7 @@ def made_scores(monkeypatch):
     """Let the error of the yardstick's model be the knob, and the other one's error 2; return what was asked for."""
     asked_for = []
 
-    def scores(experiment, settings, asked, seed, folder, device):
+    def scores(workspace, experiment, settings, asked, seed, device):
         asked_for.append(asked)
         chosen = settings["yardstick"]
         value = settings
@@ -52,10 +52,14 @@ def made_scores(monkeypatch):
 
 
 @pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
-def test_the_nearest_value_is_named_and_the_test_part_is_not_read(experiment, values, made_scores, monkeypatch, capsys):
+def test_the_nearest_value_is_named_and_the_test_part_is_not_read(
+    workspace, experiment, values, made_scores, monkeypatch, capsys
+):
     values[experiment]["yardstick"]["published"] = 0.15
-    monkeypatch.setattr(params, "load", lambda: values)
-    calibrate.main(argparse.Namespace(experiment=experiment, values=[0.1, 0.32, 0.5], seeds=[0, 1], paper_scale=False))
+    monkeypatch.setattr(params, "load", lambda _: values)
+    calibrate.main(
+        workspace, argparse.Namespace(experiment=experiment, values=[0.1, 0.32, 0.5], seeds=[0, 1], paper_scale=False)
+    )
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1].startswith(f"nearest: {values[experiment]['yardstick']['knob']} = 0.32, ratio 0.160")
     assert len(lines) == 1 + 3 * 2 + 1
@@ -74,24 +78,24 @@ def test_the_validation_part_of_a_series_is_kept_from_training_and_the_test_part
     assert np.flatnonzero(parts[1] == "test")[0] == np.flatnonzero(parts[0] == "validation")[0]
 
 
-def test_the_papers_amounts_are_those_of_the_full_scale(values):
-    calibrate.at_paper_scale(values, "glove")
+def test_the_papers_amounts_are_those_of_the_full_scale(workspace, values):
+    calibrate.at_paper_scale(workspace, values, "glove")
     assert values["glove"]["window"] == {"stride": 1}
     assert values["touch"]["simulate"]["single"]["repetitions"] == 1, "of another experiment"
 
 
-def test_a_knob_that_is_not_there_is_named(values, monkeypatch):
+def test_a_knob_that_is_not_there_is_named(workspace, values, monkeypatch):
     values["glove"]["yardstick"]["knob"] = "simulate.session.wonder"
-    monkeypatch.setattr(params, "load", lambda: values)
+    monkeypatch.setattr(params, "load", lambda _: values)
     with pytest.raises(InputError, match="glove.yardstick.knob: there is no key 'simulate.session.wonder'"):
-        calibrate.main(argparse.Namespace(experiment="glove", values=[], seeds=[0], paper_scale=False))
+        calibrate.main(workspace, argparse.Namespace(experiment="glove", values=[], seeds=[0], paper_scale=False))
 
 
-def test_recorded_data_cannot_be_calibrated(values, monkeypatch):
+def test_recorded_data_cannot_be_calibrated(workspace, values, monkeypatch):
     values["touch"]["source"] = "logs/mine"
-    monkeypatch.setattr(params, "load", lambda: values)
+    monkeypatch.setattr(params, "load", lambda _: values)
     with pytest.raises(InputError, match="only a simulated scene"):
-        calibrate.main(argparse.Namespace(experiment="touch", values=[], seeds=[0], paper_scale=False))
+        calibrate.main(workspace, argparse.Namespace(experiment="touch", values=[], seeds=[0], paper_scale=False))
 
 
 @pytest.mark.slow

@@ -7,8 +7,9 @@ from functools import reduce
 
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import fit_strain
 from pipeline.twins import strain as twins
@@ -20,7 +21,7 @@ def short(monkeypatch):
     monkeypatch.setattr(twins, "STRETCH_S", 900.0)
     monkeypatch.setattr(twins, "APART", 2)
     monkeypatch.setattr(twins, "TREES", {"n_estimators": 3, "min_samples_leaf": 2, "random_state": 0})
-    return params.load()
+    return params.load(ROOT / "params.yaml")
 
 
 def recorded(statistics, spread=0.0):
@@ -60,27 +61,26 @@ def test_a_wide_recorded_range_allows_all_values():
 
 
 def test_every_setting_is_one_of_the_scene_and_every_statistic_a_twins():
-    scene = params.load()["strain"]["simulate"]
+    scene = params.load(ROOT / "params.yaml")["strain"]["simulate"]
     assert all(reduce(operator.getitem, setting.split("."), scene) > 0 for setting in fit_strain.SET_BY)
     assert set(fit_strain.SET_BY.values()) <= set(twins.STATISTICS)
 
 
-def test_the_command_prints_and_changes_nothing(short, monkeypatch, capsys):
-    before = (paths.ROOT / "params.yaml").read_bytes()
+def test_the_command_prints_and_changes_nothing(workspace, short, monkeypatch, capsys):
+    before = (workspace.root / "params.yaml").read_bytes()
     monkeypatch.setattr(fit_strain, "SET_BY", {"circuit.noise_v": "noise", "drift.ageing": "time_share"})
-    monkeypatch.setattr(fit_strain, "why_not_run", lambda experiment: None)
+    monkeypatch.setattr(fit_strain, "why_not_run", lambda *given: None)
     table = recorded({name: 1.0 for name in twins.STATISTICS})
-    monkeypatch.setattr(twins, "recorded", lambda values: table)
-    fit_strain.main(argparse.Namespace(factors=[0.5], specimens=1))
+    monkeypatch.setattr(twins, "recorded", lambda *given: table)
+    fit_strain.main(workspace, argparse.Namespace(factors=[0.5], specimens=1))
     printed = capsys.readouterr().out
     assert "circuit.noise_v" in printed and "2 of 2 settings are told" in printed and "1 specimens" not in printed
-    assert (paths.ROOT / "params.yaml").read_bytes() == before
+    assert (workspace.root / "params.yaml").read_bytes() == before
 
 
-def test_without_recordings_a_sentence_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    paths.ingest_report("strain_recorded").parent.mkdir(parents=True)
+def test_without_recordings_a_sentence_says_so(workspace, tmp_path, monkeypatch):
+    workspace.ingest_report("strain_recorded").parent.mkdir(parents=True)
     reason = "recordings not downloaded; run `tactile fetch strain_recorded`"
-    paths.ingest_report("strain_recorded").write_text(json.dumps({"run": False, "reason": reason}))
+    workspace.ingest_report("strain_recorded").write_text(json.dumps({"run": False, "reason": reason}))
     with pytest.raises(InputError, match="tactile fetch strain_recorded"):
-        fit_strain.main(argparse.Namespace(factors=[0.7], specimens=1))
+        fit_strain.main(workspace, argparse.Namespace(factors=[0.7], specimens=1))

@@ -4,8 +4,9 @@ import argparse
 
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import longer
 from pipeline.stages import train
@@ -21,25 +22,25 @@ def test_only_lengths_grow():
     assert block["training"]["epochs"] == 5
 
 
-def test_a_longer_training_stands_beside_the_one_there_is(values, write_dataset, capsys):
+def test_a_longer_training_stands_beside_the_one_there_is(workspace, values, write_dataset, capsys):
     write_dataset("test")
     values["touch"]["models"] = {"constant": {}, "cnn": values["touch"]["models"]["cnn"]}
     del values["touch"]["protocols"]["random_window"]
     with pytest.raises(InputError, match="fit.json"):
-        longer.main(given())
-    paths.ingest_report("touch").write_text('{"run": true}')
-    train.train(values, "touch")
-    longer.main(given())
-    rows = pd.read_csv(paths.REPORTS / "longer" / "touch.csv")
+        longer.main(workspace, given())
+    workspace.ingest_report("touch").write_text('{"run": true}')
+    train.train(workspace, values, "touch")
+    longer.main(workspace, given())
+    rows = pd.read_csv(workspace.reports / "longer" / "touch.csv")
     assert list(rows["seed"]) == [4, 5] and set(rows["longer_epochs"]) == {9} and set(rows["epochs"]) == {3}
     assert (rows["longer_error"] < rows["error"]).all()
     assert values["touch"]["models"]["cnn"]["training"]["epochs"] == 3
-    assert " no |" in (paths.REPORTS / "longer" / "touch.md").read_text()
+    assert " no |" in (workspace.reports / "longer" / "touch.md").read_text()
 
 
 def test_a_protocol_that_is_not_there_is_named(values):
     with pytest.raises(InputError, match="no 'pres'; take of press, random_window"):
-        longer.chosen(params.load(), "touch", ["pres"], 1)
+        longer.chosen(params.load(ROOT / "params.yaml"), "touch", ["pres"], 1)
 
 
 @pytest.mark.parametrize(("longer_error", "ended"), [(0.995, "yes"), (0.98, "no"), (1.02, "no")])
@@ -60,11 +61,9 @@ def test_a_longer_training_that_diverged_tells_nothing():
     assert [cell.strip() for cell in line.split("|")][6:-1] == ["diverged", "", "not known", "2"]
 
 
-def test_rows_of_other_protocols_stay(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "REPORTS", tmp_path)
-    (tmp_path / "longer").mkdir()
+def test_rows_of_other_protocols_stay(workspace):
     for protocol, errors in (("press", (1.0,)), ("random_window", (2.0,)), ("press", (3.0,))):
         rows = [(protocol, "cnn", seed, 3, error, 6, error, 1.0) for seed, error in enumerate(errors)]
-        longer.write("touch", pd.DataFrame(rows, columns=longer.COLUMNS))
-    rows = pd.read_csv(tmp_path / "longer" / "touch.csv")
+        longer.write(workspace, "touch", pd.DataFrame(rows, columns=longer.COLUMNS))
+    rows = pd.read_csv(workspace.reports / "longer" / "touch.csv")
     assert dict(zip(rows["protocol"], rows["error"], strict=True)) == {"random_window": 2.0, "press": 3.0}

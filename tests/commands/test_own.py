@@ -11,14 +11,6 @@ from pipeline.base.errors import InputError
 from pipeline.commands import own
 
 
-@pytest.fixture
-def root(tmp_path, monkeypatch):
-    """An empty repository root."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
-    return tmp_path
-
-
 def sensor(root, name):
     """Write an empty log of a sensor in data/own."""
     folder = root / "data" / "own" / name
@@ -27,29 +19,29 @@ def sensor(root, name):
     return folder
 
 
-def test_sensors_of_one_name_in_two_folders_share_nothing(root, monkeypatch):
+def test_sensors_of_one_name_in_two_folders_share_nothing(workspace, tmp_path, monkeypatch):
     monkeypatch.setattr(own, "prepare", lambda *given: None)
     for name in ("a/finger", "b/finger"):
-        with own.prepared(sensor(root, name), [0]) as made:
-            assert (made.name, made.workspace) == (name, root / "build" / "own" / name)
+        with own.prepared(workspace, sensor(tmp_path, name), [0]) as made:
+            assert (made.name, made.workspace.root) == (name, tmp_path / "build" / "own" / name)
 
 
-def test_a_sensor_in_the_folder_of_another_is_refused(root, monkeypatch):
-    outer, inner = sensor(root, "a"), sensor(root, "a/finger")
+def test_a_sensor_in_the_folder_of_another_is_refused(workspace, tmp_path, monkeypatch):
+    outer, inner = sensor(tmp_path, "a"), sensor(tmp_path, "a/finger")
     for one, other in ((outer, inner), (inner, outer)):
         with pytest.raises(InputError, match=f"{one}: lies in one folder with {other}, another sensor"):
-            own.name_of(one)
-    report = root / "reports" / "own" / "b" / "finger"
+            own.name_of(workspace, one)
+    report = tmp_path / "reports" / "own" / "b" / "finger"
     report.mkdir(parents=True)
     with pytest.raises(InputError, match=f"data/own/b: lies in one folder with {report}"):
-        own.name_of(sensor(root, "b"))
-    sensor(root, "")
+        own.name_of(workspace, sensor(tmp_path, "b"))
+    sensor(tmp_path, "")
     with pytest.raises(InputError, match="data/own: holds the folders of sensors"):
-        own.name_of(root / "data" / "own")
-    monkeypatch.chdir(sensor(root, "c"))
-    assert own.name_of(outer.parent / "a" / ".." / "c") == "c"
+        own.name_of(workspace, tmp_path / "data" / "own")
+    monkeypatch.chdir(sensor(tmp_path, "c"))
+    assert own.name_of(workspace, outer.parent / "a" / ".." / "c") == "c"
     with pytest.raises(InputError, match="is not in data/own"):
-        own.name_of(root / "data")
+        own.name_of(workspace, tmp_path / "data")
 
 
 HOLD = """
@@ -62,18 +54,18 @@ with processes.holding(Path(sys.argv[1]), lambda: None):
 """
 
 
-def test_a_second_run_on_a_sensor_is_refused_until_the_first_has_ended(root, monkeypatch):
-    folder, done = sensor(root, "finger"), []
-    monkeypatch.setattr(own, "prepare", lambda made, *rest: done.append(made.name))
-    lock = root / "build" / "own" / "finger" / "lock"
+def test_a_second_run_on_a_sensor_is_refused_until_the_first_has_ended(workspace, tmp_path, monkeypatch):
+    folder, done = sensor(tmp_path, "finger"), []
+    monkeypatch.setattr(own, "prepare", lambda checkout, made, *rest: done.append(made.name))
+    lock = tmp_path / "build" / "own" / "finger" / "lock"
     command = [sys.executable, "-c", HOLD, str(lock)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ, cwd=paths.CODE.parent) as other:
         assert other.stdout.readline() == "held\n"
         with pytest.raises(InputError, match="`tactile try .*finger` runs already; wait"):
-            own.prepared(folder, [0]).__enter__()
+            own.prepared(workspace, folder, [0]).__enter__()
         assert not done
         other.kill()
-    with own.prepared(folder, [0]):
+    with own.prepared(workspace, folder, [0]):
         assert done == ["finger"]
 
 

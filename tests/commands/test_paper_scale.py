@@ -9,6 +9,7 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.commands import paper_scale
 
 SCORES = ("experiment", "protocol", "model", "value")
@@ -61,16 +62,16 @@ def commit(tmp_path, monkeypatch):
 
 
 def test_the_settings_are_the_papers_and_the_protocols_those_asked_for(commit):
-    paper_scale.prepare("touch", ["random_window"], commit)
+    paper_scale.prepare(Workspace(ROOT), "touch", ["random_window"], commit)
     values = params.load(commit / "params.yaml")
     assert list(values["touch"]["protocols"]) == ["random_window"]
     assert values["touch"]["protocols"]["random_window"]["seeds"] == [0, 1, 2, 3, 4]
-    assert [params.scale_of(name, values[name]) for name in ("touch", "glove")] == ["paper", "paper"]
+    assert [params.scale_of(ROOT / "scales", name, values[name]) for name in ("touch", "glove")] == ["paper", "paper"]
 
 
 def test_an_unknown_protocol_is_named_with_those_that_there_are(commit):
     with pytest.raises(InputError, match="touch has no 'random'; take of press, random_window"):
-        paper_scale.prepare("touch", ["random"], commit)
+        paper_scale.prepare(Workspace(ROOT), "touch", ["random"], commit)
 
 
 def test_scores_settings_and_hashes_are_kept(tmp_path):

@@ -8,7 +8,6 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.commands import rates
 from pipeline.datasets import schemas
@@ -21,39 +20,39 @@ def nothing(*numbers) -> None:
     """In place of a progress bar."""
 
 
-def test_only_the_rate_of_the_recipe_is_replaced_and_the_test_part_is_not_read(values, write_dataset):
+def test_only_the_rate_of_the_recipe_is_replaced_and_the_test_part_is_not_read(workspace, values, write_dataset):
     write_dataset("test")
-    trained = [rates.train_run(values, "touch", "cnn", rate, 5, nothing) for rate in (1e-5, 1e-2)]
+    trained = [rates.train_run(workspace, values, "touch", "cnn", rate, 5, nothing) for rate in (1e-5, 1e-2)]
     rows = [dict(zip(rates.COLUMNS, row, strict=True)) for row in trained]
     for row in rows:
         assert (row["model"], row["seed"], row["epochs"], row["batch_size"]) == ("cnn", 5, 3, 32)
     assert rows[1]["rmse_kpa"] < rows[0]["rmse_kpa"] < 1000
     write_dataset("nowhere")
-    assert rates.train_run(values, "touch", "cnn", 1e-2, 5, nothing)[:7] == trained[1][:7]
+    assert rates.train_run(workspace, values, "touch", "cnn", 1e-2, 5, nothing)[:7] == trained[1][:7]
     write_dataset("validation")
-    assert rates.train_run(values, "touch", "cnn", 1e-2, 5, nothing)[6] > 1e5
+    assert rates.train_run(workspace, values, "touch", "cnn", 1e-2, 5, nothing)[6] > 1e5
 
 
-def test_a_stream_is_trained_as_one(values, monkeypatch):
+def test_a_stream_is_trained_as_one(workspace, values, monkeypatch):
     fitted = []
     monkeypatch.setattr(
         windows, "fit", lambda *place, **how: fitted.append((place, how)) or (_ for _ in ()).throw(KeyError)
     )
     with pytest.raises(KeyError):
-        rates.train_run(values, "touch", "lomp_stream", 0.5, 4, nothing)
+        rates.train_run(workspace, values, "touch", "lomp_stream", 0.5, 4, nothing)
     ((path, experiment, settings, protocol, seed, build), how), *_ = fitted
-    assert (path, experiment, protocol, seed) == (paths.dataset("touch"), "touch", "press", 4)
+    assert (path, experiment, protocol, seed) == (workspace.dataset("touch"), "touch", "press", 4)
     assert settings is values["touch"] and how == {"device": "cpu", "progress": nothing, "base": None}
     regressor = build(windows.spec(settings))
     assert regressor.streams and regressor.training.learning_rate == 0.5
     assert regressor.training.epochs == settings["models"]["lomp_stream"]["training"]["epochs"]
 
 
-def test_the_command_trains_the_grid_at_the_first_seed_and_the_two_best_at_all(values, write_dataset):
+def test_the_command_trains_the_grid_at_the_first_seed_and_the_two_best_at_all(workspace, values, write_dataset):
     write_dataset("nowhere")
     values["touch"]["models"] = {"constant": {}, "cnn": values["touch"]["models"]["cnn"]}
-    rates.main(argparse.Namespace(experiment="touch"))
-    table = pd.read_csv(paths.REPORTS / "rates" / "touch.csv")
+    rates.main(workspace, argparse.Namespace(experiment="touch"))
+    table = pd.read_csv(workspace.reports / "rates" / "touch.csv")
     assert tuple(table.columns) == rates.COLUMNS and set(table["model"]) == {"cnn"}
     grid = table[table.seed == 4].set_index("learning_rate")["rmse_kpa"]
     places = [rates.place_of(tried) for tried in grid.index]
@@ -63,22 +62,22 @@ def test_the_command_trains_the_grid_at_the_first_seed_and_the_two_best_at_all(v
     for seed in (5, 6):
         assert set(table[table.seed == seed]["learning_rate"]) == best
     assert len(table) == len(grid) + 4
-    assert (paths.REPORTS / "rates" / "touch.md").read_text().startswith("# Learning rates")
+    assert (workspace.reports / "rates" / "touch.md").read_text().startswith("# Learning rates")
 
 
-def made_up(values, monkeypatch, rmse):
+def made_up(workspace, values, monkeypatch, rmse):
     """Rows of the search over cnn and lomp with errors `rmse(model, rate, seed)` in place of trainings."""
 
-    def train_run(values, experiment, model, rate, seed, report):
+    def train_run(workspace, values, experiment, model, rate, seed, report):
         return (model, rate, seed, 64, 3, 2, rmse(model, rate, seed), 2.0)
 
     monkeypatch.setattr(rates, "train_run", train_run)
     for model, rate in (("cnn", 2e-3), ("lomp", 1e-2)):
         values["touch"]["models"][model]["training"]["learning_rate"] = rate
-    return rates.search(values, "touch", ["cnn", "lomp"])
+    return rates.search(workspace, values, "touch", ["cnn", "lomp"])
 
 
-def test_the_grid_goes_on_beyond_its_ends_until_the_lowest_error_is_inside(values, monkeypatch):
+def test_the_grid_goes_on_beyond_its_ends_until_the_lowest_error_is_inside(workspace, values, monkeypatch):
     lowest_at = {"cnn": 1e-4, "lomp": 1e-1}
 
     def rmse(model, rate, seed):
@@ -87,7 +86,7 @@ def test_the_grid_goes_on_beyond_its_ends_until_the_lowest_error_is_inside(value
         far = math.log(rate / lowest_at[model])
         return 5 + max(far, -2 * far) + seed / 100
 
-    rows = made_up(values, monkeypatch, rmse)
+    rows = made_up(workspace, values, monkeypatch, rmse)
     tried = {model: [row[1] for row in rows if row[0] == model and row[2] == 4] for model in lowest_at}
     assert tried["cnn"] == [5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3]
     assert tried["lomp"] == [2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1, 2e-1]
@@ -96,7 +95,7 @@ def test_the_grid_goes_on_beyond_its_ends_until_the_lowest_error_is_inside(value
     assert len(rows) == 14 + 8
 
 
-def test_the_mean_over_the_seeds_decides_and_what_diverged_is_named(values, monkeypatch, tmp_path):
+def test_the_mean_over_the_seeds_decides_and_what_diverged_is_named(workspace, values, monkeypatch, tmp_path):
     levels = {5e-4: 6.0, 1e-3: 5.0, 2e-3: 4.0, 5e-3: NAN, 2e-2: 9.0, 1e-2: 8.0}
 
     def rmse(model, rate, seed):
@@ -104,7 +103,7 @@ def test_the_mean_over_the_seeds_decides_and_what_diverged_is_named(values, monk
             return NAN
         return levels[rate] + (3 if (rate, seed) == (2e-3, 6) else 0)  # mean 5 + 0, against 4 + 1
 
-    rows = made_up(values, monkeypatch, lambda *run: rmse(*run) + 0.1 * (run[1:] == (2e-3, 5)))
+    rows = made_up(workspace, values, monkeypatch, lambda *run: rmse(*run) + 0.1 * (run[1:] == (2e-3, 5)))
     rates.write(values, "touch", rows, tmp_path)
     text = (tmp_path / "touch.md").read_text()
     lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
@@ -120,29 +119,29 @@ def test_the_mean_over_the_seeds_decides_and_what_diverged_is_named(values, monk
     assert "12 trainings, 24 s" in text
 
 
-def test_a_training_that_diverges_has_no_error(values, write_dataset):
+def test_a_training_that_diverges_has_no_error(workspace, values, write_dataset):
     write_dataset("nowhere")
     values["touch"]["models"]["cnn"]["training"] |= {"epochs": 2}
-    table = schemas.read(paths.dataset("touch"))
+    table = schemas.read(workspace.dataset("touch"))
     y = schemas.matrix(table["y"]).copy()
     y[130] = np.inf  # of the validation part
     table = table.set_column(table.schema.get_field_index("y"), "y", schemas.lists(y, pa.float32()))
-    schemas.write(paths.dataset("touch"), table.schema, [table])
-    row = rates.train_run(values, "touch", "cnn", 1e-3, 4, nothing)
+    schemas.write(workspace.dataset("touch"), table.schema, [table])
+    row = rates.train_run(workspace, values, "touch", "cnn", 1e-3, 4, nothing)
     assert math.isnan(row[6]) and row[4:6] == (1, 0)
 
 
-def test_every_network_is_searched(values):
+def test_every_network_is_searched(workspace, values):
     networks = {name for name, block in values["touch"]["models"].items() if "training" in block}
     assert networks == set(rates.NETWORKS)
     values["touch"]["models"] = {"constant": {}}
     with pytest.raises(InputError, match="no network to train"):
-        rates.main(argparse.Namespace(experiment="touch"))
+        rates.main(workspace, argparse.Namespace(experiment="touch"))
 
 
-def test_without_a_dataset_the_command_that_makes_it_is_named(values):
+def test_without_a_dataset_the_command_that_makes_it_is_named(workspace, values):
     with pytest.raises(InputError, match="python -m pipeline.stages.dataset touch"):
-        rates.main(argparse.Namespace(experiment="touch"))
+        rates.main(workspace, argparse.Namespace(experiment="touch"))
 
 
 def test_places_of_the_grid():

@@ -331,8 +331,8 @@ def test_a_terminal_sees_lines_per_second(device, tmp_path):
         (["a", "b", "--every", "1"], "--every: needs .* --start"),
     ],
 )
-def test_ports_files_and_rates_that_do_not_go_together(arguments, words):
+def test_ports_files_and_rates_that_do_not_go_together(workspace, arguments, words):
     parser = argparse.ArgumentParser()
     record.add_arguments(parser)
     with pytest.raises(InputError, match=words):
-        record.main(parser.parse_args(arguments))
+        record.main(workspace, parser.parse_args(arguments))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -10,7 +11,7 @@ from pipeline.datasets import labels
 
 @pytest.fixture
 def settings():
-    return params.load()["touch"]
+    return params.load(ROOT / "params.yaml")["touch"]
 
 
 def test_pressure_map_is_equation_one(settings):

@@ -1,6 +1,7 @@
 """Every file of pipeline/experiments provides what the stages ask of it."""
 
 import pytest
+from builders.project import ROOT
 
 from pipeline import experiments, tasks
 from pipeline.base import params, paths
@@ -17,7 +18,7 @@ def test_an_experiment_provides_what_its_kind_needs(name):
 
 
 def test_params_yaml_lists_every_experiment():
-    assert sorted(params.load()["experiments"]) == NAMES
+    assert sorted(params.load(ROOT / "params.yaml")["experiments"]) == NAMES
 
 
 def test_the_three_kinds_have_the_same_functions():

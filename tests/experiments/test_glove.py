@@ -3,6 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -10,12 +11,12 @@ from pipeline.datasets import images, schemas
 from pipeline.experiments import glove
 
 CELLS = glove.PRESSURE_CELLS + glove.STRAIN_CELLS
-SCHEMA = glove.frames_schema(params.load()["glove"])
+SCHEMA = glove.frames_schema(params.load(ROOT / "params.yaml")["glove"])
 
 
 @pytest.fixture(scope="module")
 def settings():
-    return params.load()["glove"] | {
+    return params.load(ROOT / "params.yaml")["glove"] | {
         "window": {"stride": 1},
         "split": {"train": 0.5, "validation": 0.2},
     }

@@ -9,7 +9,6 @@ import pyarrow as pa
 import pytest
 from builders.grasps import NAME, START_MS, angle, frame, grasp, pressed, save, words, xml
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas
@@ -314,7 +313,9 @@ def test_impossible_splits_are_one_sentence():
 
 
 @pytest.mark.parametrize(("tells", "low", "high"), [(True, 1.0, 1.0), (False, 0.0, 0.7)])
-def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(tells, low, high, tmp_path, monkeypatch):
+def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(
+    workspace, tells, low, high, tmp_path, monkeypatch
+):
     """Angles of a grasp that say which object it is, or nothing: then training knows them by heart, a test cannot."""
     frames, rng = several(("ball", "mug", "pen"), grasps=20, contact=3), np.random.default_rng(0)
     objects = schemas.names(frames["condition"])
@@ -323,10 +324,9 @@ def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(tell
     angles = rng.uniform(-90, 90, (place.max() + 1, JOINTS))[place]
     column = frames.schema.get_field_index("strain")
     frames = frames.set_column(column, "strain", schemas.lists(angles, pa.float32())).cast(glove_recorded.SCHEMA)
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(joint_angles, "TREES", 20)
-    schemas.write(paths.frames("glove_recorded"), frames.schema, [frames])
-    found = joint_angles.probe(SETTINGS | {"protocols": {"grasp_strain": {"seeds": [0, 1]}}})
+    schemas.write(workspace.frames("glove_recorded"), frames.schema, [frames])
+    found = joint_angles.probe(workspace, SETTINGS | {"protocols": {"grasp_strain": {"seeds": [0, 1]}}})
     assert [row[:2] for row in found] == [(name, seed) for name in joint_angles.inputs(angles) for seed in (0, 1)]
     assert all(low <= accuracy <= high for *_, accuracy, _ in found), found
     frames_of_a_grasp = len(glove_recorded.chosen(frames, SETTINGS)) / 60

@@ -4,6 +4,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from builders.press_frames import frames, press_force
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -13,7 +14,7 @@ from pipeline.experiments import touch, velostat_recorded
 
 @pytest.fixture
 def settings():
-    return params.load()["touch"]
+    return params.load(ROOT / "params.yaml")["touch"]
 
 
 WINDOW = {"frames": 8, "frame_step": 1, "stride": 4, "sliding": {"single": 1.0}, "contact_threshold_n": 0.5}

@@ -7,8 +7,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from builders import own_logs
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.experiments import strain
@@ -17,7 +18,7 @@ from pipeline.scenes import strain as scene_of
 
 @pytest.fixture(scope="module")
 def settings():
-    block = copy.deepcopy(params.load()["strain"])
+    block = copy.deepcopy(params.load(ROOT / "params.yaml")["strain"])
     block["simulate"]["samples"] = 2000
     block["simulate"]["faults"] |= {"gaps": 1, "gap_s": 10}
     return block
@@ -305,15 +306,14 @@ def test_seeds_take_turns_with_the_recordings_of_a_task(settings, lines, tmp_pat
     assert (parts[0][:n] == parts[1][n:]).all()
 
 
-def test_true_drift_is_that_of_the_seeds_recording(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    assert strain.true_drift("task_1", 0, np.zeros(1)) == {}
+def test_true_drift_is_that_of_the_seeds_recording(workspace, tmp_path, monkeypatch):
+    assert strain.true_drift(workspace, "task_1", 0, np.zeros(1)) == {}
     for k in range(2):
-        folder = paths.logs("strain") / "task_1" / f"run00{k}"
+        folder = workspace.logs("strain") / "task_1" / f"run00{k}"
         folder.mkdir(parents=True)
         (folder / "truth.csv").write_text(f"t_s,drift0\n0,{k}\n1,{k + 2}\n")
     for seed, value in ((0, 1.0), (1, 2.0), (2, 1.0)):
-        assert strain.true_drift("task_1", seed, np.array([0.5]))["true drift"] == pytest.approx(value)
+        assert strain.true_drift(workspace, "task_1", seed, np.array([0.5]))["true drift"] == pytest.approx(value)
 
 
 def test_split_is_chronological(settings, lines, tmp_path):

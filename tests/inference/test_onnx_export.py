@@ -354,40 +354,40 @@ def test_what_onnx_cannot_hold_stays_as_it_is(key, tmp_path):
     assert onnx_export.faster(model, tmp_path) is model
 
 
-def exporting(model: Path, folder: Path, **chosen) -> None:
+def exporting(workspace, model: Path, folder: Path, **chosen) -> None:
     """Run the command."""
-    command.main(argparse.Namespace(**{"model": str(model), "folder": folder, "onnx": False} | chosen))
+    command.main(workspace, argparse.Namespace(**{"model": str(model), "folder": folder, "onnx": False} | chosen))
 
 
-def test_the_command_makes_a_package_that_predicts_the_same(tmp_path, capsys):
+def test_the_command_makes_a_package_that_predicts_the_same(workspace, tmp_path, capsys):
     source, target = tmp_path / "source", tmp_path / "made" / "package"
     source.mkdir()
     save("linear", source)
     (source / "notes.txt").write_text("not part of the package")
-    exporting(source, target)
+    exporting(workspace, source, target)
     assert sorted(path.name for path in target.iterdir()) == ["card.json", "estimator.skops"]
     readings = np.random.default_rng(0).uniform(40, 200, (6, MAPS.elements))
     np.testing.assert_array_equal(*(predictor.load(folder).predict(readings) for folder in (source, target)))
     assert capsys.readouterr().out.splitlines() == ["touch/linear: folder", f"written to {target}"]
     with pytest.raises(InputError, match="exists already and is never overwritten"):
-        exporting(source, target)
+        exporting(workspace, source, target)
 
 
-def test_a_refused_export_leaves_nothing(tmp_path):
+def test_a_refused_export_leaves_nothing(workspace, tmp_path):
     source = tmp_path / "source"
     source.mkdir()
     save("tree", source)
     with pytest.raises(InputError, match="cannot be written as ONNX"):
-        exporting(source, tmp_path / "package", onnx=True)
-    assert [path.name for path in tmp_path.iterdir()] == ["source"]
+        exporting(workspace, source, tmp_path / "package", onnx=True)
+    assert not (tmp_path / "package").exists() and not list(tmp_path.glob("*.unfinished"))
 
 
 @pytest.mark.slow
-def test_the_command_writes_the_network(tmp_path, capsys):
+def test_the_command_writes_the_network(workspace, tmp_path, capsys):
     source = tmp_path / "source"
     source.mkdir()
     save("lstm_direct", source)
-    exporting(source, tmp_path / "package", onnx=True)
+    exporting(workspace, source, tmp_path / "package", onnx=True)
     names = sorted(path.name for path in (tmp_path / "package").iterdir())
     assert names == ["card.json", "model.onnx", "network.safetensors"]
     assert "model.onnx: 0.0" in capsys.readouterr().out

@@ -11,22 +11,23 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
+from builders.project import ROOT
 
 from pipeline import experiments, scenes
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.commands import predict
 from pipeline.datasets import schemas, series, specimens
 from pipeline.inference import card as cards
 from pipeline.inference import packages, pictures, predictor, recordings, touches
 from pipeline.scoring import classification, metrics
 
-VALUES = params.load()
-TOUCH, STRAIN, GLOVE = (
-    packages.PRETRAINED / name for name in ("touch/lomp_stream", "strain/lstm_direct", "glove/sp_resnet")
-)
+VALUES = params.load(ROOT / "params.yaml")
+PRETRAINED = ROOT / "pretrained"
+TOUCH, STRAIN, GLOVE = (PRETRAINED / name for name in ("touch/lomp_stream", "strain/lstm_direct", "glove/sp_resnet"))
 LINES = 40  # of a written log: a window of 36 and a few more
-PACKAGES = sorted(path.parent for path in packages.PRETRAINED.glob(f"*/*/{cards.NAME}"))
+PACKAGES = sorted(path.parent for path in PRETRAINED.glob(f"*/*/{cards.NAME}"))
 
 
 def simulated(folder: Path, experiment: str, wanted) -> list[Path]:
@@ -104,8 +105,8 @@ def test_a_lost_line_makes_no_touch_and_no_force(double, tmp_path):
 
 
 def test_the_program_in_the_documents_runs(capsys):
-    text = (packages.PRETRAINED.parent / "docs" / "use.md").read_text().partition("## In a program")[2]
-    program = text.partition("```python\n")[2].partition("```")[0].replace("pretrained/", f"{packages.PRETRAINED}/")
+    text = (ROOT / "docs" / "use.md").read_text().partition("## In a program")[2]
+    program = text.partition("```python\n")[2].partition("```")[0].replace("pretrained/", f"{PRETRAINED}/")
     names = {}
     exec(program, names)
     assert names["maps"].shape == (100, 20, 20) and names["map_kpa"].shape == (20, 20)
@@ -146,7 +147,7 @@ def test_a_card_belongs_to_its_weights(tmp_path):
 )
 def test_a_model_that_is_not_there_is_named(name, problem, tmp_path):
     with pytest.raises(InputError, match=problem):
-        packages.locate(name, VALUES, tmp_path / "draft")
+        packages.locate(Workspace(ROOT), name, VALUES, tmp_path / "draft")
 
 
 def test_touches_and_force_of_a_map():
@@ -178,8 +179,8 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
     before = os.times()
     done = subprocess.run(
         [sys.executable, "-m", "pipeline.commands.command_line", "predict", str(TOUCH), str(folder), "--out", str(out)],
-        cwd=packages.PRETRAINED.parent,
-        env=os.environ | {"PYTHONPATH": str(packages.PRETRAINED.parent), "OMP_NUM_THREADS": "1"},
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
     )
@@ -195,17 +196,17 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
     assert "scores" not in said
 
 
-def test_a_folder_of_something_else_is_kept(double, tmp_path):
+def test_a_folder_of_something_else_is_kept(workspace, double, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     given = argparse.Namespace(model=str(TOUCH), logs=double[0], out=tmp_path, no_pictures=True)
     with pytest.raises(InputError, match="holds something else than predictions"):
-        predict.main(given)
+        predict.main(workspace, given)
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
-def predicted(place, out=None) -> list[str]:
+def predicted(workspace, place, out=None) -> list[str]:
     """Predict with `tactile predict`, and return the names of the recordings in its summary."""
-    predict.main(argparse.Namespace(model=str(TOUCH), logs=Path(place), out=out, no_pictures=False))
+    predict.main(workspace, argparse.Namespace(model=str(TOUCH), logs=Path(place), out=out, no_pictures=False))
     (summary,) = Path(out or "predictions").rglob("summary.json")
     return [each["recording"] for each in json.loads(summary.read_text())["recordings"]]
 
@@ -224,12 +225,12 @@ def write_log(path: Path) -> Path:
     return path
 
 
-def test_no_two_recordings_have_one_name(undrawn, tmp_path, monkeypatch):
+def test_no_two_recordings_have_one_name(workspace, undrawn, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_log(tmp_path / "day1/a b/run0/array.log")
     write_log(tmp_path / "day1/a-b/run0/array.log")
     write_log(tmp_path / "day2/a b/run0/array.log")
-    everything = predicted(".", tmp_path / "out")
+    everything = predicted(workspace, ".", tmp_path / "out")
     assert everything == ["day1/a b/run0", "day1/a-b/run0", "day2/a b/run0"]
     table = pyarrow.parquet.read_table(tmp_path / "out" / "predictions.parquet")
     assert schemas.names(table["recording"]).tolist() == [name for name in everything for _ in range(LINES)]
@@ -240,29 +241,29 @@ def test_no_two_recordings_have_one_name(undrawn, tmp_path, monkeypatch):
     write_log(tmp_path / "day3/array.log")
     write_log(tmp_path.joinpath("day3", *parts, "array.log"))
     with pytest.raises(InputError, match=f"would both be called '{'/'.join(parts)}'; rename a folder"):
-        predicted("day3")
+        predicted(workspace, "day3")
 
 
-def test_a_log_named_from_its_own_folder_or_from_beside_it(undrawn, tmp_path, monkeypatch):
+def test_a_log_named_from_its_own_folder_or_from_beside_it(workspace, undrawn, tmp_path, monkeypatch):
     log = write_log(tmp_path / "five" / "array.log")
     (tmp_path / "six").mkdir()
     for folder, place in ((log.parent, "array.log"), (tmp_path / "six", "../five/array.log"), (tmp_path, "five")):
         monkeypatch.chdir(folder)
-        assert predicted(place, tmp_path / "out") == [f"{tmp_path.name}/five"]
+        assert predicted(workspace, place, tmp_path / "out") == [f"{tmp_path.name}/five"]
         assert [path.name for path in (tmp_path / "out").glob("*.png")] == [f"{tmp_path.name}-five.png"]
     assert recordings.names(Path("/array.log"), [Path("/array.log")], "touch") == ["array"]
 
 
-def test_predictions_of_other_logs_are_not_replaced(undrawn, tmp_path, monkeypatch):
+def test_predictions_of_other_logs_are_not_replaced(workspace, undrawn, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for day in ("day1", "day2"):
         write_log(tmp_path / day / "run" / "array.log")
-    assert predicted("day1/run/array.log") == predicted("day1/run/array.log") == ["day1/run"]
+    assert predicted(workspace, "day1/run/array.log") == predicted(workspace, "day1/run/array.log") == ["day1/run"]
     before = (tmp_path / "predictions" / "run" / "summary.json").read_text()
     with pytest.raises(InputError, match=r"predictions/run: holds predictions of touch/lomp.*day1/run.*give .* --out"):
-        predicted("day2/run/array.log")
+        predicted(workspace, "day2/run/array.log")
     assert (tmp_path / "predictions" / "run" / "summary.json").read_text() == before
-    assert predicted("day2/run", tmp_path / "predictions" / "run") == ["day2/run"], "as --out says"
+    assert predicted(workspace, "day2/run", tmp_path / "predictions" / "run") == ["day2/run"], "as --out says"
 
 
 @pytest.mark.slow

@@ -8,9 +8,11 @@ import sys
 
 import pytest
 import yaml
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.commands import check, command_line
 from pipeline.logs import own_data
 from pipeline.stages import ingest
@@ -63,11 +65,16 @@ UNNOTICED = (link_to_a_folder, link_to_a_folder_below)
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    """A repository root with nothing in data/own; there is room beside it."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path / "project")
-    (tmp_path / "project" / "data" / "own").mkdir(parents=True)
-    return tmp_path / "project"
+def workspace(tmp_path) -> Workspace:
+    return Workspace(tmp_path / "project")
+
+
+@pytest.fixture
+def root(workspace):
+    """The root of a workspace with nothing in data/own; there is room beside it."""
+    (workspace.root / "data" / "own").mkdir(parents=True)
+    shutil.copy(ROOT / "params.yaml", workspace.params)
+    return workspace.root
 
 
 @pytest.mark.slow
@@ -98,64 +105,70 @@ def test_dvc_notices_a_change_wherever_we_say_so(tmp_path):
 
 
 @pytest.mark.parametrize("way", NOTICED)
-def test_logs_that_dvc_watches_are_taken(way, root, tmp_path):
+def test_logs_that_dvc_watches_are_taken(workspace, way, root, tmp_path):
     place = root / "data" / "own"
     place.rmdir()
     way(place, tmp_path / "elsewhere")
-    assert own_data.unnoticed(place / "finger") is None and own_data.unnoticed(place / LOG) is None
-    assert own_data.setting(place / "finger") == "data/own/finger"
+    assert (
+        own_data.unnoticed(workspace, place / "finger") is None and own_data.unnoticed(workspace, place / LOG) is None
+    )
+    assert own_data.setting(workspace, place / "finger") == "data/own/finger"
 
 
 @pytest.mark.parametrize("way", UNNOTICED)
-def test_a_link_to_a_folder_is_refused_with_the_command_that_fixes_it(way, root, tmp_path):
+def test_a_link_to_a_folder_is_refused_with_the_command_that_fixes_it(workspace, way, root, tmp_path):
     place = root / "data" / "own"
     place.rmdir()
     way(place, tmp_path / "elsewhere" / "it's here")
-    said = own_data.unnoticed(place / "finger")
+    said = own_data.unnoticed(workspace, place / "finger")
     link = place / "finger" if way is link_to_a_folder else (place / LOG).parent
     assert said.startswith(f"{link} is a link to a folder, in which `dvc repro` would not notice a change; ")
     assert "\n" not in said
     if way is link_to_a_folder:
-        assert own_data.unnoticed(place / LOG) == said  # so for glove.stag.file
+        assert own_data.unnoticed(workspace, place / LOG) == said  # so for glove.stag.file
     command = said.split("`")[-2]
     assert shlex.split(command)[:2] == ["rm", str(link)]
     if shutil.which("cp") and subprocess.run(command, shell=True, capture_output=True).returncode == 0:  # GNU's cp
-        assert own_data.unnoticed(place / "finger") is None and (place / LOG).read_text() == "1,2\n"
+        assert own_data.unnoticed(workspace, place / "finger") is None and (place / LOG).read_text() == "1,2\n"
 
 
-def test_a_link_within_is_refused_too(root):
+def test_a_link_within_is_refused_too(workspace, root):
     """It could be made to lead elsewhere, which DVC would not see either."""
     put(root / "data" / "own" / "store")
     (root / "data" / "own" / "now").symlink_to("store")
-    assert "data/own/now is a link to a folder" in own_data.unnoticed(root / "data" / "own" / "now")
-    assert "data/own/now is a link to a folder" in own_data.unnoticed(root / "data" / "own" / "now" / "finger")
+    assert "data/own/now is a link to a folder" in own_data.unnoticed(workspace, root / "data" / "own" / "now")
+    assert "data/own/now is a link to a folder" in own_data.unnoticed(
+        workspace, root / "data" / "own" / "now" / "finger"
+    )
     (root / "data" / "own" / "store" / "loop").symlink_to("..")
-    assert "data/own/store/loop is a link to a folder" in own_data.unnoticed(root / "data" / "own" / "store")
+    assert "data/own/store/loop is a link to a folder" in own_data.unnoticed(workspace, root / "data" / "own" / "store")
 
 
-def test_a_link_that_leads_to_nothing_is_refused(root):
+def test_a_link_that_leads_to_nothing_is_refused(workspace, root):
     (put(root / "data" / "own") / "gone.log").symlink_to("nowhere.log")
-    said = own_data.unnoticed(root / "data" / "own" / "finger")
+    said = own_data.unnoticed(workspace, root / "data" / "own" / "finger")
     assert said.endswith("gone.log is a link that leads to nothing, where `dvc repro` stops; fix or remove it")
 
 
 @pytest.mark.parametrize("source", ["../ext/finger", "data/own/../../../ext/finger", "{outside}"])
-def test_ingest_refuses_logs_outside(source, root):
+def test_ingest_refuses_logs_outside(workspace, source, root):
     outside = put(root.parent / "ext")
     with pytest.raises(InputError) as error:
-        ingest.ingest("touch", params.load()["touch"] | {"source": source.format(outside=outside)})
+        ingest.ingest(
+            workspace, "touch", params.load(ROOT / "params.yaml")["touch"] | {"source": source.format(outside=outside)}
+        )
     said, named = str(error.value), root / source.format(outside=outside)
     assert said.startswith(f"params.yaml, touch.source: {named} is not in data/own, so `dvc repro` would not notice ")
     assert said.endswith(f"`cp -rs {outside} {root / 'data' / 'own' / 'finger'}`") and "\n" not in said
-    assert not paths.frames("touch").exists()
+    assert not workspace.frames("touch").exists()
 
 
 @pytest.mark.parametrize("experiment", check.LOGS)
-def test_ingest_refuses_a_link_to_a_folder(experiment, root, tmp_path):
+def test_ingest_refuses_a_link_to_a_folder(workspace, experiment, root, tmp_path):
     link_to_a_folder(root / "data" / "own" / "it", tmp_path / "elsewhere")
-    settings = params.load()[experiment] | {"source": "data/own/it/finger"}
+    settings = params.load(ROOT / "params.yaml")[experiment] | {"source": "data/own/it/finger"}
     with pytest.raises(InputError, match=rf"^params\.yaml, {experiment}\.source: .*/finger is a link to a folder, "):
-        ingest.ingest(experiment, settings)
+        ingest.ingest(workspace, experiment, settings)
 
 
 def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
@@ -165,12 +178,12 @@ def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
     link.symlink_to(outside)
     monkeypatch.setattr(check, "check", lambda *arguments: None)  # all else is right
     for folder, words in ((outside, "is not in data/own, so"), (link, "is a link to a folder, in which")):
-        monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", str(folder)])
+        monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", str(folder), "--root", str(root)])
         with pytest.raises(SystemExit, match=f"^fix first: {folder} {words}"):
             command_line.main()
     link.unlink()
     put(root / "data" / "own")
     monkeypatch.chdir(link)
-    monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", "."])
+    monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", ".", "--root", str(root)])
     command_line.main()
     assert capsys.readouterr().out.startswith("ready: `tactile try data/own/finger` for a quick look")

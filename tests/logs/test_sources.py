@@ -11,7 +11,6 @@ from urllib.parse import quote, unquote
 
 import pytest
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.commands import command_line, fetch
 from pipeline.logs import sources
@@ -22,7 +21,6 @@ CONTENT = {"a/one.txt": b"1.0 2.0\n", "b/two words.txt": b"3.0 4.0\n"}
 @pytest.fixture
 def small(monkeypatch, tmp_path):
     """A source of two files, its local folder, and an empty place for the fetched files."""
-    monkeypatch.setattr(paths, "SOURCES", tmp_path / "sources")
     digests = {path: hashlib.sha256(data).hexdigest() for path, data in CONTENT.items()}
     monkeypatch.setattr(sources, "files", lambda name: digests)
     local = tmp_path / "local"
@@ -50,40 +48,40 @@ def test_address_has_commit_and_path():
     )
 
 
-def test_copy_from_folder_then_nothing_left_to_do(small):
-    assert not sources.is_complete("velostat_recorded")
-    assert fetch.fetch("velostat_recorded", small) == (2, 0)
-    assert sources.is_complete("velostat_recorded")
-    assert got() == CONTENT  # nothing else, so no temporary file either
-    assert fetch.fetch("velostat_recorded", small) == (0, 2)
+def test_copy_from_folder_then_nothing_left_to_do(workspace, small):
+    assert not sources.is_complete(workspace, "velostat_recorded")
+    assert fetch.fetch(workspace, "velostat_recorded", small) == (2, 0)
+    assert sources.is_complete(workspace, "velostat_recorded")
+    assert got(workspace) == CONTENT  # nothing else, so no temporary file either
+    assert fetch.fetch(workspace, "velostat_recorded", small) == (0, 2)
 
 
-def test_resumes_and_repairs(small):
-    fetch.fetch("velostat_recorded", small)
-    (sources.folder("velostat_recorded") / "a/one.txt").write_bytes(b"damaged")
+def test_resumes_and_repairs(workspace, small):
+    fetch.fetch(workspace, "velostat_recorded", small)
+    (sources.folder(workspace, "velostat_recorded") / "a/one.txt").write_bytes(b"damaged")
     with pytest.raises(InputError, match=r"a/one\.txt: is not the recorded file"):
-        sources.is_complete("velostat_recorded")
-    assert fetch.fetch("velostat_recorded", small) == (1, 1)
-    assert sources.is_complete("velostat_recorded")
+        sources.is_complete(workspace, "velostat_recorded")
+    assert fetch.fetch(workspace, "velostat_recorded", small) == (1, 1)
+    assert sources.is_complete(workspace, "velostat_recorded")
 
 
-def test_wrong_file_is_refused_and_not_put_in_place(small):
+def test_wrong_file_is_refused_and_not_put_in_place(workspace, small):
     (small / "b/two words.txt").write_bytes(b"something else\n")
     with pytest.raises(InputError, match=r"two words\.txt: SHA-256 is .* expected"):
-        fetch.fetch("velostat_recorded", small)
-    assert [p.name for p in sources.folder("velostat_recorded").rglob("*") if p.is_file()] == ["one.txt"]
+        fetch.fetch(workspace, "velostat_recorded", small)
+    assert [p.name for p in sources.folder(workspace, "velostat_recorded").rglob("*") if p.is_file()] == ["one.txt"]
     with pytest.raises(InputError, match=r"two words\.txt: is missing; run `tactile fetch velostat_recorded`"):
-        sources.is_complete("velostat_recorded")
+        sources.is_complete(workspace, "velostat_recorded")
 
 
-def test_missing_file_folder_and_name_are_one_sentence(small, tmp_path):
+def test_missing_file_folder_and_name_are_one_sentence(workspace, small, tmp_path):
     (small / "a/one.txt").unlink()
     with pytest.raises(InputError, match=r"one\.txt: not found; --from"):
-        fetch.fetch("velostat_recorded", small)
+        fetch.fetch(workspace, "velostat_recorded", small)
     with pytest.raises(InputError, match="no such folder"):
-        fetch.fetch("velostat_recorded", tmp_path / "nowhere")
+        fetch.fetch(workspace, "velostat_recorded", tmp_path / "nowhere")
     with pytest.raises(InputError, match="no such source; choose one of .*velostat_recorded"):
-        fetch.fetch("velostat")
+        fetch.fetch(workspace, "velostat")
 
 
 class Server(ThreadingHTTPServer):
@@ -133,89 +131,89 @@ def server(small, monkeypatch):
         thread.join()
 
 
-def got() -> dict[str, bytes]:
+def got(workspace) -> dict[str, bytes]:
     """Every file that is in the source's folder."""
-    folder = sources.folder("velostat_recorded")
+    folder = sources.folder(workspace, "velostat_recorded")
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_download(server):
-    assert fetch.fetch("velostat_recorded") == (2, 0)
+def test_download(workspace, server):
+    assert fetch.fetch(workspace, "velostat_recorded") == (2, 0)
     assert server.asked == [("a/one.txt", None), ("b/two words.txt", None)]
-    assert got() == CONTENT and sources.is_complete("velostat_recorded")
-    assert fetch.fetch("velostat_recorded") == (0, 2) and len(server.asked) == 2
+    assert got(workspace) == CONTENT and sources.is_complete(workspace, "velostat_recorded")
+    assert fetch.fetch(workspace, "velostat_recorded") == (0, 2) and len(server.asked) == 2
 
 
-def test_a_broken_download_goes_on_in_the_middle_of_the_file(server):
+def test_a_broken_download_goes_on_in_the_middle_of_the_file(workspace, server):
     server.cut = 3
     with pytest.raises(InputError, match=r"one\.txt: the connection ended after 3 of 8 bytes; repeat the command"):
-        fetch.fetch("velostat_recorded")
-    assert got() == {"a/one.txt.part": b"1.0"} and fetch.state("velostat_recorded") == "absent"
+        fetch.fetch(workspace, "velostat_recorded")
+    assert got(workspace) == {"a/one.txt.part": b"1.0"} and fetch.state(workspace, "velostat_recorded") == "absent"
     server.cut = None
-    assert fetch.fetch("velostat_recorded") == (2, 0)
-    assert server.asked[1] == ("a/one.txt", "bytes=3-") and got() == CONTENT
+    assert fetch.fetch(workspace, "velostat_recorded") == (2, 0)
+    assert server.asked[1] == ("a/one.txt", "bytes=3-") and got(workspace) == CONTENT
 
 
 @pytest.mark.parametrize("left", [b"1.0", b"other", b"1.0 2.0\n", b"1.0 2.0\nand more"])
 @pytest.mark.parametrize("ranges", [True, False])
-def test_whatever_an_interruption_left_ends_as_the_file(server, left, ranges):
-    part = sources.folder("velostat_recorded") / "a" / "one.txt.part"
+def test_whatever_an_interruption_left_ends_as_the_file(workspace, server, left, ranges):
+    part = sources.folder(workspace, "velostat_recorded") / "a" / "one.txt.part"
     part.parent.mkdir(parents=True)
     part.write_bytes(left)
     server.ranges = ranges
-    assert fetch.fetch("velostat_recorded") == (2, 0) and got() == CONTENT
+    assert fetch.fetch(workspace, "velostat_recorded") == (2, 0) and got(workspace) == CONTENT
 
 
-def test_a_wrong_file_from_the_public_address_is_refused(server):
+def test_a_wrong_file_from_the_public_address_is_refused(workspace, server):
     server.content["b/two words.txt"] = b"3.0 5.0\n"
     with pytest.raises(InputError, match=r"two%20words\.txt: SHA-256 is .* expected"):
-        fetch.fetch("velostat_recorded")
-    assert got() == {"a/one.txt": CONTENT["a/one.txt"]}
-    assert fetch.state("velostat_recorded") == "partly: 1 of 2 files"
+        fetch.fetch(workspace, "velostat_recorded")
+    assert got(workspace) == {"a/one.txt": CONTENT["a/one.txt"]}
+    assert fetch.state(workspace, "velostat_recorded") == "partly: 1 of 2 files"
 
 
-def test_a_file_without_end_is_refused(server, monkeypatch):
+def test_a_file_without_end_is_refused(workspace, server, monkeypatch):
     monkeypatch.setattr(fetch, "LARGEST_FILE", 5)
     with pytest.raises(InputError, match="more than 5 bytes; this is not the recording"):
-        fetch.fetch("velostat_recorded")
-    assert got() == {}
+        fetch.fetch(workspace, "velostat_recorded")
+    assert got(workspace) == {}
 
 
-def test_failed_download_is_one_sentence(server, monkeypatch):
+def test_failed_download_is_one_sentence(workspace, server, monkeypatch):
     del server.content["a/one.txt"]
     with pytest.raises(InputError, match=r"one\.txt: download failed \(HTTP Error 404.* use --from FOLDER"):
-        fetch.fetch("velostat_recorded")
+        fetch.fetch(workspace, "velostat_recorded")
     monkeypatch.setattr(sources, "address", lambda name, path: "http://127.0.0.1:1/nobody")
     with pytest.raises(InputError, match=r"nobody: download failed .*refused.* use --from FOLDER"):
-        fetch.fetch("velostat_recorded")
+        fetch.fetch(workspace, "velostat_recorded")
 
 
-def test_a_full_disk_is_no_failed_download(server, monkeypatch):
+def test_a_full_disk_is_no_failed_download(workspace, server, monkeypatch):
     def full(path, *arguments):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
-    monkeypatch.setattr(type(sources.folder("velostat_recorded")), "open", full)
+    monkeypatch.setattr(type(sources.folder(workspace, "velostat_recorded")), "open", full)
     with pytest.raises(OSError, match="No space left"):
-        fetch.fetch("velostat_recorded")
+        fetch.fetch(workspace, "velostat_recorded")
 
 
-def test_the_list_has_size_licence_and_state(server, monkeypatch):
+def test_the_list_has_size_licence_and_state(workspace, server, monkeypatch):
     def line(name: str) -> str:
-        return next(line for line in fetch.listing().splitlines() if line.startswith(name))
+        return next(line for line in fetch.listing(workspace).splitlines() if line.startswith(name))
 
     assert set(fetch.SIZES) == set(sources.SOURCES)
     assert re.search(r"2 +16\.9 MB +absent +none given", line("velostat_recorded"))
     assert re.search(r"5\.1 MB +absent +GPL-3", line("glove_recorded"))
-    fetch.fetch("velostat_recorded")
+    fetch.fetch(workspace, "velostat_recorded")
     assert re.search(r"16\.9 MB +complete +none given", line("velostat_recorded"))
-    (sources.folder("velostat_recorded") / "a" / "one.txt").write_bytes(b"damaged")
+    (sources.folder(workspace, "velostat_recorded") / "a" / "one.txt").write_bytes(b"damaged")
     assert " partly: 1 of 2 files, 1 wrong " in line("velostat_recorded")
     for source in sources.SOURCES.values():
-        assert f"github.com/{source.repository}/tree/{source.commit}" in fetch.listing()
+        assert f"github.com/{source.repository}/tree/{source.commit}" in fetch.listing(workspace)
 
 
-def test_progress_is_one_line_where_there_is_no_terminal(small, capsys):
-    fetch.fetch("velostat_recorded", small)
+def test_progress_is_one_line_where_there_is_no_terminal(workspace, small, capsys):
+    fetch.fetch(workspace, "velostat_recorded", small)
     said = capsys.readouterr()
     assert said.out == "" and said.err.count("\n") == 1 and "velostat_recorded:" in said.err
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from builders.project import ROOT
 from builders.stag_metadata import FRAMES, OBJECTS, cells, metadata, save
 
 from pipeline.base import params
@@ -17,12 +18,12 @@ from pipeline.studies import stag as stag_study
 @pytest.fixture(autouse=True)
 def anywhere(monkeypatch):
     """Files of these tests need not lie in data/own."""
-    monkeypatch.setattr(own_data, "unnoticed", lambda path: None)
+    monkeypatch.setattr(own_data, "unnoticed", lambda *given: None)
 
 
-def test_frames_with_a_valid_label_and_their_names(tmp_path):
+def test_frames_with_a_valid_label_and_their_names(workspace, tmp_path):
     content = metadata()
-    found = stag.read(save(tmp_path, content), balanced=False)
+    found = stag.read(workspace, save(tmp_path, content), balanced=False)
     kept = np.arange(FRAMES) != 1
     assert found.images.shape == (11, 1, 1024) and found.images.dtype == np.float32
     assert found.images[0, 0, :4] == pytest.approx([0, 0, 127.5, 255])
@@ -33,25 +34,25 @@ def test_frames_with_a_valid_label_and_their_names(tmp_path):
     assert found.part.tolist() == ["train"] * 8 + ["test"] * 3
 
 
-def test_balanced_frames_only(tmp_path):
-    found = stag.read(save(tmp_path, metadata()))
+def test_balanced_frames_only(workspace, tmp_path):
+    found = stag.read(workspace, save(tmp_path, metadata()))
     assert len(found.images) == len(found.label) == len(found.recording) == len(found.part) == 7
     assert np.bincount(found.label).tolist() == [3, 2, 2]
 
 
-def test_names_as_a_character_matrix_and_ids_of_frames_without_a_label(tmp_path):
+def test_names_as_a_character_matrix_and_ids_of_frames_without_a_label(workspace, tmp_path):
     content = metadata(objects=np.array(["mug", "empty hand", "full can"]))
     content["objectId"] = content["objectId"].astype(float)
     content["objectId"][1] = -1  # the frame without a valid label
-    assert stag.read(save(tmp_path, content)).objects == OBJECTS
+    assert stag.read(workspace, save(tmp_path, content)).objects == OBJECTS
 
 
 @pytest.mark.parametrize("name", stag.VARIABLES)
-def test_a_missing_variable_is_named(name, tmp_path):
+def test_a_missing_variable_is_named(workspace, name, tmp_path):
     content = metadata()
     del content[name]
     with pytest.raises(InputError, match=rf"metadata\.mat: has no variable '{name}'; it must hold pressure, objectId"):
-        stag.read(save(tmp_path, content))
+        stag.read(workspace, save(tmp_path, content))
 
 
 BAD = {
@@ -74,26 +75,26 @@ BAD = {
 
 
 @pytest.mark.parametrize("fault", BAD)
-def test_variables_that_do_not_fit_are_one_sentence(fault, tmp_path):
+def test_variables_that_do_not_fit_are_one_sentence(workspace, fault, tmp_path):
     change, sentence = BAD[fault]
     with pytest.raises(InputError, match=sentence) as error:
-        stag.read(save(tmp_path, metadata(**change)))
+        stag.read(workspace, save(tmp_path, metadata(**change)))
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("compress", [True, False])
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.5, 0.9])
-def test_a_cut_file_is_one_sentence(share, compress, tmp_path):
+def test_a_cut_file_is_one_sentence(workspace, share, compress, tmp_path):
     path = save(tmp_path, metadata(), compress)
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     with pytest.raises(InputError, match=r"metadata\.mat: (not a whole MATLAB file|has no variable)") as error:
-        stag.read(path)
+        stag.read(workspace, path)
     assert "\n" not in str(error.value)
 
 
-def test_pressure_far_outside_is_clipped(tmp_path):
+def test_pressure_far_outside_is_clipped(workspace, tmp_path):
     pressure = np.full((FRAMES, 32, 32), 1e308)
-    assert (stag.read(save(tmp_path, metadata(pressure=pressure))).images == stag.HIGHEST).all()
+    assert (stag.read(workspace, save(tmp_path, metadata(pressure=pressure))).images == stag.HIGHEST).all()
 
 
 def crash(*_, **__):
@@ -101,19 +102,19 @@ def crash(*_, **__):
 
 
 @pytest.mark.slow
-def test_a_file_that_crashes_the_reader_is_one_sentence(tmp_path, monkeypatch):
+def test_a_file_that_crashes_the_reader_is_one_sentence(workspace, tmp_path, monkeypatch):
     path = save(tmp_path, metadata())
     with monkeypatch.context() as patch:
         patch.setattr(scipy.io, "loadmat", crash)
         with pytest.raises(InputError, match=r"metadata\.mat: not a whole MATLAB file \(it crashes scipy's reader\)"):
-            stag.read(path)
-    assert len(stag.read(path).label)
+            stag.read(workspace, path)
+    assert len(stag.read(workspace, path).label)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="memory is limited on Linux only")
 @pytest.mark.parametrize("name", ["pressure", "objects"])
-def test_a_small_file_that_unpacks_to_a_large_one_is_one_sentence(name, tmp_path, monkeypatch):
+def test_a_small_file_that_unpacks_to_a_large_one_is_one_sentence(workspace, name, tmp_path, monkeypatch):
     """40 kB that hold 41 MB, in an array or in a cell."""
     zeros = np.zeros((20_000, 32, 32), np.uint16)
     content = {"pressure": zeros} if name == "pressure" else {"objects": cells([zeros])}
@@ -121,34 +122,34 @@ def test_a_small_file_that_unpacks_to_a_large_one_is_one_sentence(name, tmp_path
     assert path.stat().st_size < 70_000
     monkeypatch.setattr(stag, "LARGEST_FILE", 8 << 20)
     with pytest.raises(InputError, match=r"metadata\.mat: takes more than 16 MiB of memory to read, ") as error:
-        stag.read(path)
+        stag.read(workspace, path)
     assert "\n" not in str(error.value)
-    assert len(stag.read(save(tmp_path, metadata())).label)  # the next file is read
+    assert len(stag.read(workspace, save(tmp_path, metadata())).label)  # the next file is read
 
 
 @pytest.mark.parametrize("start", [b"MATLAB 7.3 MAT-file, Platform: GLNXA64", b"\x89HDF\r\n\x1a\n"])
-def test_version_7_3_says_what_to_do(start, tmp_path):
+def test_version_7_3_says_what_to_do(workspace, start, tmp_path):
     (tmp_path / "metadata.mat").write_bytes(start + bytes(4096))
     with pytest.raises(InputError, match=r"version 7\.3 \(HDF5\) is not read; load it and save it again with '-v7'"):
-        stag.read(tmp_path / "metadata.mat")
+        stag.read(workspace, tmp_path / "metadata.mat")
 
 
-def test_no_file_another_file_and_a_file_too_large(tmp_path, monkeypatch):
+def test_no_file_another_file_and_a_file_too_large(workspace, tmp_path, monkeypatch):
     with pytest.raises(InputError, match="not found; download the classification data of STAG"):
-        stag.read(tmp_path / "metadata.mat")
+        stag.read(workspace, tmp_path / "metadata.mat")
     (tmp_path / "metadata.mat").write_bytes(b"frame,object\n1,mug\n" * 50)
     with pytest.raises(InputError, match="not a whole MATLAB file|has no variable"):
-        stag.read(tmp_path / "metadata.mat")
+        stag.read(workspace, tmp_path / "metadata.mat")
     monkeypatch.setattr(stag, "LARGEST_FILE", 100)
     with pytest.raises(InputError, match="bytes are more than the data can have"):
-        stag.read(save(tmp_path, metadata()))
+        stag.read(workspace, save(tmp_path, metadata()))
 
 
-def test_a_file_that_dvc_does_not_watch_is_refused(tmp_path, monkeypatch):
+def test_a_file_that_dvc_does_not_watch_is_refused(workspace, tmp_path, monkeypatch):
     monkeypatch.undo()
     path = save(tmp_path, metadata())
     with pytest.raises(InputError, match=rf"^params\.yaml, glove\.stag\.file: {path} is not in data/own"):
-        stag.read(path)
+        stag.read(workspace, path)
 
 
 def grasps(frames=9, recordings=4):
@@ -174,8 +175,8 @@ def grasps(frames=9, recordings=4):
     )
 
 
-def test_validation_takes_whole_training_recordings(tmp_path):
-    data = stag.read(save(tmp_path, grasps()))
+def test_validation_takes_whole_training_recordings(workspace, tmp_path):
+    data = stag.read(workspace, save(tmp_path, grasps()))
     part = stag_study.parts(data, 0.3, 0)
     assert (part[data.part == "test"] == "test").all()
     assert len(set(data.recording[part == "validation"])) == 2
@@ -183,13 +184,17 @@ def test_validation_takes_whole_training_recordings(tmp_path):
 
 
 @pytest.mark.slow
-def test_figure_fifteen_from_a_file(tmp_path):
+def test_figure_fifteen_from_a_file(workspace, tmp_path):
     path = save(tmp_path, grasps())
-    rows = stag_study.train_run(params.load(), "glove", "sp_resnet", 0, 1, str(path), lambda *numbers: None)
+    rows = stag_study.train_run(
+        workspace, params.load(ROOT / "params.yaml"), "glove", "sp_resnet", 0, 1, str(path), lambda *numbers: None
+    )
     assert [row[:5] for row in rows] == [
         ("mean", "sp_resnet", 0, frames, metric) for frames in range(1, 9) for metric in ("accuracy", "macro_precision")
     ]
     assert [row[-1] for row in rows[::2]] == [18, 8, 6, 4, 2, 2, 2, 2]  # nine frames of each of two grasps
     assert all(0 <= row[6] <= 1 for row in rows)
-    joined = stag_study.train_run(params.load(), "glove", "sp_resnet", 0, 4, str(path), lambda *numbers: None)
+    joined = stag_study.train_run(
+        workspace, params.load(ROOT / "params.yaml"), "glove", "sp_resnet", 0, 4, str(path), lambda *numbers: None
+    )
     assert [row[:5] for row in joined] == [("trained", "sp_resnet", 0, 4, m) for m in ("accuracy", "macro_precision")]

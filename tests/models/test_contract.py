@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 import torch
+from builders.project import ROOT
 
 from pipeline import experiments, models
 from pipeline.base import params, paths
@@ -21,7 +22,7 @@ from pipeline.learning.regressors import Spec
 from pipeline.settings.models import Models
 from pipeline.tasks import windows as tasks_windows
 
-VALUES = params.load()
+VALUES = params.load(ROOT / "params.yaml")
 # Sizes of training, and of what is drawn from the training part, that a few windows are enough for.
 TINY = {"epochs": 2, "batch_size": 8, "streams": 4, "batch": 2, "centres": 16, "trees": 3}
 SAMPLES, WINDOWS, IMAGES, OBJECTS = 400, 24, 12, 4

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.reporting import (
@@ -266,7 +267,7 @@ def test_the_page_reads_a_figure_and_its_caption(line):
 
 
 def test_every_perturbation_and_effect_of_params_has_words():
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     stressed = {name for block in values["stress"].values() for name in block["perturbations"]}
     assert stressed <= set(labels.PERTURBATIONS) and stressed <= set(stability.SEVERITIES)
     effects = {name for key in values["physics"] for name in values[key]["simulate"]["effects"]}

@@ -3,8 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.params_file import set_values
 from pipeline.claims import entries, judge
 from pipeline.reporting import claims
@@ -56,8 +57,8 @@ def test_without_a_run_at_the_papers_scale_the_present_one_stands():
     assert list(rows["paper_scale_verdict"]) == ["", "", "contradicted", "", "", ""]
 
 
-def test_recorded_claims_are_counted_before_simulated_ones_and_apart():
-    rows = claims.count_rows(PRESENT.assign(paper="lomp"), ["paper"])
+def test_recorded_claims_are_counted_before_simulated_ones_and_apart(workspace):
+    rows = claims.count_rows(workspace, PRESENT.assign(paper="lomp"), ["paper"])
     assert [row[:2] for row in rows] == [
         ["recorded", "LoMP (touch)"],
         ["recorded", "all"],
@@ -68,9 +69,9 @@ def test_recorded_claims_are_counted_before_simulated_ones_and_apart():
     assert [row[-1] for row in rows] == ["1", "1", "5", "5", "6"]
 
 
-def test_on_own_logs_a_claim_is_of_recorded_data():
-    values = params.load()
-    claim, *_ = entries.read()[0]
+def test_on_own_logs_a_claim_is_of_recorded_data(workspace):
+    values = params.load(ROOT / "params.yaml")
+    claim, *_ = entries.read(workspace)[0]
     assert judge.on_own_logs(claim, values) == claim and claim.data == "simulated"
     own = judge.on_own_logs(claim, {"touch": {"source": "data/own/mine"}})
     assert (own.id, own.data, own.tried) == (f"{claim.id}/recorded", "recorded", "")
@@ -90,12 +91,12 @@ def test_a_claim_is_a_line_with_its_verdict_and_reason(numbers, verdict, reason,
     assert claims.claim_sentence(pd.Series(row)) == f"- A: {line}"
 
 
-def test_what_was_tried_stands_where_a_claim_is_not_reproduced():
+def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):
     rows = PRESENT.assign(
         paper="lomp", claim="A.", section="I", published=1.0, low=0.0, high=2.0, unit="kPa", measured=0
     )
     rows = claims.by_scale(rows.assign(strict="", compatible="", reason="why", over="3 seeds"), AT_PAPERS.iloc[:0])
-    text = claims.text(rows, {"lomp/a": "It was turned around.", "lomp/b": "Not shown."})
+    text = claims.text(workspace, rows, {"lomp/a": "It was turned around.", "lomp/b": "Not shown."})
     tried = text.split("what was tried where a claim is not reproduced")[1]
     assert "- **A** (undecided; why)\n\nIt was turned around." in tried and "Not shown." not in text
     assert tried.count("No reason was looked for.") == 1
@@ -109,10 +110,10 @@ def test_what_was_tried_stands_where_a_claim_is_not_reproduced():
         ({"touch.window.stride": 7}, "other"),
     ],
 )
-def test_the_scale_is_that_of_the_settings(changes, scale, tmp_path):
+def test_the_scale_is_that_of_the_settings(workspace, changes, scale, tmp_path):
     copy = tmp_path / "params.yaml"
-    copy.write_text(paths.PARAMS.read_text())
-    set_values(params.parsed(paths.SCALES / "paper.yaml") if "paper" in changes else changes, copy)
+    copy.write_text(workspace.params.read_text())
+    set_values(params.parsed(workspace.scales / "paper.yaml") if "paper" in changes else changes, copy)
     values = params.load(copy)
-    assert params.scale_of("touch", values["touch"]) == scale
-    assert params.scale_of("velostat_recorded", values["velostat_recorded"]) == "both"
+    assert params.scale_of(ROOT / "scales", "touch", values["touch"]) == scale
+    assert params.scale_of(ROOT / "scales", "velostat_recorded", values["velostat_recorded"]) == "both"

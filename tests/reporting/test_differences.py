@@ -3,13 +3,14 @@
 import re
 
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.reporting.experiment import amounts, experiment_differences
 from pipeline.reporting.sentences import read_differences
 
 MARK = "Differs from " + "paper:"
-VALUES = params.load()
+VALUES = params.load(ROOT / "params.yaml")
 
 
 def test_differences_are_collected(tmp_path):
@@ -27,21 +28,23 @@ def test_differences_are_collected(tmp_path):
     assert differences[0][0] == f"{tmp_path.name}/layer.py"
 
 
-def test_every_mark_in_the_code_is_in_a_report():
+def test_every_mark_in_the_code_is_in_a_report(workspace):
     marks = {
-        file.relative_to(paths.ROOT).as_posix(): len(re.findall(MARK, file.read_text(encoding="utf-8")))
+        file.relative_to(paths.CODE.parent).as_posix(): len(re.findall(MARK, file.read_text(encoding="utf-8")))
         for file in paths.CODE.rglob("*.py")
         if file.name != "sentences.py"  # defines the mark
     }
-    listed = {line for name in VALUES["experiments"] for line in experiment_differences(name, VALUES[name])}
+    listed = {line for name in VALUES["experiments"] for line in experiment_differences(workspace, name, VALUES[name])}
     counts = {name: sum(file == name for file, _ in listed) for name in marks}
     assert counts == marks and sum(marks.values()) > 15
 
 
 @pytest.mark.parametrize("experiment", ["touch", "glove"])
-def test_every_amount_below_the_papers_scale_is_in_its_report(experiment):
-    full = {k: v for k, v in params.parsed(paths.SCALES / "paper.yaml").items() if k.partition(".")[0] == experiment}
-    texts = [text for _, text in amounts(experiment, VALUES[experiment])]
+def test_every_amount_below_the_papers_scale_is_in_its_report(workspace, experiment):
+    full = {
+        k: v for k, v in params.parsed(workspace.scales / "paper.yaml").items() if k.partition(".")[0] == experiment
+    }
+    texts = [text for _, text in amounts(workspace, experiment, VALUES[experiment])]
     assert texts and all(text.split("`")[1] in full for text in texts)
     block, *keys, last = next(iter(full)).split(".")
     settings = VALUES[experiment]
@@ -50,6 +53,6 @@ def test_every_amount_below_the_papers_scale_is_in_its_report(experiment):
     before = settings[last]
     settings[last] = full[next(iter(full))]
     try:
-        assert len(amounts(experiment, VALUES[experiment])) == len(texts) - 1
+        assert len(amounts(workspace, experiment, VALUES[experiment])) == len(texts) - 1
     finally:
         settings[last] = before

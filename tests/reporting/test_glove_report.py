@@ -10,9 +10,9 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from builders.project import ROOT
 from scipy.stats import t as student
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import load
 from pipeline.claims import entries, evidence, judge
@@ -38,16 +38,14 @@ COLUMNS = ["experiment", "protocol", "condition", "model", "seed", "metric", "un
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
-    return tmp_path
+def root(workspace):
+    return workspace.root
 
 
 @pytest.fixture
 def settings():
     """The block `glove` of params.yaml, made small."""
-    block = copy.deepcopy(load()["glove"]) | {"latency": LATENCY, "models": MODELS}
+    block = copy.deepcopy(load(ROOT / "params.yaml")["glove"]) | {"latency": LATENCY, "models": MODELS}
     block["augmentation"] = {"model": "sp_resnet", "split": "session", "seeds": [0, 1]}
     for protocol in block["protocols"]:
         block["protocols"][protocol] = {"seeds": [0, 1] if protocol.startswith("session") else [0]}
@@ -58,7 +56,7 @@ def runs(settings):
     return [(name, seed) for name, block in settings["protocols"].items() for seed in block["seeds"]]
 
 
-def write_experiment(experiment, settings):
+def write_experiment(workspace, experiment, settings):
     """Every file that the stages before `render` leave; a model's answers are right more often, the later it comes."""
     rng = np.random.default_rng(0)
     label = np.repeat(np.arange(len(OBJECTS)), SESSIONS * IMAGES)
@@ -74,7 +72,7 @@ def write_experiment(experiment, settings):
     for protocol, seed in runs(settings):
         columns[schemas.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
     data = pa.table(columns)
-    schemas.write(paths.dataset(experiment), data.schema, [data])
+    schemas.write(workspace.dataset(experiment), data.schema, [data])
 
     test = np.flatnonzero(part == "test")
     truth = np.eye(len(OBJECTS))[label[test]]
@@ -86,26 +84,26 @@ def write_experiment(experiment, settings):
             parts.append(schemas.prediction_rows(protocol, seed, test, predicted))
             for row in classification.scores(truth, predicted):
                 scores.append((experiment, protocol, images.modality(protocol), model, seed, *row))
-            write_fit(experiment, model, protocol, seed, settings["models"][model])
-        schemas.write(paths.predictions(experiment) / f"{model}.parquet", parts[0].schema, parts)
+            write_fit(workspace, experiment, model, protocol, seed, settings["models"][model])
+        schemas.write(workspace.predictions(experiment) / f"{model}.parquet", parts[0].schema, parts)
         speed += [
             (experiment, model, batch, 1, place + 0.1, place + 0.09, place + 0.11, place + 0.2, 45, 40, 6.5, 999)
             for batch in (1, 4)
         ]
-    pd.DataFrame(scores, columns=COLUMNS).to_csv(paths.scores(experiment), index=False)
+    pd.DataFrame(scores, columns=COLUMNS).to_csv(workspace.scores(experiment), index=False)
     names = ["experiment", "model", "batch", "threads", "p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms", "params"]
     names += ["macs", "train_s", "size_bytes"]
-    for path in (paths.latency(experiment), paths.training_times(experiment, "any")):
+    for path in (workspace.latency(experiment), workspace.training_times(experiment, "any")):
         path.parent.mkdir(exist_ok=True)
-    pd.DataFrame(speed, columns=names).to_csv(paths.latency(experiment), index=False)
+    pd.DataFrame(speed, columns=names).to_csv(workspace.latency(experiment), index=False)
     for place, model in enumerate(settings["models"]):
         times = pd.DataFrame([(*run, 0.1 + place) for run in runs(settings)], columns=["protocol", "seed", "train_s"])
-        times.to_csv(paths.training_times(experiment, model), index=False)
-    paths.ingest_report(experiment).write_text('{"run": true}')
+        times.to_csv(workspace.training_times(experiment, model), index=False)
+    workspace.ingest_report(experiment).write_text('{"run": true}')
 
 
-def write_fit(experiment, model, protocol, seed, block):
-    folder = paths.run_folder(experiment, model, protocol, seed)
+def write_fit(workspace, experiment, model, protocol, seed, block):
+    folder = workspace.run_folder(experiment, model, protocol, seed)
     folder.mkdir(parents=True)
     epochs = block["training"]["epochs"] if "training" in block else 1
     history = {"epoch": range(1, epochs + 1), "train_loss": 3.0, "validation_loss": 4.0, "learning_rate": 1e-3}
@@ -116,8 +114,8 @@ def write_fit(experiment, model, protocol, seed, block):
     (folder / "fit.json").write_text(json.dumps(fit))
 
 
-def write_glove(settings):
-    write_experiment("glove", settings)
+def write_glove(workspace, settings):
+    write_experiment(workspace, "glove", settings)
     rng, n = np.random.default_rng(1), len(OBJECTS) * 4
     frames = pa.table(
         {
@@ -127,7 +125,7 @@ def write_glove(settings):
             "strain": schemas.lists(rng.integers(1, 500, (n, 135)), pa.int16()),
         }
     )
-    schemas.write(paths.frames("glove"), frames.schema, [frames])
+    schemas.write(workspace.frames("glove"), frames.schema, [frames])
     rows = [
         (method, f"session_{dataset}", dataset, seed, metric, "1", 0.5 + 0.1 * place + 0.01 * seed * (place + 1), 36)
         for place, method in enumerate(("none", "A", "B", "C"))
@@ -136,11 +134,13 @@ def write_glove(settings):
         for metric in glove_report.METRICS
     ]
     names = ["method", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
-    pd.DataFrame(rows, columns=names).to_csv(paths.augmentation("glove"), index=False)
-    (paths.experiment_folder("glove") / "stag.csv").write_text("form,model,seed,frames,metric,unit,value,n\n")
-    trained_rows({"sp_resnet": [0.7, 0.8], "resnet3x3": [0.6, 0.75]}).to_csv(paths.input_frames("glove"), index=False)
-    paths.REPORTS.mkdir()
-    counts_table().to_csv(paths.REPORTS / "counts.csv", index=False)
+    pd.DataFrame(rows, columns=names).to_csv(workspace.augmentation("glove"), index=False)
+    (workspace.experiment_folder("glove") / "stag.csv").write_text("form,model,seed,frames,metric,unit,value,n\n")
+    trained_rows({"sp_resnet": [0.7, 0.8], "resnet3x3": [0.6, 0.75]}).to_csv(
+        workspace.input_frames("glove"), index=False
+    )
+    workspace.reports.mkdir()
+    counts_table().to_csv(workspace.reports / "counts.csv", index=False)
 
 
 def trained_rows(levels, first=2, form="trained"):
@@ -169,18 +169,18 @@ def counts_table(sp_resnet=30):
     return table.assign(experiment="glove")
 
 
-def run_render(experiment, settings, monkeypatch):
+def run_render(workspace, experiment, settings, monkeypatch):
     """What `python -m pipeline.stages.render <experiment>` does."""
-    monkeypatch.setattr(render.params, "load", lambda: {"experiments": [experiment], experiment: settings})
+    monkeypatch.setattr(render.params, "load", lambda _: {"experiments": [experiment], experiment: settings})
     monkeypatch.setattr(sys, "argv", ["render", experiment])
-    render.main()
-    return paths.REPORTS / experiment
+    render.main(workspace)
+    return workspace.reports / experiment
 
 
 @pytest.mark.slow
-def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, monkeypatch):
-    write_glove(settings)
-    target = run_render("glove", settings, monkeypatch)
+def test_glove_report_is_complete_and_its_tables_are_the_scores(workspace, root, settings, monkeypatch):
+    write_glove(workspace, settings)
+    target = run_render(workspace, "glove", settings, monkeypatch)
     first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
     drawn = [
         "figure7",
@@ -197,13 +197,13 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
         "accuracy/figure15.csv",
         *(f"accuracy/{name}.png" for name in drawn),
     }
-    latency = pd.read_csv(paths.latency("glove"))
+    latency = pd.read_csv(workspace.latency("glove"))
     latency[["p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms"]] *= 1.5
-    latency.to_csv(paths.latency("glove"), index=False)
-    run_render("glove", settings, monkeypatch)
+    latency.to_csv(workspace.latency("glove"), index=False)
+    run_render(workspace, "glove", settings, monkeypatch)
     assert {name for name in first if (target / name).read_bytes() != first[name]} == SPEED - {"speed/training.png"}
 
-    scores = pd.read_csv(paths.scores("glove"))
+    scores = pd.read_csv(workspace.scores("glove"))
     own = scores[(scores["model"] == "sp_resnet") & (scores["metric"] == "macro_precision")]
     values = 100 * own[own["protocol"] == "session_strain"]["value"]
     assert (values == 100).all()  # so that the interval is the exact binomial one of two runs out of two
@@ -238,16 +238,16 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
 
 
 @pytest.mark.slow
-def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatch):
-    write_glove(settings)
+def test_stag_is_drawn_where_there_is_a_file(workspace, root, settings, undrawn, monkeypatch):
+    write_glove(workspace, settings)
     levels = {"sp_resnet": np.linspace(0.6, 0.74, 8), "resnet3x3": np.linspace(0.5, 0.64, 8)}
     low = trained_rows({model: values - 0.3 for model, values in levels.items()}, 1, "mean")
     rows = pd.concat([trained_rows(levels, 1), low])
     rows.loc[(rows["model"] == "sp_resnet") & (rows["seed"] == 1), "value"] += 0.002
     half = student.ppf(0.975, 1) * 0.2 / 2  # of the differences, 10.0 and 10.2 points
-    rows.to_csv(paths.experiment_folder("glove") / "stag.csv", index=False)
-    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
-    target = run_render("glove", settings, monkeypatch)
+    rows.to_csv(workspace.experiment_folder("glove") / "stag.csv", index=False)
+    claim_inputs.rows(workspace, "glove", settings).to_csv(workspace.claim_inputs("glove"), index=False)
+    target = run_render(workspace, "glove", settings, monkeypatch)
     assert (target / "accuracy" / "figure15_stag.png").exists()
     readme = (target / "accuracy" / "README.md").read_text()
     line = "SP-ResNet is above ResNet_3x3 at every number of input frames, STAG data set"
@@ -255,18 +255,18 @@ def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatc
 
 
 @pytest.mark.slow
-def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
-    write_glove(settings)
-    scores = pd.read_csv(paths.scores("glove"))
+def test_a_failed_run_is_shown_as_failed(workspace, root, settings, undrawn, monkeypatch):
+    write_glove(workspace, settings)
+    scores = pd.read_csv(workspace.scores("glove"))
     scores.loc[(scores["model"] == "sp_resnet") & (scores["seed"] == 0), "value"] = np.nan
-    scores.to_csv(paths.scores("glove"), index=False)
-    path = paths.predictions("glove") / "sp_resnet.parquet"
+    scores.to_csv(workspace.scores("glove"), index=False)
+    path = workspace.predictions("glove") / "sp_resnet.parquet"
     data = pyarrow.parquet.read_table(path)
     predicted = schemas.matrix(data["prediction"]).copy()
     predicted[data["seed"].to_numpy() == 0] = np.nan
     data = data.set_column(3, "prediction", schemas.lists(predicted, pa.float32()))
     schemas.write(path, data.schema, [data])
-    target = run_render("glove", settings, monkeypatch)
+    target = run_render(workspace, "glove", settings, monkeypatch)
     (row,) = [line for line in (target / "accuracy" / "table1.md").read_text().splitlines() if "SP-ResNet  " in line][
         :1
     ]
@@ -283,48 +283,48 @@ def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
         (("augmentation.csv", "method", "B"), "no row for method B, protocol session_pressure, seed 0"),
     ],
 )
-def test_a_missing_row_is_named(root, settings, undrawn, monkeypatch, change, named):
-    write_glove(settings)
+def test_a_missing_row_is_named(workspace, root, settings, undrawn, monkeypatch, change, named):
+    write_glove(workspace, settings)
     name, column, value = change
-    path = paths.experiment_folder("glove") / name
+    path = workspace.experiment_folder("glove") / name
     rows = pd.read_csv(path)
     rows[rows[column] != value].to_csv(path, index=False)
     with pytest.raises(InputError, match=named):
-        run_render("glove", settings, monkeypatch)
+        run_render(workspace, "glove", settings, monkeypatch)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "missing", ["stag.csv", "augmentation.csv", "input_frames.csv", "predictions/resnet3x3.parquet"]
 )
-def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
-    write_glove(settings)
-    (paths.experiment_folder("glove") / missing).unlink()
+def test_a_missing_file_is_named(workspace, root, settings, undrawn, monkeypatch, missing):
+    write_glove(workspace, settings)
+    (workspace.experiment_folder("glove") / missing).unlink()
     with pytest.raises(InputError, match=f"data/glove/{missing}: not found"):
-        run_render("glove", settings, monkeypatch)
+        run_render(workspace, "glove", settings, monkeypatch)
 
 
 @pytest.mark.slow
-def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settings, undrawn, monkeypatch):
+def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(workspace, root, settings, undrawn, monkeypatch):
     titles = []
     monkeypatch.setattr(glove_report, "GRASPED", "telephone")
     monkeypatch.setattr(glove_figures, "tactile_images", lambda *given: titles.append(given[-1]))
-    write_glove(settings)
-    run_render("glove", settings, monkeypatch)
+    write_glove(workspace, settings)
+    run_render(workspace, "glove", settings, monkeypatch)
     assert titles == ["Figure 10: tactile images, empty bottle, session00"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("models", [["constant"], ["constant", "tree", "sp_resnet"]])
-def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
+def test_models_can_be_left_out(workspace, root, settings, undrawn, monkeypatch, models):
     settings["models"] = {model: MODELS[model] for model in models}
     settings["augmentation"]["model"] = models[-1]
     settings["augmentation"]["seeds"] = [0]
     for block in settings["protocols"].values():
         block["seeds"] = [0]
-    write_glove(settings)
-    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
-    target = run_render("glove", settings, monkeypatch)
+    write_glove(workspace, settings)
+    claim_inputs.rows(workspace, "glove", settings).to_csv(workspace.claim_inputs("glove"), index=False)
+    target = run_render(workspace, "glove", settings, monkeypatch)
     readme = (target / "accuracy" / "README.md").read_text()
     assert (
         "there is no macro_precision of ResNet-18 (session_combined, combined) in glove" in readme
@@ -336,7 +336,7 @@ def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
         assert "by session and" in readme and "reproduced." not in readme.split("## Confusions")[0]  # one seed
 
 
-def written_scores(settings, values):
+def written_scores(workspace, settings, values):
     """(scores, main protocols); values: (protocol, model) -> fraction a seed, 0.5 where it is not given."""
     rows = [
         ("glove", p, images.modality(p), model, seed, metric, "1", values.get((p, model), [0.5, 0.5])[seed], 9)
@@ -344,19 +344,19 @@ def written_scores(settings, values):
         for model in settings["models"]
         for metric in glove_report.METRICS
     ]
-    paths.scores("glove").parent.mkdir(parents=True)
-    pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove"), index=False)
-    return results.Scores("glove", settings), glove_results.main_protocols(settings)
+    workspace.scores("glove").parent.mkdir(parents=True)
+    pd.DataFrame(rows, columns=COLUMNS).to_csv(workspace.scores("glove"), index=False)
+    return results.Scores(workspace, "glove", settings), glove_results.main_protocols(settings)
 
 
-def test_fusion_and_the_place_of_sp_resnet_are_compared_by_seed(root, settings):
+def test_fusion_and_the_place_of_sp_resnet_are_compared_by_seed(workspace, root, settings):
     values = {
         ("session_pressure", "sp_resnet"): [0.90, 0.891],
         ("session_strain", "sp_resnet"): [0.7, 0.8],
         ("session_combined", "sp_resnet"): [0.95, 0.942],
         ("session_combined", "resnet18"): [0.97, 0.96],
     }
-    scores, protocols = written_scores(settings, values)
+    scores, protocols = written_scores(workspace, settings, values)
     (line,) = glove_report.fusion_sentences(scores, settings, protocols)
     assert "SP-ResNet 5.05 [4.41, 5.69] (paper: 4.33)" in line and "Naive Bayes 0.00 (paper: -3.69)" in line
     (line,) = glove_report.place_sentences(scores, settings, protocols["combined"])
@@ -365,13 +365,13 @@ def test_fusion_and_the_place_of_sp_resnet_are_compared_by_seed(root, settings):
 
 
 @pytest.mark.slow
-def test_verdicts_of_the_report_are_those_of_the_claims(root, settings, undrawn, monkeypatch):
-    write_glove(settings)
-    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
-    target = run_render("glove", settings, monkeypatch)
-    claims = [claim for claim in entries.read()[0] if claim.experiment == "glove"]
-    results = evidence.read(evidence.of_experiment("glove"))
-    rows = judge.table(claims, evidence.Evidence(results, {"glove": settings}))
+def test_verdicts_of_the_report_are_those_of_the_claims(workspace, root, settings, undrawn, monkeypatch):
+    write_glove(workspace, settings)
+    claim_inputs.rows(workspace, "glove", settings).to_csv(workspace.claim_inputs("glove"), index=False)
+    target = run_render(workspace, "glove", settings, monkeypatch)
+    claims = [claim for claim in entries.read(workspace)[0] if claim.experiment == "glove"]
+    results = evidence.read(evidence.of_experiment(workspace, "glove"))
+    rows = judge.table(claims, evidence.Evidence(workspace, results, {"glove": settings}))
     lines = {claim_sentence(row) for row in rows.itertuples()}
     readme = (target / "accuracy" / "README.md").read_text()
     judged = {line for line in readme.splitlines() if line.startswith("- ") and JUDGED.search(line)}
@@ -381,12 +381,12 @@ def test_verdicts_of_the_report_are_those_of_the_claims(root, settings, undrawn,
     }
 
 
-def test_best_order_and_optimism_follow_the_scores(root, settings):
+def test_best_order_and_optimism_follow_the_scores(workspace, root, settings):
     levels = {"naive_bayes": 0.9, "tree": 0.3, "resnet18": 0.8, "mobilenet": 0.7, "resnet3x3": 0.6, "sp_resnet": 0.65}
     values = {("session_strain", model): [level, level + 0.01] for model, level in levels.items()}
     values |= {("random_frames_strain", model): [level + 0.05] for model, level in levels.items()}
     values["random_frames_strain", "tree"] = [0.9]
-    scores, protocols = written_scores(settings, values)
+    scores, protocols = written_scores(workspace, settings, values)
     strain = [
         line
         for found in (
@@ -470,10 +470,10 @@ def test_the_lead_is_said_at_every_number_of_frames():
     assert glove_report.frames_sentences("STAG", table.iloc[:0]) == []
 
 
-def test_figure_15_has_both_forms_and_networks_of_several_frames_begin_with_one(root, settings):
-    write_glove(settings)
-    table = results.read_windows("glove")
-    both = glove_results.read_frames(table, "combined", settings, ["sp_resnet"])
+def test_figure_15_has_both_forms_and_networks_of_several_frames_begin_with_one(workspace, root, settings):
+    write_glove(workspace, settings)
+    table = results.read_windows(workspace, "glove")
+    both = glove_results.read_frames(workspace, table, "combined", settings, ["sp_resnet"])
     assert set(both["model"]) == {"sp_resnet"}
     trained, mean = (both[both["form"] == form].drop(columns="form") for form in ("trained", "mean"))
     assert sorted(set(trained["frames"])) == sorted(set(mean["frames"])) == [1, 2, 3]
@@ -482,20 +482,20 @@ def test_figure_15_has_both_forms_and_networks_of_several_frames_begin_with_one(
     assert len(first[0]) == 4 and first[0].equals(first[1])
     several = trained.set_index(key)["value"]
     assert several["sp_resnet", 1, 3, "macro_precision"] == pytest.approx(0.81)
-    assert set(glove_results.read_frames(table, "pressure", settings, ["sp_resnet"])["form"]) == {"mean"}
+    assert set(glove_results.read_frames(workspace, table, "pressure", settings, ["sp_resnet"])["form"]) == {"mean"}
     # A network of one frame that was trained for the figure stands there itself, and nobody else's seeds do.
-    trained_rows({"sp_resnet": [0.4, 0.7]}, 1).query("seed == 0").to_csv(paths.input_frames("glove"), index=False)
-    both = glove_results.read_frames(table, "combined", settings, ["sp_resnet"])
+    trained_rows({"sp_resnet": [0.4, 0.7]}, 1).query("seed == 0").to_csv(workspace.input_frames("glove"), index=False)
+    both = glove_results.read_frames(workspace, table, "combined", settings, ["sp_resnet"])
     own = both[(both["form"] == "trained") & (both["metric"] == "accuracy")]
     assert own[["seed", "frames", "value"]].values.tolist() == [[0, 1, 0.4], [0, 2, 0.7]]
 
 
-def test_scores_by_frames_are_those_of_the_mean_answer(root, settings):
-    write_glove(settings)
-    table = results.read_windows("glove")
-    found = glove_results.scores_by_frames(table, "session_combined", settings, ["sp_resnet"])
+def test_scores_by_frames_are_those_of_the_mean_answer(workspace, root, settings):
+    write_glove(workspace, settings)
+    table = results.read_windows(workspace, "glove")
+    found = glove_results.scores_by_frames(workspace, table, "session_combined", settings, ["sp_resnet"])
     assert sorted(set(found["frames"])) == [1, 2, 3]  # sessions have three images
-    predicted = results.read_predictions("glove", "sp_resnet", "session_combined", 1, table)
+    predicted = results.read_predictions(workspace, "glove", "sp_resnet", "session_combined", 1, table)
     test = np.isfinite(predicted).all(axis=1)
     means = predicted[test].reshape(-1, IMAGES, len(OBJECTS)).mean(axis=1)
     truth = np.eye(len(OBJECTS))[table["label"].to_numpy()[test][::IMAGES]]
@@ -509,22 +509,22 @@ def recorded(settings):
     """The block `glove_recorded` of params.yaml, made small."""
     protocols = {f"grasp_{d}": {"seeds": [0, 1]} for d in images.MODALITIES}
     protocols |= {f"time_{d}": {"seeds": [0]} for d in images.MODALITIES}
-    return load()["glove_recorded"] | {"latency": LATENCY, "models": MODELS, "protocols": protocols}
+    return load(ROOT / "params.yaml")["glove_recorded"] | {"latency": LATENCY, "models": MODELS, "protocols": protocols}
 
 
-def write_probe(level):
+def write_probe(workspace, level):
     """Accuracy of two inputs for two seeds; `level`: of the joints that never move."""
     levels = {"all": 0.98, "still": level}
     rows = [(name, seed, "accuracy", "1", value, 9) for name, value in levels.items() for seed in (0, 1)]
     names = ["input", "seed", "metric", "unit", "value", "n"]
-    pd.DataFrame(rows, columns=names).to_csv(paths.probe("glove_recorded"), index=False)
+    pd.DataFrame(rows, columns=names).to_csv(workspace.probe("glove_recorded"), index=False)
 
 
 @pytest.mark.slow
-def test_recorded_report(root, recorded, monkeypatch):
-    write_experiment("glove_recorded", recorded)
-    write_probe(0.8)
-    target = run_render("glove_recorded", recorded, monkeypatch)
+def test_recorded_report(workspace, root, recorded, monkeypatch):
+    write_experiment(workspace, "glove_recorded", recorded)
+    write_probe(workspace, 0.8)
+    target = run_render(workspace, "glove_recorded", recorded, monkeypatch)
     found = {path.relative_to(target).as_posix() for path in target.rglob("*.*")}
     drawn = {f"accuracy/confusion_{d}.png" for d in images.MODALITIES} | {"accuracy/learning_curves.png"}
     written = {f"accuracy/{name}" for name in ("README.md", "table.csv", "table.md")}
@@ -547,7 +547,7 @@ def test_recorded_report(root, recorded, monkeypatch):
         ),
     ],
 )
-def test_recorded_verdicts(root, recorded, pressure, combined, words):
+def test_recorded_verdicts(workspace, root, recorded, pressure, combined, words):
     levels = {"grasp_pressure": pressure, "grasp_strain": (0.90, 0.91), "grasp_combined": combined}
     rows = [
         ("glove_recorded", p, images.modality(p), model, seed, metric, "1",
@@ -556,16 +556,18 @@ def test_recorded_verdicts(root, recorded, pressure, combined, words):
         for model in MODELS
         for metric in glove_report.METRICS
     ]  # fmt: skip
-    paths.scores("glove_recorded").parent.mkdir(parents=True)
-    pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove_recorded"), index=False)
-    scores = results.Scores("glove_recorded", recorded)
+    workspace.scores("glove_recorded").parent.mkdir(parents=True)
+    pd.DataFrame(rows, columns=COLUMNS).to_csv(workspace.scores("glove_recorded"), index=False)
+    scores = results.Scores(workspace, "glove_recorded", recorded)
     best = glove_recorded_report.best_networks(scores, recorded)
     assert set(best.values()) == {"sp_resnet"}
     (alone,) = glove_recorded_report.pressure_sentences(scores, best, "grasp")
     (fusion,) = glove_recorded_report.fusion_sentences(scores, best, "grasp")
     assert words[0] in alone and words[1] in fusion
-    write_probe(0.625)
-    reached, leak = glove_recorded_report.leak_sentences(scores, best, "grasp", glove_recorded_report.read_probe())
+    write_probe(workspace, 0.625)
+    reached, leak = glove_recorded_report.leak_sentences(
+        scores, best, "grasp", glove_recorded_report.read_probe(workspace)
+    )
     assert f"missed by {98 - 50 * sum(combined):.1f} points" in reached
     assert "all 98.0 %; still 62.5 %" in leak
 

@@ -14,10 +14,10 @@ NAMES = (*own_logs.NAMES, "``x`", "&amp;", "~~a~~ **b** __c__", "<script>alert(1
 
 @pytest.mark.parametrize("name", NAMES, ids=ascii)
 @pytest.mark.parametrize("shown", [markdown.literal, markdown.code])
-def test_a_name_in_a_table_is_shown_as_it_is(shown, name):
+def test_a_name_in_a_table_is_shown_as_it_is(workspace, shown, name):
     text = markdown.table(["Model", shown(name), "other"], [["LoMP", "1", "2"], [shown(name), "3", "4"]])
     assert len({len(line) for line in text.splitlines()}) == 1
-    html = Pages(()).render(text, "", 1, "Table")
+    html = Pages(workspace, ()).render(text, "", 1, "Table")
     assert html.count("<table") == 1 and "<script" not in html
     head = re.findall("<th[^>]*>(.*?)</th>", html)
     first = re.findall("<tr>\\s*<td[^>]*>(.*?)</td>", html)
@@ -26,6 +26,6 @@ def test_a_name_in_a_table_is_shown_as_it_is(shown, name):
 
 
 @pytest.mark.parametrize("name", NAMES, ids=ascii)
-def test_a_name_in_a_sentence_is_shown_as_it_is(name):
-    html = Pages(()).render(f"- Object {markdown.literal(name)} and {markdown.code(name)}.", "", 1, "")
+def test_a_name_in_a_sentence_is_shown_as_it_is(workspace, name):
+    html = Pages(workspace, ()).render(f"- Object {markdown.literal(name)} and {markdown.code(name)}.", "", 1, "")
     assert f"Object {escape(name)} and <code>{escape(name)}</code>." in html

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
@@ -53,9 +52,8 @@ def test_times_that_overlap_are_equal():
 
 
 @pytest.fixture
-def measured(tmp_path, monkeypatch):
+def measured(workspace, tmp_path, monkeypatch):
     """(settings, scores, latency) of three models, two conditions with a split each; `bad` has one failed run."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
     settings = {
         "models": {"constant": {}, "tree": {}, "cnn": {}},
         "protocols": {"session_strain": {"seeds": [0, 1]}, "session_pressure": {"seeds": [0, 1]}},
@@ -69,14 +67,14 @@ def measured(tmp_path, monkeypatch):
         for seed in (0, 1)
     ]
     names = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    for path in (paths.latency("glove"), paths.training_times("glove", "any")):
+    for path in (workspace.latency("glove"), workspace.training_times("glove", "any")):
         path.parent.mkdir(parents=True)
-    pd.DataFrame(rows, columns=names).to_csv(paths.scores("glove"), index=False)
+    pd.DataFrame(rows, columns=names).to_csv(workspace.scores("glove"), index=False)
     for place, model in enumerate(right):
         taken = [("session_strain", 0, 1.0 + place), ("session_strain", 1, 3.0 + place)]
         taken += [("session_pressure", seed, 10.0 + place) for seed in (0, 1)]
         times = pd.DataFrame(taken, columns=["protocol", "seed", "train_s"])
-        times.to_csv(paths.training_times("glove", model), index=False)
+        times.to_csv(workspace.training_times("glove", model), index=False)
     latency = {
         (model, batch): {"threads": 1, "p50_ms": (1 + place) * batch / 2, "p95_ms": 9.0 * batch, "params": 10**place}
         | {"p50_low_ms": (0.9 + place) * batch / 2, "p50_high_ms": (1.1 + place) * batch / 2}
@@ -84,16 +82,16 @@ def measured(tmp_path, monkeypatch):
         for place, model in enumerate(right)
         for batch in (1, 256)
     }
-    return settings, results.Scores("glove", settings), latency
+    return settings, results.Scores(workspace, "glove", settings), latency
 
 
 PANELS = {"strain": ("session_strain", "strain"), "pressure": ("session_pressure", "pressure")}
 WRONG = ("accuracy", "Images classified incorrectly (%)")
 
 
-def test_table_holds_what_was_measured(measured):
+def test_table_holds_what_was_measured(workspace, measured):
     settings, scores, latency = measured
-    found = speed_report.speed_table(scores, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
+    found = speed_report.speed_table(workspace, scores, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
     tree = found.loc["strain", "tree"]
     assert tree["error"] == pytest.approx(40) and tree["low"] < 40 < tree["high"]
     assert tree["predictions_per_s"] == pytest.approx(1000) and tree["p50_ms"] == 1.0
@@ -105,9 +103,11 @@ def test_table_holds_what_was_measured(measured):
     assert found["training_front"].to_numpy().reshape(2, 3).tolist() == [[0, 1, 0], [1, 1, 0]]
 
 
-def test_text_says_failed_and_names_the_fronts(measured):
+def test_text_says_failed_and_names_the_fronts(workspace, measured):
     settings, scores, latency = measured
-    text = speed_report.speed_text(speed_report.speed_table(scores, settings, latency, PANELS, WRONG), 7, "A note.")
+    text = speed_report.speed_text(
+        speed_report.speed_table(workspace, scores, settings, latency, PANELS, WRONG), 7, "A note."
+    )
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
     (cnn,) = [row for row in rows if row[0] == "CNN"]
     assert cnn[1] == cnn[2] == "failed (1 of 2 runs); others 10.00" and cnn[-2:] == ["no", "no"]
@@ -121,16 +121,16 @@ def test_text_says_failed_and_names_the_fronts(measured):
 @pytest.mark.parametrize(
     ("spoilt", "words"), [("time", "tree has no p50_ms"), ("training", "tree has no train_s .* session_pressure")]
 )
-def test_a_model_without_a_time_is_named(measured, spoilt, words):
+def test_a_model_without_a_time_is_named(workspace, measured, spoilt, words):
     settings, scores, latency = measured
     if spoilt == "time":
         latency["tree", 1]["p50_ms"] = 0.0
     else:
-        path = paths.training_times("glove", "tree")
+        path = workspace.training_times("glove", "tree")
         times = pd.read_csv(path)
         times[times["protocol"] != "session_pressure"].to_csv(path, index=False)
     with pytest.raises(InputError, match=words):
-        speed_report.speed_table(scores, settings, latency, PANELS, WRONG)
+        speed_report.speed_table(workspace, scores, settings, latency, PANELS, WRONG)
 
 
 def drawable(panels):

@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.reporting.figures import style
 from pipeline.reporting.verdicts import stability as stability_verdicts
@@ -72,26 +73,24 @@ def test_severities_are_walked_outwards_from_0_or_as_listed():
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
+def root(workspace, tmp_path, monkeypatch):
     """A project with a trained `touch`, whose stress.csv is ERRORS, and no other experiment."""
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["experiments"] = ["touch", "velostat_recorded"]
     values["touch"] |= {"models": MODELS, "protocols": {"press": {"seeds": [0, 1]}}}
     values["stress"]["touch"] |= {"protocols": ["press"], "usable": {"press": 5.5}}
     text = json.dumps(values)
-    monkeypatch.setattr(params, "load", lambda: json.loads(text))
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
+    monkeypatch.setattr(params, "load", lambda _: json.loads(text))
     for experiment, report in (
         ("touch", '{"run": true}'),
         ("velostat_recorded", '{"run": false, "reason": "no logs"}'),
     ):
-        paths.experiment_folder(experiment).mkdir(parents=True)
-        paths.ingest_report(experiment).write_text(report)
+        workspace.experiment_folder(experiment).mkdir(parents=True)
+        workspace.ingest_report(experiment).write_text(report)
     scores, rows = [], []
     for model, own in ERRORS.items():
         for seed in (0, 1):
-            folder = paths.run_folder("touch", model, "press", seed)
+            folder = workspace.run_folder("touch", model, "press", seed)
             folder.mkdir(parents=True)
             reason = "diverged" if (model, seed) == ("linear", 1) else "closed_form"
             fit = {
@@ -113,18 +112,18 @@ def root(tmp_path, monkeypatch):
                     key = ("touch", "press", condition, model, seed, name, severity)
                     rows.append((*key, "rmse", "kPa", error + 0.01 * seed, 5))
     columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    pd.DataFrame(scores, columns=columns).to_csv(paths.scores("touch"), index=False)
+    pd.DataFrame(scores, columns=columns).to_csv(workspace.scores("touch"), index=False)
     columns[5:5] = ["perturbation", "severity"]
-    pd.DataFrame(rows, columns=columns).to_csv(paths.stress("touch"), index=False)
-    pd.DataFrame([], columns=columns).to_csv(paths.stress("velostat_recorded"), index=False)
+    pd.DataFrame(rows, columns=columns).to_csv(workspace.stress("touch"), index=False)
+    pd.DataFrame([], columns=columns).to_csv(workspace.stress("velostat_recorded"), index=False)
     monkeypatch.setattr("sys.argv", ["render_stability"])
     return tmp_path
 
 
 @pytest.mark.slow
-def test_the_report_says_who_fails_where(root):
-    render_stability.main()
-    folder = paths.REPORTS / "stability"
+def test_the_report_says_who_fails_where(workspace, root):
+    render_stability.main(workspace)
+    folder = workspace.reports / "stability"
     table = pd.read_csv(folder / "failures.csv").set_index(["perturbation", "model"])
     assert table.loc[("noise", "linear"), "fails_at"] == 0.2 and table.loc[("noise", "lomp"), "verdict"] == HOLDS
     assert table.loc[("press_speed", "linear"), "verdict"] == "worse than constant"
@@ -155,49 +154,49 @@ def test_the_report_says_who_fails_where(root):
 
 
 @pytest.mark.slow
-def test_the_report_is_the_same_in_every_run(root):
+def test_the_report_is_the_same_in_every_run(workspace, root):
     def content():
-        render_stability.main()
-        return {path.name: path.read_bytes() for path in (paths.REPORTS / "stability").iterdir()}
+        render_stability.main(workspace)
+        return {path.name: path.read_bytes() for path in (workspace.reports / "stability").iterdir()}
 
     assert content() == content()
 
 
 @pytest.mark.slow
-def test_a_failed_run_is_named(root, monkeypatch):
+def test_a_failed_run_is_named(workspace, root, monkeypatch):
     legends = []
     monkeypatch.setattr(style, "save", lambda figure, path: legends.extend(own.get_texts() for own in figure.legends))
-    table = pd.read_csv(paths.stress("touch"))
+    table = pd.read_csv(workspace.stress("touch"))
     table.loc[(table.model == "linear") & (table.seed == 1), "value"] = np.nan
-    table.to_csv(paths.stress("touch"), index=False)
-    render_stability.main()
-    assert "Failed in training, not judged: Linear." in (paths.REPORTS / "stability" / "README.md").read_text()
+    table.to_csv(workspace.stress("touch"), index=False)
+    render_stability.main(workspace)
+    assert "Failed in training, not judged: Linear." in (workspace.reports / "stability" / "README.md").read_text()
     assert legends
     for legend in legends:
         names = [text.get_text() for text in legend]
         assert "Linear: failed (1 of 2 runs)" in names and "LoMP" in names
 
 
-def test_a_missing_row_is_refused(root):
-    table = pd.read_csv(paths.stress("touch"))
+def test_a_missing_row_is_refused(workspace, root):
+    table = pd.read_csv(workspace.stress("touch"))
     table.drop(index=table[(table.model == "lomp") & (table.severity == 0.1)].index[:1]).to_csv(
-        paths.stress("touch"), index=False
+        workspace.stress("touch"), index=False
     )
     with pytest.raises(InputError, match="no row for .*perturbation noise, severity 0.1, model lomp, seed 0; run"):
-        render_stability.main()
+        render_stability.main(workspace)
 
 
-def test_a_repeated_row_is_refused(root):
-    table = pd.read_csv(paths.stress("touch"))
-    pd.concat([table, table.tail(1)]).to_csv(paths.stress("touch"), index=False)
+def test_a_repeated_row_is_refused(workspace, root):
+    table = pd.read_csv(workspace.stress("touch"))
+    pd.concat([table, table.tail(1)]).to_csv(workspace.stress("touch"), index=False)
     with pytest.raises(InputError, match="two rows for protocol press, condition several, perturbation distance"):
-        render_stability.main()
+        render_stability.main(workspace)
 
 
-def test_stress_of_all_experiments_is_one_file_with_the_agreed_columns(root):
-    target = paths.REPORTS / "stress.csv"
-    collect.collect({name: paths.stress(name) for name in ("touch", "velostat_recorded")}, target, collect.STRESS)
+def test_stress_of_all_experiments_is_one_file_with_the_agreed_columns(workspace, root):
+    target = workspace.reports / "stress.csv"
+    collect.collect({name: workspace.stress(name) for name in ("touch", "velostat_recorded")}, target, collect.STRESS)
     found = pd.read_csv(target)
     first = ["experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value"]
     assert list(found.columns) == [*first, "protocol", "condition", "n"]
-    assert found.value.sum() == pytest.approx(pd.read_csv(paths.stress("touch")).value.sum())
+    assert found.value.sum() == pytest.approx(pd.read_csv(workspace.stress("touch")).value.sum())

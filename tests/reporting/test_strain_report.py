@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.base import paths
 from pipeline.reporting import strain as strain_report
 from pipeline.reporting import strain_recorded as strain_recorded_report
 from pipeline.scoring import published, results, strain_results
@@ -13,15 +12,14 @@ MODELS = {"constant": {}, "press_difference": {}, "lstm_direct": {}, "lstm_highp
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    return tmp_path
+def root(workspace):
+    return workspace.root
 
 
-def write_scores(experiment, rows):
+def write_scores(workspace, experiment, rows):
     columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    paths.scores(experiment).parent.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(rows, columns=columns).to_csv(paths.scores(experiment), index=False)
+    workspace.scores(experiment).parent.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame(rows, columns=columns).to_csv(workspace.scores(experiment), index=False)
 
 
 def recorded(highpass):
@@ -42,10 +40,12 @@ def recorded(highpass):
         (0.87, ["0.030 below 0.90", "above 0.85 in both"]),
     ],
 )
-def test_the_best_model_is_held_against_the_target_and_called_exploratory_where_it_was_chosen(root, level, words):
+def test_the_best_model_is_held_against_the_target_and_called_exploratory_where_it_was_chosen(
+    workspace, root, level, words
+):
     settings = {"protocols": {p: {"seeds": [0]} for p in ("within_day_xy", "across_days_xy")}, "models": MODELS}
-    write_scores("strain_recorded", recorded(level))
-    scores = results.Scores("strain_recorded", settings)
+    write_scores(workspace, "strain_recorded", recorded(level))
+    scores = results.Scores(workspace, "strain_recorded", settings)
     tested = {"within_day_xy": "day_1", "across_days_xy": "day_2"}
     text = strain_recorded_report.findings(scores, settings, tested, {"figure": "What it shows."})
     assert "- [figure.png](figure.png): What it shows." in text

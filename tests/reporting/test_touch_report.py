@@ -11,8 +11,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import load
 from pipeline.datasets import labels, schemas
@@ -32,7 +32,7 @@ LATENCY = {"batches": [1, 4], "threads": 1, "warm_up": 1, "calls": 5, "rounds": 
 @pytest.fixture
 def settings():
     """The block `touch` of params.yaml, made small."""
-    block = load()["touch"]
+    block = load(ROOT / "params.yaml")["touch"]
     block |= {"sensor": SENSOR, "label": LABEL, "latency": LATENCY}
     block["window"] = block["window"] | {"frames": FRAMES}
     block["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0], "passes": 2}}
@@ -53,17 +53,15 @@ def settings():
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
-    return tmp_path
+def root(workspace):
+    return workspace.root
 
 
 def runs(settings):
     return [(name, seed) for name, block in settings["protocols"].items() for seed in block["seeds"]]
 
 
-def write_touch(settings):
+def write_touch(workspace, settings):
     """Every file that the stages before `render` leave, with 12 windows a condition."""
     rng = np.random.default_rng(0)
     conditions = {"single": 1, "double": 2, "three": 3, "slide": 2, "tape": 5}
@@ -92,7 +90,7 @@ def write_touch(settings):
         )
         for name in conditions
     ]
-    schemas.write(paths.frames("touch"), schema, frames)
+    schemas.write(workspace.frames("touch"), schema, frames)
     truth = labels.pressure_maps(labels.pressure_kpa(force, 6.0), x, y, SENSOR, LABEL).reshape(n, -1)
     columns = {
         "condition": pa.array(names.tolist()).dictionary_encode(),
@@ -108,7 +106,7 @@ def write_touch(settings):
     for protocol, seed in runs(settings):
         columns[schemas.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
     data = pa.table(columns)
-    schemas.write(paths.dataset("touch"), data.schema, [data])
+    schemas.write(workspace.dataset("touch"), data.schema, [data])
 
     test = np.flatnonzero(part == "test")
     scores, speed = [], []
@@ -121,12 +119,12 @@ def write_touch(settings):
                 value = (10.0 * (4 - place) + seed) * (1 if condition == "single" else 10)
                 for metric, unit in touch_report.UNITS.items():
                     scores.append(("touch", protocol, condition, model, seed, metric, unit, value, 12))
-            write_fit("touch", model, protocol, seed, settings["models"][model])
-        schemas.write(paths.predictions("touch") / f"{model}.parquet", parts[0].schema, parts)
+            write_fit(workspace, "touch", model, protocol, seed, settings["models"][model])
+        schemas.write(workspace.predictions("touch") / f"{model}.parquet", parts[0].schema, parts)
         for batch in LATENCY["batches"]:
             macs = None if model == "linear" else 1234
             speed.append(("touch", model, batch, 1, *(t * batch for t in (0.5, 0.4, 0.6, 0.75)), 12345, macs, 6.5, 999))
-    write_tables("touch", scores, speed)
+    write_tables(workspace, "touch", scores, speed)
     levels = {"lomp_half": 20.0, "lomp_alpha_0": 30.0, "linear_1_frame": 93.0}
     ablated = [
         (name, "press", condition, seed, "rmse", "kPa", level + seed * (1 if name == "lomp_half" else 2), 12)
@@ -135,12 +133,12 @@ def write_touch(settings):
         for seed in settings["ablation"].get(name, {"seeds": []})["seeds"]
     ]
     columns = ["row", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
-    pd.DataFrame(ablated, columns=columns).to_csv(paths.ablation("touch"), index=False)
-    paths.ingest_report("touch").write_text('{"run": true}')
+    pd.DataFrame(ablated, columns=columns).to_csv(workspace.ablation("touch"), index=False)
+    workspace.ingest_report("touch").write_text('{"run": true}')
 
 
-def write_fit(experiment, model, protocol, seed, block):
-    folder = paths.run_folder(experiment, model, protocol, seed)
+def write_fit(workspace, experiment, model, protocol, seed, block):
+    folder = workspace.run_folder(experiment, model, protocol, seed)
     folder.mkdir(parents=True)
     epochs = block["training"]["epochs"] if "training" in block else 1
     reason = "closed_form" if epochs == 1 else ("completed" if seed == 0 else "diverged")
@@ -163,40 +161,40 @@ def write_fit(experiment, model, protocol, seed, block):
     (folder / "fit.json").write_text(json.dumps(fit))
 
 
-def write_tables(experiment, scores, speed):
+def write_tables(workspace, experiment, scores, speed):
     columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    pd.DataFrame(scores, columns=columns).to_csv(paths.scores(experiment), index=False)
+    pd.DataFrame(scores, columns=columns).to_csv(workspace.scores(experiment), index=False)
     columns = ["experiment", "model", "batch", "threads", "p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms", "params"]
     columns += ["macs", "train_s"]
-    for path in (paths.latency(experiment), paths.training_times(experiment, "any")):
+    for path in (workspace.latency(experiment), workspace.training_times(experiment, "any")):
         path.parent.mkdir(exist_ok=True)
-    pd.DataFrame(speed, columns=[*columns, "size_bytes"]).to_csv(paths.latency(experiment), index=False)
+    pd.DataFrame(speed, columns=[*columns, "size_bytes"]).to_csv(workspace.latency(experiment), index=False)
     protocols = sorted({(row[1], row[4]) for row in scores})
     for model in {row[1] for row in speed}:
         times = pd.DataFrame([(*run, 6.5) for run in protocols], columns=["protocol", "seed", "train_s"])
-        times.to_csv(paths.training_times(experiment, model), index=False)
+        times.to_csv(workspace.training_times(experiment, model), index=False)
 
 
-def run_render(experiment, settings, monkeypatch):
+def run_render(workspace, experiment, settings, monkeypatch):
     """What `python -m pipeline.stages.render <experiment>` does."""
     values = {"experiments": ["touch", "velostat_recorded"], experiment: settings}
-    monkeypatch.setattr(render.params, "load", lambda: values)
+    monkeypatch.setattr(render.params, "load", lambda _: values)
     monkeypatch.setattr(sys, "argv", ["render", experiment])
-    render.main()
-    return paths.REPORTS / experiment
+    render.main(workspace)
+    return workspace.reports / experiment
 
 
-def change_scores(experiment, change):
-    scores = pd.read_csv(paths.scores(experiment))
-    change(scores).to_csv(paths.scores(experiment), index=False)
+def change_scores(workspace, experiment, change):
+    scores = pd.read_csv(workspace.scores(experiment))
+    change(scores).to_csv(workspace.scores(experiment), index=False)
 
 
 @pytest.mark.slow
-def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monkeypatch):
-    write_touch(settings)
+def test_touch_report_is_complete_and_repeats_byte_for_byte(workspace, root, settings, monkeypatch):
+    write_touch(workspace, settings)
     (root / "reports" / "touch").mkdir(parents=True)
     (root / "reports" / "touch" / "stale.md").write_text("of a model that was removed")
-    target = run_render("touch", settings, monkeypatch)
+    target = run_render(workspace, "touch", settings, monkeypatch)
     first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
     figures = [f"figure{k}.png" for k in ("2b", 4, 5, 6, 7, 8)]
     assert set(first) == {
@@ -208,10 +206,10 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
         *(f"accuracy/{name}" for name in figures),
         *SPEED,
     }
-    latency = pd.read_csv(paths.latency("touch"))
+    latency = pd.read_csv(workspace.latency("touch"))
     latency[["p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms"]] *= 1.5
-    latency.to_csv(paths.latency("touch"), index=False)
-    run_render("touch", settings, monkeypatch)
+    latency.to_csv(workspace.latency("touch"), index=False)
+    run_render(workspace, "touch", settings, monkeypatch)
     changed = {name for name in first if (target / name).read_bytes() != first[name]}
     assert changed == SPEED - {"speed/training.png"}
 
@@ -259,11 +257,11 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
 )
 @pytest.mark.slow
 def test_the_report_has_the_verdict_of_the_claims_on_double_touch(
-    root, settings, undrawn, monkeypatch, levels, verdict
+    workspace, root, settings, undrawn, monkeypatch, levels, verdict
 ):
     """The committed models, most of which this file's reports leave out."""
-    settings["models"] = load()["touch"]["models"]
-    write_touch(settings)
+    settings["models"] = load(ROOT / "params.yaml")["touch"]["models"]
+    write_touch(workspace, settings)
 
     def changed(scores):
         for model, level in levels.items():
@@ -274,28 +272,28 @@ def test_the_report_has_the_verdict_of_the_claims_on_double_touch(
         scores.loc[others & (scores["metric"] == "rmse"), "value"] = 9.0
         return scores
 
-    change_scores("touch", changed)
-    readme = (run_render("touch", settings, monkeypatch) / "accuracy" / "README.md").read_text()
+    change_scores(workspace, "touch", changed)
+    readme = (run_render(workspace, "touch", settings, monkeypatch) / "accuracy" / "README.md").read_text()
     (line,) = [line for line in readme.splitlines() if line.startswith("- LoMP, fitted to single touches alone")]
     assert line.endswith(f": {verdict}.")
 
 
 @pytest.mark.slow
-def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, undrawn, monkeypatch):
-    write_touch(settings)
+def test_a_failed_run_is_shown_as_failed_everywhere(workspace, root, settings, undrawn, monkeypatch):
+    write_touch(workspace, settings)
 
     def failed(scores):
         gone = (scores["model"] == "lomp") & (scores["seed"] == 0) & (scores["metric"] == "rmse")
         scores.loc[gone, "value"] = np.nan
         return scores
 
-    change_scores("touch", failed)
-    path = paths.predictions("touch") / "lomp.parquet"
+    change_scores(workspace, "touch", failed)
+    path = workspace.predictions("touch") / "lomp.parquet"
     data = pyarrow.parquet.read_table(path)
     nothing = schemas.lists(np.full((data.num_rows, 144), np.nan), pa.float32())
     data = data.set_column(data.schema.get_field_index("prediction"), "prediction", nothing)
     schemas.write(path, data.schema, [data])
-    target = run_render("touch", settings, monkeypatch)
+    target = run_render(workspace, "touch", settings, monkeypatch)
     rows = [line for line in (target / "accuracy" / "table1.md").read_text().splitlines() if line.startswith("| LoMP")]
     # every metric of the press split, although only RMSE is NaN in the file; then the other split's one run
     assert rows[0].count("failed (1 of 2 runs); others 11.00") == 1
@@ -313,12 +311,12 @@ def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, undrawn, mon
         ({"model": "constant"}, "model constant"),
     ],
 )
-def test_a_missing_score_is_named(root, settings, undrawn, monkeypatch, drop, named):
-    write_touch(settings)
-    change_scores("touch", lambda s: s[~(s[list(drop)] == pd.Series(drop)).all(axis=1)])
+def test_a_missing_score_is_named(workspace, root, settings, undrawn, monkeypatch, drop, named):
+    write_touch(workspace, settings)
+    change_scores(workspace, "touch", lambda s: s[~(s[list(drop)] == pd.Series(drop)).all(axis=1)])
     with pytest.raises(InputError, match=named):
-        run_render("touch", settings, monkeypatch)
-    assert not (paths.REPORTS / "touch").exists()
+        run_render(workspace, "touch", settings, monkeypatch)
+    assert not (workspace.reports / "touch").exists()
 
 
 @pytest.mark.parametrize(
@@ -333,40 +331,40 @@ def test_a_missing_score_is_named(root, settings, undrawn, monkeypatch, drop, na
         "models/rnn/press-1/history.csv",
     ],
 )
-def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
-    write_touch(settings)
+def test_a_missing_file_is_named(workspace, root, settings, undrawn, monkeypatch, missing):
+    write_touch(workspace, settings)
     (root / "data" / "touch" / missing).unlink()
     with pytest.raises(InputError, match=f"data/touch/{missing}: not found"):
-        run_render("touch", settings, monkeypatch)
+        run_render(workspace, "touch", settings, monkeypatch)
 
 
-def test_predictions_must_cover_the_test_windows(root, settings):
-    write_touch(settings)
-    path = paths.predictions("touch") / "rnn.parquet"
+def test_predictions_must_cover_the_test_windows(workspace, root, settings):
+    write_touch(workspace, settings)
+    path = workspace.predictions("touch") / "rnn.parquet"
     data = pyarrow.parquet.read_table(path)
     schemas.write(path, data.schema, [data.slice(1)])
-    windows = results.read_windows("touch")
+    windows = results.read_windows(workspace, "touch")
     with pytest.raises(InputError, match="do not match the 56 test windows"):
-        results.read_predictions("touch", "rnn", "press", 0, windows)
-    whole = results.read_predictions("touch", "rnn", "press", 1, windows)
+        results.read_predictions(workspace, "touch", "rnn", "press", 0, windows)
+    whole = results.read_predictions(workspace, "touch", "rnn", "press", 1, windows)
     truth = schemas.matrix(windows["y"])
     assert np.isnan(whole[:4]).all() and np.allclose(whole[4:], 0.8 * truth[4:])
 
 
 @pytest.mark.slow
-def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, undrawn, monkeypatch):
+def test_a_new_model_is_a_row_and_absent_conditions_are_said(workspace, root, settings, undrawn, monkeypatch):
     del settings["models"]["linear"], settings["ablation"]["linear_1_frame"]
     settings["models"]["poly_powers"] = {}  # of no paper
-    write_touch(settings)
-    data = pyarrow.parquet.read_table(paths.dataset("touch"))
+    write_touch(workspace, settings)
+    data = pyarrow.parquet.read_table(workspace.dataset("touch"))
     single = data.filter(pa.array(schemas.names(data["condition"]) == "single"))
-    schemas.write(paths.dataset("touch"), single.schema, [single])
+    schemas.write(workspace.dataset("touch"), single.schema, [single])
     for model in settings["models"]:
-        path = paths.predictions("touch") / f"{model}.parquet"
+        path = workspace.predictions("touch") / f"{model}.parquet"
         rows = pyarrow.parquet.read_table(path)
         rows = rows.filter(pa.array(rows["window"].to_numpy() < 12))
         schemas.write(path, rows.schema, [rows])
-    target = run_render("touch", settings, monkeypatch)
+    target = run_render(workspace, "touch", settings, monkeypatch)
     table1 = (target / "accuracy" / "table1.md").read_text()
     assert "| Polynomial, powers only" in table1 and "| Linear" not in table1
     assert "no recordings of: double touch" in table1
@@ -376,13 +374,13 @@ def test_a_new_model_is_a_row_and_absent_conditions_are_said(root, settings, und
 @pytest.fixture
 def recorded():
     """The block `velostat_recorded` of params.yaml, made small."""
-    block = copy.deepcopy(load()["velostat_recorded"])
+    block = copy.deepcopy(load(ROOT / "params.yaml")["velostat_recorded"])
     protocols = dict.fromkeys(("repetition", "tip_force_5", "tip_force_10"), {"seeds": [0, 1]})
     models = {"constant": {}, "linear": {}, "rnn": TRAINING}
     return block | {"models": models, "protocols": protocols, "latency": LATENCY}
 
 
-def write_velostat(settings):
+def write_velostat(workspace, settings):
     names = np.repeat([f"{g}/{e}" for g in ("tip_force_5", "tip_force_10") for e in ("exp1", "exp2")], 30)
     force = 5 + 5 * np.sin(np.arange(len(names)) / 4)[:, None]
     part = np.where(np.char.endswith(names, "exp2"), "test", "train")
@@ -394,7 +392,7 @@ def write_velostat(settings):
     for protocol, seed in runs(settings):
         columns[schemas.split_column(protocol, seed)] = pa.array(part.tolist()).dictionary_encode()
     data = pa.table(columns)
-    schemas.write(paths.dataset("velostat_recorded"), data.schema, [data])
+    schemas.write(workspace.dataset("velostat_recorded"), data.schema, [data])
     test = np.flatnonzero(part == "test")
     scores, speed = [], []
     for place, model in enumerate(settings["models"]):
@@ -404,16 +402,16 @@ def write_velostat(settings):
             for group in ("all", "tip_force_5", "tip_force_10") if protocol == "repetition" else (protocol,):
                 key = ("velostat_recorded", protocol, group, model, seed)
                 scores += [(*key, "rmse", "N", 3.0 - place, 30), (*key, "r2", "1", 0.1 + 0.4 * place, 30)]
-        schemas.write(paths.predictions("velostat_recorded") / f"{model}.parquet", parts[0].schema, parts)
+        schemas.write(workspace.predictions("velostat_recorded") / f"{model}.parquet", parts[0].schema, parts)
         speed += [("velostat_recorded", model, batch, 1, 0.5, 0.4, 0.6, 0.75, 45, 40, 6.5, 999) for batch in (1, 4)]
-    write_tables("velostat_recorded", scores, speed)
-    paths.ingest_report("velostat_recorded").write_text('{"run": true}')
+    write_tables(workspace, "velostat_recorded", scores, speed)
+    workspace.ingest_report("velostat_recorded").write_text('{"run": true}')
 
 
 @pytest.mark.slow
-def test_velostat_report(root, recorded, monkeypatch):
-    write_velostat(recorded)
-    target = run_render("velostat_recorded", recorded, monkeypatch)
+def test_velostat_report(workspace, root, recorded, monkeypatch):
+    write_velostat(workspace, recorded)
+    target = run_render(workspace, "velostat_recorded", recorded, monkeypatch)
     names = {path.relative_to(target).as_posix() for path in target.rglob("*.*")}
     assert names == {f"accuracy/{name}" for name in ("README.md", "table.csv", "table.md", "figure.png")} | SPEED
     text = (target / "accuracy" / "table.md").read_text()
@@ -425,14 +423,14 @@ def test_velostat_report(root, recorded, monkeypatch):
     assert "tip_force_5: best R2 0.900 (RNN) fitted alone, 0.900 (RNN) with all" in readme
 
 
-def test_velostat_without_recordings_says_why(root, recorded, monkeypatch):
+def test_velostat_without_recordings_says_why(workspace, root, recorded, monkeypatch):
     report = {
         "run": False,
         "reason": "recordings not downloaded; run `tactile fetch velostat_recorded`",
     }
-    paths.ingest_report("velostat_recorded").parent.mkdir(parents=True)
-    paths.ingest_report("velostat_recorded").write_text(json.dumps(report))
-    target = run_render("velostat_recorded", recorded, monkeypatch)
+    workspace.ingest_report("velostat_recorded").parent.mkdir(parents=True)
+    workspace.ingest_report("velostat_recorded").write_text(json.dumps(report))
+    target = run_render(workspace, "velostat_recorded", recorded, monkeypatch)
     assert "tactile fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
     assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
 
@@ -469,19 +467,19 @@ def test_table_is_aligned_as_raw_text():
 
 
 def test_every_experiment_has_a_report_of_its_name_with_one_contract():
-    assert set(render.REPORTS) == set(load()["experiments"])
+    assert set(render.REPORTS) == set(load(ROOT / "params.yaml")["experiments"])
     for report in render.REPORTS.values():
-        assert list(inspect.signature(report.write).parameters) == ["target", "settings"]
+        assert list(inspect.signature(report.write).parameters) == ["workspace", "target", "settings"]
 
 
 @pytest.mark.slow
-def test_render_needs_neither_torch_nor_scikit_learn():
+def test_render_needs_neither_torch_nor_scikit_learn(workspace):
     code = (
         "import sys, pipeline.stages.render, pipeline.stages.judge\n"
         "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.learning.regressors', 'pipeline.models'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
-    root = paths.ROOT
+    root = workspace.root
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

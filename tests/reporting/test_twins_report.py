@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.reporting import twins
 from pipeline.stages import twins as twins_stage
@@ -56,19 +55,18 @@ def test_no_statistic_at_all_is_said():
     assert "The recordings were not fetched" in twins.readme({"touch": summary})
 
 
-def test_files_are_written_and_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
+def test_files_are_written_and_read(workspace, tmp_path, monkeypatch):
     for experiment in twins.TITLES:
-        paths.twins(experiment).parent.mkdir(parents=True)
-        made(LIKE | UNLIKE).to_csv(paths.twins(experiment), index=False)
+        workspace.twins(experiment).parent.mkdir(parents=True)
+        made(LIKE | UNLIKE).to_csv(workspace.twins(experiment), index=False)
     target = tmp_path / "twins"
     target.mkdir()
-    summary = twins.write(target, tmp_path / "former")
+    summary = twins.write(workspace, target, tmp_path / "former")
     assert summary["experiment"].tolist() == [name for name in twins.TITLES for _ in range(2)]
     assert {path.name for path in target.iterdir()} == {"README.md", *(f"{name}.png" for name in twins.TITLES)}
-    paths.twins("glove").unlink()
+    workspace.twins("glove").unlink()
     with pytest.raises(InputError, match="python -m pipeline.stages.twins glove"):
-        twins.write(target, tmp_path / "former")
+        twins.write(workspace, target, tmp_path / "former")
 
 
 @pytest.mark.parametrize("experiment", twins_stage.MODULES)
@@ -80,14 +78,14 @@ def test_enough_statistics_have_a_unit_and_a_meaning(experiment):
 
 
 @pytest.mark.parametrize("absent", [True, False])
-def test_recordings_that_are_absent_leave_the_scene(absent, monkeypatch):
-    monkeypatch.setattr(twins_stage, "why_not_run", lambda experiment: "not fetched" if absent else None)
+def test_recordings_that_are_absent_leave_the_scene(workspace, absent, monkeypatch):
+    monkeypatch.setattr(twins_stage, "why_not_run", lambda *given: "not fetched" if absent else None)
     module = twins_stage.MODULES["strain"]
     rows = pd.DataFrame([("day", "noise", 1.0)], columns=["recording", "statistic", "value"])
-    monkeypatch.setattr(module, "recorded", lambda values: rows)
-    monkeypatch.setattr(module, "simulated", lambda values: rows.assign(value=2.0))
+    monkeypatch.setattr(module, "recorded", lambda *given: rows)
+    monkeypatch.setattr(module, "simulated", lambda *given: rows.assign(value=2.0))
     monkeypatch.setattr(module, "STATISTICS", {"noise": ("mV", "Noise.")})
-    table = twins_stage.statistics({"strain": {"source": "simulated"}}, "strain")
+    table = twins_stage.statistics(workspace, {"strain": {"source": "simulated"}}, "strain")
     assert table["source"].tolist() == (["simulated"] if absent else ["recorded", "simulated"])
     assert np.isclose(table["value"].iloc[-1], 2.0) and table["unit"].eq("mV").all()
-    assert twins_stage.statistics({"strain": {"source": "logs/mine"}}, "strain").empty == absent
+    assert twins_stage.statistics(workspace, {"strain": {"source": "logs/mine"}}, "strain").empty == absent

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.experiments import glove as experiment
@@ -12,7 +13,7 @@ QUIET = {"session": False, "wander": False, "element_spread": False, "noise": Fa
 
 @pytest.fixture(scope="module")
 def settings():
-    block = params.load()["glove"]
+    block = params.load(ROOT / "params.yaml")["glove"]
     simulate = block["simulate"] | {"specimens": 2, "sessions": 2, "frames_per_object": 20}
     return block | {"simulate": simulate}
 
@@ -36,7 +37,7 @@ def still(settings, name, **effects):
 
 def test_sixteen_objects_and_the_published_number_of_units():
     assert len(glove.OBJECTS) == 16
-    block = params.load()["glove"]
+    block = params.load(ROOT / "params.yaml")["glove"]
     pressure, strain = glove.conductances(
         glove.OBJECTS["can"], glove.held(1, scene(block), np.random.default_rng(0)), scene(block)
     )

@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.scenes import strain
@@ -15,7 +16,7 @@ STRANDS = 6
 @pytest.fixture
 def scene():
     """The block strain.simulate, 60 s long."""
-    settings = copy.deepcopy(params.load()["strain"]["simulate"])
+    settings = copy.deepcopy(params.load(ROOT / "params.yaml")["strain"]["simulate"])
     settings["samples"] = 300
     settings["faults"] |= {"gaps": 1, "gap_s": 4}
     return settings
@@ -145,7 +146,7 @@ def test_logs_have_the_samples_asked_for_and_repeat(scene):
     assert truth[0].startswith("t_s,drift0") and len(truth) == 301
 
 
-EFFECTS = params.load()["strain"]["simulate"]["effects"]
+EFFECTS = params.load(ROOT / "params.yaml")["strain"]["simulate"]["effects"]
 
 
 @pytest.mark.parametrize("effect", EFFECTS)

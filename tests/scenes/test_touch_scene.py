@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.scenes import material, readout, touch, touch_contact, touch_motion
@@ -10,7 +11,7 @@ from pipeline.scenes.faults import inject
 
 @pytest.fixture
 def settings():
-    block = params.load()["touch"]
+    block = params.load(ROOT / "params.yaml")["touch"]
     block["simulate"]["single"] = {"points_per_side": 2, "depths": 2, "repetitions": 1, "presses_per_recording": 8}
     block["simulate"]["double"] = {"recordings": 1, "presses_per_recording": 3}
     return block
@@ -233,7 +234,7 @@ def test_specimen_and_motions_have_seeds_of_their_own(settings):
     assert not np.array_equal(moved.touches[0].force_n[:500], plain.touches[0].force_n[:500])
 
 
-EFFECTS = params.load()["touch"]["simulate"]["effects"]
+EFFECTS = params.load(ROOT / "params.yaml")["touch"]["simulate"]["effects"]
 
 
 @pytest.mark.parametrize("effect", [name for name in EFFECTS if name != "hand_error"])  # of which singles have none

@@ -4,12 +4,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.datasets import labels, schemas
 from pipeline.scoring import claim_inputs, glove_results
 
-TOUCH = params.load()["touch"]
+TOUCH = params.load(ROOT / "params.yaml")["touch"]
 ROWS, COLS = TOUCH["label"]["map_rows"], TOUCH["label"]["map_cols"]
 
 
@@ -48,8 +49,7 @@ def test_a_map_of_the_tape_is_tilted_to_the_side_with_more_pressure():
 
 
 @pytest.mark.parametrize("loss", [100, 0, -100])
-def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch, loss):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
+def test_press_off_the_centre_shifts_the_curve(workspace, tmp_path, monkeypatch, loss):
     rng, n = np.random.default_rng(0), 4000
     x, y = rng.uniform(0, 60, n), rng.uniform(0, 60, n)
     away = np.maximum(np.abs(x % 12 - 6), np.abs(y % 12 - 6))
@@ -59,8 +59,8 @@ def test_press_off_the_centre_shifts_the_curve(tmp_path, monkeypatch, loss):
     for name, values in (("force_n", rng.uniform(5, 25, n)), ("x_mm", x), ("y_mm", y)):
         columns[name] = schemas.lists(values[:, None].astype(np.float32), pa.float32())
     table = pa.table(columns)
-    schemas.write(paths.frames("touch"), table.schema, [table])
-    found = claim_inputs.press_shift(TOUCH)
+    schemas.write(workspace.frames("touch"), table.schema, [table])
+    found = claim_inputs.press_shift(workspace, TOUCH)
     assert len(found) == 25 and found.to_numpy() == pytest.approx(loss)
 
 
@@ -75,20 +75,22 @@ def test_strands_that_move_together_are_correlated():
     assert max(claim_inputs.strand_correlations(table, "task_2").values()) < 0.1
 
 
-def test_pairs_of_objects_have_a_share_and_a_rank(monkeypatch):
+def test_pairs_of_objects_have_a_share_and_a_rank(workspace, monkeypatch):
     objects = ["bottle", "can", "toy"]
     counts = np.array([[[8, 2, 0], [0, 10, 0], [1, 0, 9]], [[7, 3, 0], [1, 9, 0], [0, 0, 10]]])
     monkeypatch.setattr(glove_results, "read_confusions", lambda *given: {"pressure": counts})
     monkeypatch.setattr(claim_inputs, "classes", lambda table: objects)
     settings = {"protocols": {"session_pressure": {"seeds": [0, 1]}}}
-    rows = pd.DataFrame(claim_inputs.confusions(settings, None, {"pressure": "session_pressure"}))
+    rows = pd.DataFrame(claim_inputs.confusions(workspace, settings, None, {"pressure": "session_pressure"}))
     share = rows[rows["metric"] == "confusion"].pivot(index="variant", columns="seed", values="value")
     assert list(share.loc["bottle_and_can"]) == pytest.approx([0.1, 0.2])
     assert list(share.loc["mean_pair"]) == pytest.approx([0.15 / 3, 0.2 / 3])
     ranks = rows[rows["metric"] == "confusion_rank"].set_index("variant")["value"]
     assert ranks.to_dict() == {"bottle_and_can": 1, "bottle_and_toy": 2, "can_and_toy": 3}
     monkeypatch.setattr(glove_results, "read_confusions", lambda *given: {"pressure": counts[:1]})
-    assert list(claim_inputs.confusions(settings, None, {"pressure": "session_pressure"})) == []  # a run failed
+    assert (
+        list(claim_inputs.confusions(workspace, settings, None, {"pressure": "session_pressure"})) == []
+    )  # a run failed
 
 
 def test_of_several_input_frames_the_form_that_is_judged_has_rows():

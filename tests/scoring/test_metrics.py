@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.datasets import labels, series
@@ -10,7 +11,7 @@ from pipeline.scoring import metrics
 
 @pytest.fixture
 def settings():
-    return params.load()["touch"]
+    return params.load(ROOT / "params.yaml")["touch"]
 
 
 def maps_of(settings, *touches):

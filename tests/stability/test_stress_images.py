@@ -7,10 +7,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.experiments import glove, glove_recorded
 from pipeline.scenes import glove_stress
@@ -21,46 +23,47 @@ MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory):
+def workspace(tmp_path_factory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("images"))
+
+
+@pytest.fixture(scope="module")
+def project(workspace):
     """Logs, frames and dataset of the glove at miniature scale, naive Bayes and constant trained and scored."""
-    folder, root = tmp_path_factory.mktemp("images"), paths.ROOT
-    (folder / "pipeline").symlink_to(root / "pipeline")
-    copy = folder / "params.yaml"
-    copy.write_text((root / "params.yaml").read_text())
-    set_values(yaml.safe_load((root / "tests" / "miniature.yaml").read_text()), copy)
-    values = params.load(copy)
+    workspace.params.write_text((ROOT / "params.yaml").read_text())
+    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
+    values = params.load(workspace.params)
     values["glove"]["models"] = MODELS
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", folder)
-        patch.setattr(params, "load", lambda: values)
-        simulate.simulate("glove", values["glove"])
-        ingest.ingest("glove", values["glove"])
+        patch.setattr(params, "load", lambda _: values)
+        simulate.simulate(workspace, "glove", values["glove"])
+        ingest.ingest(workspace, "glove", values["glove"])
         patch.setattr("sys.argv", ["dataset", "glove"])
-        dataset.main()
+        dataset.main(workspace)
         scores = []
         for model in MODELS:
             for protocol, seed in params.runs(values, "glove"):
-                target = paths.run_folder("glove", model, protocol, seed)
+                target = workspace.run_folder("glove", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
-                train.train_run(values, "glove", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_model(values, "glove", model, folder, lambda: None)
-        with open(paths.scores("glove"), "w", newline="") as file:
+                train.train_run(workspace, values, "glove", model, protocol, seed, target, lambda *numbers: None)
+            scores += evaluate.evaluate_model(workspace, values, "glove", model, workspace.root, lambda: None)
+        with open(workspace.scores("glove"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])
         yield values
 
 
-def read(values) -> stress_images.Frames:
-    part = images.read(paths.dataset("glove"), "session_combined", 0).part
-    return stress_images.read("glove", values["glove"], part)
+def read(workspace, values) -> stress_images.Frames:
+    part = images.read(workspace.dataset("glove"), "session_combined", 0).part
+    return stress_images.read(workspace, "glove", values["glove"], part)
 
 
 @pytest.mark.slow
-def test_severity_0_is_exactly_what_evaluate_found(project):
+def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
     reports = []
-    found = stress_images.rows(project, "glove", "naive_bayes", lambda: reports.append(1))
-    with open(paths.scores("glove")) as file:
+    found = stress_images.rows(workspace, project, "glove", "naive_bayes", lambda: reports.append(1))
+    with open(workspace.scores("glove")) as file:
         known = {tuple(row[k] for k in (1, 2, 4, 5)): row[7] for row in csv.reader(file) if row[3] == "naive_bayes"}
-    block = params.load()["stress"]["glove"]
+    block = params.load(ROOT / "params.yaml")["stress"]["glove"]
     asked = {(name, severity) for name, own in block["perturbations"].items() for severity in (0, *own)}
     assert len(reports) == 4 and {row[3:5] for row in found} == asked
     for protocol, condition, seed, _, severity, metric, _, value, _ in found:
@@ -70,28 +73,28 @@ def test_severity_0_is_exactly_what_evaluate_found(project):
         row[3:5]: row[7] for row in found if row[:3] == ("session_combined", "combined", 0) and row[5] == "accuracy"
     }
     assert len({value for (_, severity), value in level.items() if severity}) > 1
-    constant = stress_images.rows(project, "glove", "constant", lambda: None)
+    constant = stress_images.rows(workspace, project, "glove", "constant", lambda: None)
     assert len({row[7] for row in constant if row[2] == 0 and row[5] == "accuracy"}) == 1
 
 
 @pytest.mark.slow
-def test_a_score_that_is_out_of_date_is_an_error(project):
-    text = paths.scores("glove").read_text()
+def test_a_score_that_is_out_of_date_is_an_error(workspace, project):
+    text = workspace.scores("glove").read_text()
     row = next(
         line for line in text.splitlines() if line.startswith("glove,session_pressure,pressure,naive_bayes,1,acc")
     )
     fields = row.split(",")
     fields[7] = str(float(fields[7]) + 0.01)
-    paths.scores("glove").write_text(text.replace(row, ",".join(fields)))
+    workspace.scores("glove").write_text(text.replace(row, ",".join(fields)))
     with pytest.raises(InputError, match="naive_bayes, session_pressure, seed 1 has accuracy .*evaluate glove` again"):
-        stress_images.rows(project, "glove", "naive_bayes", lambda: None)
-    paths.scores("glove").write_text(text)
+        stress_images.rows(workspace, project, "glove", "naive_bayes", lambda: None)
+    workspace.scores("glove").write_text(text)
 
 
 @pytest.mark.slow
-def test_severity_0_of_every_perturbation_gives_the_images_of_the_dataset(project):
-    frames, settings = read(project), project["glove"]
-    data = images.read(paths.dataset("glove"), "session_combined", 0)
+def test_severity_0_of_every_perturbation_gives_the_images_of_the_dataset(workspace, project):
+    frames, settings = read(workspace, project), project["glove"]
+    data = images.read(workspace.dataset("glove"), "session_combined", 0)
     expected = data.x[data.part == "test"].reshape(-1, images.SIDE, images.SIDE)
     for name in (*stress_images.READINGS, *stress_images.SCENES):
         pictures = stress_images.stressed("glove", settings, frames, name, 0, 7)
@@ -102,8 +105,8 @@ def test_severity_0_of_every_perturbation_gives_the_images_of_the_dataset(projec
 
 
 @pytest.mark.slow
-def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(project):
-    frames = read(project)
+def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(workspace, project):
+    frames = read(workspace, project)
     wired = frames.areas["pressure"].wired
     assert (~wired).sum() == 27  # 3 rows of the palm's 9 columns
     for name in ("noise", "offset_drift", "gain_drift", "dead", "stuck"):
@@ -117,8 +120,8 @@ def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(project):
 
 
 @pytest.mark.slow
-def test_a_line_is_a_row_or_a_column_of_its_area(project):
-    frames = read(project)
+def test_a_line_is_a_row_or_a_column_of_its_area(workspace, project):
+    frames = read(workspace, project)
     found = stress_images.perturbed(frames, "pressure", "dead_line", 1, 0).reshape(-1, 15, 18)
     before = frames.areas["pressure"].readings[frames.rows].reshape(-1, 15, 18)
     rows, cols = np.nonzero((found != before).any(axis=0))
@@ -127,8 +130,8 @@ def test_a_line_is_a_row_or_a_column_of_its_area(project):
 
 
 @pytest.mark.slow
-def test_lost_frames_come_from_the_same_recording(project):
-    frames = read(project)
+def test_lost_frames_come_from_the_same_recording(workspace, project):
+    frames = read(workspace, project)
     found = stress_images.perturbed(frames, "pressure", "lost_frames", 1.0, 0)
     whole, starts = frames.areas["pressure"].readings, [first for first, _ in stress_images.recordings(frames.table)]
     first = np.array([max(start for start in starts if start <= row) for row in frames.rows])

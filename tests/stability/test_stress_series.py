@@ -6,10 +6,12 @@ import json
 import numpy as np
 import pytest
 import yaml
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
 from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
 from pipeline.stability import series as stress_series
@@ -110,52 +112,52 @@ def test_a_failed_run_has_no_numbers_and_seeds_draw_anew():
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory):
+def workspace(tmp_path_factory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("series"))
+
+
+@pytest.fixture(scope="module")
+def project(workspace):
     """Logs, frames and dataset of strain at miniature scale, ridge and constant trained and scored; its settings."""
-    folder = tmp_path_factory.mktemp("series")
-    (folder / "pipeline").symlink_to(paths.ROOT / "pipeline")
-    values = miniature(folder)
+    values = miniature(workspace)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", folder)
-        patch.setattr(params, "load", lambda: values)
-        simulate.simulate("strain", values["strain"])
-        ingest.ingest("strain", values["strain"])
+        patch.setattr(params, "load", lambda _: values)
+        simulate.simulate(workspace, "strain", values["strain"])
+        ingest.ingest(workspace, "strain", values["strain"])
         patch.setattr("sys.argv", ["dataset", "strain"])
-        dataset.main()
+        dataset.main(workspace)
         scores = []
         for model in values["strain"]["models"]:
             for protocol, seed in params.runs(values, "strain"):
-                target = paths.run_folder("strain", model, protocol, seed)
+                target = workspace.run_folder("strain", model, protocol, seed)
                 target.parent.mkdir(parents=True, exist_ok=True)
-                train.train_run(values, "strain", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_model(values, "strain", model, folder, lambda: None)
-        with open(paths.scores("strain"), "w", newline="") as file:
+                train.train_run(workspace, values, "strain", model, protocol, seed, target, lambda *numbers: None)
+            scores += evaluate.evaluate_model(workspace, values, "strain", model, workspace.root, lambda: None)
+        with open(workspace.scores("strain"), "w", newline="") as file:
             csv.writer(file).writerows([evaluate.COLUMNS, *scores])
         yield values
 
 
-def miniature(folder) -> dict:
+def miniature(workspace) -> dict:
     """params.yaml at miniature scale, with the two models of strain that are solved at once."""
-    root = paths.ROOT
-    copy = folder / "params.yaml"
-    copy.write_text((root / "params.yaml").read_text())
-    set_values(yaml.safe_load((root / "tests" / "miniature.yaml").read_text()), copy)
-    values = params.load(copy)
+    workspace.params.write_text((ROOT / "params.yaml").read_text())
+    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
+    values = params.load(workspace.params)
     values["strain"]["models"] = {"constant": {}, "ridge": {"ridge": 1.0}}
     return values
 
 
 @pytest.mark.slow
-def test_severity_0_is_exactly_what_evaluate_found(project):
-    with open(paths.scores("strain")) as file:
+def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
+    with open(workspace.scores("strain")) as file:
         known = {tuple(row[k] for k in (1, 2, 4, 5)): float(row[7]) for row in csv.reader(file) if row[3] == "ridge"}
     reports = []
-    found = stress_series.rows(project, "strain", "ridge", lambda: reports.append(1))
+    found = stress_series.rows(workspace, project, "strain", "ridge", lambda: reports.append(1))
     clean = [row for row in found if row[4] == 0 and row[3] not in stress_series.SCENES]
     assert len(reports) == 4 and len(clean) == 4 * 4 * 2  # runs; perturbations, error and r2
     for protocol, condition, seed, _, _, metric, _, value, _ in clean:
         assert value == known[protocol, condition, str(seed), metric]
-    asked = params.load()["stress"]["strain"]["perturbations"]
+    asked = params.load(ROOT / "params.yaml")["stress"]["strain"]["perturbations"]
     assert {(row[3], row[4]) for row in found} == {(name, s) for name, own in asked.items() for s in (0, *own)}
     worse = {row[3]: row[7] for row in found if row[0] == "task_1" and row[5] == "error" and row[4] > 0}
     clean = {row[3]: row[7] for row in found if row[0] == "task_1" and row[5] == "error" and row[4] == 0}
@@ -163,17 +165,17 @@ def test_severity_0_is_exactly_what_evaluate_found(project):
 
 
 @pytest.mark.slow
-def test_a_score_that_is_out_of_date_is_an_error(project):
-    text = paths.scores("strain").read_text()
+def test_a_score_that_is_out_of_date_is_an_error(workspace, project):
+    text = workspace.scores("strain").read_text()
     before = next(line for line in text.splitlines() if line.startswith("strain,task_1,task_1,ridge,0,error"))
     fields = before.split(",")
     fields[7] = str(float(fields[7]) + 0.01)
-    paths.scores("strain").write_text(text.replace(before, ",".join(fields)))
+    workspace.scores("strain").write_text(text.replace(before, ",".join(fields)))
     with pytest.raises(
         InputError, match="ridge, task_1, seed 0 has error .* run `python -m pipeline.stages.evaluate strain`"
     ):
-        stress_series.rows(project, "strain", "ridge", lambda: None)
-    paths.scores("strain").write_text(text)
+        stress_series.rows(workspace, project, "strain", "ridge", lambda: None)
+    workspace.scores("strain").write_text(text)
 
 
 @pytest.mark.slow

@@ -6,9 +6,11 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windows import read_dataset
@@ -21,7 +23,7 @@ PERTURBATIONS = {"noise": [0.01, 0.03], "dead": [2], "specimen": [1], "press_spe
 
 def small() -> dict:
     """params.yaml with two models on a few presses."""
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     block = values["touch"]
     block["simulate"]["single"] = {"points_per_side": 5, "depths": 2, "repetitions": 1, "presses_per_recording": 50}
     block["simulate"]["double"] = {"recordings": 2, "presses_per_recording": 10}
@@ -33,31 +35,32 @@ def small() -> dict:
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory):
-    """Root of a project in which `touch` was simulated, trained and evaluated."""
-    root, values = tmp_path_factory.mktemp("touch"), small()
-    (root / "pipeline").symlink_to(paths.ROOT / "pipeline")
+def workspace(tmp_path_factory) -> Workspace:
+    return Workspace(tmp_path_factory.mktemp("touch"))
+
+
+@pytest.fixture(scope="module")
+def trained(workspace):
+    """A workspace in which `touch` was simulated, trained and evaluated."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paths, "ROOT", root)
-        patch.setattr(params, "load", small_loader(values))
+        patch.setattr(params, "load", small_loader(small()))
         patch.setenv("WORKERS", "1")
         for stage in (simulate, ingest, window, dataset, train, evaluate):
             patch.setattr(sys, "argv", [stage.__name__, "touch"])
-            stage.main()
-    return root
+            stage.main(workspace)
+    return workspace
 
 
 def small_loader(values: dict):
     text = json.dumps(values)
-    return lambda: json.loads(text)
+    return lambda _: json.loads(text)
 
 
 @pytest.fixture
 def project(trained, monkeypatch):
-    """`project(values)` makes the trained project the current one."""
+    """`project(values)` makes these the settings of the trained workspace."""
 
     def use(values: dict) -> None:
-        monkeypatch.setattr(paths, "ROOT", trained)
         monkeypatch.setattr(params, "load", small_loader(values))
         monkeypatch.setenv("WORKERS", "1")
         monkeypatch.setattr(sys, "argv", ["stress", "touch"])
@@ -66,10 +69,10 @@ def project(trained, monkeypatch):
 
 
 @pytest.mark.slow
-def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(project):
+def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(workspace, project):
     project(small())
-    stress.main()
-    found, scores = pd.read_csv(paths.stress("touch")), pd.read_csv(paths.scores("touch"))
+    stress.main(workspace)
+    found, scores = pd.read_csv(workspace.stress("touch")), pd.read_csv(workspace.scores("touch"))
     assert tuple(found.columns) == stress.COLUMNS
     key = ["protocol", "condition", "model", "seed", "metric"]
     clean = found[(found.severity == 0) & found.condition.isin(["single", "double"])]
@@ -94,20 +97,20 @@ def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(proj
     assert (rmse.groupby(["perturbation", "condition", "severity"]).size() == 4).all()  # 2 models, 2 seeds
     linear = rmse[(rmse.model == "linear") & (rmse.condition == "single") & (rmse.perturbation == "noise")]
     assert (np.diff(linear.pivot(index="severity", columns="seed", values="value"), axis=0) > 0).all()
-    assert not paths.stress_scenes("touch").exists()
+    assert not workspace.stress_scenes("touch").exists()
 
 
 @pytest.mark.slow
-def test_of_many_recordings_the_first_are_perturbed(project):
+def test_of_many_recordings_the_first_are_perturbed(workspace, project):
     """One of two recordings of double touches: half the windows, and severity 0 is the score of that half."""
     values = small()
     project(values)
-    stress.main()
-    whole = pd.read_csv(paths.stress("touch"))
+    stress.main(workspace)
+    whole = pd.read_csv(workspace.stress("touch"))
     values["stress"]["touch"]["recordings"] = {"double": 1}
     project(values)
-    stress.main()
-    part = pd.read_csv(paths.stress("touch"))
+    stress.main(workspace)
+    part = pd.read_csv(workspace.stress("touch"))
     key = [column for column in part.columns if column not in ("value", "n")]
     both = whole.merge(part, on=key, suffixes=("", "_of_part"))
     assert len(both) == len(whole) == len(part)
@@ -123,9 +126,9 @@ def test_of_many_recordings_the_first_are_perturbed(project):
 
 
 @pytest.mark.slow
-def test_other_clean_scores_than_those_of_evaluate_are_refused(project):
+def test_other_clean_scores_than_those_of_evaluate_are_refused(workspace, project):
     project(small())
-    file = paths.scores("touch")
+    file = workspace.scores("touch")
     before = file.read_text()
     scores = pd.read_csv(file)
     scores.loc[(scores.model == "linear") & (scores.metric == "rmse"), "value"] *= 1.01
@@ -134,51 +137,51 @@ def test_other_clean_scores_than_those_of_evaluate_are_refused(project):
         with pytest.raises(
             InputError, match="linear, press, seed 0 has rmse .* run `python -m pipeline.stages.evaluate"
         ):
-            stress.main()
+            stress.main(workspace)
     finally:
         file.write_text(before)
 
 
 @pytest.mark.slow
-def test_a_run_that_failed_in_training_has_no_value(project):
+def test_a_run_that_failed_in_training_has_no_value(workspace, project):
     project(small())
-    fit = paths.run_folder("touch", "constant", "press", 1) / "fit.json"
-    files = {file: file.read_text() for file in (fit, paths.scores("touch"))}
+    fit = workspace.run_folder("touch", "constant", "press", 1) / "fit.json"
+    files = {file: file.read_text() for file in (fit, workspace.scores("touch"))}
     fit.write_text(json.dumps(json.loads(files[fit]) | {"best_epoch": 0}))
-    scores = pd.read_csv(paths.scores("touch"))
+    scores = pd.read_csv(workspace.scores("touch"))
     scores.loc[(scores.model == "constant") & (scores.seed == 1), "value"] = np.nan
-    scores.to_csv(paths.scores("touch"), index=False)
+    scores.to_csv(workspace.scores("touch"), index=False)
     try:
-        stress.main()
+        stress.main(workspace)
     finally:
         for file, text in files.items():
             file.write_text(text)
-    rmse = pd.read_csv(paths.stress("touch")).query("metric == 'rmse' and model == 'constant'")
+    rmse = pd.read_csv(workspace.stress("touch")).query("metric == 'rmse' and model == 'constant'")
     assert rmse[rmse.seed == 1].value.isna().all() and rmse[rmse.seed == 0].value.notna().all()
 
 
 @pytest.mark.slow
-def test_an_unknown_name_gets_a_hint(project):
+def test_an_unknown_name_gets_a_hint(workspace, project):
     values = small()
     values["stress"]["touch"]["perturbations"] = {"nois": [0.1]}
     project(values)
     with pytest.raises(InputError, match="stress.touch.perturbations: unknown key 'nois'; did you mean 'noise'"):
-        stress.main()
+        stress.main(workspace)
     values = small()
     values["stress"]["touch"]["protocols"] = ["pres"]
     project(values)
     with pytest.raises(InputError, match="stress.touch.protocols: unknown key 'pres'; did you mean 'press'"):
-        stress.main()
+        stress.main(workspace)
 
 
 @pytest.mark.slow
-def test_recordings_that_are_absent_leave_a_header(project, monkeypatch):
+def test_recordings_that_are_absent_leave_a_header(workspace, project, monkeypatch):
     project(small())
     monkeypatch.setattr(sys, "argv", ["stress", "velostat_recorded"])
-    paths.ingest_report("velostat_recorded").parent.mkdir(exist_ok=True)
-    paths.ingest_report("velostat_recorded").write_text('{"run": false, "reason": "no recordings"}')
-    stress.main()
-    assert paths.stress("velostat_recorded").read_text() == ",".join(stress.COLUMNS) + "\n"
+    workspace.ingest_report("velostat_recorded").parent.mkdir(exist_ok=True)
+    workspace.ingest_report("velostat_recorded").write_text('{"run": false, "reason": "no recordings"}')
+    stress.main(workspace)
+    assert workspace.stress("velostat_recorded").read_text() == ",".join(stress.COLUMNS) + "\n"
 
 
 def test_own_logs_have_no_scene_to_perturb():
@@ -191,10 +194,10 @@ def test_own_logs_have_no_scene_to_perturb():
 
 
 @pytest.mark.slow
-def test_perturbed_counts_stay_what_the_adc_can_print(trained, project):
+def test_perturbed_counts_stay_what_the_adc_can_print(workspace, trained, project):
     project(small())
     values = small()
-    data = read_dataset(paths.dataset("touch"), 8)
+    data = read_dataset(workspace.dataset("touch"), 8)
     train_part = data.part("press", 0) == "train"
     change = stress_windows.perturber(values["touch"], data, train_part)
     for name, severity in (("noise", 0.5), ("gain_drift", 2.0), ("offset_drift", 0.5), ("jitter", 1.0)):

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.stages import agreement
 
 
@@ -50,34 +50,32 @@ def test_the_report_names_what_differs_and_what_was_not_compared():
 
 
 @pytest.fixture
-def project(tmp_path, monkeypatch):
+def project(workspace, tmp_path, monkeypatch):
     """A checkout with scores of one experiment, not yet a repository of git."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", tmp_path / "reports")
-    monkeypatch.setattr(params, "load", lambda: {"experiments": ["touch"]})
+    monkeypatch.setattr(params, "load", lambda _: {"experiments": ["touch"]})
     monkeypatch.setattr("sys.argv", ["agreement"])
-    for path in (paths.REPORTS / "scores.csv", paths.scores("touch")):
+    for path in (workspace.reports / "scores.csv", workspace.scores("touch")):
         path.parent.mkdir(parents=True)
         scores({("cnn", 0): 1 / 3, ("cnn", 1): np.nan}).to_csv(path, index=False, na_rep="nan")
     return tmp_path
 
 
-def test_scores_are_compared_with_those_of_the_last_commit(project, monkeypatch, capsys):
+def test_scores_are_compared_with_those_of_the_last_commit(workspace, project, monkeypatch, capsys):
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(project.parent))
-    agreement.main()
+    agreement.main(workspace)
     assert (
         "Not compared with the committed scores, HEAD:./reports/scores.csv of git: fatal: not a git repo"
-        in (paths.REPORTS / "agreement.md").read_text()
+        in (workspace.reports / "agreement.md").read_text()
     )
     author = ["-c", "user.name=test", "-c", "user.email=test@example.org"]
     for command in (["init", "-q"], ["add", "-f", "reports/scores.csv"], [*author, "commit", "-qm", "scores"]):
         subprocess.run(["git", *command], cwd=project, check=True)
-    (paths.REPORTS / "scores.csv").unlink()
-    agreement.main()
+    (workspace.reports / "scores.csv").unlink()
+    agreement.main(workspace)
     assert capsys.readouterr().out.endswith("6 of 6 numbers agree: 6 to the bit.\n")
-    paths.scores("touch").write_text(",".join([*agreement.KEY, "value"]) + "\n")
-    agreement.main()
+    workspace.scores("touch").write_text(",".join([*agreement.KEY, "value"]) + "\n")
+    agreement.main(workspace)
     assert capsys.readouterr().out.startswith("0 of 0 numbers agree: 0 to the bit. No scores here: touch (6) of 6 ")
     monkeypatch.setenv("PATH", "")
-    agreement.main()
+    agreement.main(workspace)
     assert "there is no git" in capsys.readouterr().out

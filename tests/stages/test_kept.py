@@ -5,8 +5,9 @@ import shutil
 
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import availability, params, paths
+from pipeline.base import availability, params
 from pipeline.reporting import twins
 from pipeline.stages import collect, evaluate, latency, render, render_stability, stress
 
@@ -15,77 +16,75 @@ REASON = "recordings not downloaded; run `tactile fetch`"
 
 
 @pytest.fixture
-def clone(tmp_path, monkeypatch):
+def clone(workspace, tmp_path, monkeypatch):
     """A fresh clone's reports on recordings, and what the stages before write where recordings are absent."""
-    committed = paths.REPORTS
-    reports = tmp_path / "reports"
+    committed, reports = ROOT / "reports", workspace.reports
     for name in ("scores.csv", "latency.csv", "stress.csv", "stability", *RECORDED):
         copy = shutil.copytree if (committed / name).is_dir() else shutil.copy
         reports.mkdir(exist_ok=True)
         copy(committed / name, reports / name)
-    values = params.load() | {"experiments": list(RECORDED)}
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", reports)
-    monkeypatch.setattr(params, "load", lambda: values)
+    values = params.load(ROOT / "params.yaml") | {"experiments": list(RECORDED)}
+    monkeypatch.setattr(params, "load", lambda _: values)
     for name in RECORDED:
-        paths.latency(name).parent.mkdir(parents=True)
-        paths.ingest_report(name).write_text(json.dumps({"run": False, "reason": REASON}))
-        for path, module in ((paths.latency, latency), (paths.stress, stress)):
+        workspace.latency(name).parent.mkdir(parents=True)
+        workspace.ingest_report(name).write_text(json.dumps({"run": False, "reason": REASON}))
+        for path, module in ((workspace.latency, latency), (workspace.stress, stress)):
             path(name).write_text(",".join(module.COLUMNS) + "\n")
-        run(monkeypatch, evaluate, name)
+        run(workspace, monkeypatch, evaluate, name)
     return committed
 
 
-def run(monkeypatch, stage, *arguments):
+def run(workspace, monkeypatch, stage, *arguments):
     monkeypatch.setattr("sys.argv", [stage.__name__, *arguments])
-    stage.main()
+    stage.main(workspace)
 
 
 def rows(path, name):
     return [line for line in path.read_text().splitlines() if line.startswith(f"{name},")]
 
 
-def test_committed_results_on_recordings_stay(clone, monkeypatch, capsys):
-    run(monkeypatch, collect)
+def test_committed_results_on_recordings_stay(workspace, clone, monkeypatch, capsys):
+    run(workspace, monkeypatch, collect)
     for name in RECORDED:
-        run(monkeypatch, render, name)
-    run(monkeypatch, render_stability)
+        run(workspace, monkeypatch, render, name)
+    run(workspace, monkeypatch, render_stability)
     for name in RECORDED:
         for table in ("scores.csv", "latency.csv", "stress.csv", "stability/failures.csv", "stability/training.csv"):
-            kept = rows(paths.REPORTS / table, name)
+            kept = rows(workspace.reports / table, name)
             assert kept == rows(clone / table, name) and kept, table
         for path in [*(clone / name).rglob("*.*"), *(clone / "stability").glob(f"{name}_*.png")]:
-            assert (paths.REPORTS / path.relative_to(clone)).read_bytes() == path.read_bytes()
-        assert (paths.predictions(name) / "not_run.txt").read_text() == REASON + "\n"  # DVC warns of an empty folder
-    assert "Recorded Velostat taxel: all recordings" in (paths.REPORTS / "stability" / "README.md").read_text()
+            assert (workspace.reports / path.relative_to(clone)).read_bytes() == path.read_bytes()
+        assert (
+            workspace.predictions(name) / "not_run.txt"
+        ).read_text() == REASON + "\n"  # DVC warns of an empty folder
+    assert "Recorded Velostat taxel: all recordings" in (workspace.reports / "stability" / "README.md").read_text()
     said = capsys.readouterr().out
     assert f"scores.csv: kept from the committed results: {', '.join(RECORDED)}; `tactile fetch` gets" in said
 
 
-def test_without_committed_results_an_experiment_is_not_run(clone, monkeypatch):
-    shutil.rmtree(paths.REPORTS)
-    run(monkeypatch, collect)
-    run(monkeypatch, render, "strain_recorded")
-    run(monkeypatch, render_stability)
-    assert (paths.REPORTS / "scores.csv").read_text().count("\n") == 1
+def test_without_committed_results_an_experiment_is_not_run(workspace, clone, monkeypatch):
+    shutil.rmtree(workspace.reports)
+    run(workspace, monkeypatch, collect)
+    run(workspace, monkeypatch, render, "strain_recorded")
+    run(workspace, monkeypatch, render_stability)
+    assert (workspace.reports / "scores.csv").read_text().count("\n") == 1
     for place in ("strain_recorded/accuracy", "strain_recorded/speed", "stability"):
-        assert ": not run\n\nRecordings not downloaded" in (paths.REPORTS / place / "README.md").read_text()
-    assert availability.why_not_shown("strain_recorded") == REASON
+        assert ": not run\n\nRecordings not downloaded" in (workspace.reports / place / "README.md").read_text()
+    assert availability.why_not_shown(workspace, "strain_recorded") == REASON
 
 
-def test_the_recorded_side_of_a_comparison_stays(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
+def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path, monkeypatch):
     table = pd.DataFrame([("noise", "1", "simulated", "r", 2.0, "What it is.", "")], columns=twins.COLUMNS)
     for experiment in twins.TITLES:
-        paths.twins(experiment).parent.mkdir(parents=True)
-        table.to_csv(paths.twins(experiment), index=False)
+        workspace.twins(experiment).parent.mkdir(parents=True)
+        table.to_csv(workspace.twins(experiment), index=False)
     former, folder = tmp_path / "twins", tmp_path / "new"
     former.mkdir()
     folder.mkdir()
     (former / "touch.png").touch()
     kept = pd.DataFrame([("touch", "noise", "1", 1 / 3, 0.1, 3.0, 9.0, 9.0, 9.0, False, "", "")], columns=twins.SUMMARY)
     kept.to_csv(tmp_path / "twins.csv", index=False)
-    touch, strain, glove = twins.write(folder, former).to_dict("records")
+    touch, strain, glove = twins.write(workspace, folder, former).to_dict("records")
     assert (touch["recorded"], touch["recorded_high"], touch["simulated"], touch["inside"]) == (1 / 3, 3.0, 2.0, True)
     assert pd.isna(strain["recorded"]) and pd.isna(glove["inside"])
     assert [path.name for path in folder.glob("*.png")] == ["touch.png"]

@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
 from pipeline import tasks
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.stages import latency
 from pipeline.tasks import windows
 
@@ -58,21 +59,20 @@ def test_every_call_gets_the_next_windows_from_the_start_again_at_the_end(clock)
     assert [float(windows[0, 0]) for windows in seen] == [0, 1, 2, 3, 4, 0, 1]
 
 
-def write_times(model: str, seconds: dict) -> None:
+def write_times(workspace, model: str, seconds: dict) -> None:
     """The training times of a model of touch: protocol -> seconds by seed."""
-    path = paths.training_times("touch", model)
+    path = workspace.training_times("touch", model)
     path.parent.mkdir(parents=True, exist_ok=True)
     rows = [f"{protocol},{seed},{s}" for protocol, own in seconds.items() for seed, s in enumerate(own)]
     path.write_text("\n".join(["protocol,seed,train_s", *rows]) + "\n")
 
 
-def test_training_time_is_the_median_of_the_protocols_seeds(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    write_times("linear", {"press": [1.0, 2.0, 30.0], "random_window": [500.0]})
-    assert latency.training_seconds("touch", "linear", "press") == 2.0
+def test_training_time_is_the_median_of_the_protocols_seeds(workspace, tmp_path, monkeypatch):
+    write_times(workspace, "linear", {"press": [1.0, 2.0, 30.0], "random_window": [500.0]})
+    assert latency.training_seconds(workspace, "touch", "linear", "press") == 2.0
 
 
-def test_times_are_of_the_threads_that_the_table_names(tmp_path, monkeypatch, clock):
+def test_times_are_of_the_threads_that_the_table_names(workspace, tmp_path, monkeypatch, clock):
     """The stage on a model of one matrix product: threads of torch and of numpy's library while it predicts."""
     import torch
     from threadpoolctl import threadpool_info, threadpool_limits
@@ -85,32 +85,31 @@ def test_times_are_of_the_threads_that_the_table_names(tmp_path, monkeypatch, cl
         threads.append({torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info()), *map(int, mkl)})
         predict(x)
 
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["touch"] |= {"models": {"linear": {}}, "latency": SETTINGS | {"batches": [1], "threads": 1}}
     model = SimpleNamespace(predict=watched, streams=False, parameters=lambda: 5, macs=lambda: 6)
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(params, "load", lambda: values)
+    monkeypatch.setattr(params, "load", lambda _: values)
     monkeypatch.setattr("sys.argv", ["latency", "touch"])
-    monkeypatch.setattr(latency, "why_not_run", lambda experiment: None)
+    monkeypatch.setattr(latency, "why_not_run", lambda *given: None)
     monkeypatch.setattr(windows, "stream", lambda *arguments: (None, np.zeros((4, 2, 3))))
     monkeypatch.setattr(tasks, "load", lambda *arguments: SimpleNamespace(model=model))
     monkeypatch.setattr(latency, "fastest", lambda *arguments: {"linear": windows.timed(model, arguments[-1])})
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         monkeypatch.setenv(name, "2")  # the stage must not depend on it
     protocol, seed = params.runs(values, "touch")[0]
-    folder = paths.run_folder("touch", "linear", protocol, seed)
+    folder = workspace.run_folder("touch", "linear", protocol, seed)
     folder.mkdir(parents=True)
     for name, size in {"estimator.skops": 100, "fit.json": 7, "history.csv": 7}.items():
         (folder / name).write_bytes(b"x" * size)
-    write_times("linear", {protocol: [1.0, 2.0, 30.0]})
+    write_times(workspace, "linear", {protocol: [1.0, 2.0, 30.0]})
     try:
         torch.set_num_threads(2)
         with threadpool_limits(2):
-            latency.main()
+            latency.main(workspace)
     finally:
         torch.set_num_threads(before)
     assert len(threads) == 7 and set.union(*threads) == {1} and os.environ["OMP_NUM_THREADS"] == "1"
-    ((_, row),) = pd.read_csv(paths.latency("touch")).iterrows()
+    ((_, row),) = pd.read_csv(workspace.latency("touch")).iterrows()
     assert tuple(row[["experiment", "model", "batch", "threads"]]) == ("touch", "linear", 1, 1)
     assert row["p50_ms"] == pytest.approx(2.5) and row["p95_ms"] == pytest.approx(np.percentile([1, 2, 3, 4], 95))
     assert tuple(row[["params", "macs", "train_s", "size_bytes"]]) == (5, 6, 2.0, 100)

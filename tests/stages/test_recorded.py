@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from builders import grasps, strain_workspaces
-from builders.project import leaves
+from builders.project import ROOT, leaves
 from opened.noted import Noted, ignore_bookkeeping
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.logs import sources
 from pipeline.stages import (
     agreement,
@@ -61,28 +61,27 @@ MADE = {"velostat_recorded": made_velostat, "strain_recorded": made_strain, "glo
 
 
 @pytest.fixture
-def stages(tmp_path, monkeypatch):
+def stages(workspace, monkeypatch):
     """`stages(experiment, folder, values, more)`: all up to the scores, and `more`, of one model in this process."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path / "project")
     monkeypatch.setenv("WORKERS", "1")
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         monkeypatch.setenv(name, "1")  # put back after `latency`
 
     def run(experiment, folder, values, more=()):
-        monkeypatch.setattr(sources, "is_complete", lambda name: True)
-        monkeypatch.setattr(sources, "folder", lambda name: folder)
-        monkeypatch.setattr(params, "load", lambda: values)
+        monkeypatch.setattr(sources, "is_complete", lambda workspace, name: True)
+        monkeypatch.setattr(sources, "folder", lambda workspace, name: folder)
+        monkeypatch.setattr(params, "load", lambda _: values)
         windows = [window] if experiment == "velostat_recorded" else []
         for module in [ingest, *windows, dataset, train, evaluate, *more]:
             monkeypatch.setattr("sys.argv", [module.__name__, experiment])
-            module.main()
+            module.main(workspace)
 
     return run
 
 
 def settings(experiment, model):
     """params.yaml with one model and the protocols of PROTOCOLS for one experiment."""
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     block = values[experiment]
     block["models"] = {model: block["models"][model]}
     block["protocols"] = {name: block["protocols"][name] for name in PROTOCOLS[experiment]}
@@ -90,7 +89,7 @@ def settings(experiment, model):
 
 
 @pytest.mark.parametrize("experiment", MADE)
-def test_every_setting_of_recorded_data_is_read(experiment, stages, tmp_path, monkeypatch):
+def test_every_setting_of_recorded_data_is_read(workspace, experiment, stages, tmp_path, monkeypatch):
     """All stages on recordings that are made up here, with settings that note what is read of them."""
     values, read = settings(experiment, "constant"), set()
     values[experiment]["latency"] |= {"warm_up": 1, "calls": 2}
@@ -100,7 +99,7 @@ def test_every_setting_of_recorded_data_is_read(experiment, stages, tmp_path, mo
     MADE[experiment](tmp_path / "made")
     ignore_bookkeeping(monkeypatch.setattr)
     stages(experiment, tmp_path / "made", Noted(values, read), [latency, stress])
-    scores = pd.read_csv(paths.scores(experiment))
+    scores = pd.read_csv(workspace.scores(experiment))
     assert set(scores["protocol"]) == set(PROTOCOLS[experiment]) and np.isfinite(scores["value"]).any()
     own = {name for name in leaves(values) if name.startswith((f"{experiment}.", f"stress.{experiment}."))}
     own -= {name for name in own if ".usable." in name}  # the report on stability reads these
@@ -109,12 +108,14 @@ def test_every_setting_of_recorded_data_is_read(experiment, stages, tmp_path, mo
 
 @pytest.mark.slow
 @pytest.mark.parametrize("experiment", MADE)
-def test_real_recordings_have_the_committed_scores(experiment, stages, recordings):
+def test_real_recordings_have_the_committed_scores(workspace, experiment, stages, recordings):
     folder = recordings(experiment)
     stages(experiment, folder, settings(experiment, MODEL[experiment]))
-    committed = pd.read_csv(paths.REPORTS / "scores.csv")
+    committed = pd.read_csv(ROOT / "reports" / "scores.csv")
     chosen = (committed["experiment"] == experiment) & (committed["model"] == MODEL[experiment])
     committed = committed[chosen & committed["protocol"].isin(PROTOCOLS[experiment])]
-    both = committed.merge(pd.read_csv(paths.scores(experiment)), on=agreement.KEY, how="outer", suffixes=("", "_here"))
+    both = committed.merge(
+        pd.read_csv(workspace.scores(experiment)), on=agreement.KEY, how="outer", suffixes=("", "_here")
+    )
     assert len(both) == len(committed) > 0
     assert both["value_here"].to_numpy() == pytest.approx(both["value"].to_numpy(), rel=1e-4, nan_ok=True)

@@ -1,8 +1,11 @@
 """No stage lets the test part choose the epoch of a network, nor anything but the validation part."""
 
+import functools
+
 import numpy as np
 import pyarrow as pa
 import pytest
+from builders.project import ROOT
 from opened.noted import Noted, ignore_bookkeeping
 from torch import nn
 
@@ -99,7 +102,7 @@ def stag_data(wrong: str, validation: float) -> stag.Stag:
 @pytest.fixture
 def values(tmp_path, monkeypatch):
     """params.yaml with one network for each kind of input, its data in a folder of its own."""
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["device"] = "cpu"
     touch, glove = values["touch"], values["glove"]
     touch["window"] |= {"frames": FRAMES}
@@ -109,7 +112,6 @@ def values(tmp_path, monkeypatch):
     values["rightsize"]["touch"]["window"] |= {"training": {"epochs": EPOCHS}}
     values["physics"]["touch"] |= {"protocols": ["press"], "models": {"cnn": CNN}}
     values["physics"]["glove"] |= {"protocols": ["session_pressure"], "models": {"sp_resnet": SP_RESNET}}
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(metrics, "touch", lambda *arguments: [("rmse", "kPa", 1.0, 1)])
     monkeypatch.setattr(models, "build", lambda key, spec, block, where: linear(spec, **block))
     monkeypatch.setattr(sizes, "narrow_sp_resnet", linear)
@@ -132,52 +134,52 @@ def best_epochs(monkeypatch):
     return noted
 
 
-def of_train(values, wrong, folder):
-    windows_dataset(paths.dataset("touch"), wrong)
-    train_stage.train_run(values, "touch", "cnn", "press", 0, folder / "run", nothing)
+def of_train(workspace, values, wrong, folder):
+    windows_dataset(workspace.dataset("touch"), wrong)
+    train_stage.train_run(workspace, values, "touch", "cnn", "press", 0, folder / "run", nothing)
 
 
-def of_train_images(values, wrong, folder):
-    images_dataset(paths.dataset("glove"), wrong)
-    train_stage.train_run(values, "glove", "sp_resnet", "session_pressure", 0, folder / "run", nothing)
+def of_train_images(workspace, values, wrong, folder):
+    images_dataset(workspace.dataset("glove"), wrong)
+    train_stage.train_run(workspace, values, "glove", "sp_resnet", "session_pressure", 0, folder / "run", nothing)
 
 
-def of_augment(values, wrong, folder):
-    images_dataset(paths.dataset("glove"), wrong)
-    augmentation.train_run(values, "glove", "none", "session_pressure", 0, nothing)
+def of_augment(workspace, values, wrong, folder):
+    images_dataset(workspace.dataset("glove"), wrong)
+    augmentation.train_run(workspace, values, "glove", "none", "session_pressure", 0, nothing)
 
 
-def of_rightsize_touch(values, wrong, folder):
-    windows_dataset(paths.dataset("touch"), wrong)
-    sizes.touch_run(values, "window", 1, 0, nothing)
+def of_rightsize_touch(workspace, values, wrong, folder):
+    windows_dataset(workspace.dataset("touch"), wrong)
+    sizes.touch_run(workspace, values, "window", 1, 0, nothing)
 
 
-def of_rightsize_glove(values, wrong, folder):
-    images_dataset(paths.dataset("glove"), wrong)
-    sizes.glove_run(values, "pressure", 0.25, 0, nothing)
+def of_rightsize_glove(workspace, values, wrong, folder):
+    images_dataset(workspace.dataset("glove"), wrong)
+    sizes.glove_run(workspace, values, "pressure", 0.25, 0, nothing)
 
 
-def ablation(values, experiment, folder) -> list:
-    """Return the scores of the study of physics on the dataset in `folder`."""
+def ablation(workspace, values, experiment) -> list:
+    """Return the scores of the study of physics on the dataset in the workspace."""
     asked = physics_study.asked_of(values, experiment)
-    return list(changed_scene.scores(experiment, values[experiment], asked, 0, folder, "cpu"))
+    return list(changed_scene.scores(workspace, experiment, values[experiment], asked, 0, "cpu"))
 
 
-def of_physics_touch(values, wrong, folder):
-    windows_dataset(changed_scene.dataset_of(folder), wrong)
-    ablation(values, "touch", folder)
+def of_physics_touch(workspace, values, wrong, folder):
+    windows_dataset(workspace.dataset("touch"), wrong)
+    ablation(workspace, values, "touch")
 
 
-def of_physics_glove(values, wrong, folder):
-    images_dataset(changed_scene.dataset_of(folder), wrong)
-    ablation(values, "glove", folder)
+def of_physics_glove(workspace, values, wrong, folder):
+    images_dataset(workspace.dataset("glove"), wrong)
+    ablation(workspace, values, "glove")
 
 
-def of_train_stag(values, wrong, folder):
+def of_train_stag(workspace, values, wrong, folder):
     data = stag_data(wrong, values["glove"]["stag"]["validation"])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stag, "read", lambda path: data)
-        stag_stage.train_run(values, "glove", "sp_resnet", 0, 1, "metadata.mat", nothing)
+        patch.setattr(stag, "read", lambda workspace, path: data)
+        stag_stage.train_run(workspace, values, "glove", "sp_resnet", 0, 1, "metadata.mat", nothing)
 
 
 STAGES = (of_train, of_train_images, of_augment, of_rightsize_touch, of_rightsize_glove)
@@ -186,50 +188,50 @@ STAGES += (of_physics_touch, of_physics_glove, of_train_stag)
 
 @pytest.mark.parametrize("stage", STAGES)
 @pytest.mark.parametrize(("wrong", "best"), [("validation", 1), ("test", EPOCHS)])
-def test_the_best_epoch_is_that_of_the_validation_part(stage, wrong, best, values, best_epochs, tmp_path):
+def test_the_best_epoch_is_that_of_the_validation_part(workspace, stage, wrong, best, values, best_epochs, tmp_path):
     """What is learned does harm where the labels are wrong: in the validation part from the first epoch on."""
-    stage(values, wrong, tmp_path)
+    stage(workspace, values, wrong, tmp_path)
     assert best_epochs == [best]
 
 
-def accuracy_of_augmentation(values, wrong, folder) -> float:
-    images_dataset(paths.dataset("glove"), wrong)
-    rows = augmentation.train_run(values, "glove", "none", "session_pressure", 0, nothing)
+def accuracy_of_augmentation(workspace, values, wrong, folder) -> float:
+    images_dataset(workspace.dataset("glove"), wrong)
+    rows = augmentation.train_run(workspace, values, "glove", "none", "session_pressure", 0, nothing)
     return next(value for *_, metric, unit, value, n in rows if metric == "accuracy")
 
 
-def accuracy_of_ablation(values, wrong, folder) -> float:
-    images_dataset(changed_scene.dataset_of(folder), wrong)
-    ((_, _, scores),) = ablation(values, "glove", folder)
+def accuracy_of_ablation(workspace, values, wrong, folder) -> float:
+    images_dataset(workspace.dataset("glove"), wrong)
+    ((_, _, scores),) = ablation(workspace, values, "glove")
     return next(value for metric, unit, value, n in scores if metric == "accuracy")
 
 
 @pytest.mark.parametrize("accuracy", [accuracy_of_augmentation, accuracy_of_ablation])
-def test_a_study_of_images_is_scored_on_the_test_part(accuracy, values, tmp_path):
+def test_a_study_of_images_is_scored_on_the_test_part(workspace, accuracy, values, tmp_path):
     """Who learned the right names is wrong where the names are exchanged."""
-    assert accuracy(values, "test", tmp_path) == 0
-    assert accuracy(values, "nowhere", tmp_path) == 1
+    assert accuracy(workspace, values, "test", tmp_path) == 0
+    assert accuracy(workspace, values, "nowhere", tmp_path) == 1
 
 
-def test_an_ablation_of_windows_is_scored_on_the_test_part(values, tmp_path, monkeypatch):
-    windows_dataset(changed_scene.dataset_of(tmp_path), "nowhere")
+def test_an_ablation_of_windows_is_scored_on_the_test_part(workspace, values, monkeypatch):
+    windows_dataset(workspace.dataset("touch"), "nowhere")
     scored = []
     monkeypatch.setattr(metrics, "touch", lambda truth, *others: scored.append(truth) or [("rmse", "kPa", 1.0, 1)])
-    ablation(values, "touch", tmp_path)
-    labels = schemas.matrix(schemas.read(changed_scene.dataset_of(tmp_path))["y"])
+    ablation(workspace, values, "touch")
+    labels = schemas.matrix(schemas.read(workspace.dataset("touch"))["y"])
     assert {len(truth) for truth in scored} == {20}, "of the two conditions, only single touches are there"
     for truth in scored:
         np.testing.assert_array_equal(truth, labels[PART == "test"])
 
 
 @pytest.mark.parametrize(("method", "on"), [("none", ()), ("A", ("flip",)), ("B", ("noise",)), ("C", ("affine",))])
-def test_an_augmentation_method_is_on_alone_and_the_others_off(method, on, values, monkeypatch):
-    images_dataset(paths.dataset("glove"), "nowhere")
+def test_an_augmentation_method_is_on_alone_and_the_others_off(workspace, method, on, values, monkeypatch):
+    images_dataset(workspace.dataset("glove"), "nowhere")
     usual = {"flip": 0.3, "noise": 0.02, "affine": 0.3}
     values["glove"]["models"]["sp_resnet"] = SP_RESNET | {"training": SP_RESNET["training"] | usual}
     used = []
     monkeypatch.setattr(models, "build", lambda key, spec, block, where: used.append(block) or linear(spec, **block))
-    augmentation.train_run(values, "glove", method, "session_pressure", 0, nothing)
+    augmentation.train_run(workspace, values, "glove", method, "session_pressure", 0, nothing)
     ((training, reduction),) = [(block["training"], block["reduction"]) for block in used]
     assert training == TRAINING | {name: usual[name] if name in on else 0.0 for name in usual} and reduction == 16
 
@@ -255,17 +257,17 @@ class Noting:
         """Nothing to save."""
 
 
-def of_train_series(values, folder):
-    train_stage.train_run(values, "strain", "ridge", "task_1", 0, folder / "run", nothing)
+def of_train_series(workspace, values, folder):
+    train_stage.train_run(workspace, values, "strain", "ridge", "task_1", 0, folder / "run", nothing)
 
 
-def of_model_zero(values, folder):
-    train_stage.train_run(values, "strain", paths.MODEL_ZERO, "task_0", 0, folder / "run", nothing)
+def of_model_zero(workspace, values, folder):
+    train_stage.train_run(workspace, values, "strain", paths.MODEL_ZERO, "task_0", 0, folder / "run", nothing)
 
 
-def of_physics_strain(values, folder):
+def of_physics_strain(workspace, values, folder):
     values["physics"]["strain"] |= {"protocols": ["task_1"]}
-    ablation(values, "strain", folder)
+    ablation(workspace, values, "strain")
 
 
 @pytest.fixture
@@ -283,8 +285,8 @@ def series_model(monkeypatch):
 
 
 @pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])
-def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(stage, tmp_path, series_model):
-    stage(params.load(), tmp_path)
+def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(workspace, stage, tmp_path, series_model):
+    stage(workspace, params.load(ROOT / "params.yaml"), tmp_path)
     assert series_model.records
     for seen in series_model.records:
         assert seen.x[:, 0].tolist() == list(range(80)) and seen.training.tolist() == [True] * 70 + [False] * 10
@@ -299,13 +301,19 @@ def read_by_training(experiment, values, train, folder) -> set[str]:
     return keys
 
 
-def test_a_training_reads_no_setting_that_its_origin_lacks(values, tmp_path, monkeypatch):
+def test_a_training_reads_no_setting_that_its_origin_lacks(workspace, values, tmp_path, monkeypatch):
     ignore_bookkeeping(monkeypatch.setattr)
-    windows = read_by_training("touch", values, lambda noted, folder: of_train(noted, "nowhere", folder), tmp_path)
+    windows = read_by_training(
+        "touch", values, lambda noted, folder: of_train(workspace, noted, "nowhere", folder), tmp_path
+    )
     assert windows >= {"models", "window", "sensor", "label"}
-    read_by_training("glove", values, lambda noted, folder: of_train_images(noted, "nowhere", folder), tmp_path / "2")
+    read_by_training(
+        "glove", values, lambda noted, folder: of_train_images(workspace, noted, "nowhere", folder), tmp_path / "2"
+    )
 
 
-def test_a_training_of_series_reads_no_setting_that_its_origin_lacks(series_model, tmp_path):
-    keys = read_by_training("strain", params.load(), of_train_series, tmp_path)
+def test_a_training_of_series_reads_no_setting_that_its_origin_lacks(workspace, series_model, tmp_path):
+    keys = read_by_training(
+        "strain", params.load(ROOT / "params.yaml"), functools.partial(of_train_series, workspace), tmp_path
+    )
     assert keys >= {"models", "window", "sensor"}

@@ -3,8 +3,10 @@
 import copy
 
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
+from pipeline.base.paths import Workspace
 from pipeline.scenes import touch
 from pipeline.stages import simulate
 
@@ -12,7 +14,7 @@ from pipeline.stages import simulate
 @pytest.fixture
 def settings():
     """The smallest scene of three kinds of recordings, one of them with a reset."""
-    block = copy.deepcopy(dict(params.load()["touch"]))
+    block = copy.deepcopy(dict(params.load(ROOT / "params.yaml")["touch"]))
     scene = block["simulate"] = dict(block["simulate"])
     scene["single"] = scene["single"] | {
         "points_per_side": 2,
@@ -32,10 +34,10 @@ def written(folder):
 def test_the_number_of_processes_changes_no_byte(settings, tmp_path, monkeypatch):
     logs = []
     for processes in ("1", "2"):
-        monkeypatch.setattr(paths, "ROOT", tmp_path / processes)
+        workspace = Workspace(tmp_path / processes)
         monkeypatch.setenv("WORKERS", processes)
-        simulate.simulate("touch", settings)
-        logs.append(written(paths.logs("touch")))
+        simulate.simulate(workspace, "touch", settings)
+        logs.append(written(workspace.logs("touch")))
     assert logs[0] == logs[1]
     recordings, _ = touch.plan(settings)
     assert {path.parent.as_posix() for path in logs[0]} == {f"{each.condition}/{each.name}" for each in recordings} | {
@@ -43,16 +45,15 @@ def test_the_number_of_processes_changes_no_byte(settings, tmp_path, monkeypatch
     }
 
 
-def test_the_faults_are_listed_in_the_order_of_the_plan(settings, tmp_path, monkeypatch):
+def test_the_faults_are_listed_in_the_order_of_the_plan(workspace, settings, tmp_path, monkeypatch):
     """Also where the recordings are done in another order."""
     run_tasks = simulate.workers.run
     monkeypatch.setenv("WORKERS", "1")
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(
         simulate.workers, "run", lambda *arguments, **named: reversed(list(run_tasks(*arguments, **named)))
     )
-    simulate.simulate("touch", settings)
-    rows = (paths.logs("touch") / "faults.csv").read_text().splitlines()[1:]
+    simulate.simulate(workspace, "touch", settings)
+    rows = (workspace.logs("touch") / "faults.csv").read_text().splitlines()[1:]
     names = list(dict.fromkeys(tuple(row.split(",")[:2]) for row in rows))
     planned = [(each.condition, each.name) for each in touch.plan(settings)[0]]
     assert len(names) > 1

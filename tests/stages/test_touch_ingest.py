@@ -10,7 +10,6 @@ import pyarrow.parquet as pq
 import pytest
 from builders.touch_logs import SETTINGS, lines, logs_of, presses, save
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.experiments import touch, velostat_recorded
@@ -19,21 +18,19 @@ from pipeline.stages import ingest
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    """An empty repository root."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "SOURCES", tmp_path / "data" / "sources")
-    return tmp_path
+def root(workspace):
+    """The folder of the workspace."""
+    return workspace.root
 
 
-def run(root, settings=SETTINGS):
-    ingest.ingest("touch", settings)
+def run(workspace, root, settings=SETTINGS):
+    ingest.ingest(workspace, "touch", settings)
     data = root / "data" / "touch"
     report = json.loads((data / "ingest.json").read_text())
     return pq.read_table(data / "frames.parquet"), pq.read_table(data / "rejects.parquet"), report
 
 
-def test_faults_at_known_lines_are_the_rejects(root):
+def test_faults_at_known_lines_are_the_rejects(workspace, root):
     logs = logs_of()
     array = logs["array.log"]
     array[200] = array[200][:7]  # line 201
@@ -43,7 +40,7 @@ def test_faults_at_known_lines_are_the_rejects(root):
     del array[600]
     logs["load_cell.log"][1000] = "nan,1.0"
     save(root / "data/touch/logs/single/run000", logs)
-    frames, rejects, report = run(root)
+    frames, rejects, report = run(workspace, root)
     found = [tuple(row.values())[2:5] for row in rejects.to_pylist() if row["reason"] != touch.NO_GROUND_TRUTH]
     assert sorted(found) == [
         ("array.log", 1, "banner or text"),
@@ -65,9 +62,9 @@ def test_faults_at_known_lines_are_the_rejects(root):
     assert files["array.log"]["rate_hz"] == pytest.approx(50) and files["cnc.log"]["segments"] == 1
 
 
-def test_frames_have_the_truth_of_their_time(root):
+def test_frames_have_the_truth_of_their_time(workspace, root):
     save(root / "data/touch/logs/single/run000", logs_of(seconds=60))
-    frames, _, report = run(root)
+    frames, _, report = run(workspace, root)
     assert frames.schema.equals(schemas.frames(6, 3, frames.schema.field("v").type.value_type))
     assert frames.schema.field("v").type.value_type == "int16"
     t = frames["t_s"].to_numpy()
@@ -85,23 +82,23 @@ def test_frames_have_the_truth_of_their_time(root):
     assert clock["offset_ms"] == pytest.approx(1e3 * (first - 3.0), abs=10)
 
 
-def test_noise_of_a_fast_load_cell_does_not_hide_the_presses(root):
+def test_noise_of_a_fast_load_cell_does_not_hide_the_presses(workspace, root):
     """1000 samples a second with 2 N of noise, 5 % of the strongest press."""
     t, force = presses(60, 0)
     noise = iter(np.random.default_rng(0).normal(0, 2.0, 60_000))
     clean = [line.split(",") for line in lines(t, [force], 0.5, 60, 1000, 8_000_000, "%.3f")]
     fast = [f"{at},{float(value) + next(noise):.3f}" for at, value in clean]
     save(root / "data/touch/logs/single/run000", logs_of(seconds=60) | {"load_cell.log": fast})
-    clock = run(root)[2]["recordings"]["single/run000"]["files"]["array.log"]["clocks"][0]
+    clock = run(workspace, root)[2]["recordings"]["single/run000"]["files"]["array.log"]["clocks"][0]
     assert clock["offset_ms"] == pytest.approx(1e3 * (1.0 + 7.5 - 3.0), abs=10)
 
 
-def test_frames_without_ground_truth_are_rejects_with_their_lines(root):
+def test_frames_without_ground_truth_are_rejects_with_their_lines(workspace, root):
     logs = logs_of(seconds=60)
     logs["load_cell.log"] = logs["load_cell.log"][: -3 * 100]  # stops 3 s early: within max_clock_offset_s
     del logs["cnc.log"][1500:1510]  # a hole of 0.2 s: 10 intervals
     save(root / "data/touch/logs/single/run000", logs)
-    frames, rejects, _ = run(root)
+    frames, rejects, _ = run(workspace, root)
     missed = [row["line"] for row in rejects.to_pylist() if row["reason"] == touch.NO_GROUND_TRUTH]
     late, hole = [n for n in missed if n > 2500], [n for n in missed if n <= 2500]
     assert len(late) == pytest.approx(150, abs=2) and late[-1] == len(logs["array.log"])
@@ -109,17 +106,17 @@ def test_frames_without_ground_truth_are_rejects_with_their_lines(root):
     assert frames["gap_before"].to_numpy().sum() == 2
 
 
-def test_a_load_cell_that_stops_early_is_refused(root):
+def test_a_load_cell_that_stops_early_is_refused(workspace, root):
     logs = logs_of(seconds=60)
     logs["load_cell.log"] = logs["load_cell.log"][: 30 * 100]
     save(root / "data/touch/logs/single/run000", logs)
     with pytest.raises(InputError, match="array.log: .*'no ground truth at this time'"):
-        run(root)
+        run(workspace, root)
 
 
-def test_a_reset_gives_two_aligned_segments(root):
+def test_a_reset_gives_two_aligned_segments(workspace, root):
     save(root / "data/touch/logs/single/run000", logs_of(seconds=40, reset_at=15.0))
-    frames, rejects, report = run(root)
+    frames, rejects, report = run(workspace, root)
     segment, t = frames["segment"].to_numpy(), frames["t_s"].to_numpy()
     assert np.unique(segment).tolist() == [0, 1]
     x = np.array(frames["x_mm"].to_pylist())[:, 0]
@@ -130,19 +127,19 @@ def test_a_reset_gives_two_aligned_segments(root):
     assert len(report["recordings"]["single/run000"]["files"]["array.log"]["clocks"]) == 2
 
 
-def test_a_segment_too_short_to_align_is_rejected_whole(root):
+def test_a_segment_too_short_to_align_is_rejected_whole(workspace, root):
     save(root / "data/touch/logs/single/run000", logs_of(seconds=60, reset_at=58.0))
-    frames, rejects, _ = run(root)
+    frames, rejects, _ = run(workspace, root)
     short = [row for row in rejects.to_pylist() if row["reason"] == touch.TOO_SHORT]
     assert len(short) == 40 and short[0]["line"] == 2 + 57 * 50 + 1 and short[0]["text"].startswith("350000,")
     assert np.unique(frames["segment"].to_numpy()).tolist() == [0]
 
 
 @pytest.mark.parametrize("shared", [True, False])
-def test_further_touches_fill_their_columns(root, shared):
+def test_further_touches_fill_their_columns(workspace, root, shared):
     logs = logs_of(seconds=60, touches=2, shared=shared)
     save(root / "data/touch/logs/double/run000", logs)
-    frames, _, report = run(root)
+    frames, _, report = run(workspace, root)
     true = frames["t_s"].to_numpy() - 7.5
     force, x = (np.array(frames[name].to_pylist()) for name in ("force_n", "x_mm"))
     grid, expected = presses(60, 2)
@@ -157,13 +154,13 @@ def test_further_touches_fill_their_columns(root, shared):
     assert clocks["cnc_2.log"] == clocks["load_cell_2.log"]
 
 
-def test_the_same_logs_give_the_same_bytes(root):
+def test_the_same_logs_give_the_same_bytes(workspace, root):
     save(root / "data/touch/logs/single/run000", logs_of())
     save(root / "data/touch/logs/single/run001", logs_of(seed=4))
     names = ("frames.parquet", "rejects.parquet", "ingest.json")
-    run(root)
+    run(workspace, root)
     first = [(root / "data/touch" / name).read_bytes() for name in names]
-    frames, _, _ = run(root)
+    frames, _, _ = run(workspace, root)
     assert [(root / "data/touch" / name).read_bytes() for name in names] == first
     assert frames["recording"].unique().to_pylist() == ["run000", "run001"]
     assert not list((root / "data/touch").glob("*.unfinished"))
@@ -174,32 +171,34 @@ def outputs(root):
 
 
 @pytest.fixture
-def three_recordings(root, monkeypatch):
+def three_recordings(workspace, root, monkeypatch):
     """Recordings with faults, and what one process makes of them."""
     for k in range(3):
         logs = logs_of(seconds=20 + 10 * k, seed=k)
         logs["array.log"][200 + k] = logs["array.log"][200 + k][:7]
         save(root / f"data/touch/logs/single/run00{k}", logs)
     monkeypatch.setenv("WORKERS", "1")
-    run(root)
+    run(workspace, root)
     return outputs(root)
 
 
-def test_the_number_of_processes_changes_no_byte(root, three_recordings, monkeypatch):
+def test_the_number_of_processes_changes_no_byte(workspace, root, three_recordings, monkeypatch):
     read = []
     monkeypatch.setattr(ingest, "SMALL", 0)
     monkeypatch.setenv("WORKERS", "2")
     monkeypatch.setattr(ingest, "_in_turn", lambda *_: read.append("in turn"))
-    run(root)
+    run(workspace, root)
     assert not read
     assert outputs(root) == three_recordings
 
 
-def test_recordings_that_are_done_in_another_order_are_written_in_theirs(root, three_recordings, monkeypatch):
+def test_recordings_that_are_done_in_another_order_are_written_in_theirs(
+    workspace, root, three_recordings, monkeypatch
+):
     """Also those whose frames are made in several parts, which pass through as many files."""
     run_tasks, parts = ingest.workers.run, []
     monkeypatch.setattr(touch, "PART", 600)
-    run(root)
+    run(workspace, root)
     in_parts = outputs(root)
     assert in_parts != three_recordings  # a part is a row group of its own
 
@@ -210,22 +209,22 @@ def test_recordings_that_are_done_in_another_order_are_written_in_theirs(root, t
 
     monkeypatch.setattr(ingest.workers, "run", backwards)
     monkeypatch.setattr(ingest, "_in_turn", ingest._in_processes)
-    run(root)
+    run(workspace, root)
     assert len(parts) == 3 and min(parts) > 1
     assert outputs(root) == in_parts
     assert not list((root / "data/touch").glob("*.unfinished"))
 
 
-def test_a_recording_that_cannot_be_read_leaves_nothing_unfinished(root, three_recordings, monkeypatch):
+def test_a_recording_that_cannot_be_read_leaves_nothing_unfinished(workspace, root, three_recordings, monkeypatch):
     (root / "data/touch/logs/single/run001/cnc.log").write_text("ready\n")
     monkeypatch.setattr(ingest, "_in_turn", ingest._in_processes)
     with pytest.raises(InputError, match="no line can be read"):
-        run(root)
+        run(workspace, root)
     assert outputs(root) == three_recordings
     assert not list((root / "data/touch").glob("*.parts.unfinished"))
 
 
-def test_frames_that_cannot_be_written_stop_the_stage(root, three_recordings, monkeypatch):
+def test_frames_that_cannot_be_written_stop_the_stage(workspace, root, three_recordings, monkeypatch):
     """They are written in a thread beside the reading."""
 
     def full(self, *_, **__):
@@ -233,13 +232,13 @@ def test_frames_that_cannot_be_written_stop_the_stage(root, three_recordings, mo
 
     monkeypatch.setattr(pq.ParquetWriter, "write_table", full)
     with pytest.raises(OSError, match="no space left"):
-        run(root)
+        run(workspace, root)
     assert outputs(root) == three_recordings
 
 
-def test_own_logs_are_read_from_the_named_folder(root):
+def test_own_logs_are_read_from_the_named_folder(workspace, root):
     save(root / "data/own/logs/single/monday", logs_of())
-    frames, _, _ = run(root, SETTINGS | {"source": "data/own/logs"})
+    frames, _, _ = run(workspace, root, SETTINGS | {"source": "data/own/logs"})
     assert frames["recording"].unique().to_pylist() == ["monday"]
 
 
@@ -274,31 +273,31 @@ BAD = {
 
 
 @pytest.mark.parametrize("fault", BAD)
-def test_bad_input_is_one_sentence_and_leaves_no_table(fault, root):
+def test_bad_input_is_one_sentence_and_leaves_no_table(workspace, fault, root):
     change, sentence = BAD[fault]
     save(root / "data/touch/logs/single/run000", broken(change))
     with pytest.raises(InputError, match=sentence) as error:
-        run(root)
+        run(workspace, root)
     assert "\n" not in str(error.value)
     assert not (root / "data/touch/frames.parquet").exists()
 
 
-def test_missing_folders_are_one_sentence(root):
+def test_missing_folders_are_one_sentence(workspace, root):
     with pytest.raises(InputError, match="run `python -m pipeline.stages.simulate touch` first"):
-        run(root)
+        run(workspace, root)
     with pytest.raises(InputError, match="touch.source: there is no folder nowhere"):
-        run(root, SETTINGS | {"source": "nowhere"})
+        run(workspace, root, SETTINGS | {"source": "nowhere"})
     (root / "data/own/empty").mkdir(parents=True)
     with pytest.raises(InputError, match="empty: no recordings found"):
-        run(root, SETTINGS | {"source": "data/own/empty"})
+        run(workspace, root, SETTINGS | {"source": "data/own/empty"})
 
 
-def velostat(root, repetition, seconds=5.0):
+def velostat(workspace, root, repetition, seconds=5.0):
     """Two small logs in the published layout; the force is 2 (t - 1.6e9)."""
     for device, hz, late in (("velostat_data", 143.0, 0.0), ("futek_data", 250.0, 0.1)):
         t = 1.6e9 + late + np.arange(0, seconds, 1 / hz)
         values = 800 - t + 1.6e9 if device == "velostat_data" else 2 * (t - 1.6e9)
-        folder = sources.folder("velostat_recorded") / device / "pike1_force_5"
+        folder = sources.folder(workspace, "velostat_recorded") / device / "pike1_force_5"
         path = folder / f"exp_pike1_force_5_sensor1_{repetition}.txt"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("".join(f"{v:.4f} {s:.6f}\n" for v, s in zip(values, t, strict=True)))
@@ -308,11 +307,11 @@ def velostat(root, repetition, seconds=5.0):
 VELOSTAT_SETTINGS = {"ingest": {"max_reject_fraction": 0.05}}
 
 
-def test_velostat_recordings_share_a_clock(root, monkeypatch):
-    monkeypatch.setattr(sources, "is_complete", lambda name: True)
-    velostat(root, "exp1")
-    velostat(root, "exp2")
-    ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
+def test_velostat_recordings_share_a_clock(workspace, root, monkeypatch):
+    monkeypatch.setattr(sources, "is_complete", lambda *given: True)
+    velostat(workspace, root, "exp1")
+    velostat(workspace, root, "exp2")
+    ingest.ingest(workspace, "velostat_recorded", VELOSTAT_SETTINGS)
     data = root / "data" / "velostat_recorded"
     frames, rejects = pq.read_table(data / "frames.parquet"), pq.read_table(data / "rejects.parquet")
     assert frames.schema.equals(velostat_recorded.SCHEMA)
@@ -327,18 +326,20 @@ def test_velostat_recordings_share_a_clock(root, monkeypatch):
     assert json.loads((data / "ingest.json").read_text())["run"] is True
 
 
-def test_a_velostat_log_without_its_pair_is_refused(root, monkeypatch):
-    monkeypatch.setattr(sources, "is_complete", lambda name: True)
-    velostat(root, "exp1").unlink()
+def test_a_velostat_log_without_its_pair_is_refused(workspace, root, monkeypatch):
+    monkeypatch.setattr(sources, "is_complete", lambda *given: True)
+    velostat(workspace, root, "exp1").unlink()
     with pytest.raises(InputError, match="futek_data/pike1_force_5/.*log not found"):
-        ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
+        ingest.ingest(workspace, "velostat_recorded", VELOSTAT_SETTINGS)
 
 
-def test_without_recordings_the_stage_says_so(root):
-    part = sources.folder("velostat_recorded") / "velostat_data" / "pike1" / "exp_pike1_sensor1_exp1.txt.part"
+def test_without_recordings_the_stage_says_so(workspace, root):
+    part = (
+        sources.folder(workspace, "velostat_recorded") / "velostat_data" / "pike1" / "exp_pike1_sensor1_exp1.txt.part"
+    )
     part.parent.mkdir(parents=True)
     part.write_text("1.0")  # of a download that was interrupted in its first file
-    ingest.ingest("velostat_recorded", VELOSTAT_SETTINGS)
+    ingest.ingest(workspace, "velostat_recorded", VELOSTAT_SETTINGS)
     data = root / "data" / "velostat_recorded"
     assert pq.read_table(data / "frames.parquet").num_rows == 0
     assert pq.read_table(data / "rejects.parquet").schema.equals(schemas.REJECTS)
@@ -357,22 +358,22 @@ DAMAGES = {
 
 @pytest.mark.parametrize("experiment", sources.SOURCES)
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_one_file_of_a_source_that_is_not_right_stops_the_stage(experiment, damage, root, monkeypatch):
+def test_one_file_of_a_source_that_is_not_right_stops_the_stage(workspace, experiment, damage, root, monkeypatch):
     """What an earlier run wrote stays: DVC would take an empty table for the result."""
     listed = sources.files(experiment)
     for path in listed:
-        (sources.folder(experiment) / path).parent.mkdir(parents=True, exist_ok=True)
-        (sources.folder(experiment) / path).write_text(path)
+        (sources.folder(workspace, experiment) / path).parent.mkdir(parents=True, exist_ok=True)
+        (sources.folder(workspace, experiment) / path).write_text(path)
     digests = {path: hashlib.sha256(path.encode()).hexdigest() for path in listed}
     monkeypatch.setattr(sources, "files", lambda name: digests)
-    assert sources.is_complete(experiment)
-    report = paths.ingest_report(experiment)
+    assert sources.is_complete(workspace, experiment)
+    report = workspace.ingest_report(experiment)
     report.parent.mkdir(parents=True)
     report.write_text("of an earlier run")
-    path = sources.folder(experiment) / sorted(listed)[len(listed) // 2]
+    path = sources.folder(workspace, experiment) / sorted(listed)[len(listed) // 2]
     DAMAGES[damage](path)
     with pytest.raises(InputError, match=rf"^{re.escape(str(path))}: is .*`tactile fetch {experiment}`") as error:
-        ingest.ingest(experiment, VELOSTAT_SETTINGS)
+        ingest.ingest(workspace, experiment, VELOSTAT_SETTINGS)
     assert "\n" not in str(error.value) and report.read_text() == "of an earlier run"
     assert [one.name for one in report.parent.iterdir()] == ["ingest.json"]
 

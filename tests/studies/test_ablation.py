@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.scoring import ablation as scored
@@ -18,7 +19,7 @@ FRAMES, ELEMENTS, CELLS = 8, 25, 400
 
 @pytest.fixture
 def values():
-    return copy.deepcopy(params.load()) | {"device": "cpu"}
+    return copy.deepcopy(params.load(ROOT / "params.yaml")) | {"device": "cpu"}
 
 
 def test_the_committed_rows_can_be_trained(values):
@@ -50,9 +51,8 @@ def test_a_row_that_cannot_be_trained_is_one_sentence(values, change, words):
         ablation.check(values["touch"], "touch")
 
 
-def test_a_row_sees_its_frames_and_is_scored_on_the_test_part(values, tmp_path, monkeypatch):
+def test_a_row_sees_its_frames_and_is_scored_on_the_test_part(workspace, values, tmp_path, monkeypatch):
     """Labels follow the frame before the last: the last frame alone cannot tell them."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
     rng = np.random.default_rng(0)
     part = np.repeat(["train", "validation", "test", "unused"], [120, 20, 40, 20])
     x = rng.integers(0, 1000, (200, FRAMES, ELEMENTS)).astype(np.int16)
@@ -65,12 +65,12 @@ def test_a_row_sees_its_frames_and_is_scored_on_the_test_part(values, tmp_path, 
             "y": schemas.lists(y.astype(np.float32), pa.float32()),
         }
     )
-    schemas.write(paths.dataset("touch"), table.schema, [table])
+    schemas.write(workspace.dataset("touch"), table.schema, [table])
     tree = {"of": "tree", "seeds": [0], "settings": {"min_samples_leaf": 1, "max_features": 1.0}}
     values["touch"]["ablation"] = {"one": tree | {"frames": 1}, "two": tree | {"frames": 2}}
     errors = {}
     for name in ("one", "two"):
-        rows = ablation.train_run(values, "touch", name, 0, lambda *numbers: None)
+        rows = ablation.train_run(workspace, values, "touch", name, 0, lambda *numbers: None)
         found = pd.DataFrame(rows, columns=ablation.COLUMNS)
         assert set(found["condition"]) == {"single", "double"} and (found[found.metric == "rmse"].n == 20).all()
         errors[name] = found[found.metric == "rmse"].value.mean()

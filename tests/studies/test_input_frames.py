@@ -4,9 +4,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import torch
+from builders.project import ROOT
 
 from pipeline import models
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.datasets import images, schemas
 from pipeline.learning import image_classifier
 from pipeline.learning.image_classifier import spec_of
@@ -177,7 +178,7 @@ def test_the_same_seed_gives_the_same_network():
     assert fitted(0) == fitted(0) and fitted(0) != fitted(1)
 
 
-def write_dataset(sessions=6, each=4):
+def write_dataset(workspace, sessions=6, each=4):
     x, y, session, part = grasps(sessions, each)
     names = [pa.array(values).dictionary_encode().cast(schemas.NAME) for values in (
         np.where(y[:, 1], "b", "a"), [f"session{k // 2:02d}" for k in session], part
@@ -186,53 +187,52 @@ def write_dataset(sessions=6, each=4):
     columns[schemas.split_column("session_combined", 0)] = names[2]
     pictures = x.reshape(-1, images.SIDE, images.SIDE).astype(np.uint8)
     table = images.with_pictures(pa.table(columns), {"combined": pictures})
-    schemas.write(paths.dataset("glove"), table.schema, [table])
+    schemas.write(workspace.dataset("glove"), table.schema, [table])
 
 
 @pytest.fixture
 def values(tmp_path, monkeypatch):
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["device"] = "cpu"
     values["glove"] |= {"models": BLOCKS, "input_frames": SETTINGS, "protocols": {"session_combined": {"seeds": [0]}}}
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(input_frames.params, "load", lambda: values)
+    monkeypatch.setattr(input_frames.params, "load", lambda _: values)
     monkeypatch.setattr("sys.argv", ["input_frames", "glove"])
     monkeypatch.setenv("WORKERS", "1")
     return values
 
 
-def written():
-    lines = paths.input_frames("glove").read_text().splitlines()
+def written(workspace):
+    lines = workspace.input_frames("glove").read_text().splitlines()
     assert lines[0].split(",") == list(input_frames.COLUMNS)
     return [tuple(line.split(",")[:5]) for line in lines[1:]]
 
 
-def test_the_study_trains_every_model_and_leaves_out_numbers_that_no_session_has(values, capsys):
-    write_dataset()
+def test_the_study_trains_every_model_and_leaves_out_numbers_that_no_session_has(workspace, values, capsys):
+    write_dataset(workspace)
     values["glove"]["input_frames"] = SETTINGS | {"numbers": [2, 5]}
-    input_frames.main()
+    input_frames.main(workspace)
     wanted = {("trained", m, "0", "2", metric) for m in input_frames.MODELS for metric in classification.METRICS}
-    assert set(written()) == wanted and len(written()) == len(wanted)
+    assert set(written(workspace)) == wanted and len(written(workspace)) == len(wanted)
     assert "glove: sessions have too few images for sets of 5" in capsys.readouterr().err
 
 
-def test_without_the_networks_the_table_is_empty(values):
+def test_without_the_networks_the_table_is_empty(workspace, values):
     values["glove"]["models"] = {"constant": {}}
-    input_frames.main()
-    assert written() == []
+    input_frames.main(workspace)
+    assert written(workspace) == []
 
 
-def test_a_split_or_seed_that_is_not_there_is_named(values):
+def test_a_split_or_seed_that_is_not_there_is_named(workspace, values):
     values["glove"]["input_frames"] = SETTINGS | {"seeds": [0, 3]}
     with pytest.raises(input_frames.InputError, match="'session_combined' has not all of the seeds 0, 3"):
-        input_frames.main()
+        input_frames.main(workspace)
 
 
-def test_the_study_of_stag_trains_on_several_frames_too(values, monkeypatch):
+def test_the_study_of_stag_trains_on_several_frames_too(workspace, values, monkeypatch):
     x, y, session, part = grasps()
     data = stag.Stag(x, y.argmax(axis=1), ["a", "b"], np.array([f"r{k}" for k in session]), part)
     data = data._replace(part=np.where(part == "validation", "train", part))
-    monkeypatch.setattr(stag, "read", lambda path: data)
+    monkeypatch.setattr(stag, "read", lambda *given: data)
     for frames, form, numbers in ((2, "trained", {2}), (1, "mean", {1, 2, 3, 4})):
-        rows = stag_study.train_run(values, "glove", "sp_resnet", 0, frames, "metadata.mat", None)
+        rows = stag_study.train_run(workspace, values, "glove", "sp_resnet", 0, frames, "metadata.mat", None)
         assert {row[:3] for row in rows} == {(form, "sp_resnet", 0)} and {row[3] for row in rows} == numbers

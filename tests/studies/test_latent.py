@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pipeline import models
-from pipeline.base import paths
 from pipeline.datasets import series
 from pipeline.experiments import strain
 from pipeline.studies import latent
@@ -50,26 +49,26 @@ def regressor(monkeypatch):
     return noting
 
 
-def trained(samples):
+def trained(workspace, samples):
     values = {"strain": {"window": {"frames": 10}}, "device": "cpu"}
-    return latent.train_with(values, "lstm_direct", {}, "task_1", 0, samples)
+    return latent.train_with(workspace, values, "lstm_direct", {}, "task_1", 0, samples)
 
 
 @pytest.mark.parametrize("samples", [None, 30])
-def test_the_error_is_that_of_the_test_part(regressor, samples):
-    assert trained(samples) == (7, pytest.approx(3.0))
+def test_the_error_is_that_of_the_test_part(workspace, regressor, samples):
+    assert trained(workspace, samples) == (7, pytest.approx(3.0))
 
 
-def test_few_samples_are_the_last_ones_before_the_test_part(regressor):
-    trained(30)
+def test_few_samples_are_the_last_ones_before_the_test_part(workspace, regressor):
+    trained(workspace, 30)
     ((x, y, counted, training, press),) = regressor.records
     expected = regressor.piece.record
     assert np.array_equal(x, expected.x[50:80]) and np.array_equal(y, expected.y[50:80])
     assert training.all() and counted.all() and len(training) == len(counted) == len(press) == 30
 
 
-def test_all_samples_end_before_the_test_part_and_keep_their_validation(regressor):
-    trained(None)
+def test_all_samples_end_before_the_test_part_and_keep_their_validation(workspace, regressor):
+    trained(workspace, None)
     ((x, _, _, training, _),) = regressor.records
     assert np.array_equal(x, regressor.piece.record.x[:80]) and training.tolist() == [True] * 70 + [False] * 10
 
@@ -87,19 +86,19 @@ STUDY = {
 }
 
 
-def test_transfer_starts_from_the_network_of_the_task_asked_for(regressor):
+def test_transfer_starts_from_the_network_of_the_task_asked_for(workspace, regressor):
     values = {"strain": STUDY, "device": "cpu"}
-    rows = latent.one_base(values, "task_1", "task_2", 4, lambda: None)
+    rows = latent.one_base(workspace, values, "task_1", "task_2", 4, lambda: None)
     assert [row[:4] for row in rows] == [("task_2", "task_1", m, 4) for m in ("lstm_transfer", "lstm_transfer_ridge")]
-    assert regressor.bases == 2 * [paths.run_folder("strain", "lstm_direct", "task_1", 4)]
+    assert regressor.bases == 2 * [workspace.run_folder("strain", "lstm_direct", "task_1", 4)]
     assert [row[-1] for row in rows] == [pytest.approx(3.0)] * 2
 
 
-def test_fewer_strands_are_seen_by_model_zero_and_by_all_that_starts_from_it(regressor, monkeypatch):
+def test_fewer_strands_are_seen_by_model_zero_and_by_all_that_starts_from_it(workspace, regressor, monkeypatch):
     seen, built = [], []
     monkeypatch.setattr(strain, "task", lambda protocol, settings: seen.append(settings["sensor"]) or regressor.task)
     monkeypatch.setattr(models, "build", lambda name, spec, block, where: built.append((name, block)) or regressor)
-    rows = latent.one_strands({"strain": STUDY, "device": "cpu"}, 2, 0, lambda: None)
+    rows = latent.one_strands(workspace, {"strain": STUDY, "device": "cpu"}, 2, 0, lambda: None)
     assert all(sensor == {"channels": 2} for sensor in seen)
     assert [row[:3] for row in rows] == [
         (t, 2, m) for t in ("task_1", "task_2") for m in ("lstm_direct", "lstm_transfer")

@@ -8,7 +8,7 @@ import pytest
 import torch
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.models import sp_resnet
 from pipeline.reporting import sizes as sizes_report
@@ -141,7 +141,7 @@ def test_narrow_networks_shrink_and_impossible_widths_are_refused():
         sizes.narrow_network(1, 16, 0.3, 16)
 
 
-def test_settings_that_cannot_be_are_refused():
+def test_settings_that_cannot_be_are_refused(workspace):
     with pytest.raises(InputError, match="there is no split of seed 7"):
         sizes._check_seeds("rightsize.touch.lomp.seeds", [0, 7], [0, 1])
     values = {
@@ -153,48 +153,46 @@ def test_settings_that_cannot_be_are_refused():
         "rightsize": {"touch": {"lomp": {"seeds": [0]}, "window": {"seeds": [0], "sizes": [4, 9]}}},
     }
     with pytest.raises(InputError, match="a window has 8 frames"):
-        sizes.touch(values)
+        sizes.touch(workspace, values)
 
 
-def test_a_lomp_that_the_ablation_has_is_not_trained_again(tmp_path, monkeypatch):
+def test_a_lomp_that_the_ablation_has_is_not_trained_again(workspace, tmp_path, monkeypatch):
     """There is no dataset here: a training would fail for want of it, and does for a seed that the row has not."""
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
     values = params.parsed(ROOT / "params.yaml")
     row = values["touch"]["ablation"]["lomp_half"]
     row["seeds"] = [1]
-    file = paths.ablation("touch")
+    file = workspace.ablation("touch")
     file.parent.mkdir(parents=True)
     line = "lomp_half,press,{},1,rmse,kPa,{},9\n"
     file.write_text(",".join(COLUMNS) + "\n" + line.format("single", 5.5) + line.format("double", 8.5))
-    rows = sizes.touch_run(values, "lomp", row["settings"]["hidden"], 1, lambda: None)
+    rows = sizes.touch_run(workspace, values, "lomp", row["settings"]["hidden"], 1, lambda: None)
     assert [(*found[:4], found[8]) for found in rows] == [
         ("touch", "single", "lomp", 64, 5.5),
         ("touch", "double", "lomp", 64, 8.5),
     ]
     with pytest.raises(InputError, match="dataset.parquet"):
-        sizes.touch_run(values, "lomp", row["settings"]["hidden"], 0, lambda: None)
+        sizes.touch_run(workspace, values, "lomp", row["settings"]["hidden"], 0, lambda: None)
     values["touch"]["models"]["lomp"]["training"]["epochs"] += 1
     with pytest.raises(InputError, match="dataset.parquet"):
-        sizes.touch_run(values, "lomp", row["settings"]["hidden"], 1, lambda: None)
+        sizes.touch_run(workspace, values, "lomp", row["settings"]["hidden"], 1, lambda: None)
 
 
 @pytest.mark.parametrize(
     ("seeds", "frames", "words"),
     [([0, 1], [1], None), ([0, 1, 2], [1], "lomp, condition single, size 8, seed 2"), ([0], [1, 4], "window.*size 4")],
 )
-def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(tmp_path, monkeypatch, seeds, frames, words):
-    monkeypatch.setattr(ladders.paths, "ROOT", tmp_path)
-    path = ladders.path("touch")
+def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(workspace, seeds, frames, words):
+    path = ladders.path(workspace, "touch")
     path.parent.mkdir(parents=True)
     rows = [runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})]
     pd.concat(rows).to_csv(path, index=False)
     blocks = {"lomp": {"sizes": [8], "seeds": seeds}, "window": {"sizes": frames, "seeds": [0, 1]}}
     values = {"rightsize": {"touch": blocks}}
     if words is None:
-        assert len(sizes_verdicts.read("touch", values)) == 4
+        assert len(sizes_verdicts.read(workspace, "touch", values)) == 4
     else:
         with pytest.raises(InputError, match=words):
-            sizes_verdicts.read("touch", values)
+            sizes_verdicts.read(workspace, "touch", values)
 
 
 def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):

@@ -3,6 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.datasets import schemas
@@ -80,9 +81,9 @@ def test_every_statistic_is_said_and_noted_by_its_name():
     assert set(glove.NOTES) <= set(glove.STATISTICS)
 
 
-def test_the_scene_gives_back_its_own_misfit(monkeypatch):
+def test_the_scene_gives_back_its_own_misfit(workspace, monkeypatch):
     """With nothing but the misfit of the glove on, the spread of a joint between grasps is that misfit."""
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     block = values["glove"]["simulate"] | {"sessions": 40, "frames_per_object": 400}
     effects = dict.fromkeys(block["effects"], False) | {"session": True}
     block |= {"effects": effects, "session": block["session"] | {"wander": 0.0}}
@@ -108,6 +109,6 @@ def test_the_scene_gives_back_its_own_misfit(monkeypatch):
     monkeypatch.setattr(glove.paths, "require", lambda path, made_by: path)
     monkeypatch.setattr(glove.schemas, "read", lambda path: table)
     monkeypatch.setattr(glove, "of_set", lambda data, seed: iter(()))
-    found = glove.simulated(values | {"glove": settings})
+    found = glove.simulated(workspace, values | {"glove": settings})
     spread = found[found["statistic"] == "joint_spread"].set_index("recording")["value"]
     assert spread["can"] == pytest.approx(block["session"]["fit_deg"], rel=0.15)

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.datasets import schemas, series
 from pipeline.experiments import strain_recorded
 from pipeline.twins import strain as twins
@@ -85,20 +86,19 @@ def short(monkeypatch):
     monkeypatch.setattr(twins, "TREES", {"n_estimators": 5, "min_samples_leaf": 2, "random_state": 0})
 
 
-def test_the_simulated_twin_has_every_statistic_of_every_finger(short):
-    values = params.load()
+def test_the_simulated_twin_has_every_statistic_of_every_finger(workspace, short):
+    values = params.load(ROOT / "params.yaml")
     values["strain"]["simulate"]["specimens"] = 2
-    table = twins.simulated(values)
+    table = twins.simulated(workspace, values)
     assert table.columns.tolist() == ["recording", "statistic", "value"] and np.isfinite(table["value"]).all()
     assert set(table["recording"]) == {"specimen 0", "specimen 1"} and set(table["statistic"]) == set(twins.STATISTICS)
     assert set(twins.NOTES) <= set(twins.STATISTICS)
     values["strain"]["simulate"]["effects"]["noise"] = False
-    quiet = twins.simulated(values).query("statistic == 'noise'")["value"].median()
+    quiet = twins.simulated(workspace, values).query("statistic == 'noise'")["value"].median()
     assert quiet < 0.7 * table.query("statistic == 'noise'")["value"].median()
 
 
-def test_recorded_stretches(short, tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
+def test_recorded_stretches(workspace, short, tmp_path, monkeypatch):
     rng, tables = np.random.default_rng(0), []
     for day, minutes in (("day_1", 45), ("day_2", 31)):
         presses = round(minutes * 60 / (14 * SAMPLE_S))
@@ -116,9 +116,9 @@ def test_recorded_stretches(short, tmp_path, monkeypatch):
         }
         schema = series.frames(7)
         tables.append(pa.table(columns).select(schema.names).cast(schema))
-    paths.frames("strain_recorded").parent.mkdir(parents=True)
-    schemas.write(paths.frames("strain_recorded"), series.frames(7), tables)
-    table = twins.recorded({})
+    workspace.frames("strain_recorded").parent.mkdir(parents=True)
+    schemas.write(workspace.frames("strain_recorded"), series.frames(7), tables)
+    table = twins.recorded(workspace, {})
     stretches = [f"day_1, stretch {k}" for k in (1, 2, 3)] + [f"day_2, stretch {k}" for k in (1, 2)]
     assert table["recording"].unique().tolist() == stretches
     noise = table.query("statistic == 'noise'")["value"]
@@ -126,14 +126,15 @@ def test_recorded_stretches(short, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_three_quarters_of_the_scenes_statistics_lie_in_the_range_of_the_recordings(recordings, tmp_path, monkeypatch):
-    values, folder = params.load(), recordings("strain_recorded")
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
+def test_three_quarters_of_the_scenes_statistics_lie_in_the_range_of_the_recordings(
+    workspace, recordings, tmp_path, monkeypatch
+):
+    values, folder = params.load(ROOT / "params.yaml"), recordings("strain_recorded")
     days = strain_recorded.recordings(folder)
     tables = [strain_recorded.read_recording(day, values["strain_recorded"])[0] for day in days]
-    paths.frames("strain_recorded").parent.mkdir(parents=True)
-    schemas.write(paths.frames("strain_recorded"), tables[0].schema, tables)
-    both = twins.recorded(values), twins.simulated(values)
+    workspace.frames("strain_recorded").parent.mkdir(parents=True)
+    schemas.write(workspace.frames("strain_recorded"), tables[0].schema, tables)
+    both = twins.recorded(workspace, values), twins.simulated(workspace, values)
     recorded, simulated = (table.groupby("statistic")["value"] for table in both)
     low, high, middle = recorded.min(), recorded.max(), simulated.median()
     outside = middle[(middle < low) | (middle > high)].index

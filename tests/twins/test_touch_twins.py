@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.scenes import touch_contact
@@ -83,7 +84,7 @@ def test_statistics_are_named_and_come_per_recording():
 
 
 def test_the_twin_presses_the_places_of_its_element():
-    block = params.load()["touch"]
+    block = params.load(ROOT / "params.yaml")["touch"]
     block["simulate"]["effects"] |= {"noise": False}
     course = made()
     twin = twins.twin(course, 12, "made", block)

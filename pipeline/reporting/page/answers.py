@@ -7,7 +7,8 @@ from typing import NamedTuple
 import pandas as pd
 from markupsafe import Markup
 
-from pipeline.base import params, paths
+from pipeline.base import params
+from pipeline.base.paths import Workspace
 from pipeline.claims import entries
 from pipeline.claims.entries import NUMBER
 from pipeline.claims.rules import BAND, CONTRADICTED, NOT_TESTABLE, REPRODUCED, VERDICTS
@@ -60,7 +61,7 @@ PRINTED = (
 REACH = 8.0  # ratios beyond this, either way, are drawn at the edge
 
 
-def card(pages: Pages, paper: str, claims: pd.DataFrame) -> dict:
+def card(workspace: Workspace, pages: Pages, paper: str, claims: pd.DataFrame) -> dict:
     """Return what a paper's card says."""
     asked, of_paper = QUESTIONS[paper], claims[claims["paper"] == paper]
     row = of_paper.set_index("id").loc[asked.claim]
@@ -72,7 +73,7 @@ def card(pages: Pages, paper: str, claims: pd.DataFrame) -> dict:
     why = f" ({row['reason'].partition(':')[0]})" if row["verdict"] == NOT_TESTABLE else ""
     return {
         "paper": paper,
-        "title": entries.papers()[paper].title,
+        "title": entries.papers(workspace)[paper].title,
         "question": asked.question,
         "verdict": row["verdict"],
         "number": number,
@@ -90,9 +91,9 @@ def ratio(value: float, published: float, unit: str) -> float:
     return (100 - value) / (100 - published) if unit == "%" else value / published
 
 
-def compared(claims: pd.DataFrame) -> dict:
+def compared(workspace: Workspace, claims: pd.DataFrame) -> dict:
     """Return the data of the chart of our errors over the published ones; claims: see `verdicts.read_claims`."""
-    rows, titles = [], claim_text.titles()
+    rows, titles = [], claim_text.titles(workspace)
     for row in claims[claims["data"] == "simulated"].itertuples():
         match = next(filter(None, (pattern.match(row.id) for pattern in PRINTED)), None)
         if match is None:
@@ -131,12 +132,12 @@ def compared_caption(rows: list[Mapping]) -> str:
     )
 
 
-def speed(values: Mapping) -> pd.DataFrame | None:
+def speed(workspace: Workspace, values: Mapping) -> pd.DataFrame | None:
     """Return the speed table with one panel per paper, its last main condition; None where none was run."""
     tables = []
-    for paper in entries.papers().values():
+    for paper in entries.papers(workspace).values():
         experiment = paper.simulated
-        path = paths.REPORTS / experiment / "speed" / "table2.csv"
+        path = workspace.reports / experiment / "speed" / "table2.csv"
         if experiment not in values["experiments"] or not path.exists():
             continue
         table = read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
@@ -145,30 +146,32 @@ def speed(values: Mapping) -> pd.DataFrame | None:
     return pd.concat(tables, ignore_index=True) if tables else None
 
 
-def scale_words(values: Mapping) -> str:
+def scale_words(workspace: Workspace, values: Mapping) -> str:
     """Name the scale of the simulated experiments."""
-    simulated = [paper.simulated for paper in entries.papers().values()]
-    scales = {params.scale_of(name, values[name]) for name in simulated if name in values["experiments"]}
+    simulated = [paper.simulated for paper in entries.papers(workspace).values()]
+    scales = {
+        params.scale_of(workspace.scales, name, values[name]) for name in simulated if name in values["experiments"]
+    }
     names = {"paper": "the papers'", "other": "their own settings'", "both": "the papers'"}
     return " and ".join(sorted(names.get(scale, scale) for scale in scales - ({"both"} if len(scales) > 1 else set())))
 
 
-def section(pages: Pages, values: Mapping) -> Markup:
+def section(workspace: Workspace, pages: Pages, values: Mapping) -> Markup:
     """Return the first screen; values: params.yaml."""
-    claims = verdicts.read_claims()
+    claims = verdicts.read_claims(workspace)
     ids = set(claims["id"])
     present = [
         paper
         for paper, asked in QUESTIONS.items()
-        if asked.claim in ids and (paths.REPORTS / asked.figure).exists()  # an experiment may not have been run
+        if asked.claim in ids and (workspace.reports / asked.figure).exists()  # an experiment may not have been run
     ]
-    ours, speeds = compared(claims), speed(values)
+    ours, speeds = compared(workspace, claims), speed(workspace, values)
     return fill(
         "answers",
         claims=len(verdicts.counted(claims)),
         at_papers=int((verdicts.counted(claims)["scale"] == "paper").sum()),
-        scale=scale_words(values),
-        cards=[card(pages, paper, claims) for paper in present],
+        scale=scale_words(workspace, values),
+        cards=[card(workspace, pages, paper, claims) for paper in present],
         verdicts=VERDICTS,
         band=f"{100 * BAND:.0f}",
         compared=ours,

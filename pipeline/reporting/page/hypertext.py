@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.reporting.page.templates import part
 
 # A line that is nothing but a figure and its caption: a link in a list, or the picture itself.
@@ -23,9 +24,9 @@ LINK = re.compile(r"\[(?P<text>[^\]]+)\]\((?P<path>[^)\s]+\.png)\)")
 REFERENCE = re.compile(r'(?:href|src)="([^"#][^"]*)"')
 
 
-def read(name: str) -> str:
+def read(workspace: Workspace, name: str) -> str:
     """Read a text file below reports/. Raises InputError where there is none."""
-    return paths.require(paths.REPORTS / name, "dvc repro").read_text(encoding="utf-8")
+    return paths.require(workspace.reports / name, "dvc repro").read_text(encoding="utf-8")
 
 
 def anchor(name: str) -> str:
@@ -69,8 +70,8 @@ class Pages:
     `pictures` collects the PNG files that the page shows so far, as paths below reports/.
     """
 
-    def __init__(self, embedded: Iterable[str]):
-        self.embedded = set(embedded)
+    def __init__(self, workspace: Workspace, embedded: Iterable[str]):
+        self.workspace, self.embedded = workspace, set(embedded)
         self.pictures: set[str] = set()
         self._tables: Counter[str] = Counter()
         self._parser = MarkdownIt("commonmark", {"html": False}).enable("table")
@@ -134,7 +135,7 @@ class Pages:
     def size(self, source: str) -> tuple[int, int]:
         """Note that the page shows a figure (path below reports/), and return its width and height in pixels."""
         self.pictures.add(source)
-        return png_size(paths.REPORTS / source)
+        return png_size(self.workspace.reports / source)
 
     def gallery(self, figures: Iterable[tuple[str, str]]) -> Markup:
         """Return figures with captions as HTML; figures: (path below reports/, caption in Markdown)."""
@@ -152,7 +153,7 @@ class Pages:
     def caption(self, source: str) -> str:
         """Return, without marks of Markdown, what the README.md beside a figure (path below reports/) says it shows."""
         folder, _, name = source.rpartition("/")
-        return bare(captions(read(f"{folder}/README.md")).get(name, Path(name).stem.replace("_", " ")))
+        return bare(captions(read(self.workspace, f"{folder}/README.md")).get(name, Path(name).stem.replace("_", " ")))
 
     def rest(self, folder: str, text: str, names: Iterable[str]) -> Markup:
         """Return a gallery of the PNG files `names` of a folder that the page does not show yet.
@@ -182,8 +183,8 @@ def _table_open(renderer, tokens: Sequence[Token], place: int, options, environm
     return f'<div class="scroll" role="region" tabindex="0" aria-label="{name}"><table class="sortable">\n'
 
 
-def check_references(html: str) -> None:
+def check_references(workspace: Workspace, html: str) -> None:
     """Raise InputError that names the first file to which the page refers and which is not there."""
     for target in REFERENCE.findall(html):
-        if not urlsplit(target).scheme and not (paths.REPORTS / target).exists():
+        if not urlsplit(target).scheme and not (workspace.reports / target).exists():
             raise InputError(f"reports/index.html refers to {target}, which is not there; run `dvc repro`")

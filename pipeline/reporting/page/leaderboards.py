@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import pandas as pd
 from markupsafe import Markup
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.reporting.page import charts
 from pipeline.reporting.page.templates import Cell, Row, part
 from pipeline.reporting.speed import ESTIMATE
@@ -57,12 +57,12 @@ def board(experiment: str, task: str, rows: pd.DataFrame, relative: pd.Series) -
     return part("table", task, header, table, "leaderboard")
 
 
-def leaderboards(experiment: str, name: str) -> Markup:
+def leaderboards(workspace: Workspace, experiment: str, name: str) -> Markup:
     """Return the leaderboards of an experiment, one per panel of its speed table; name: of the experiment."""
     made_by = f"python -m pipeline.stages.render {experiment}"
     columns = (*charts.COLUMNS, "protocol", "condition")
-    speeds = read_csv(paths.REPORTS / experiment / "speed" / "table2.csv", columns, made_by)
-    stress = read_csv(paths.REPORTS / "stability" / "failures.csv", STRESSED, "dvc repro")
+    speeds = read_csv(workspace.reports / experiment / "speed" / "table2.csv", columns, made_by)
+    stress = read_csv(workspace.reports / "stability" / "failures.csv", STRESSED, "dvc repro")
     parts = []
     for panel, rows in speeds.groupby("panel", sort=False):
         place = [experiment, *rows[["protocol", "condition"]].iloc[0]]

@@ -7,6 +7,7 @@ from markupsafe import Markup
 from pipeline.base import params, paths
 from pipeline.base.availability import has_report, why_not_run
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.logs.sources import SOURCES
 from pipeline.reporting.page.templates import SIGNS, Cell, Row, fill, part
 from pipeline.reporting.words.labels import model_name
@@ -23,7 +24,7 @@ SCALE_WORDS = {
 }
 
 
-def data_of(experiment: str, values: Mapping) -> Markup:
+def data_of(workspace: Workspace, experiment: str, values: Mapping) -> Markup:
     """Say where an experiment's numbers come from, at which scale, and how often they were drawn."""
     settings = values[experiment]
     source = settings.get("source")
@@ -36,7 +37,7 @@ def data_of(experiment: str, values: Mapping) -> Markup:
         data = Markup("simulated by <code>pipeline/scenes/{}.py</code>").format(experiment)
     else:
         data = Markup("your own logs, <code>{}</code>").format(source)
-    scale = SCALE_WORDS[params.scale_of(experiment, settings)]
+    scale = SCALE_WORDS[params.scale_of(workspace.scales, experiment, settings)]
     models = len(settings["models"])
     return Markup("Data: {}. Scale: {}. Models: {}. Seeds: {}.").format(data, scale, models, seeds_of(settings))
 
@@ -51,9 +52,11 @@ def seeds_of(settings: Mapping) -> Markup:
     )
 
 
-def versions() -> dict[str, str]:
+def versions(workspace: Workspace) -> dict[str, str]:
     """Return package -> version that constraints.txt pins. Raises InputError where one is not pinned."""
-    lines = paths.require(paths.ROOT / "constraints.txt", "git checkout constraints.txt").read_text(encoding="utf-8")
+    lines = paths.require(workspace.root / "constraints.txt", "git checkout constraints.txt").read_text(
+        encoding="utf-8"
+    )
     pinned = dict(line.split("==", 1) for line in lines.splitlines() if "==" in line)
     for package in PACKAGES:
         if package not in pinned:
@@ -61,21 +64,21 @@ def versions() -> dict[str, str]:
     return {package: pinned[package] for package in PACKAGES}
 
 
-def section(values: Mapping) -> Markup:
+def section(workspace: Workspace, values: Mapping) -> Markup:
     """Return the section: scale, data, seeds, versions, and the files behind the page; values: params.yaml."""
-    scores = read_csv(paths.REPORTS / "scores.csv", ["experiment", "protocol", "condition", "n"], "dvc repro")
+    scores = read_csv(workspace.reports / "scores.csv", ["experiment", "protocol", "condition", "n"], "dvc repro")
     data = []
     for experiment in values["experiments"]:
         tested = scores[scores["experiment"] == experiment].groupby("condition", sort=False)["n"].max()
         items = ", ".join(f"{condition}: {n:,}" for condition, n in tested.items()) or "-"
-        run = "no: " + reason if (reason := why_not_run(experiment)) else "yes"
-        run += "; its results are the committed ones" if reason and has_report(experiment) else ""
-        data.append(Row([Cell(experiment), Cell(data_of(experiment, values)), Cell(run), Cell(items)]))
-    counts = read_csv(paths.REPORTS / "counts.csv", ["experiment", "model", "macs", "params"], "dvc repro")
+        run = "no: " + reason if (reason := why_not_run(workspace, experiment)) else "yes"
+        run += "; its results are the committed ones" if reason and has_report(workspace, experiment) else ""
+        data.append(Row([Cell(experiment), Cell(data_of(workspace, experiment, values)), Cell(run), Cell(items)]))
+    counts = read_csv(workspace.reports / "counts.csv", ["experiment", "model", "macs", "params"], "dvc repro")
     return fill(
         "provenance",
         data=data,
-        versions=[Row([Cell(package), Cell(version)]) for package, version in versions().items()],
+        versions=[Row([Cell(package), Cell(version)]) for package, version in versions(workspace).items()],
         count_header=[column.replace("_", " ") for column in counts.columns],
         counts=[Row([count_cell(column, value) for column, value in row.items()]) for row in counts.to_dict("records")],
         files=NUMBERS,

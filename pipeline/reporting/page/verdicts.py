@@ -3,8 +3,8 @@
 import pandas as pd
 from markupsafe import Markup
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.claims import entries
 from pipeline.claims.rules import VERDICTS
 from pipeline.reporting import claims as claim_text
@@ -18,13 +18,13 @@ HEADER = ["Verdict", "Claim", "Paper", "Section", "Data", "Published", "Ours [95
 HEADER += [*claim_text.BY_SCALE.values(), "Reason"]
 
 
-def read_claims() -> pd.DataFrame:
+def read_claims(workspace: Workspace) -> pd.DataFrame:
     """Read claims_by_scale.csv, recorded data first. Raises InputError for a paper or a verdict that nobody knows."""
-    path, made_by = paths.REPORTS / "claims_by_scale.csv", "python -m pipeline.stages.judge"
+    path, made_by = workspace.reports / "claims_by_scale.csv", "python -m pipeline.stages.judge"
     claims = read_csv(path, COLUMNS, made_by)
     for column in ("reason", *claim_text.BY_SCALE):
         claims[column] = claims[column].astype(object).where(claims[column].notna(), "")
-    for column, known in (("paper", entries.papers()), ("verdict", SIGNS)):
+    for column, known in (("paper", entries.papers(workspace)), ("verdict", SIGNS)):
         unknown = sorted(set(claims[column].astype(str)) - set(known))
         if unknown:
             raise InputError(f"reports/{path.name}: {column} '{unknown[0]}' is unknown; run `{made_by}` again")
@@ -64,9 +64,9 @@ def claim_row(row, paper: entries.Paper) -> Row:
     return Row(named, {"id": f"claim-{anchor(row.id)}"} | {f"data-{key}": value for key, value in filtered_by.items()})
 
 
-def section(pages: Pages) -> Markup:
+def section(workspace: Workspace, pages: Pages) -> Markup:
     """Return the section: how many claims came out, every claim, the rules, and what was tried."""
-    claims, text, papers = read_claims(), read("claims.md"), entries.papers()
+    claims, text, papers = read_claims(workspace), read(workspace, "claims.md"), entries.papers(workspace)
     choices = {
         "paper": [(key, papers[key].title) for key in claims["paper"].unique()],
         "data": [(key, key) for key in claims["data"].unique()],
@@ -78,7 +78,7 @@ def section(pages: Pages) -> Markup:
         count_header=["Data", "Paper", *VERDICTS, "Claims"],
         counts=[
             Row([Cell(text) for text in row], {"class": "total"} if "all" in row[:2] else {})
-            for row in claim_text.count_rows(claims, ["paper"])
+            for row in claim_text.count_rows(workspace, claims, ["paper"])
         ],
         rules=pages.render(sections(text)[0][1], "", 2, "Rules"),
         filters=list(choices.items()),

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from pipeline.base import paths
+from pipeline.base.paths import Workspace
 from pipeline.scoring import complete, results
 from pipeline.scoring.variants import COLUMNS, NONE, variants
 
@@ -85,9 +85,9 @@ class Judgement(NamedTuple):
         return max(self.changes, key=lambda change: (np.isnan(change.relative), max(-change.low, change.high)))
 
 
-def read(experiment: str, values: Mapping) -> pd.DataFrame:
+def read(workspace: Workspace, experiment: str, values: Mapping) -> pd.DataFrame:
     """Read physics.csv of an experiment. Raises InputError for a run of params.yaml that is missing or there twice."""
-    path, made_by = paths.physics(experiment), f"python -m pipeline.studies.physics {experiment}"
+    path, made_by = workspace.physics(experiment), f"python -m pipeline.studies.physics {experiment}"
     scores = results.read_csv(path, COLUMNS, made_by)
     runs = (
         (*variant, condition, model)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from pipeline.base.paths import Workspace
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import complete, ladders
 from pipeline.scoring.results import Estimate, Scores, estimate, read_csv, scale_of
@@ -53,10 +54,10 @@ def wanted(experiment: str, values: Mapping) -> dict[str, tuple[list, list]]:
     return {family: (block["sizes"], block["seeds"]) for family, block in values["rightsize"][experiment].items()}
 
 
-def read(experiment: str, values: Mapping) -> pd.DataFrame:
+def read(workspace: Workspace, experiment: str, values: Mapping) -> pd.DataFrame:
     """Read the runs of an experiment's ladders. Raises InputError for a missing file, column or run, or one twice."""
     made_by = f"python -m pipeline.studies.sizes {experiment}"
-    path = ladders.path(experiment)
+    path = ladders.path(workspace, experiment)
     table = read_csv(path, ladders.COLUMNS, made_by)
     conditions = dict.fromkeys(table["condition"]) or ("any",)  # of an empty table every run is missing
     runs = (
@@ -129,10 +130,12 @@ class Reference(NamedTuple):
     trained: float
 
 
-def references(experiment: str, values: Mapping, judged: pd.DataFrame) -> dict[tuple[str, str], Reference]:
+def references(
+    workspace: Workspace, experiment: str, values: Mapping, judged: pd.DataFrame
+) -> dict[tuple[str, str], Reference]:
     """Return the references of each (family, condition); a ladder of fully trained models needs the constant alone."""
     models, by_ladder = values[experiment]["models"], {}
-    scores = Scores(experiment, values[experiment])
+    scores = Scores(workspace, experiment, values[experiment])
     for (family, condition, metric), _ in judged.groupby(["family", "condition", "metric"], sort=False):
         run = ladders.protocol(experiment, condition), condition
         compared = ("constant", ladders.FAMILIES[family].model if family in SHORTER else "")

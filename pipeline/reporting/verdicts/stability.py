@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.scoring import complete, results
 from pipeline.scoring.results import Estimate
 
@@ -47,13 +47,13 @@ class Verdict(NamedTuple):
     reason: str
 
 
-def read(experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
+def read(workspace: Workspace, experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
     """Read stress.csv as protocol, condition, perturbation, severity, model, seed, error; one row per run.
 
     settings, stress: the experiment's blocks of params.yaml. Raises InputError for a missing or repeated row: every
     model, seed and severity of params.yaml has one in each condition.
     """
-    made_by, path = f"python -m pipeline.stages.stress {experiment}", paths.stress(experiment)
+    made_by, path = f"python -m pipeline.stages.stress {experiment}", workspace.stress(experiment)
     metric = ERRORS[experiment][0]
     key = [*PLACE, "severity", "model", "seed"]
     table = results.read_csv(path, [*key, "metric", "value"], made_by)
@@ -61,7 +61,7 @@ def read(experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
     levels = table[[*PLACE, "severity"]].drop_duplicates()
     for protocol in stress["protocols"]:
         if protocol not in set(levels["protocol"]):
-            raise InputError(f"{paths.shown(path)}: no row for protocol {protocol}; run `{made_by}` again")
+            raise InputError(f"{path}: no row for protocol {protocol}; run `{made_by}` again")
     wanted = (
         (*level, model, seed)
         for protocol in stress["protocols"]
@@ -145,12 +145,12 @@ def ranking(judged: pd.DataFrame) -> pd.Series:
     return judged.loc[sound].groupby("model", sort=False)["relative"].mean().sort_values(kind="stable")
 
 
-def training_failures(experiment: str, settings: Mapping) -> pd.DataFrame:
+def training_failures(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFrame:
     """Count per model its runs, those that diverged or left no usable weights, and missing or too bad scores.
 
     A score is the error of one protocol, condition and seed on clean test data; worse than constant: than that model.
     """
-    scores, metric = results.Scores(experiment, settings), ERRORS[experiment][0]
+    scores, metric = results.Scores(workspace, experiment, settings), ERRORS[experiment][0]
     measured = [(protocol, condition) for protocol, condition, name in scores.measured() if name == metric]
     sign = -1 if metric == "accuracy" else 1
 
@@ -160,7 +160,7 @@ def training_failures(experiment: str, settings: Mapping) -> pd.DataFrame:
     rows = []
     for model in settings["models"]:
         fits = [
-            results.read_fit(experiment, model, protocol, seed)
+            results.read_fit(workspace, experiment, model, protocol, seed)
             for protocol, block in settings["protocols"].items()
             for seed in block["seeds"]
         ]

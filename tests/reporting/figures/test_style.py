@@ -3,11 +3,12 @@
 import matplotlib.pyplot as plt
 import pytest
 from builders import own_logs
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.reporting.figures import style
 
-VALUES = params.load()
+VALUES = params.load(ROOT / "params.yaml")
 
 
 @pytest.mark.parametrize("experiment", VALUES["experiments"])

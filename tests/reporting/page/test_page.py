@@ -16,7 +16,7 @@ import yaml
 from builders import browser
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.claims import rules
 from pipeline.reporting.page import answers, charts, hypertext, leaderboards, provenance, sections, templates, verdicts
@@ -195,12 +195,10 @@ def write_claims(reports: Path, rows: list) -> None:
 
 
 @pytest.fixture
-def reports(tmp_path, monkeypatch) -> Path:
-    """A small reports/ of all experiments, one of them not run, which the stage page takes for its own."""
-    for part in ("params.yaml", "constraints.txt"):
-        shutil.copy(ROOT / part, tmp_path / part)
-    shutil.copytree(ROOT / "scales", tmp_path / "scales")
-    folder = tmp_path / "reports"
+def reports(workspace, tmp_path, monkeypatch) -> Path:
+    """A small reports/ of all experiments, one of them not run."""
+    shutil.copy(ROOT / "constraints.txt", tmp_path)
+    folder = workspace.reports
     experiments = yaml.safe_load((ROOT / "params.yaml").read_text())["experiments"]
     stability = folder / "stability"
     stability.mkdir(parents=True)
@@ -234,10 +232,6 @@ def reports(tmp_path, monkeypatch) -> Path:
     (folder / "claims.md").write_text("# Claims\n\nThe rules.\n\n## A\n\n### A: what was tried\n\n- It was tried.\n")
     write_claims(folder, CLAIMS)
     monkeypatch.setattr(sys, "argv", ["page"])
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(paths, "REPORTS", folder)
-    monkeypatch.setattr(paths, "PARAMS", tmp_path / "params.yaml")
-    monkeypatch.setattr(params.load, "__defaults__", (tmp_path / "params.yaml", None))
     return folder
 
 
@@ -269,8 +263,8 @@ class Reader(HTMLParser):
         self.text += data
 
 
-def test_every_file_link_and_claim_is_there(reports):
-    html = sections.build(params.load())
+def test_every_file_link_and_claim_is_there(workspace, reports):
+    html = sections.build(workspace, params.load(ROOT / "params.yaml"))
     found = Reader(html)
     assert len(found.ids) == len(set(found.ids)) and not found.open
     for target in found.references:
@@ -290,56 +284,60 @@ def test_every_file_link_and_claim_is_there(reports):
     assert not re.search(r"\d{4}-\d\d-\d\d|\d\d:\d\d", body), "no date and no time"
 
 
-def test_text_of_reports_is_escaped(reports):
-    html = sections.build(params.load())
+def test_text_of_reports_is_escaped(workspace, reports):
+    html = sections.build(workspace, params.load(ROOT / "params.yaml"))
     assert EVIL not in html and html.count("<script>") == 2
     assert EVIL in Reader(html).text
 
 
-def test_an_experiment_that_was_not_run_says_so(reports):
-    section = sections.build(params.load()).split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
+def test_an_experiment_that_was_not_run_says_so(workspace, reports):
+    section = (
+        sections.build(workspace, params.load(ROOT / "params.yaml"))
+        .split(f'<section id="{ABSENT}">')[1]
+        .split("</section>")[0]
+    )
     assert f"no recordings of {ABSENT}" in section and "charts" not in section
     shutil.rmtree(reports / "touch" / "speed")
     with pytest.raises(InputError, match="reports/touch/speed"):
-        sections.build(params.load())
+        sections.build(workspace, params.load(ROOT / "params.yaml"))
 
 
 @pytest.mark.slow
-def test_benchmarks_are_on_the_page_where_they_were_measured(reports):
+def test_benchmarks_are_on_the_page_where_they_were_measured(workspace, reports):
     heading = sections.CHAPTERS["benchmarks"]
-    assert heading in sections.build(params.load())
+    assert heading in sections.build(workspace, params.load(ROOT / "params.yaml"))
     shutil.rmtree(reports / "benchmarks")
-    assert heading not in sections.build(params.load())
+    assert heading not in sections.build(workspace, params.load(ROOT / "params.yaml"))
 
 
 @pytest.mark.slow
-def test_a_missing_part_of_the_stability_report_is_an_error(reports):
+def test_a_missing_part_of_the_stability_report_is_an_error(workspace, reports):
     text = (reports / "stability" / "README.md").read_text()
     (reports / "stability" / "README.md").write_text(text.replace("## Glove: all", "## Recorded grasps: all"))
     with pytest.raises(InputError, match="nothing about glove;"):
-        sections.build(params.load())
+        sections.build(workspace, params.load(ROOT / "params.yaml"))
 
 
-def test_a_link_to_nothing_is_an_error(reports):
+def test_a_link_to_nothing_is_an_error(workspace, reports):
     with open(reports / "touch" / "accuracy" / "README.md", "a") as file:
         file.write("\n[More](more.md)\n")
     with pytest.raises(InputError, match="touch/accuracy/more.md"):
-        sections.build(params.load())
+        sections.build(workspace, params.load(ROOT / "params.yaml"))
 
 
 @pytest.mark.slow
-def test_the_page_follows_the_claims(reports):
-    before = sections.build(params.load())
-    assert sections.build(params.load()) == before
+def test_the_page_follows_the_claims(workspace, reports):
+    before = sections.build(workspace, params.load(ROOT / "params.yaml"))
+    assert sections.build(workspace, params.load(ROOT / "params.yaml")) == before
     assert 'aria-label="simulated: 1 reproduced, 1 contradicted, 0 undecided, 0 not testable"' in before
     assert "Yes: 2.20 [2.10, 2.30] kPa" in before
     write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:8], "not testable", "runs failed", "sentence", "kPa")])
-    after = sections.build(params.load())
+    after = sections.build(workspace, params.load(ROOT / "params.yaml"))
     assert 'aria-label="simulated: 0 reproduced, 1 contradicted, 0 undecided, 1 not testable"' in after
     assert "runs failed" in after and "Yes: " not in after
     write_claims(reports, [(*CLAIMS[0][:8], "proved", "", "sentence", "kPa")])
     with pytest.raises(InputError, match="verdict 'proved' is unknown"):
-        sections.build(params.load())
+        sections.build(workspace, params.load(ROOT / "params.yaml"))
 
 
 def test_every_verdict_has_a_look_of_its_own():
@@ -351,16 +349,16 @@ def test_every_verdict_has_a_look_of_its_own():
     )  # calibrated as not testable
 
 
-def test_scale_and_versions_are_named(reports):
-    values = params.load()
-    assert "Scale: <strong>laptop</strong>." in provenance.data_of("touch", values)
-    assert "Scale: the same on a laptop" in provenance.data_of("velostat_recorded", values)
+def test_scale_and_versions_are_named(workspace, reports):
+    values = params.load(ROOT / "params.yaml")
+    assert "Scale: <strong>laptop</strong>." in provenance.data_of(workspace, "touch", values)
+    assert "Scale: the same on a laptop" in provenance.data_of(workspace, "velostat_recorded", values)
     values["touch"]["window"]["stride"] = 3
-    assert "Scale: own settings" in provenance.data_of("touch", values)
-    assert provenance.versions()["torch"] in (ROOT / "constraints.txt").read_text()
-    (paths.ROOT / "constraints.txt").write_text("torch==1\n")
+    assert "Scale: own settings" in provenance.data_of(workspace, "touch", values)
+    assert provenance.versions(workspace)["torch"] in (ROOT / "constraints.txt").read_text()
+    (workspace.root / "constraints.txt").write_text("torch==1\n")
     with pytest.raises(InputError, match="numpy"):
-        provenance.versions()
+        provenance.versions(workspace)
 
 
 def test_dvc_watches_what_decides_the_scale():
@@ -368,8 +366,8 @@ def test_dvc_watches_what_decides_the_scale():
     assert {"params.yaml", "scales"} <= set(watched)
 
 
-def test_markdown_links_hold_from_the_page(reports):
-    pages = hypertext.Pages(["touch/accuracy/table1.md"])
+def test_markdown_links_hold_from_the_page(workspace, reports):
+    pages = hypertext.Pages(workspace, ["touch/accuracy/table1.md"])
     assert pages.link("touch/speed", "../accuracy/table1.md") == "#touch-accuracy-table1-md"
     assert pages.link("touch/speed", "table2.csv") == "touch/speed/table2.csv"
     assert pages.link("touch", "https://example.org/a") == "https://example.org/a"
@@ -393,9 +391,9 @@ def test_charts_have_every_model_of_both_times():
         assert reach == 1.0 and look["color"].startswith("#")
 
 
-def test_our_errors_stand_over_the_published_ones(reports):
-    claims = verdicts.read_claims()
-    row, *others = answers.compared(claims)["rows"]
+def test_our_errors_stand_over_the_published_ones(workspace, reports):
+    claims = verdicts.read_claims(workspace)
+    row, *others = answers.compared(workspace, claims)["rows"]
     assert not others, "of the claims, one repeats a printed error"
     assert row["model"] == "linear" and row["panel"].endswith("single")
     assert [row[key] for key in ("ours", "low", "high")] == pytest.approx([12.5 / 8.68, 12 / 8.68, 13 / 8.68])
@@ -403,8 +401,8 @@ def test_our_errors_stand_over_the_published_ones(reports):
     assert answers.ratio(90.0, 95.0, "%") == pytest.approx(2.0), "of a precision, the error is what is missing"
 
 
-def test_a_leaderboard_has_the_best_and_the_error_under_stress(reports):
-    html = leaderboards.leaderboards("touch", "LoMP (touch)")
+def test_a_leaderboard_has_the_best_and_the_error_under_stress(workspace, reports):
+    html = leaderboards.leaderboards(workspace, "touch", "LoMP (touch)")
     single, double = html.split("LoMP (touch), double")[0], html.split("<caption>")[2]
     lomp = single[single.index("<td>LoMP</td>") :].split("</tr>")[0]
     assert 'class="best"' in lomp and "2.17" in lomp, "least error; the printed one beside it"
@@ -422,10 +420,10 @@ def tab(tmp_path_factory):
 
 
 @pytest.fixture(params=["built", "committed"])
-def address(request, reports):
+def address(workspace, request, reports):
     """A page of the small reports, and the one that lies in the checkout."""
     if request.param == "built":
-        page.main()
+        page.main(workspace)
         return (reports / "index.html").as_uri()
     committed = ROOT / "reports" / "index.html"
     if not committed.exists():
@@ -512,8 +510,8 @@ def test_browser_sorts_and_filters_the_claims(tab, address):
         )
 
 
-def test_browser_sorts_tables_of_reports_by_their_numbers(tab, reports):
-    page.main()
+def test_browser_sorts_tables_of_reports_by_their_numbers(workspace, tab, reports):
+    page.main(workspace)
     tab.open((reports / "index.html").as_uri())
     table = "document.querySelector('#touch-accuracy-table1-md table')"
     tab.run(f"{table}.tHead.rows[0].cells[2].querySelector('button').click()")
@@ -590,8 +588,8 @@ def test_browser_hides_a_model_and_draws_linear_axes(tab, address):
     assert name in tab.run(texts) and tab.run(texts) != before
 
 
-def test_browser_keeps_the_choice_of_claims_in_the_address(tab, reports):
-    page.main()
+def test_browser_keeps_the_choice_of_claims_in_the_address(workspace, tab, reports):
+    page.main(workspace)
     tab.open(f"{(reports / 'index.html').as_uri()}#claims?paper=lomp&verdict=contradicted")
     output = "document.querySelector('#verdicts output').textContent"
     assert tab.run(output) == f"1 of {len(CLAIMS)} claims"
@@ -602,8 +600,8 @@ def test_browser_keeps_the_choice_of_claims_in_the_address(tab, reports):
     assert tab.run("document.getElementById('claim-latent-evil') !== null")
 
 
-def test_browser_restores_the_order_of_a_table(tab, reports):
-    page.main()
+def test_browser_restores_the_order_of_a_table(workspace, tab, reports):
+    page.main(workspace)
     tab.open((reports / "index.html").as_uri())
     table = "document.querySelector('#touch .leaderboard table')"
     names = f"[...{table}.tBodies[0].rows].map((row) => row.cells[0].textContent)"

@@ -5,9 +5,10 @@ import csv
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import ROOT
 from scipy.stats import ttest_1samp
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.reporting import physics as physics_report
 from pipeline.reporting.verdicts import physics as physics_verdicts
@@ -126,7 +127,7 @@ def test_what_follows_for_the_scene(effect, on, factor, text):
 
 @pytest.mark.parametrize("reasons", [physics_verdicts.PURPOSE, physics_verdicts.RECORDED])
 def test_every_effect_with_a_reason_exists(reasons):
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     for experiment, effect in reasons:
         assert effect in values[experiment]["simulate"]["effects"]
 
@@ -136,18 +137,18 @@ def test_every_recorded_effect_is_shown_by_a_statistic_of_the_twins():
         assert statistic in twins_stage.MODULES[experiment].STATISTICS, effect
 
 
-def test_every_effect_runs_in_three_pairs_and_in_five_at_the_papers_scale():
-    values = params.load()
+def test_every_effect_runs_in_three_pairs_and_in_five_at_the_papers_scale(workspace):
+    values = params.load(ROOT / "params.yaml")
     for experiment in values["physics"]:
         runs = variants(values, experiment)
         effects = [NONE, *values[experiment]["simulate"]["effects"]]
         assert sorted(runs) == sorted((effect, seed) for effect in effects for seed in {seed for _, seed in runs})
         assert len({seed for _, seed in runs}) >= 3
-        assert len(params.parsed(paths.SCALES / "paper.yaml")[f"physics.{experiment}.seeds"]) >= 5
+        assert len(params.parsed(workspace.scales / "paper.yaml")[f"physics.{experiment}.seeds"]) >= 5
 
 
 def test_settings_switch_one_effect_and_move_the_seed():
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     whole, without = (physics_study.settings_of(values, "touch", effect, 3) for effect in (NONE, "crosstalk"))
     for name in ("seed", "specimen"):
         assert whole["simulate"][name] == values["touch"]["simulate"][name] + 3
@@ -158,35 +159,34 @@ def test_settings_switch_one_effect_and_move_the_seed():
 
 
 def test_a_misspelt_scene_setting_is_refused():
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["physics"]["strain"]["scene"]["simulate"]["sampels"] = 9
     with pytest.raises(InputError, match="sampels.*did you mean 'samples'"):
         physics_study.settings_of(values, "strain", NONE, 0)
 
 
 def test_a_single_seed_is_refused():
-    values = params.load()
+    values = params.load(ROOT / "params.yaml")
     values["physics"]["glove"]["seeds"] = [0]
     with pytest.raises(InputError, match="physics.glove.seeds"):
         variants(values, "glove")
 
 
-def test_a_missing_run_is_named(tmp_path, monkeypatch):
-    values = params.load()
+def test_a_missing_run_is_named(workspace, tmp_path, monkeypatch):
+    values = params.load(ROOT / "params.yaml")
     values["physics"]["touch"] |= {"seeds": list(SEEDS), "models": dict.fromkeys(ERRORS["single"], {})}
     values["touch"]["simulate"]["effects"] = {"creep": True}
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    target = paths.physics("touch")
+    target = workspace.physics("touch")
     target.parent.mkdir(parents=True)
     scores = touch_scores()
     scores.to_csv(target, index=False)
-    assert len(physics_verdicts.read("touch", values)) == len(scores)
+    assert len(physics_verdicts.read(workspace, "touch", values)) == len(scores)
     scores.drop(scores[(scores.effect == "creep") & (scores.model == "lomp")].index[0]).to_csv(target, index=False)
     with pytest.raises(InputError, match="no row for effect creep, seed 0, condition single, model lomp"):
-        physics_verdicts.read("touch", values)
+        physics_verdicts.read(workspace, "touch", values)
     pd.concat([scores, scores.tail(1)]).to_csv(target, index=False)
     with pytest.raises(InputError, match="two rows for effect creep, seed 4, condition double, model lomp"):
-        physics_verdicts.read("touch", values)
+        physics_verdicts.read(workspace, "touch", values)
 
 
 def test_miniature_judges_every_effect_and_condition(miniature):
