@@ -15,8 +15,14 @@ OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|p
 DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
 WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")
-# These stages always run: what they read of DVC is never stale, and what they write is no output of DVC's.
-ALWAYS = {"track": re.compile(r"dvc\.lock|mlruns(/.*)?"), "agreement": re.compile(r"reports/agreement\.md(\..*)?")}
+# These stages always run, so that what they read is never stale; what they write is no output of DVC's. Their deps say
+# after which stages they run: those that make the last of what they read.
+ALWAYS = {
+    "track": re.compile(
+        r"dvc\.lock|mlruns(/.*)?|data/\w+/(dataset\.parquet|frames\.parquet|ingest\.json|latency|models)(/.*)?"
+    ),
+    "agreement": re.compile(r"reports/agreement\.md(\..*)?|data/\w+/scores\.csv"),
+}
 
 
 def covered(path: str, places: Sequence[str]) -> bool:

@@ -27,7 +27,7 @@ def killed_and_repeated(project) -> dict:
     """Hashes after a kill in the middle of a training, and its repetition; everything is made without the cache."""
     project.environment["WORKERS"] = "2"  # the numbers do not depend on it
     killed = subprocess.Popen(
-        [sys.executable, "-m", "dvc", "repro", "train_glove"],
+        [sys.executable, "-m", "dvc", "repro", "train@glove"],
         cwd=project.folder,
         env=project.environment,
         stdout=subprocess.DEVNULL,
@@ -310,8 +310,8 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     kept = yaml.safe_load((copy / "params.yaml").read_text())["touch"]["models"]
     project.set({"touch.models": {"nearest": {"k": 3}} | {name: kept[name] for name in ("linear", "lomp")}})
     before = {name: changed_at(copy / "data" / "touch" / "models" / name) for name in ("linear", "lomp")}
-    output = project.dvc("repro", "render_touch").stdout
-    assert "Running stage 'train_touch'" in output and "train_glove" not in output
+    output = project.dvc("repro", "render@touch").stdout
+    assert "Running stage 'train@touch'" in output and "train@glove" not in output
     after = {name: changed_at(copy / "data" / "touch" / "models" / name) for name in ("linear", "lomp")}
     assert after == before
     assert sorted(path.name for path in (copy / "data" / "touch" / "models").iterdir()) == ["linear", "lomp", "nearest"]
@@ -382,8 +382,8 @@ def test_an_experiment_of_dvc_trains_one_model_anew(miniature, tmp_path):
     git(["git", "add", "-A"])
     git(["git", *identity, "commit", "-qm", "miniature"])
     before = changed_at(copy / "data" / "touch" / "models")
-    output = project.dvc("exp", "run", "--name", "wider", "-S", "touch.models.lomp.hidden=12", "train_touch").stdout
-    assert re.findall("Running stage '(.*)'", output) == ["train_touch"]
+    output = project.dvc("exp", "run", "--name", "wider", "-S", "touch.models.lomp.hidden=12", "train@touch").stdout
+    assert re.findall("Running stage '(.*)'", output) == ["train@touch"]
     after = changed_at(copy / "data" / "touch" / "models")
     assert {Path(name).parts[0] for name in after if after[name] != before.get(name)} == {"lomp"}
     table = project.dvc("exp", "show", "--csv").stdout
@@ -433,15 +433,14 @@ def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_pa
     values = json.loads(json.dumps(values))  # without the aliases of shared blocks, which are refused
     (copy / "params.yaml").write_text(yaml.safe_dump(values, sort_keys=False))
     stages = yaml.safe_load((copy / "dvc.yaml").read_text())
-    for name in ("ingest_touch", "train_touch"):
-        entry = json.dumps(stages["stages"][name]).replace("touch", "bench")
-        stages["stages"][name.replace("touch", "bench")] = json.loads(entry)
-    ingest = stages["stages"]["ingest_bench"]["deps"]
-    ingest.remove("data/${experiment}/logs")
-    for name, entry in stages["stages"].items():
-        listed = entry.get("matrix", {}).get("experiment", [])
-        if "touch" in listed and "bench" not in listed and name != "render":  # its report would be one more file
-            listed.append("bench")
+    (of_all,) = (block["all"] for block in stages["vars"] if "all" in block)
+    of_all["bench"] = of_all["touch"]
+    ingest = stages["stages"]["ingest"]
+    own = [dep for dep in ingest["deps"] if not dep.endswith("/logs") or dep == "pipeline/logs"]
+    stages["stages"]["ingest_bench"] = ingest | {"matrix": {"of": ["bench"]}, "deps": own}
+    for name in ("window", "evaluate", "stress", "latency"):
+        listed = stages["stages"][name]["matrix"]["of"]  # one list of several stages
+        listed += [] if "bench" in listed else ["bench"]
     (copy / "dvc.yaml").write_text(yaml.safe_dump(stages, sort_keys=False))
     project.dvc("repro", "stress@bench")
     scores = pd.read_csv(copy / "data" / "bench" / "scores.csv")

@@ -361,7 +361,7 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
         return done.stdout + done.stderr
 
     dvc("init", "--no-scm", "--quiet")
-    for target in (["train_touch"], ["--single-item", "train_touch"], []):
+    for target in (["train@touch"], ["--single-item", "train@touch"], []):
         said = dvc("repro", *target)
         assert "there is no pipeline/models/" in said and len(re.findall("Running stage", said)) == 1, said
     assert (tmp_path / "victim").is_dir()
@@ -369,11 +369,13 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
 
 
 def test_no_stage_hands_a_value_of_params_yaml_to_the_shell():
-    """Only names that dvc.yaml itself lists are part of a command."""
-    for name, stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].items():
-        listed = {f"${{item.{axis}}}" for axis, choices in stage.get("matrix", {}).items() if isinstance(choices, list)}
-        assert set(re.findall(r"\$\{.*?\}", stage["cmd"])) <= listed, name
-        assert not re.search(r"\$(?!\{item)", stage["cmd"]), name
+    """Only names that dvc.yaml itself lists are part of a command, or of the name of a stage or an output."""
+    content = yaml.safe_load((ROOT / "dvc.yaml").read_text())
+    lists = {name for block in content["vars"] for name in block}
+    for name, entry in content["stages"].items():
+        own = {variable for block in entry.get("vars", []) for variable in block}
+        filled = {"item", "key"} if entry.keys() & {"foreach", "matrix"} else set()
+        assert set(re.findall(r"\$\{?(\w*)", yaml.safe_dump(entry))) <= lists | own | filled, name
 
 
 @pytest.mark.parametrize(

@@ -86,12 +86,12 @@ class Project:
 
 
 # Two halves of the pipeline that share no stage but that of SHARED: run side by side, they take half as long.
-SHARED = ("ingest_velostat_recorded",)  # of seconds
+SHARED = ("ingest_recorded@velostat_recorded",)  # of seconds
 HALVES = (
-    ["render_touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
-    + ["stress@velostat_recorded", "stress@strain_recorded", "physics_touch", "physics_strain"],
-    ["render_strain", "render_glove", "render_glove_recorded", "rightsize_strain", "rightsize_glove", "stress@strain"]
-    + ["stress@glove", "stress@glove_recorded", "physics_glove"],
+    ["render@touch", "render_recorded@velostat_recorded", "render_recorded@strain_recorded", "rightsize@touch"]
+    + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded", "physics@touch", "physics@strain"],
+    ["render@strain", "render@glove", "render_recorded@glove_recorded", "rightsize@strain", "rightsize@glove"]
+    + ["stress@strain", "stress@glove", "stress@glove_recorded", "physics@glove"],
 )
 
 
