@@ -14,7 +14,7 @@ from dvc.repo import Repo
 
 from pipeline.base import params
 from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, imports, room
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.stages import train
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -260,8 +260,7 @@ def test_lomp_of_params_yaml_has_the_published_size():
 
 @pytest.mark.parametrize("scale", ["laptop", "paper"])
 def test_scales_set_values_that_params_yaml_accepts(scale, tmp_path):
-    copy = tmp_path / "params.yaml"
-    copy.write_text((ROOT / "params.yaml").read_text())
+    copy = copied(tmp_path)
     values = yaml.safe_load((ROOT / "scales" / f"{scale}.yaml").read_text())
     set_values(values, copy)
     loaded = params.load(copy)
@@ -270,8 +269,9 @@ def test_scales_set_values_that_params_yaml_accepts(scale, tmp_path):
         for key in dotted.split("."):
             block = block[key]
         assert block == value
-    if scale == "laptop":  # params.yaml is the laptop scale, to the letter
-        assert copy.read_text() == (ROOT / "params.yaml").read_text()
+    if scale == "laptop":  # the settings are the laptop scale, to the letter
+        for file in params.settings_files(copy):
+            assert file.read_text() == (ROOT / file.relative_to(tmp_path)).read_text()
     laptop = yaml.safe_load((ROOT / "scales" / "laptop.yaml").read_text())
     assert set(values) == set(laptop), "every scale sets the same keys, so that one undoes the other"
 

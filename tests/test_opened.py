@@ -9,9 +9,9 @@ import yaml
 from builders.project import ROOT, Project, noting_opened
 from opened.sitecustomize import NATIVE
 
-# Python's own files are imported (test_architecture.py), params.yaml is watched by its keys, and what stages write is
+# Python's own files are imported (test_architecture.py), settings are watched by their keys, and what stages write is
 # finished under another name: these are no results of another stage.
-OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|params\.yaml)")
+OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|params\.yaml|params(/\w+\.yaml)?)")
 DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
 WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")

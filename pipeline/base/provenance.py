@@ -9,6 +9,7 @@ from ruamel.yaml.error import YAMLError
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
+from pipeline.base.params import file_of
 
 
 def git_state() -> tuple[str, str]:
@@ -37,7 +38,7 @@ def check_settings(experiments: Iterable[str], params: dict) -> None:
     try:
         stages = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["stages"].values()
         made_with = {
-            out["path"]: dict(stage.get("params", {}).get("params.yaml", {}))
+            out["path"]: {key: value for file in stage.get("params", {}).values() for key, value in file.items()}
             for stage in stages
             for out in stage.get("outs", [])
         }
@@ -52,7 +53,7 @@ def check_settings(experiments: Iterable[str], params: dict) -> None:
                 if key := _difference(value, wanted, dotted):
                     file = paths.shown(output)
                     raise InputError(
-                        f"params.yaml, {key}: {file} was made with another value, says dvc.lock; run `dvc repro`"
+                        f"{file_of(key)}, {key}: {file} was made with another value, says dvc.lock; run `dvc repro`"
                     )
 
 

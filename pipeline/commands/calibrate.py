@@ -90,13 +90,13 @@ def main(given: argparse.Namespace) -> None:
     if given.paper_scale:
         at_paper_scale(values, given.experiment)
     settings = values[given.experiment]
-    chosen = settings["yardstick"]
+    chosen, file = settings["yardstick"], params.file_of(given.experiment)
     if settings["source"] != "simulated":
-        raise InputError(f"params.yaml, {given.experiment}.source: only a simulated scene can be calibrated")
+        raise InputError(f"{file}, {given.experiment}.source: only a simulated scene can be calibrated")
     present = settings
     for key in chosen["knob"].split("."):
         if not isinstance(present, Mapping) or key not in present:
-            raise InputError(f"params.yaml, {given.experiment}.yardstick.knob: there is no key '{chosen['knob']}'")
+            raise InputError(f"{file}, {given.experiment}.yardstick.knob: there is no key '{chosen['knob']}'")
         present = present[key]
     tried = given.values or [factor * present for factor in FACTORS]
     runs = {(value, seed): (values, given.experiment, value, seed) for value in tried for seed in given.seeds}
@@ -110,4 +110,4 @@ def main(given: argparse.Namespace) -> None:
             print(f"{value:<8g}  {seed}  {ours:.4g}  {others:.4g}  {ours / others:.3f}")
         means[value] = sum(a / b for a, b in (errors[value, seed] for seed in given.seeds)) / len(given.seeds)
     nearest = min(means, key=lambda value: abs(means[value] - chosen["published"]))
-    print(f"nearest: {chosen['knob']} = {nearest:g}, ratio {means[nearest]:.3f}; params.yaml has {present:g}")
+    print(f"nearest: {chosen['knob']} = {nearest:g}, ratio {means[nearest]:.3f}; {file} has {present:g}")

@@ -9,7 +9,6 @@ first thing to fix and status 1.
 import argparse
 import os
 import re
-import shutil
 import sys
 import tempfile
 from collections import Counter
@@ -25,7 +24,7 @@ from scipy.optimize import linear_sum_assignment
 from pipeline import experiments
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
@@ -157,12 +156,12 @@ def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapp
         sensor = settings["sensor"]
         shapes = " or ".join(f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0)
         return (
-            f"{path}: {values} values per line, but touch.sensor in params.yaml is {sensor['rows']} rows x "
+            f"{path}: {values} values per line, but touch.sensor in params/touch.yaml is {sensor['rows']} rows x "
             f"{sensor['cols']} cols = {expected}; set touch.sensor.rows and touch.sensor.cols ({shapes})"
         )
     if path.name == "daq.log":
         return (
-            f"{path}: {values} voltages per line, but strain.sensor.channels in params.yaml is {expected}; "
+            f"{path}: {values} voltages per line, but strain.sensor.channels in params/strain.yaml is {expected}; "
             f"set strain.sensor.channels: {values}"
         )
     header = fmt.header if expected < 5 else f"{fmt.columns[0].name},{fmt.columns[1].name},...,{fmt.columns[-1].name}"
@@ -474,8 +473,8 @@ def unfit(experiment: str, settings: Mapping) -> list[str]:
         cells, elements = settings["label"][f"map_{side}"], settings["sensor"][side]
         if cells % elements:
             problems.append(
-                f"params.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ({elements}), "
-                f"which lomp needs; set {max(1, round(cells / elements)) * elements}"
+                f"params/touch.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ("
+                f"{elements}), which lomp needs; set {max(1, round(cells / elements)) * elements}"
             )
     return problems
 
@@ -567,7 +566,7 @@ def main(given: argparse.Namespace) -> None:
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
     with tempfile.TemporaryDirectory() as draft:
-        changed = Path(shutil.copy(paths.PARAMS, draft))
+        changed = copied(Path(draft))
         of_sensor, source = own_settings(folder), str(folder / SETTINGS)
         set_values(of_sensor, changed, source)
         values = params.load(changed, dict.fromkeys(of_sensor, source))

@@ -121,7 +121,7 @@ def main(given: argparse.Namespace) -> None:
     """Print the table, and for how many settings the present value is the nearest."""
     values = params.load()
     if values["strain"]["source"] != "simulated":
-        raise InputError("params.yaml, strain.source: only a simulated scene has settings that can be fitted")
+        raise InputError("params/strain.yaml, strain.source: only a simulated scene has settings that can be fitted")
     if reason := why_not_run("strain_recorded"):
         raise InputError(f"nothing to compare with: {reason}")
     specimens = values["strain"]["simulate"]["specimens"] if given.specimens is None else given.specimens

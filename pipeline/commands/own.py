@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from pipeline.base import files, params, paths, processes
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.commands import check
 from pipeline.datasets import images
 from pipeline.logs import own_data
@@ -125,7 +125,7 @@ def run(sensor: Sensor, values: Mapping) -> None:
 
 
 def prepare(sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) -> None:
-    """Make or renew a workspace: a copy of the code, params.yaml with this sensor's settings, its logs.
+    """Make or renew a workspace: a copy of the code, the settings with this sensor's settings, its logs.
 
     The logs are links to the files of its folder. What the stages have written there stays. seeds: of every protocol;
     models: keys of params.yaml, None: all that it has.
@@ -134,9 +134,8 @@ def prepare(sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) 
     for part in ("pipeline", "scales"):
         shutil.rmtree(workspace / part, ignore_errors=True)
         shutil.copytree(paths.ROOT / part, workspace / part, ignore=shutil.ignore_patterns("__pycache__"))
-    settings = workspace / "params.yaml"
-    shutil.copy(paths.PARAMS, settings)
-    block = params.parsed(settings)[experiment]
+    settings = copied(workspace)
+    block = params.read(settings)[experiment]
     kept = {key: dict(value) for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)}
     changed = {
         f"{experiment}.source": f"data/own/{name}",
@@ -150,9 +149,10 @@ def prepare(sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) 
     set_values({key: value for key, value in changed.items() if key not in of_sensor}, settings)
     source = str(folder / check.SETTINGS)
     set_values(of_sensor, settings, source)
-    params.check(params.parsed(settings), dict.fromkeys(of_sensor, source))
+    values = params.read(settings)
+    params.check(values, dict.fromkeys(of_sensor, source))
     if experiment == "glove":
-        set_values(_of_images(params.parsed(settings)["glove"], seeds, of_sensor), settings)
+        set_values(_of_images(values["glove"], seeds, of_sensor), settings)
     logs = workspace / "data" / "own"
     shutil.rmtree(logs, ignore_errors=True)
     for path in sorted(folder.rglob("*")):

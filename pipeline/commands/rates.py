@@ -178,7 +178,9 @@ def main(given: argparse.Namespace) -> None:
     values, experiment = params.load(), given.experiment
     networks = [model for model in NETWORKS if model in values[experiment]["models"]]
     if not networks:
-        raise InputError(f"params.yaml, {experiment}.models: no network to train; list one of {', '.join(NETWORKS)}")
+        raise InputError(
+            f"params/{experiment}.yaml, {experiment}.models: no network to train; list one of {', '.join(NETWORKS)}"
+        )
     paths.require(paths.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")
     write(values, experiment, search(values, experiment, networks), paths.REPORTS / "rates")
 

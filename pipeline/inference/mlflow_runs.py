@@ -96,7 +96,7 @@ def _read_run(
     if fit["settings"] != params.run_settings(values, experiment, model, protocol):
         raise InputError(
             f"{paths.shown(folder / 'fit.json')}: was made with other settings than {experiment}.models.{model} of "
-            "params.yaml; run `dvc repro`"
+            f"{params.file_of(experiment)}; run `dvc repro`"
         )
     by_name, tags = {}, {"stop_reason": str(fit["stop_reason"]), "precision": str(fit["precision"])}
     for row in scores.itertuples():
@@ -197,7 +197,8 @@ class _Writer:
         client.log_batch(run_id, params=[Param(name, value) for name, value in settings.items()])
         for first in range(0, len(points), PER_CALL):
             client.log_batch(run_id, metrics=points[first : first + PER_CALL])
-        for file in (paths.PARAMS, run.folder / "fit.json", run.folder / "history.csv"):
+        of_all = [file for file in params.settings_files(paths.PARAMS) if file.stem in ("params", self.experiment)]
+        for file in (*of_all, run.folder / "fit.json", run.folder / "history.csv"):
             client.log_artifact(run_id, str(file))
         with tempfile.TemporaryDirectory() as draft:
             self._save(Path(draft), run, card)

@@ -82,7 +82,7 @@ def amounts(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
         if ours != papers:
             name = ".".join([experiment, *keys])
             text = f"`{name}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
-            differences.append(("params.yaml", text))
+            differences.append((params.file_of(experiment), text))
     return differences
 
 

@@ -48,10 +48,11 @@ def ingest(experiment: str, settings: dict) -> None:
         folder = paths.ROOT / settings["source"]
         if not folder.is_dir():
             raise InputError(
-                f"params.yaml, {experiment}.source: there is no folder {settings['source']}; name one or `simulated`"
+                f"params/{experiment}.yaml, {experiment}.source: there is no folder {settings['source']}; name one or "
+                "`simulated`"
             )
         if problem := own_data.unnoticed(folder):
-            raise InputError(f"params.yaml, {experiment}.source: {problem}")
+            raise InputError(f"params/{experiment}.yaml, {experiment}.source: {problem}")
     try:
         recordings = module.recordings(folder)
         rejects, reports = _write_frames(experiment, recordings, schema, settings)

@@ -187,7 +187,7 @@ def strain(values: dict) -> list[tuple]:
 
 def _check_seeds(name: str, seeds: list[int], known: list[int]) -> None:
     if absent := [seed for seed in seeds if seed not in known]:
-        raise InputError(f"params.yaml, {name}: there is no split of seed {absent[0]}; known: {known}")
+        raise InputError(f"{params.file_of(name)}, {name}: there is no split of seed {absent[0]}; known: {known}")
 
 
 def _climbed(function, values: Mapping, runs: list[tuple], title: str) -> list[tuple]:

@@ -79,7 +79,7 @@ def main() -> None:
     rows: dict = {}
     if settings["file"] != "none":
         if not Path(paths.ROOT / settings["file"]).is_file():
-            raise InputError(f"params.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
+            raise InputError(f"params/glove.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
         numbers = sorted({1, *values["glove"]["input_frames"]["numbers"]})
         runs = {
             (model, seed, frames): (values, "glove", model, seed, frames, settings["file"])

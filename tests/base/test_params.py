@@ -60,7 +60,7 @@ HOSTILE = (
 def test_a_key_that_names_no_model_is_refused(key):
     words = "there is no pipeline/models" if isinstance(key, str) else "expected text as a key"
     for block in ("touch", "physics.glove"):
-        with pytest.raises(InputError, match=f"^params.yaml, {block}.models: {words}"):
+        with pytest.raises(InputError, match=f"^{params.file_of(block)}, {block}.models: {words}"):
             params.check(altered(*block.split("."), "models", value={key: {}}))
 
 
@@ -74,7 +74,9 @@ def test_a_model_without_a_file_is_refused():
 
 @pytest.mark.parametrize("place", [("glove_recorded", "protocols"), ("stress", "touch", "perturbations")])
 def test_a_key_that_is_no_text_is_refused(place):
-    with pytest.raises(InputError, match=rf"^params.yaml, {'.'.join(place)}: expected text as a key, got 1$"):
+    with pytest.raises(
+        InputError, match=rf"^{params.file_of(place[0])}, {'.'.join(place)}: expected text as a key, got 1$"
+    ):
         params.check(altered(*place, value={1: 2}))
 
 
@@ -151,7 +153,7 @@ IMPOSSIBLE = [
 def test_an_impossible_value_is_one_sentence(path, value, words):
     with pytest.raises(InputError, match=words) as error:
         params.check(altered("touch", *path, value=value))
-    assert str(error.value).startswith("params.yaml, touch.")
+    assert str(error.value).startswith("params/touch.yaml, touch.")
 
 
 @pytest.mark.parametrize(
@@ -166,7 +168,7 @@ def test_an_impossible_value_is_one_sentence(path, value, words):
     ],
 )
 def test_impossible_values_of_other_experiments_too(path, value):
-    with pytest.raises(InputError, match=f"params.yaml, {path[0]}"):
+    with pytest.raises(InputError, match=f"^{params.file_of(path[0])}, {path[0]}"):
         params.check(altered(*path, value=value))
 
 
@@ -275,7 +277,7 @@ def test_a_wrong_key_beside_those_of_another_file_is_named_in_params_yaml():
     sources = {"strain.sensor.channels": "settings.yaml"}
     with pytest.raises(InputError, match="^settings.yaml, strain.sensor.channels: "):
         params.check(altered("strain", "sensor", "channels", value=0), sources)
-    with pytest.raises(InputError, match="^params.yaml, strain.ingest.rate_hz: "):
+    with pytest.raises(InputError, match="^params/strain.yaml, strain.ingest.rate_hz: "):
         params.check(altered("strain", "ingest", "rate_hz", value=0), sources)
 
 

@@ -16,7 +16,7 @@ from pipeline.base.params_file import set_values
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("pipeline", "data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
-PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params.yaml", "scales")
+PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params", "params.yaml", "scales")
 PARTS += ("reports/material", "reports/longer/README.md", "reports/paper_scale/README.md")
 
 
@@ -59,7 +59,7 @@ class Project:
         self.dvc("init", "--no-scm", "--quiet")
 
     def set(self, values: dict) -> None:
-        """Change dotted keys of params.yaml."""
+        """Change dotted keys of the settings."""
         set_values(values, self.folder / "params.yaml")
 
     def dvc(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:

@@ -10,6 +10,7 @@ from dvc.repo import Repo
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.params_file import copied
 from pipeline.commands import paper_scale
 
 SCORES = ("experiment", "protocol", "model", "value")
@@ -57,7 +58,7 @@ def commit(tmp_path, monkeypatch):
     monkeypatch.setattr(paper_scale, "run", lambda folder, *command: calls.append(command))
     folder = tmp_path / "paper_scale"
     (folder / ".git").mkdir(parents=True)
-    (folder / "params.yaml").write_text((ROOT / "params.yaml").read_text())
+    copied(folder)
     return folder
 
 
@@ -82,7 +83,9 @@ def test_scores_settings_and_hashes_are_kept(tmp_path):
         "reports/longer/touch.csv": "protocol,model\npress,cnn\nrandom_window,cnn\n",
         "reports/claims.csv": "id,verdict\nlomp/a,reproduced\n",
         "reports/claims.md": "# Claims\n",
-        "params.yaml": "touch: {sensor: {rows: 5}, protocols: {press: {}}}\nglove: {}\n",
+        "params.yaml": "device: cpu\n",
+        "params/touch.yaml": "touch: {sensor: {rows: 5}, protocols: {press: {}}}\n",
+        "params/glove.yaml": "glove: {}\n",
         "dvc.lock": "schema: '2.0'\nstages: {train@touch: {cmd: a}, evaluate@touch: {cmd: b}, train@glove: {cmd: c}}\n",
     }
     for name, content in files.items():

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from pipeline.base import params, paths
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.claims import entries, judge
 from pipeline.reporting import claims
 
@@ -110,8 +110,7 @@ def test_what_was_tried_stands_where_a_claim_is_not_reproduced():
     ],
 )
 def test_the_scale_is_that_of_the_settings(changes, scale, tmp_path):
-    copy = tmp_path / "params.yaml"
-    copy.write_text(paths.PARAMS.read_text())
+    copy = copied(tmp_path)
     set_values(params.parsed(paths.SCALES / "paper.yaml") if "paper" in changes else changes, copy)
     values = params.load(copy)
     assert params.scale_of("touch", values["touch"]) == scale

@@ -10,7 +10,7 @@ import yaml
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.datasets import images, schemas
 from pipeline.experiments import glove, glove_recorded
 from pipeline.scenes import glove_stress
@@ -25,8 +25,7 @@ def project(tmp_path_factory):
     """Logs, frames and dataset of the glove at miniature scale, naive Bayes and constant trained and scored."""
     folder, root = tmp_path_factory.mktemp("images"), paths.ROOT
     (folder / "pipeline").symlink_to(root / "pipeline")
-    copy = folder / "params.yaml"
-    copy.write_text((root / "params.yaml").read_text())
+    copy = copied(folder)
     set_values(yaml.safe_load((root / "tests" / "miniature.yaml").read_text()), copy)
     values = params.load(copy)
     values["glove"]["models"] = MODELS

@@ -9,7 +9,7 @@ import yaml
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
 from pipeline.stability import series as stress_series
@@ -137,8 +137,7 @@ def project(tmp_path_factory):
 def miniature(folder) -> dict:
     """params.yaml at miniature scale, with the two models of strain that are solved at once."""
     root = paths.ROOT
-    copy = folder / "params.yaml"
-    copy.write_text((root / "params.yaml").read_text())
+    copy = copied(folder)
     set_values(yaml.safe_load((root / "tests" / "miniature.yaml").read_text()), copy)
     values = params.load(copy)
     values["strain"]["models"] = {"constant": {}, "ridge": {"ridge": 1.0}}

@@ -18,6 +18,7 @@ from builders.project import ROOT
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
+from pipeline.base.params_file import copied
 from pipeline.claims import rules
 from pipeline.reporting.page import answers, charts, hypertext, leaderboards, provenance, sections, templates, verdicts
 from pipeline.reporting.words.labels import experiment_name
@@ -197,8 +198,8 @@ def write_claims(reports: Path, rows: list) -> None:
 @pytest.fixture
 def reports(tmp_path, monkeypatch) -> Path:
     """A small reports/ of all experiments, one of them not run, which the stage page takes for its own."""
-    for part in ("params.yaml", "constraints.txt"):
-        shutil.copy(ROOT / part, tmp_path / part)
+    copied(tmp_path)
+    shutil.copy(ROOT / "constraints.txt", tmp_path)
     shutil.copytree(ROOT / "scales", tmp_path / "scales")
     folder = tmp_path / "reports"
     experiments = yaml.safe_load((ROOT / "params.yaml").read_text())["experiments"]
@@ -365,7 +366,7 @@ def test_scale_and_versions_are_named(reports):
 
 def test_dvc_watches_what_decides_the_scale():
     watched = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["page"]["deps"]
-    assert {"params.yaml", "scales"} <= set(watched)
+    assert {"params", "params.yaml", "scales"} <= set(watched)
 
 
 def test_markdown_links_hold_from_the_page(reports):
