@@ -212,7 +212,7 @@ def scale_settings(name: str, experiment: str, settings: Mapping) -> list[tuple[
 
     A model or protocol that is not among its own has no settings.
 
-    settings: the experiment's block of params.yaml.
+    settings: the experiment's block of settings.
     """
     scale = [(dotted.split("."), value) for dotted, value in parsed(paths.SCALES / f"{name}.yaml").items()]
     below = [(keys, value) for (block, *keys), value in scale if block == experiment]
@@ -223,7 +223,7 @@ def scale_settings(name: str, experiment: str, settings: Mapping) -> list[tuple[
 def scale_of(experiment: str, settings: Mapping) -> str:
     """Return the scale that an experiment's settings are of: laptop, paper, both where they are the same, or other.
 
-    settings: the experiment's block of params.yaml. What only a study of it reads is not looked at.
+    settings: the experiment's block of settings. What only a study of it reads is not looked at.
     """
     names = [
         name

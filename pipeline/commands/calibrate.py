@@ -1,9 +1,9 @@
 """Try values of the one setting that a scene's difficulty is set by, and compare its yardstick with the published one.
 
-The yardstick of an experiment (params.yaml, `<experiment>.yardstick`) is the error of one model over that of another,
+The yardstick of an experiment (setting `<experiment>.yardstick`) is the error of one model over that of another,
 which does not depend on the scale of errors. For every value of the knob the scene is simulated at the scale of
 params.yaml (`--paper-scale`: the papers'), both models are trained, and the ratio is taken on the validation part; test
-parts are not read. Nothing is changed: write the value you choose into params.yaml.
+parts are not read. Nothing is changed: write the value you choose into params/<experiment>.yaml.
 """
 
 import argparse
@@ -21,13 +21,13 @@ from pipeline.base.errors import InputError
 from pipeline.scoring import classification
 from pipeline.stability import changed_scene
 
-FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the value of params.yaml, where no values are given
+FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the present value, where no values are given
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add experiment, values and seeds to the parser of this command."""
     parser.add_argument("experiment", choices=["touch", "strain", "glove"])
-    parser.add_argument("values", nargs="*", type=float, help="values of the knob (0.5 to 2 times that of params.yaml)")
+    parser.add_argument("values", nargs="*", type=float, help="values of the knob (0.5 to 2 times the present one)")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0], help="of scene, split and training (0)")
     parser.add_argument(
         "--paper-scale", action="store_true", help="with the papers' amounts of data, those of scales/paper.yaml"
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def at_paper_scale(values: Mapping, experiment: str) -> None:
-    """Set the experiment's block of params.yaml, in place, to the values of scales/paper.yaml."""
+    """Set the experiment's block of settings, in place, to the values of scales/paper.yaml."""
     for (*keys, last), value in params.scale_settings("paper", experiment, values[experiment]):
         reduce(getitem, keys, values[experiment])[last] = value
 

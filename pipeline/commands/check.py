@@ -1,6 +1,6 @@
 """Read a folder of your own logs as ingest would, say what was understood, and what to fix first.
 
-The formats, the alignment and the splits are the experiment's own, with the values of params.yaml, and with what
+The formats, the alignment and the splits are the experiment's own, with the values of the settings, and with what
 FOLDER/settings.yaml sets for this sensor, where there is one, by dotted keys such as `touch.sensor.rows: 4`. Nothing is
 changed but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the
 first thing to fix and status 1.
@@ -140,7 +140,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
 
 
 def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
-    """Name the key to change where most lines of a log have another number of columns than params.yaml says."""
+    """Name the key to change where most lines of a log have another number of columns than the settings say."""
     with path.open("rb") as file:
         counts = Counter(line.count(b",") for line, _ in zip(file, range(LINES), strict=False) if b"," in line)
     values = max(counts, key=counts.get) if counts else 0
@@ -462,7 +462,7 @@ VERBS = {"train": "train on", "validation": "validate on", "test": "test on"}
 
 
 def unfit(experiment: str, settings: Mapping) -> list[str]:
-    """Return problems: values of params.yaml that do not fit this sensor, each with the key to change."""
+    """Return problems: settings that do not fit this sensor, each with the key to change."""
     problems = []
     if experiment == "touch":
         try:

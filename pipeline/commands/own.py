@@ -2,7 +2,7 @@
 
 FOLDER lies in data/own, and NAME is its path in there; no sensor lies in the folder of another, and one process at a
 time trains on a sensor. Its logs say what they are of: array.log a pressure array, daq.log strain sensors, scanner.log
-a glove. FOLDER/settings.yaml, where there is one, sets what differs from params.yaml, by dotted keys such as
+a glove. FOLDER/settings.yaml, where there is one, sets what differs from params/, by dotted keys such as
 `touch.sensor.rows: 4`. The logs are checked first, as by `tactile check`. Nothing is simulated, and no file that git
 follows changes: what the stages write is in build/own/NAME, with every trained model in build/own/NAME/trained, for
 `tactile predict MODEL LOGS`. What is up to date is not trained again.
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(given: argparse.Namespace) -> None:
-    """Train all models of params.yaml on the logs named on the command line."""
+    """Train all models of the settings on the logs named on the command line."""
     with prepared(given.folder, SEEDS) as sensor:
         run(sensor, params.load(sensor.workspace / paths.PARAMS.name))
 
@@ -100,7 +100,7 @@ def name_of(folder: Path) -> str:
 
 
 def run(sensor: Sensor, values: Mapping) -> None:
-    """Check logs, train on them and write their report; values: params.yaml of the workspace.
+    """Check logs, train on them and write their report; values: the settings of the workspace.
 
     Raises InputError that names the first thing to fix.
     """
@@ -128,7 +128,7 @@ def prepare(sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) 
     """Make or renew a workspace: a copy of the code, the settings with this sensor's settings, its logs.
 
     The logs are links to the files of its folder. What the stages have written there stays. seeds: of every protocol;
-    models: keys of params.yaml, None: all that it has.
+    models: keys of the settings, None: all that there are.
     """
     experiment, folder, name, workspace = sensor
     for part in ("pipeline", "scales"):
@@ -165,9 +165,9 @@ def prepare(sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) 
 def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict:
     """Return the settings that follow from a sensor's areas: one protocol per dataset of images, and which models.
 
-    block: `glove` of params.yaml with this sensor's settings; of_sensor: these settings, which go first.
+    block: the settings of `glove` with this sensor's settings; of_sensor: these settings, which go first.
     """
-    changed = {"glove.window.stride": 1}  # every frame; params.yaml thins out the simulated sessions
+    changed = {"glove.window.stride": 1}  # every frame; the settings thin out the simulated sessions
     changed["glove.protocols"] = {f"session_{name}": {"seeds": list(seeds)} for name in images.modalities(block)}
     if min(images.shape(block)) < SMALLEST_IMAGE:
         models = {key: value for key, value in block["models"].items() if key in WITHOUT_NETWORKS}

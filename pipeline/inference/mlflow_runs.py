@@ -54,7 +54,7 @@ class TrainedRun:
     model: str
     seed: int
     folder: Path
-    settings: dict[str, str]  # the model's block of params.yaml as params of MLflow: `training.epochs` -> "40"
+    settings: dict[str, str]  # the model's block of settings as params of MLflow: `training.epochs` -> "40"
     metrics: dict[str, float]  # `<condition>.<metric>`, counts, and what was measured
     tags: dict[str, str]  # units, published values, how the training ended
     content: str

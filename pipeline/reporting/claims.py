@@ -124,7 +124,7 @@ def changed_by_scale(rows: pd.DataFrame) -> str:
 def sentences_of(experiment: str, settings: Mapping) -> Callable[..., list[str]]:
     """Return what gives the lines of claims by their names, judged by what the stages wrote.
 
-    settings: the experiment's block of params.yaml.
+    settings: the experiment's block of settings.
     """
     results = evidence.read(evidence.of_experiment(experiment))
     known = evidence.Evidence(results, {experiment: settings}, evidence.trainings(paths.REPORTS))

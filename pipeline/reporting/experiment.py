@@ -1,7 +1,7 @@
 """Read and write what the reports of all experiments have in common.
 
 The report of an experiment is the module of its name in this folder. Its `write(target, settings)` writes the folders
-`accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block of params.yaml.
+`accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block of settings.
 """
 
 import json

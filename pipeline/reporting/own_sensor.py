@@ -67,7 +67,7 @@ FITTED = {
 
 
 def write(target: Path, experiment: str, settings: Mapping) -> None:
-    """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of params.yaml."""
+    """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of settings."""
     kind, scores, rows = experiments.module(experiment).KIND, Scores(experiment, settings), read_windows(experiment)
     name = settings["source"].removeprefix("data/own/")
     report = json.loads(paths.require(paths.ingest_report(experiment), "tactile own").read_text(encoding="utf-8"))

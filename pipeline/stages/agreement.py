@@ -87,7 +87,7 @@ def committed_scores() -> pd.DataFrame | str:
 
 
 def main() -> None:
-    """Compare the scores of all experiments of params.yaml."""
+    """Compare the scores of all experiments of the settings."""
     arguments.parse(__doc__)
     experiments = params.load()["experiments"]
     here = [results.read_csv(paths.scores(name), [*KEY, "value"], "dvc repro evaluate") for name in experiments]

@@ -48,7 +48,7 @@ def collect(
 
 
 def main() -> None:
-    """Collect every experiment of params.yaml."""
+    """Collect every experiment of the settings."""
     arguments.parse(__doc__)
     values = params.load()
     experiments = values["experiments"]

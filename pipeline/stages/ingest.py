@@ -25,7 +25,7 @@ Read = tuple[str, pa.Table, dict]  # `condition/recording`, its rejects, its rep
 
 
 def ingest(experiment: str, settings: dict) -> None:
-    """Write the frames, rejects and report of an experiment; `settings` is its block of params.yaml.
+    """Write the frames, rejects and report of an experiment; `settings` is its block of settings.
 
     The logs are from a public source (where it is not downloaded: empty tables and the reason), from the simulator, or
     from the folder in data/own (relative to the repository) that `<experiment>.source` names. Raises InputError for

@@ -16,6 +16,7 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.params_file import copied, set_values
 from pipeline.commands import check
 from pipeline.settings import Params, schema
 from pipeline.settings import models as settings_of_models
@@ -70,6 +71,35 @@ def test_a_model_without_a_file_is_refused():
             params.check(altered("touch", "models", value={key: {}}))
     with pytest.raises(InputError, match="there is no pipeline/models/lompp.py; did you mean 'lomp'"):
         params.check(altered("touch", "models", value={"lompp": {}}))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("touch", "touch: {sensor: {rows: 5}}\n", "^params/touch.yaml, touch: key 'source' is missing"),
+        ("touch", "touch: [\n", "^params/touch.yaml, line 2: not valid YAML"),
+        ("touch", "", "^params/touch.yaml: expected blocks of settings, such as `touch:`"),
+        ("strain", "device: cpu\n", "^params/strain.yaml: 'device' is in params.yaml, too; keep one of them"),
+        ("strain", "touch: {}\n", "^params/touch.yaml: 'touch' is in params/strain.yaml, too; keep one of them"),
+    ],
+)
+def test_a_fault_in_a_file_of_an_experiment_is_told_of_that_file(name, text, words, tmp_path):
+    path = copied(tmp_path)
+    (tmp_path / "params" / f"{name}.yaml").write_text(text)
+    with pytest.raises(InputError, match=words):
+        params.load(path)
+
+
+def test_a_value_is_set_in_the_file_of_its_experiment(tmp_path):
+    path = copied(tmp_path)
+    before = {file: file.read_text() for file in params.settings_files(path)}
+    set_values({"strain.window.frames": 7, "device": "cpu"}, path)
+    changed = {file.name for file, text in before.items() if file.read_text() != text}
+    assert changed == {"strain.yaml", "params.yaml"}
+    values = params.load(path)
+    assert (values["strain"]["window"]["frames"], values["device"]) == (7, "cpu")
+    with pytest.raises(InputError, match="there is no key 'strian.window'; did you mean 'strain'"):
+        set_values({"strian.window": 1}, path)
 
 
 @pytest.mark.parametrize("place", [("glove_recorded", "protocols"), ("stress", "touch", "perturbations")])
@@ -338,7 +368,7 @@ def test_a_stage_fails_where_params_yaml_changed_while_it_ran(after, code, tmp_p
 @pytest.mark.slow
 def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
     """A key with shell code, or one that leads elsewhere: refused by the stage that comes to it, nothing removed."""
-    for part in ("pipeline", "dvc.yaml", "params.yaml"):
+    for part in ("pipeline", "dvc.yaml", "params", "params.yaml"):
         source = ROOT / part
         copy_of = shutil.copytree if source.is_dir() else shutil.copy
         copy_of(source, tmp_path / part)
@@ -346,7 +376,7 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
     removing = "x/../../../../victim"
     block = {evil: {}, "$(touch PWNED)/": {"": {"/linear": {}}}, removing: {}, "constant": {}}
     values = altered("touch", "models", value=block)
-    text_file(tmp_path, yaml.safe_dump(values))
+    (tmp_path / "params" / "touch.yaml").write_text(yaml.safe_dump({"touch": values["touch"]}))
     (tmp_path / "data" / "touch").mkdir(parents=True)
     (tmp_path / "data" / "touch" / "dataset.parquet").write_text("as if it were made")
     (tmp_path / "victim").mkdir()
