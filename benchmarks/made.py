@@ -1,7 +1,6 @@
 """Inputs of any size: a recording's logs with faults in them, a frames table, a strain series."""
 
 import itertools
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pyarrow.parquet
 
 from pipeline import tasks
 from pipeline.base import params
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import CODE
 from pipeline.datasets import schemas
 from pipeline.datasets.series import Record
@@ -122,8 +121,8 @@ def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
 
 
 def at_paper_scale(folder: Path) -> dict:
-    """Return params.yaml with scales/paper.yaml applied; a copy in `folder` is what is changed."""
-    copy = Path(shutil.copy(ROOT / "params.yaml", folder))
+    """Return the settings with scales/paper.yaml applied; a copy in `folder` is what is changed."""
+    copy = copied(ROOT / "params.yaml", folder)
     set_values(params.parsed(ROOT / "scales" / "paper.yaml"), copy)
     return params.load(copy)
 

@@ -287,7 +287,7 @@ def lstm(epochs: int):
 
 
 def shortened(block: Mapping, epochs: int) -> dict:
-    """A network's block of params.yaml with another number of epochs."""
+    """A network's block of settings with another number of epochs."""
     training = block["training"]
     key = "epochs" if "epochs" in training else "max_epochs"
     return {**block, "training": {**training, key: epochs}}

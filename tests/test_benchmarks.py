@@ -121,11 +121,11 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
 
 def test_what_one_setting_must_not_run():
     allowed = (
-        "train_touch evaluate@touch latency@touch stress@touch render_touch collect render_stability"
+        "train@touch evaluate@touch latency@touch stress@touch render@touch collect render_stability"
         " render_rightsize judge page"
     )
-    forbidden = "simulate_touch ingest_touch window@touch dataset@touch train_strain train_glove evaluate@strain"
-    forbidden += " rightsize_touch render_strain physics_touch train_velostat_recorded"
+    forbidden = "simulate@touch ingest@touch window@touch dataset@touch train@strain train@glove evaluate@strain"
+    forbidden += " rightsize@touch render@strain physics@touch train@velostat_recorded ablate_touch study@input_frames"
     for stages, expected in ((allowed, False), (forbidden, True)):
         for stage in stages.split():
             assert bool(re.search(FORBIDDEN, stage)) == expected, stage

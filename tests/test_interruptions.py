@@ -43,13 +43,13 @@ for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 STAGES = {
-    "simulate_glove": ["stages.simulate", "glove"],
-    "ingest_glove": ["stages.ingest", "glove"],
-    "dataset_glove": ["stages.dataset", "glove"],
-    "train_glove": ["stages.train", "glove"],
+    "simulate@glove": ["stages.simulate", "glove"],
+    "ingest@glove": ["stages.ingest", "glove"],
+    "dataset@glove": ["stages.dataset", "glove"],
+    "train@glove": ["stages.train", "glove"],
     "window@touch": ["stages.window", "touch"],
     "dataset@touch": ["stages.dataset", "touch"],
-    "train_touch": ["stages.train", "touch"],
+    "train@touch": ["stages.train", "touch"],
     "evaluate@touch": ["stages.evaluate", "touch"],
     "count": ["studies.counts"],
     "collect": ["stages.collect"],

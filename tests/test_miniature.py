@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from builders.project import leaves, run_miniature
+
+from pipeline.base import params
 
 PINNED = Path(__file__).with_name("miniature.csv")
 KEY = ["table", "experiment", "protocol", "condition", "model", "seed", "metric"]
@@ -74,7 +75,7 @@ def test_every_setting_is_read_by_something(miniature):
     The yardstick of touch is a model that the miniature has not (tests/commands/test_calibrate.py), and it has no file
     of STAG's (tests/logs/test_stag.py).
     """
-    values = yaml.safe_load((miniature.folder / "params.yaml").read_text())
+    values = params.read(miniature.folder / "params.yaml")
     read = set((miniature.folder.parent / "settings.txt").read_text().split())
     unread = [name for name in leaves(values) if name not in read and "_recorded." not in name]
     unread = [name for name in unread if not name.startswith(("touch.yardstick.", "glove.stag."))]

@@ -9,14 +9,20 @@ import yaml
 from builders.project import ROOT, Project, noting_opened
 from opened.sitecustomize import NATIVE
 
-# Python's own files are imported (test_architecture.py), params.yaml is watched by its keys, and what stages write is
+# Python's own files are imported (test_architecture.py), settings are watched by their keys, and what stages write is
 # finished under another name: these are no results of another stage.
-OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|params\.yaml)")
+OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|params\.yaml|params(/\w+\.yaml)?)")
 DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
 WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")
-# These stages always run: what they read of DVC is never stale, and what they write is no output of DVC's.
-ALWAYS = {"track": re.compile(r"dvc\.lock|mlruns(/.*)?"), "agreement": re.compile(r"reports/agreement\.md(\..*)?")}
+# These stages always run, so that what they read is never stale; what they write is no output of DVC's. Their deps say
+# after which stages they run: those that make the last of what they read.
+ALWAYS = {
+    "track": re.compile(
+        r"dvc\.lock|mlruns(/.*)?|data/\w+/(dataset\.parquet|frames\.parquet|ingest\.json|latency|models)(/.*)?"
+    ),
+    "agreement": re.compile(r"reports/agreement\.md(\..*)?|data/\w+/scores\.csv"),
+}
 
 
 def covered(path: str, places: Sequence[str]) -> bool:

@@ -632,7 +632,7 @@ def test_any_name_of_a_touch_condition(workspace, tmp_path):
     project.set({"stress.touch.perturbations": {"noise": [0.01]}})
     assert "ready" in project.run("-m", "pipeline.commands.command_line", "check", "touch", str(logs)).stdout
     then = ("stages.evaluate touch", "stages.stress touch", "stages.render touch")
-    project.dvc("repro", "ingest_touch")
+    project.dvc("repro", "ingest@touch")
     project.stages("stages.window touch", "stages.dataset touch", "stages.train touch", *then)
     accuracy = project.folder / "reports" / "touch" / "accuracy"
     for table in (project.folder / "data" / "touch" / "scores.csv", accuracy / "scores.csv"):

@@ -20,6 +20,8 @@ import pytest
 import yaml
 from builders.project import ROOT, copy_code, lock, mlflow_runs
 
+from pipeline.base import params
+
 MODELS = ["constant", "linear", "tree", "cnn", "rnn", "lomp", "lomp_stream"]
 
 
@@ -27,7 +29,7 @@ def killed_and_repeated(project) -> dict:
     """Hashes after a kill in the middle of a training, and its repetition; everything is made without the cache."""
     project.environment["WORKERS"] = "2"  # the numbers do not depend on it
     killed = subprocess.Popen(
-        [sys.executable, "-m", "dvc", "repro", "train_glove"],
+        [sys.executable, "-m", "dvc", "repro", "train@glove"],
         cwd=project.folder,
         env=project.environment,
         stdout=subprocess.DEVNULL,
@@ -308,11 +310,11 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
         "                            trusted=('sklearn.metrics._dist_metrics.EuclideanDistance64',\n"
         "                                     'sklearn.neighbors._kd_tree.KDTree'))\n"
     )
-    kept = yaml.safe_load((copy / "params.yaml").read_text())["touch"]["models"]
+    kept = params.load(copy / "params.yaml")["touch"]["models"]
     project.set({"touch.models": {"nearest": {"k": 3}} | {name: kept[name] for name in ("linear", "lomp")}})
     before = {name: changed_at(copy / "data" / "touch" / "models" / name) for name in ("linear", "lomp")}
-    output = project.dvc("repro", "render_touch").stdout
-    assert "Running stage 'train_touch'" in output and "train_glove" not in output
+    output = project.dvc("repro", "render@touch").stdout
+    assert "Running stage 'train@touch'" in output and "train@glove" not in output
     after = {name: changed_at(copy / "data" / "touch" / "models" / name) for name in ("linear", "lomp")}
     assert after == before
     assert sorted(path.name for path in (copy / "data" / "touch" / "models").iterdir()) == ["linear", "lomp", "nearest"]
@@ -383,8 +385,9 @@ def test_an_experiment_of_dvc_trains_one_model_anew(miniature, tmp_path):
     git(["git", "add", "-A"])
     git(["git", *identity, "commit", "-qm", "miniature"])
     before = changed_at(copy / "data" / "touch" / "models")
-    output = project.dvc("exp", "run", "--name", "wider", "-S", "touch.models.lomp.hidden=12", "train_touch").stdout
-    assert re.findall("Running stage '(.*)'", output) == ["train_touch"]
+    setting = "params/touch.yaml:touch.models.lomp.hidden=12"
+    output = project.dvc("exp", "run", "--name", "wider", "-S", setting, "train@touch").stdout
+    assert re.findall("Running stage '(.*)'", output) == ["train@touch"]
     after = changed_at(copy / "data" / "touch" / "models")
     assert {Path(name).parts[0] for name in after if after[name] != before.get(name)} == {"lomp"}
     table = project.dvc("exp", "show", "--csv").stdout
@@ -427,23 +430,23 @@ def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_pa
             text = text.replace(old, new)
         path.write_text(text)
     shutil.copytree(copy / "data" / "touch" / "logs", copy / "data" / "own" / "bench")
-    values = yaml.safe_load((copy / "params.yaml").read_text())
-    values["experiments"].append("bench")
-    models = {name: values["touch"]["models"][name] for name in ("constant", "linear")}
-    values["bench"] = values["touch"] | {"source": "data/own/bench", "models": models}
-    values["stress"]["bench"] = values["stress"]["touch"] | {"perturbations": {"noise": [0.1]}}
-    values = json.loads(json.dumps(values))  # without the aliases of shared blocks, which are refused
-    (copy / "params.yaml").write_text(yaml.safe_dump(values, sort_keys=False))
+    shared, touch = (yaml.safe_load((copy / name).read_text()) for name in ("params.yaml", "params/touch.yaml"))
+    models = {name: touch["touch"]["models"][name] for name in ("constant", "linear")}
+    bench = {"bench": touch["touch"] | {"source": "data/own/bench", "models": models}}
+    (copy / "params" / "bench.yaml").write_text(yaml.safe_dump(bench, sort_keys=False))
+    shared["experiments"].append("bench")
+    shared["stress"]["bench"] = shared["stress"]["touch"] | {"perturbations": {"noise": [0.1]}}
+    shared = json.loads(json.dumps(shared))  # without the aliases of shared blocks, which are refused
+    (copy / "params.yaml").write_text(yaml.safe_dump(shared, sort_keys=False))
     stages = yaml.safe_load((copy / "dvc.yaml").read_text())
-    for name in ("ingest_touch", "train_touch"):
-        entry = json.dumps(stages["stages"][name]).replace("touch", "bench")
-        stages["stages"][name.replace("touch", "bench")] = json.loads(entry)
-    ingest = stages["stages"]["ingest_bench"]["deps"]
-    ingest.remove("data/${experiment}/logs")
-    for name, entry in stages["stages"].items():
-        listed = entry.get("matrix", {}).get("experiment", [])
-        if "touch" in listed and "bench" not in listed and name != "render":  # its report would be one more file
-            listed.append("bench")
+    (of_all,) = (block["all"] for block in stages["vars"] if "all" in block)
+    of_all["bench"] = of_all["touch"]
+    ingest = stages["stages"]["ingest"]
+    own = [dep for dep in ingest["deps"] if not dep.endswith("/logs") or dep == "pipeline/logs"]
+    stages["stages"]["ingest_bench"] = ingest | {"matrix": {"of": ["bench"]}, "deps": own}
+    for name in ("window", "evaluate", "stress", "latency"):
+        listed = stages["stages"][name]["matrix"]["of"]  # one list of several stages
+        listed += [] if "bench" in listed else ["bench"]
     (copy / "dvc.yaml").write_text(yaml.safe_dump(stages, sort_keys=False))
     project.dvc("repro", "stress@bench")
     scores = pd.read_csv(copy / "data" / "bench" / "scores.csv")
@@ -464,11 +467,13 @@ def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_pa
 def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words):
     copy = tmp_path / "project"
     shutil.copytree(miniature.folder / "pipeline", copy / "pipeline")
-    text = (miniature.folder / "params.yaml").read_text()
+    shutil.copytree(miniature.folder / "params", copy / "params")
+    shutil.copy(miniature.folder / "params.yaml", copy)
+    text = (copy / "params" / "touch.yaml").read_text()
     for old, new in change.items():
         assert old in text
         text = text.replace(old, new, 1)
-    (copy / "params.yaml").write_text(text)
+    (copy / "params" / "touch.yaml").write_text(text)
     shutil.copytree(miniature.folder / "data" / "touch", copy / "data" / "touch")
     stage = "train" if "lompp" in words else "window"
     done = subprocess.run(
@@ -480,7 +485,7 @@ def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words)
     )
     assert done.returncode == 1
     message = done.stderr.strip().splitlines()[-1]
-    assert message.startswith(("error: params.yaml", "pipeline.base.errors.InputError: params.yaml")), done.stderr
+    assert message.startswith("error: params/touch.yaml, touch"), done.stderr
     for word in words:
         assert word in message
 

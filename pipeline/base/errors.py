@@ -29,24 +29,27 @@ def run_stage(main: Callable[[], None], params: Path) -> None:
     """Run a stage's `main`; bad input, a disk and a lack of memory become a sentence on stderr and exit status 1.
 
     Ctrl-C prints nothing and ends with the status that a shell gives it. A stage that DVC started ends when DVC does:
-    otherwise the next `dvc repro` would find the stage still writing. The stage fails where `params`, its params.yaml,
-    changed while it ran: DVC reads the file after the stage, and would take the results for results of the new values.
+    otherwise the next `dvc repro` would find the stage still writing. The stage fails where the settings, of `params`
+    and the files beside it, changed while it ran: DVC reads them after the stage, and would take the results for
+    results of the new values.
     """
     by_dvc = "DVC_STAGE" in os.environ
     if by_dvc:
         die_with_parent()
-    settings = _content(params)
+    settings = _settings(params)
     try:
         main()
-        if by_dvc and _content(params) != settings:
-            raise InputError("params.yaml changed while this ran; run `dvc repro` again, for results of the new values")
+        if by_dvc and (changed := sorted(name for name, _ in settings ^ _settings(params))):
+            raise InputError(
+                f"{changed[0]} changed while this ran; run `dvc repro` again, for results of the new values"
+            )
     except InputError as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGINT)
     except Exception as error:
         if (sentence := storage_error(error)) is None and (reason := memory_error(error)) is not None:
-            sentence = f"{reason}; free memory or make the settings in params.yaml smaller, and run the command again"
+            sentence = f"{reason}; free memory or make the settings smaller, and run the command again"
         if sentence is None:
             raise
         sys.exit(f"error: {sentence}")
@@ -60,9 +63,10 @@ def memory_error(error: BaseException) -> str | None:
     return f"not enough memory ({str(error).splitlines()[0] if str(error) else type(error).__name__})"
 
 
-def _content(path: Path) -> bytes | None:
-    """Return the bytes of a file, None where there is no such file."""
-    return path.read_bytes() if path.is_file() else None
+def _settings(path: Path) -> set[tuple[str, bytes]]:
+    """Return (name, content) of params.yaml, which is `path`, and of every file in the folder `params` beside it."""
+    files = [path, *(path.parent / "params").glob("*.yaml")]
+    return {(file.relative_to(path.parent).as_posix(), file.read_bytes()) for file in files if file.is_file()}
 
 
 def storage_error(error: Exception) -> str | None:

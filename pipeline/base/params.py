@@ -1,4 +1,8 @@
-"""Load params.yaml; unknown or missing keys and impossible values are refused, see pipeline/settings."""
+"""Load the settings, params.yaml and params/<experiment>.yaml, and refuse wrong keys and values.
+
+A key has the same dotted name in messages, files of scales/ and settings.yaml of own logs: `touch.window.stride` is in
+the block `touch` of params/touch.yaml.
+"""
 
 import difflib
 import functools
@@ -14,66 +18,105 @@ from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEv
 
 from pipeline.base import paths
 from pipeline.base.errors import InputError
-from pipeline.settings import Params
+from pipeline.settings import Experiment, Params
 from pipeline.settings.models import Models
 from pipeline.settings.shared import Block
 
-DEEPEST = 20  # blocks and lists inside each other; params.yaml has 8. The parser in C crashes at some 30,000
+DEEPEST = 20  # blocks and lists inside each other; the settings have 8. The parser in C crashes at some 30,000
 SCALES = ("laptop", "paper")  # files of scales/
 
 
 def load(path: Path, sources: Mapping[str, str] | None = None) -> dict:
-    """Return a file like params.yaml as nested dictionaries, every key and value checked against pipeline/settings.
+    """Return all settings as nested dictionaries, every key and value checked against pipeline/settings.
 
-    A stage calls it once, in its `main`, and hands the values on: a file that changes while a stage runs must not
-    reach a part of it. sources: as in `check`.
+    path: params.yaml, beside which the folder `params` lies. A stage calls it once, in its `main`, and hands the values
+    on: a file that changes while a stage runs must not reach a part of it. sources: as in `check`.
     Raises InputError when the file is missing or not YAML, or a key is unknown, missing or of the wrong kind.
     """
     if not path.is_file():
         raise InputError(
             f"{path.name}: not found; run the command from a checkout of the repository, or name one by --root"
         )
-    values = parsed(path)
+    values = read(path)
     check(values, sources)
     return values
 
 
-def check(values, sources: Mapping[str, str] | None = None) -> None:
-    """Check all of params.yaml against pipeline/settings; InputError names the first fault, unknown keys first.
+def settings_files(path: Path) -> list[Path]:
+    """Return the files of settings: params.yaml, which is `path`, and those in the folder `params` beside it."""
+    return [path, *sorted((path.parent / "params").glob("*.yaml"))]
 
-    sources: the file that a dotted key was set from, where that is not params.yaml; a sentence names it in its place.
+
+def file_of(dotted: str) -> str:
+    """Return the name of the file that has a setting: params/touch.yaml for `touch.window`, or params.yaml."""
+    block = dotted.partition(".")[0]
+    return f"params/{block}.yaml" if block in get_args(Experiment) else "params.yaml"
+
+
+def read(path: Path):
+    """Return the blocks of all files of settings as one mapping, unchecked. Raises InputError as `parsed`, and where a
+    block is in two files.
+    """
+    if not path.is_file():
+        raise InputError(f"{path.name}: not found; run the command from a checkout of the repository")
+    values, file_with = parsed(path), {}
+    for file in settings_files(path)[1:]:
+        blocks = parsed(file)
+        if not isinstance(values, dict) or not isinstance(blocks, dict):
+            wrong = name_of(path if isinstance(blocks, dict) else file)
+            raise InputError(f"{wrong}: expected blocks of settings, such as `{file.stem}:`")
+        for key in blocks:
+            if key in values:
+                raise InputError(
+                    f"{name_of(file)}: '{key}' is in {file_with.get(key, path.name)}, too; keep one of them"
+                )
+            file_with[key] = name_of(file)
+        values |= blocks
+    order = [key for key in Params.model_fields if key in values] if isinstance(values, dict) else []
+    return {key: values[key] for key in dict.fromkeys([*order, *values])} if order else values
+
+
+def name_of(path: Path) -> str:
+    """Return the name of a file of settings as a message has it: `params.yaml`, `params/touch.yaml`."""
+    return f"params/{path.name}" if path.parent.name == "params" else path.name
+
+
+def check(values, sources: Mapping[str, str] | None = None) -> None:
+    """Check all settings against pipeline/settings; InputError names the first fault, unknown keys first.
+
+    sources: the file that a dotted key was set from, where that is not `file_of` it; a sentence names it in its place.
     """
     check_block(values, Params, "", sources)
 
 
 def parsed(path: Path):
     """Return a YAML file's content, read as DVC reads it: YAML 1.2, each key once; InputError where it is not YAML."""
-    reader = YAML(typ="safe")
+    reader, name = YAML(typ="safe"), name_of(path)
     try:
         text = path.read_text(encoding="utf-8")
         depth = 0
         for event in reader.parse(text):
             depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
             if isinstance(event, AliasEvent):
-                raise InputError(f"{path.name}: '*{event.anchor}' repeats another value; write the value itself")
+                raise InputError(f"{name}: '*{event.anchor}' repeats another value; write the value itself")
             if depth > DEEPEST:
-                raise InputError(f"{path.name}: blocks or lists lie more than {DEEPEST} deep in each other")
+                raise InputError(f"{name}: blocks or lists lie more than {DEEPEST} deep in each other")
         return reader.load(text)
     except (YAMLError, ValueError) as error:  # ValueError: no UTF-8, or a date like 2020-13-01
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
-        raise InputError(f"{path.name}{where}: not valid YAML ({getattr(error, 'problem', error)}); fix it") from error
+        raise InputError(f"{name}{where}: not valid YAML ({getattr(error, 'problem', error)}); fix it") from error
 
 
 def _shown(value) -> str:
-    """Return a value of params.yaml as text, shortened."""
+    """Return a setting as text, shortened."""
     short = reprlib.Repr()
     short.maxstring = short.maxother = short.maxlong = 60
     return short.repr(value)
 
 
 def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str] | None = None) -> Block:
-    """Return a block of params.yaml as its pydantic model; InputError names the key that fails, unknown ones first.
+    """Return a block of settings as its pydantic model; InputError names the key that fails, unknown ones first.
 
     where: the dotted key of the block; sources: as in `check`.
     """
@@ -87,7 +130,7 @@ def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str]
         *path, key = path
         fault |= {"type": "invalid_key"}
     inside, name = _dotted(where, *path), _dotted(where, *path, key)
-    file = next((file for dotted, file in (sources or {}).items() if _share(dotted, name)), "params.yaml")
+    file = next((file for dotted, file in (sources or {}).items() if _share(dotted, name)), file_of(name))
     block, place = file + ", " + (inside or "top level"), file + ", " + (name or "top level")
     if fault["type"] == "invalid_key":
         raise InputError(f"{block}: expected text as a key, got {_shown(key)}")
@@ -136,7 +179,7 @@ def _at(kind, path: Iterable) -> tuple[Any, str]:
 
 
 def is_optional(dotted: str) -> bool:
-    """Tell whether params.yaml may lack a key (`strain.sensor.pressed_below_mm`); False for a key that is unknown."""
+    """Tell whether the settings may lack a key (`strain.sensor.pressed_below_mm`); False for a key that is unknown."""
     *path, key = dotted.split(".")
     try:
         field = _at(Params, path)[0].model_fields[key]
@@ -156,14 +199,14 @@ def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
     expected = list(expected)
     for key in given:
         if key not in expected:
-            raise InputError(f"params.yaml, {where}: unknown key '{key}'; {hint(key, expected)}")
+            raise InputError(f"{file_of(where)}, {where}: unknown key '{key}'; {hint(key, expected)}")
 
 
 def check_model(key: str, settings, where: str) -> Block:
     """Return one model's block, checked against `Settings` in its file; InputError names the first fault."""
     if key not in Models.model_fields:
         raise InputError(
-            f"params.yaml, {where}: there is no pipeline/models/{key}.py; {hint(key, Models.model_fields)}"
+            f"{file_of(where)}, {where}: there is no pipeline/models/{key}.py; {hint(key, Models.model_fields)}"
         )
     return check_block(settings, Models.model_fields[key].annotation, where)
 
@@ -173,7 +216,7 @@ def scale_settings(scales: Path, name: str, experiment: str, settings: Mapping) 
 
     A model or protocol that is not among its own has no settings.
 
-    scales: the folder of scales; settings: the experiment's block of params.yaml.
+    scales: the folder of scales; settings: the experiment's block of settings.
     """
     scale = [(dotted.split("."), value) for dotted, value in parsed(scales / f"{name}.yaml").items()]
     below = [(keys, value) for (block, *keys), value in scale if block == experiment]
@@ -184,7 +227,7 @@ def scale_settings(scales: Path, name: str, experiment: str, settings: Mapping) 
 def scale_of(scales: Path, experiment: str, settings: Mapping) -> str:
     """Return the scale that an experiment's settings are of: laptop, paper, both where they are the same, or other.
 
-    scales: the folder of scales; settings: the experiment's block of params.yaml. What only a study of it reads is not
+    scales: the folder of scales; settings: the experiment's block of settings. What only a study of it reads is not
     looked at.
     """
     names = [
@@ -206,7 +249,7 @@ def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:
     models = params[experiment]["models"]
     model = params[experiment]["model_zero"] if model == paths.MODEL_ZERO else model
     if model not in models:
-        raise InputError(f"params.yaml, {experiment}.models: no model '{model}'; listed: {', '.join(models)}")
+        raise InputError(f"{file_of(experiment)}, {experiment}.models: no model '{model}'; listed: {', '.join(models)}")
     return models[model]
 
 

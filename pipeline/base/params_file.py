@@ -1,5 +1,6 @@
-"""Set values in a file of settings; all other settings and the comments stay."""
+"""Copy the files of settings, and set values in them; all other settings and the comments stay."""
 
+import shutil
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -9,29 +10,43 @@ from pipeline.base import files, params
 from pipeline.base.errors import InputError
 
 
-def set_values(values: dict, params_file: Path, source: str = "params.yaml") -> None:
-    """Set the values of dotted keys (`touch.window.stride`) in a params file; InputError for an unknown key.
+def copied(file: Path, folder: Path) -> Path:
+    """Copy a params.yaml and the params/ beside it to a folder, in place of its own, and return the copy."""
+    for former in (folder / "params").glob("*.yaml"):
+        former.unlink()
+    for one in params.settings_files(file):
+        target = folder / one.relative_to(file.parent)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(one, target)
+    return folder / file.name
 
-    A key that the file lacks is set where it is optional. `source`: the file that the values are from, which a sentence
-    about an unknown key names; params.load names it for a wrong value.
+
+def set_values(values: dict, params_file: Path, source: str = "params.yaml") -> None:
+    """Set the values of dotted keys (`touch.window.stride`) in params.yaml, or the file in params/ that has the block.
+
+    Raises InputError for an unknown key. One that a file lacks is set where it is optional. `source`: the file that the
+    values are from, which a sentence about an unknown key names; params.load names it for a wrong value.
     """
     editor = YAML()
     editor.width = 4096  # never wrap a line
     editor.representer.add_representer(float, _float)
-    content = editor.load(params_file.read_text(encoding="utf-8"))
+    contents = {file: editor.load(file.read_text(encoding="utf-8")) for file in params.settings_files(params_file)}
     for name, value in values.items():
         dotted = str(name)
-        *path, last = dotted.split(".")
-        block = content
-        for key in [*path, last]:
+        *above, last = dotted.split(".")
+        shared = contents[params_file]
+        block = next((blocks for blocks in contents.values() if dotted.partition(".")[0] in blocks), shared)
+        for key in [*above, last]:
             known = isinstance(block, dict) and (key in block or (key == last and params.is_optional(dotted)))
             if not known:
-                hint = params.hint(key, block) if isinstance(block, dict) else "name a setting"
+                near = [key for blocks in contents.values() for key in blocks] if block is shared else block
+                hint = params.hint(key, near) if isinstance(block, dict) else "name a setting"
                 raise InputError(f"{source}: there is no key '{dotted}'; {hint}")
             parent, block = block, block.get(key)
         parent[last] = _flow(value)
-    with files.replacing(params_file) as draft, open(draft, "w", encoding="utf-8") as file:
-        editor.dump(content, file)
+    for path, content in contents.items():
+        with files.replacing(path) as draft, open(draft, "w", encoding="utf-8") as file:
+            editor.dump(content, file)
 
 
 def _float(representer, value: float):
@@ -42,7 +57,7 @@ def _float(representer, value: float):
 
 
 def _flow(value):
-    """Put lists and blocks on one line, as in the rest of params.yaml."""
+    """Put lists and blocks on one line, as in the rest of the file."""
     if isinstance(value, list):
         sequence = CommentedSeq(value)
         sequence.fa.set_flow_style()

@@ -8,6 +8,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from pipeline.base.errors import InputError
+from pipeline.base.params import file_of
 from pipeline.base.paths import Workspace
 
 
@@ -37,7 +38,7 @@ def check_settings(workspace: Workspace, experiments: Iterable[str], params: dic
     try:
         stages = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["stages"].values()
         made_with = {
-            out["path"]: dict(stage.get("params", {}).get("params.yaml", {}))
+            out["path"]: {key: value for file in stage.get("params", {}).values() for key, value in file.items()}
             for stage in stages
             for out in stage.get("outs", [])
         }
@@ -52,7 +53,7 @@ def check_settings(workspace: Workspace, experiments: Iterable[str], params: dic
                     wanted = wanted.get(key) if isinstance(wanted, Mapping) else None
                 if key := _difference(value, wanted, dotted):
                     raise InputError(
-                        f"params.yaml, {key}: {file} was made with another value, says dvc.lock; run `dvc repro`"
+                        f"{file_of(key)}, {key}: {file} was made with another value, says dvc.lock; run `dvc repro`"
                     )
 
 

@@ -1,7 +1,7 @@
 """Pack all that `dvc repro` has made into one archive, or take such an archive in place of running it.
 
 `tactile bundle write FILE.zip` packs what dvc.lock names and DVC's cache holds (logs, datasets, models, predictions)
-with the reports, params.yaml and dvc.lock. `tactile bundle restore FILE.zip`, in a checkout of the same commit, puts
+with the reports, the settings and dvc.lock. `tactile bundle restore FILE.zip`, in a checkout of the same commit, puts
 it all in its place: `dvc repro` has nothing to run then but `track`, which writes the runs for MLflow.
 """
 
@@ -17,7 +17,7 @@ from pipeline.base.paths import Workspace
 
 REMOTE, OBJECTS = "bundle", "objects"  # DVC's name of the archive's folder, and that folder
 OBJECT = re.compile(OBJECTS + r"/files/md5/[0-9a-f]{2}/[0-9a-f]{30}(\.dir)?")  # a file of DVC's; no other is unpacked
-BESIDE = ("dvc.lock", "params.yaml", "reports")  # what lies in git, for those who have the archive alone
+BESIDE = ("dvc.lock", "params", "params.yaml", "reports")  # what lies in git, for those who have the archive alone
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,9 +1,9 @@
 """Try values of the one setting that a scene's difficulty is set by, and compare its yardstick with the published one.
 
-The yardstick of an experiment (params.yaml, `<experiment>.yardstick`) is the error of one model over that of another,
+The yardstick of an experiment (setting `<experiment>.yardstick`) is the error of one model over that of another,
 which does not depend on the scale of errors. For every value of the knob the scene is simulated at the scale of
 params.yaml (`--paper-scale`: the papers'), both models are trained, and the ratio is taken on the validation part; test
-parts are not read. Nothing is changed: write the value you choose into params.yaml.
+parts are not read. Nothing is changed: write the value you choose into params/<experiment>.yaml.
 """
 
 import argparse
@@ -22,13 +22,13 @@ from pipeline.base.paths import Workspace
 from pipeline.scoring import classification
 from pipeline.stability import changed_scene
 
-FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the value of params.yaml, where no values are given
+FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the present value, where no values are given
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add experiment, values and seeds to the parser of this command."""
     parser.add_argument("experiment", choices=["touch", "strain", "glove"])
-    parser.add_argument("values", nargs="*", type=float, help="values of the knob (0.5 to 2 times that of params.yaml)")
+    parser.add_argument("values", nargs="*", type=float, help="values of the knob (0.5 to 2 times the present one)")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0], help="of scene, split and training (0)")
     parser.add_argument(
         "--paper-scale", action="store_true", help="with the papers' amounts of data, those of scales/paper.yaml"
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def at_paper_scale(workspace: Workspace, values: Mapping, experiment: str) -> None:
-    """Set the experiment's block of params.yaml, in place, to the values of scales/paper.yaml."""
+    """Set the experiment's block of settings, in place, to the values of scales/paper.yaml."""
     for (*keys, last), value in params.scale_settings(workspace.scales, "paper", experiment, values[experiment]):
         reduce(getitem, keys, values[experiment])[last] = value
 
@@ -91,13 +91,13 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     if given.paper_scale:
         at_paper_scale(workspace, values, given.experiment)
     settings = values[given.experiment]
-    chosen = settings["yardstick"]
+    chosen, file = settings["yardstick"], params.file_of(given.experiment)
     if settings["source"] != "simulated":
-        raise InputError(f"params.yaml, {given.experiment}.source: only a simulated scene can be calibrated")
+        raise InputError(f"{file}, {given.experiment}.source: only a simulated scene can be calibrated")
     present = settings
     for key in chosen["knob"].split("."):
         if not isinstance(present, Mapping) or key not in present:
-            raise InputError(f"params.yaml, {given.experiment}.yardstick.knob: there is no key '{chosen['knob']}'")
+            raise InputError(f"{file}, {given.experiment}.yardstick.knob: there is no key '{chosen['knob']}'")
         present = present[key]
     tried = given.values or [factor * present for factor in FACTORS]
     runs = {(value, seed): (values, given.experiment, value, seed) for value in tried for seed in given.seeds}
@@ -111,4 +111,4 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             print(f"{value:<8g}  {seed}  {ours:.4g}  {others:.4g}  {ours / others:.3f}")
         means[value] = sum(a / b for a, b in (errors[value, seed] for seed in given.seeds)) / len(given.seeds)
     nearest = min(means, key=lambda value: abs(means[value] - chosen["published"]))
-    print(f"nearest: {chosen['knob']} = {nearest:g}, ratio {means[nearest]:.3f}; params.yaml has {present:g}")
+    print(f"nearest: {chosen['knob']} = {nearest:g}, ratio {means[nearest]:.3f}; {file} has {present:g}")

@@ -1,6 +1,6 @@
 """Read a folder of your own logs as ingest would, say what was understood, and what to fix first.
 
-The formats, the alignment and the splits are the experiment's own, with the values of params.yaml, and with what
+The formats, the alignment and the splits are the experiment's own, with the values of the settings, and with what
 FOLDER/settings.yaml sets for this sensor, where there is one, by dotted keys such as `touch.sensor.rows: 4`. Nothing is
 changed but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the
 first thing to fix and status 1.
@@ -9,7 +9,6 @@ first thing to fix and status 1.
 import argparse
 import os
 import re
-import shutil
 import sys
 import tempfile
 from collections import Counter
@@ -25,7 +24,7 @@ from scipy.optimize import linear_sum_assignment
 from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
@@ -142,7 +141,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
 
 
 def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
-    """Name the key to change where most lines of a log have another number of columns than params.yaml says."""
+    """Name the key to change where most lines of a log have another number of columns than the settings say."""
     with path.open("rb") as file:
         counts = Counter(line.count(b",") for line, _ in zip(file, range(LINES), strict=False) if b"," in line)
     values = max(counts, key=counts.get) if counts else 0
@@ -158,12 +157,12 @@ def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapp
         sensor = settings["sensor"]
         shapes = " or ".join(f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0)
         return (
-            f"{path}: {values} values per line, but touch.sensor in params.yaml is {sensor['rows']} rows x "
+            f"{path}: {values} values per line, but touch.sensor in params/touch.yaml is {sensor['rows']} rows x "
             f"{sensor['cols']} cols = {expected}; set touch.sensor.rows and touch.sensor.cols ({shapes})"
         )
     if path.name == "daq.log":
         return (
-            f"{path}: {values} voltages per line, but strain.sensor.channels in params.yaml is {expected}; "
+            f"{path}: {values} voltages per line, but strain.sensor.channels in params/strain.yaml is {expected}; "
             f"set strain.sensor.channels: {values}"
         )
     header = fmt.header if expected < 5 else f"{fmt.columns[0].name},{fmt.columns[1].name},...,{fmt.columns[-1].name}"
@@ -464,7 +463,7 @@ VERBS = {"train": "train on", "validation": "validate on", "test": "test on"}
 
 
 def unfit(experiment: str, settings: Mapping) -> list[str]:
-    """Return problems: values of params.yaml that do not fit this sensor, each with the key to change."""
+    """Return problems: settings that do not fit this sensor, each with the key to change."""
     problems = []
     if experiment == "touch":
         try:
@@ -475,8 +474,8 @@ def unfit(experiment: str, settings: Mapping) -> list[str]:
         cells, elements = settings["label"][f"map_{side}"], settings["sensor"][side]
         if cells % elements:
             problems.append(
-                f"params.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ({elements}), "
-                f"which lomp needs; set {max(1, round(cells / elements)) * elements}"
+                f"params/touch.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ("
+                f"{elements}), which lomp needs; set {max(1, round(cells / elements)) * elements}"
             )
     return problems
 
@@ -568,7 +567,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
     with tempfile.TemporaryDirectory() as draft:
-        changed = Path(shutil.copy(workspace.params, draft))
+        changed = copied(workspace.params, Path(draft))
         of_sensor, source = own_settings(folder), str(folder / SETTINGS)
         set_values(of_sensor, changed, source)
         values = params.load(changed, dict.fromkeys(of_sensor, source))

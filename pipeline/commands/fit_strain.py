@@ -2,13 +2,13 @@
 
 The settings of SET_BY were fitted by hand, all together, to the statistics of reports/twins. Each of them stands here
 beside the statistic that says most about what the setting means (pipeline/scenes/strain.py); the statistics were named
-after a run that showed which of them each setting moves. For the value of params.yaml and for others around it, with
+after a run that showed which of them each setting moves. For the present value and for others around it, with
 all other settings as they are and with the same seeds, the scene runs the recorded program; the median over its
 specimens is compared with the recorded median. A setting is told by its statistic if the values tried change the
 statistic by more than the recorded range is wide; else the recordings allow all of them. A value that is not the
 nearest is no error: other statistics hold it, and notes of reports/twins say which.
 
-Nothing is changed: write the value you choose into params.yaml.
+Nothing is changed: write the value you choose into params/strain.yaml.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from pipeline.reporting.words import markdown
 from pipeline.stability import changed_scene
 from pipeline.twins import strain as twins
 
-FACTORS = (0.7, 1.4)  # times the value of params.yaml, which is tried, too
+FACTORS = (0.7, 1.4)  # times the present value, which is tried, too
 SET_BY = {  # key below strain.simulate -> one of twins.STATISTICS
     "strand.sensitivity_per_mm": "response",
     "strand.fast_share": "rest_over_response",
@@ -45,7 +45,7 @@ SET_BY = {  # key below strain.simulate -> one of twins.STATISTICS
 
 
 class Tried(NamedTuple):
-    """A setting, the values tried, the first of which is that of params.yaml, and the statistic at each of them."""
+    """A setting, the values tried, the first of which is the present one, and the statistic at each of them."""
 
     setting: str
     values: list[float]
@@ -122,7 +122,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Print the table, and for how many settings the present value is the nearest."""
     values = params.load(workspace.params)
     if values["strain"]["source"] != "simulated":
-        raise InputError("params.yaml, strain.source: only a simulated scene has settings that can be fitted")
+        raise InputError("params/strain.yaml, strain.source: only a simulated scene has settings that can be fitted")
     if reason := why_not_run(workspace, "strain_recorded"):
         raise InputError(f"nothing to compare with: {reason}")
     specimens = values["strain"]["simulate"]["specimens"] if given.specimens is None else given.specimens
@@ -131,6 +131,6 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     told = [each for each in results if each.told()]
     kept = sum(each.nearest() == each.values[0] for each in told)
     print(
-        f"{len(told)} of {len(results)} settings are told by their statistic; for {kept} of these the value of "
-        f"params.yaml is the nearest. Simulated: median over {specimens} specimen{'s' * (specimens > 1)}."
+        f"{len(told)} of {len(results)} settings are told by their statistic; for {kept} of these the present "
+        f"value is the nearest. Simulated: median over {specimens} specimen{'s' * (specimens > 1)}."
     )

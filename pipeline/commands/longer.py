@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def lengthened(block: Mapping, times: int) -> dict:
-    """Return a model's block of params.yaml with `times` as many epochs."""
+    """Return a model's block of settings with `times` as many epochs."""
     training = {key: value * times if key in LENGTHS else value for key, value in block["training"].items()}
     return {**block, "training": training}
 

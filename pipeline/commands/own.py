@@ -2,7 +2,7 @@
 
 FOLDER lies in data/own, and NAME is its path in there; no sensor lies in the folder of another, and one process at a
 time trains on a sensor. Its logs say what they are of: array.log a pressure array, daq.log strain sensors, scanner.log
-a glove. FOLDER/settings.yaml, where there is one, sets what differs from params.yaml, by dotted keys such as
+a glove. FOLDER/settings.yaml, where there is one, sets what differs from params/, by dotted keys such as
 `touch.sensor.rows: 4`. The logs are checked first, as by `tactile check`. Nothing is simulated, and no file that git
 follows changes: what the stages write is in build/own/NAME, with every trained model in build/own/NAME/trained, for
 `tactile predict MODEL LOGS`. What is up to date is not trained again.
@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from pipeline.base import files, params, paths, processes
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
 from pipeline.datasets import images
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(checkout: Workspace, given: argparse.Namespace) -> None:
-    """Train all models of params.yaml on the logs named on the command line."""
+    """Train all models of the settings on the logs named on the command line."""
     with prepared(checkout, given.folder, SEEDS) as sensor:
         run(checkout, sensor, params.load(sensor.workspace.params))
 
@@ -103,7 +103,7 @@ def name_of(checkout: Workspace, folder: Path) -> str:
 
 
 def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
-    """Check logs, train on them and write their report; values: params.yaml of the workspace.
+    """Check logs, train on them and write their report; values: the settings of the workspace.
 
     Raises InputError that names the first thing to fix.
     """
@@ -128,15 +128,15 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
 
 
 def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) -> None:
-    """Make or renew a workspace: params.yaml with this sensor's settings, the scales, its logs.
+    """Make or renew a workspace: the settings with this sensor's settings, the scales, its logs.
 
     The logs are links to the files of its folder. What the stages have written there stays. seeds: of every protocol;
-    models: keys of params.yaml, None: all that it has.
+    models: keys of the settings, None: all that there are.
     """
     experiment, folder, name, workspace = sensor
     shutil.copytree(checkout.scales, workspace.scales, dirs_exist_ok=True)
-    settings = Path(shutil.copy(checkout.params, workspace.params))
-    block = params.parsed(settings)[experiment]
+    settings = copied(checkout.params, workspace.root)
+    block = params.read(settings)[experiment]
     kept = {key: dict(value) for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)}
     changed = {
         f"{experiment}.source": f"data/own/{name}",
@@ -150,9 +150,10 @@ def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: S
     set_values({key: value for key, value in changed.items() if key not in of_sensor}, settings)
     source = str(folder / check.SETTINGS)
     set_values(of_sensor, settings, source)
-    params.check(params.parsed(settings), dict.fromkeys(of_sensor, source))
+    values = params.read(settings)
+    params.check(values, dict.fromkeys(of_sensor, source))
     if experiment == "glove":
-        set_values(_of_images(params.parsed(settings)["glove"], seeds, of_sensor), settings)
+        set_values(_of_images(values["glove"], seeds, of_sensor), settings)
     logs = workspace.root / "data" / "own"
     shutil.rmtree(logs, ignore_errors=True)
     for path in sorted(folder.rglob("*")):
@@ -165,9 +166,9 @@ def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: S
 def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict:
     """Return the settings that follow from a sensor's areas: one protocol per dataset of images, and which models.
 
-    block: `glove` of params.yaml with this sensor's settings; of_sensor: these settings, which go first.
+    block: the settings of `glove` with this sensor's settings; of_sensor: these settings, which go first.
     """
-    changed = {"glove.window.stride": 1}  # every frame; params.yaml thins out the simulated sessions
+    changed = {"glove.window.stride": 1}  # every frame; the settings thin out the simulated sessions
     changed["glove.protocols"] = {f"session_{name}": {"seeds": list(seeds)} for name in images.modalities(block)}
     if min(images.shape(block)) < SMALLEST_IMAGE:
         models = {key: value for key, value in block["models"].items() if key in WITHOUT_NETWORKS}

@@ -75,7 +75,7 @@ def prepare(workspace: Workspace, experiment: str, protocols: Sequence[str], fol
     settings = folder / "params.yaml"
     set_values(params.parsed(workspace.scales / "paper.yaml"), settings, "scales/paper.yaml")
     if protocols:
-        known = params.parsed(settings)[experiment]["protocols"]
+        known = params.read(settings)[experiment]["protocols"]
         unknown = [name for name in protocols if name not in known]
         if unknown:
             raise InputError(f"--protocols: {experiment} has no '{unknown[0]}'; take of {', '.join(known)}")
@@ -128,8 +128,8 @@ def keep_verdicts(experiment: str, protocols: Sequence[str], folder: Path, targe
 
 
 def _settings(experiment: str, folder: Path) -> dict:
-    """Return the experiment's block of the params.yaml of a run."""
-    return yaml.safe_load((folder / "params.yaml").read_text(encoding="utf-8"))[experiment]
+    """Return the experiment's block of the settings of a run."""
+    return params.read(folder / "params.yaml")[experiment]
 
 
 def _rows(path: Path) -> pd.DataFrame:

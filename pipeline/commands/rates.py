@@ -192,7 +192,9 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     values, experiment = params.load(workspace.params), given.experiment
     networks = [model for model in NETWORKS if model in values[experiment]["models"]]
     if not networks:
-        raise InputError(f"params.yaml, {experiment}.models: no network to train; list one of {', '.join(NETWORKS)}")
+        raise InputError(
+            f"params/{experiment}.yaml, {experiment}.models: no network to train; list one of {', '.join(NETWORKS)}"
+        )
     paths.require(workspace.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")
     write(values, experiment, search(workspace, values, experiment, networks), workspace.reports / "rates")
 

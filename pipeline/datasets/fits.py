@@ -14,7 +14,7 @@ def write(folder: Path, model, history: Sequence[Mapping], settings: Mapping) ->
     """Write both files of a fitted model.
 
     history: one dictionary per epoch, losses in the label's unit squared (images: cross-entropy); settings: the
-    model's block of params.yaml. `precision` is that of products in training, null for a model that cannot choose it.
+    model's block of settings. `precision` is that of products in training, null for a model that cannot choose it.
     """
     columns = list(history[0])
     files.write_csv(folder / "history.csv", columns, ([epoch[name] for name in columns] for epoch in history))

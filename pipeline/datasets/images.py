@@ -166,7 +166,7 @@ def modality(protocol: str) -> str:
 
 def checked_split(experiment: str, protocol: str, splits: tuple[str, ...], settings: Mapping) -> str:
     """Return the split of a protocol; InputError for none of `splits`, and for images that the sensor does not have."""
-    name, key = split_name(protocol), f"params.yaml, {experiment}.protocols"
+    name, key = split_name(protocol), f"params/{experiment}.yaml, {experiment}.protocols"
     if name not in splits:
         raise InputError(f"{key}: no split '{name}'; there are {', '.join(splits)}")
     if modality(protocol) not in (known := modalities(settings)):

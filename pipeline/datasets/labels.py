@@ -50,7 +50,7 @@ def check_cells(sensor: Mapping, label: Mapping) -> None:
         if (cell_mm := along_mm / label[f"map_{side}"]) > width_mm:
             least = sensor[side] * math.ceil(along_mm / width_mm / sensor[side])
             raise InputError(
-                f"params.yaml, touch.label.map_{side}: cells of {cell_mm:.3g} mm are wider than the tip "
+                f"params/touch.yaml, touch.label.map_{side}: cells of {cell_mm:.3g} mm are wider than the tip "
                 f"({width_mm:g} mm, touch.label.tip_radius_mm), so that maps have no peak to find; set {least} or more"
             )
 

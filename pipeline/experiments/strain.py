@@ -90,8 +90,8 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     below, asked = settings["sensor"].get("pressed_below_mm"), formats(settings)["robot.log"].names
     if below is not None and "z_mm" not in asked:
         raise InputError(
-            "params.yaml, strain.sensor.pressed_below_mm: no task asks for z, so robot.log has no z_mm and nothing "
-            "would count as pressed; add z to a task of strain.sensor.tasks, or remove pressed_below_mm"
+            "params/strain.yaml, strain.sensor.pressed_below_mm: no task asks for z, so robot.log has no z_mm and "
+            "nothing would count as pressed; add z to a task of strain.sensor.tasks, or remove pressed_below_mm"
         )
     ingest, who = settings["ingest"], f"{folder.parent.name}/{folder.name}"
     rows, rejects = {}, {}
@@ -472,7 +472,9 @@ def task(protocol: str, settings: Mapping) -> series.Task:
     """
     known = tasks(settings)
     if protocol not in known:
-        raise InputError(f"params.yaml, strain.protocols: no task '{protocol}'; the tasks are {', '.join(known)}")
+        raise InputError(
+            f"params/strain.yaml, strain.protocols: no task '{protocol}'; the tasks are {', '.join(known)}"
+        )
     channels = list(range(settings["sensor"]["channels"]))
     base = MODEL_ZERO_TASK if MODEL_ZERO_TASK in known else next(iter(known))
     pressed_only = settings["sensor"].get("pressed_below_mm") is not None
@@ -492,8 +494,8 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     tests = [name for name in names if name in share.get("test_recordings", [])]
     if len(names) == len(tests):
         raise InputError(
-            f"params.yaml, strain.protocols.{protocol}: no recording of this task to train on; add one, or remove the "
-            "protocol"
+            f"params/strain.yaml, strain.protocols.{protocol}: no recording of this task to train on; add one, or "
+            "remove the protocol"
         )
     for name in names if tests else [recording_of(seed, names)]:
         rows = np.flatnonzero((condition == protocol) & (recording == name))

@@ -65,8 +65,8 @@ def in_order(counts: np.ndarray, settings: Mapping) -> np.ndarray:
         return counts
     if sorted(order) != list(range(elements)):
         raise InputError(
-            f"params.yaml, touch.sensor.order: names {len(order)} columns; it has to name each of 0 to {elements - 1} "
-            "once, in the order of the elements, or none ([])"
+            f"params/touch.yaml, touch.sensor.order: names {len(order)} columns; it has to name each of 0 to "
+            f"{elements - 1} once, in the order of the elements, or none ([])"
         )
     return counts[..., order]
 

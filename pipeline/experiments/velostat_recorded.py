@@ -117,7 +117,7 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
         condition = schemas.names(windows["condition"])
         if protocol not in condition:
             raise InputError(
-                f"params.yaml, velostat_recorded.protocols: there is no recording '{protocol}'; "
+                f"params/velostat_recorded.yaml, velostat_recorded.protocols: there is no recording '{protocol}'; "
                 f"there are {', '.join(sorted(set(condition)))}"
             )
         part[condition != protocol] = "unused"

@@ -71,7 +71,7 @@ class Card(Part):
     protocol: str
     seed: int
     commit: str
-    settings: dict  # the model's block of params.yaml
+    settings: dict  # the model's block of settings
     reading: dict[str, dict]  # READING: those that the experiment has
     shapes: Shapes
     inputs: Inputs
@@ -122,7 +122,7 @@ def read(folder: Path) -> Card:
 def check_fits(card: Card, settings: Mapping, where: str) -> None:
     """Raise InputError that names the first setting in which a block of an experiment differs from a model's.
 
-    settings: the experiment's block of params.yaml; where: its name.
+    settings: the experiment's block of settings; where: its name.
     """
     for block, of_model in card.reading.items():
         for key, value in of_model.items():

@@ -59,7 +59,7 @@ class Describer:
         if fit["settings"] != block:
             raise InputError(
                 f"{folder}: was trained with other settings than {experiment}.models.{model} of "
-                f"params.yaml; run `{made_by}`"
+                f"{params.file_of(experiment)}; run `{made_by}`"
             )
         names, chosen, touch_kpa = self._classes, None, None
         if self.kind == "windows":

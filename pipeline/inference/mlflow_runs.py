@@ -55,7 +55,7 @@ class TrainedRun:
     model: str
     seed: int
     folder: Path
-    settings: dict[str, str]  # the model's block of params.yaml as params of MLflow: `training.epochs` -> "40"
+    settings: dict[str, str]  # the model's block of settings as params of MLflow: `training.epochs` -> "40"
     metrics: dict[str, float]  # `<condition>.<metric>`, counts, and what was measured
     tags: dict[str, str]  # units, published values, how the training ended
     content: str
@@ -104,7 +104,7 @@ def _read_run(
     if fit["settings"] != params.run_settings(values, experiment, model, protocol):
         raise InputError(
             f"{folder / 'fit.json'}: was made with other settings than {experiment}.models.{model} of "
-            "params.yaml; run `dvc repro`"
+            f"{params.file_of(experiment)}; run `dvc repro`"
         )
     by_name, tags = {}, {"stop_reason": str(fit["stop_reason"]), "precision": str(fit["precision"])}
     for row in scores.itertuples():
@@ -209,7 +209,9 @@ class _Writer:
         client.log_batch(run_id, params=[Param(name, value) for name, value in settings.items()])
         for first in range(0, len(points), PER_CALL):
             client.log_batch(run_id, metrics=points[first : first + PER_CALL])
-        for file in (self.workspace.params, run.folder / "fit.json", run.folder / "history.csv"):
+        own = ("params", self.experiment)
+        settings = [file for file in params.settings_files(self.workspace.params) if file.stem in own]
+        for file in (*settings, run.folder / "fit.json", run.folder / "history.csv"):
             client.log_artifact(run_id, str(file))
         with tempfile.TemporaryDirectory() as draft:
             self._save(Path(draft), run, card)

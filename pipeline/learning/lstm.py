@@ -73,7 +73,7 @@ class LstmRegressor:
             if base is None:
                 raise InputError(
                     "transfer starts from model-0, so it cannot be model-0 itself; name a model like lstm_direct as "
-                    "model_zero in params.yaml"
+                    "model_zero in the settings"
                 )
             self._take_recurrent_part(base)
         place = device_of(device)

@@ -22,6 +22,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from pipeline.base.errors import InputError
+from pipeline.base.params import file_of
 from pipeline.logs import packets
 
 EMPTY = "empty line"
@@ -379,7 +380,7 @@ def check_rejects(
 ) -> None:
     """Raise InputError when more than the share `limit` of the lines is rejected; `reasons`: rejected lines per reason.
 
-    key: the name of the limit in params.yaml; following: how many more lines the file may have, all of them good.
+    key: the dotted name of the limit, a setting; following: how many more lines the file may have, all of them good.
     """
     count = sum(reasons.values())
     if count > limit * (lines + following):
@@ -388,7 +389,7 @@ def check_rejects(
         raise InputError(
             f"{path}: {count / lines:.1%} of {of} lines cannot be used, most often '{reason}' "
             f"({reasons[reason]} lines), and the limit is {limit:.1%}; fix or remove the recording, "
-            f"or raise {key} in params.yaml"
+            f"or raise {key} in {file_of(key)}"
         )
 
 

@@ -45,7 +45,7 @@ def read(workspace: Workspace, path: Path, balanced: bool = True) -> Stag:
     if not path.is_file():
         raise InputError(f"{path}: not found; download the classification data of STAG and name its metadata.mat")
     if problem := own_data.unnoticed(workspace, path):
-        raise InputError(f"params.yaml, glove.stag.file: {problem}")
+        raise InputError(f"params/glove.yaml, glove.stag.file: {problem}")
     variables = matlab.read(path, VARIABLES, LARGEST_FILE)
     pressure = variables["pressure"]
     if pressure.ndim != 3 or pressure.shape[1:] != (SIDE, SIDE) or pressure.dtype.kind not in "fiu":

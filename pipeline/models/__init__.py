@@ -59,7 +59,7 @@ from pipeline.base import params
 
 
 def build(key: str, spec, settings: Mapping, where: str):
-    """Return the model of `pipeline/models/<key>.py`, built for `spec` with its block of params.yaml.
+    """Return the model of `pipeline/models/<key>.py`, built for `spec` with its block of settings.
 
     Raises InputError when there is no such file or when the block does not fit its `Settings`.
     """

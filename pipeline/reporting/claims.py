@@ -124,7 +124,7 @@ def changed_by_scale(rows: pd.DataFrame) -> str:
 def sentences_of(workspace: Workspace, experiment: str, settings: Mapping) -> Callable[..., list[str]]:
     """Return what gives the lines of claims by their names, judged by what the stages wrote.
 
-    settings: the experiment's block of params.yaml.
+    settings: the experiment's block of settings.
     """
     results = evidence.read(evidence.of_experiment(workspace, experiment))
     known = evidence.Evidence(workspace, results, {experiment: settings}, evidence.trainings(workspace.reports))

@@ -1,7 +1,7 @@
 """Read and write what the reports of all experiments have in common.
 
 The report of an experiment is the module of its name in this folder. Its `write(target, settings)` writes the folders
-`accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block of params.yaml.
+`accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block of settings.
 """
 
 import json
@@ -86,7 +86,7 @@ def amounts(workspace: Workspace, experiment: str, settings: Mapping) -> list[tu
         if ours != papers:
             name = ".".join([experiment, *keys])
             text = f"`{name}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
-            differences.append(("params.yaml", text))
+            differences.append((params.file_of(experiment), text))
     return differences
 
 

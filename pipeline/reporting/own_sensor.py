@@ -68,12 +68,9 @@ FITTED = {
 
 
 def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping) -> None:
-    """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of params.yaml."""
-    kind, scores, rows = (
-        experiments.module(experiment).KIND,
-        Scores(workspace, experiment, settings),
-        read_windows(workspace, experiment),
-    )
+    """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of settings."""
+    kind, rows = experiments.module(experiment).KIND, read_windows(workspace, experiment)
+    scores = Scores(workspace, experiment, settings)
     name = settings["source"].removeprefix("data/own/")
     report = json.loads(paths.require(workspace.ingest_report(experiment), "tactile own").read_text(encoding="utf-8"))
     fits = [

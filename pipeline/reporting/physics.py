@@ -68,7 +68,7 @@ def _experiment(
     experiment: str, judgements: list[Judgement], scores: pd.DataFrame, settings: Mapping, switches: Mapping
 ) -> list[str]:
     metric, scene = scores["metric"].iloc[0], settings["scene"]
-    size = f"Settings of this scene that differ from `{experiment}` in params.yaml: "
+    size = f"Settings of this scene that differ from `{experiment}` in params/{experiment}.yaml: "
     size += f"`{json.dumps(scene).replace(chr(34), '')}`."
     if {"rows", "cols"} & set(scene.get("sensor", {})):
         size += " Crosstalk comes from fewer elements than in the whole array."

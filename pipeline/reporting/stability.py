@@ -60,7 +60,7 @@ UNNAMED = ("severity", "see params.yaml")
 
 
 def write(workspace: Workspace, values: Mapping, folder: Path, former: Path) -> None:
-    """Write figures, tables and texts of all experiments of params.yaml (`values`) into the empty `folder`.
+    """Write figures, tables and texts of all experiments of the settings (`values`) into the empty `folder`.
 
     former: the folder that is replaced; of experiments that were not run, what it holds is kept.
     """

@@ -192,7 +192,7 @@ def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict
     """
     if settings["sensor"].get("areas"):
         raise InputError(
-            "params.yaml, glove.sensor.areas: the simulated glove has the paper's areas; set areas: {}, or "
+            "params/glove.yaml, glove.sensor.areas: the simulated glove has the paper's areas; set areas: {}, or "
             "glove.source to logs of your own"
         )
     scene = scene_of(settings)

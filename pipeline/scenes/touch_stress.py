@@ -104,7 +104,7 @@ def places(settings: Mapping, touches: int) -> tuple[np.ndarray, np.ndarray]:
                 break
         else:
             raise InputError(
-                f"params.yaml, touch.ingest.max_touches: {most} touches find no room on the array; lower it"
+                f"params/touch.yaml, touch.ingest.max_touches: {most} touches find no room on the array; lower it"
             )
         pressed_elements[press] = chosen[:most]
     cells = rng.integers(0, 4, pressed_elements.shape)  # one of the 4 x 4 label cells of the element

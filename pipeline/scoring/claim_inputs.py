@@ -28,7 +28,7 @@ Row = Mapping[str, object]
 
 
 def rows(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFrame:
-    """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of params.yaml."""
+    """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of settings."""
     derived = [{"experiment": experiment, "n": 1, **row} for row in EXPERIMENTS[experiment](workspace, settings)]
     return pd.DataFrame(derived, columns=COLUMNS).astype({"seed": "Int64"})
 

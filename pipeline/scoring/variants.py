@@ -9,7 +9,7 @@ NONE = "none"  # no effect is left out
 
 
 def variants(values: Mapping, experiment: str) -> list[tuple[str, int]]:
-    """Return (effect, seed) of every run of params.yaml, `none` first; each effect has the same seeds.
+    """Return (effect, seed) of every run of the settings, `none` first; each effect has the same seeds.
 
     Raises InputError for a single seed, which has no interval.
     """

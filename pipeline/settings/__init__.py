@@ -1,9 +1,9 @@
-"""Settings: what params.yaml may say, as pydantic classes. Every key has its type, its limits and its meaning.
+"""Settings: what params.yaml and params/<experiment>.yaml may say, as pydantic classes.
 
-`touch.sensor.pitch_mm` is the field `pitch_mm` of the class `Sensor` in touch.py: a file for each block at the top of
-params.yaml, a class for each block inside. A model's settings stand in its own file in pipeline/models (models.py says
-how), the recipes of networks in training.py, and what several blocks share in shared.py. Editors complete and explain
-keys by params.schema.json, which is made of these classes:
+Every key has its type, limits and meaning. `touch.sensor.pitch_mm` is the field `pitch_mm` of the class `Sensor`
+in touch.py: a file for each block at the top, a class for each block inside. A model's settings stand in its own file
+in pipeline/models (models.py says how), the recipes of networks in training.py, and what several blocks share in
+shared.py. Editors complete and explain keys by params.schema.json, which is made of these classes:
 
     python -c "from pipeline.settings import schema; print(schema())" > params.schema.json
 """
@@ -28,7 +28,7 @@ Experiment = Literal["touch", "velostat_recorded", "strain", "strain_recorded", 
 
 
 class Params(Block):
-    """All of params.yaml."""
+    """All settings."""
 
     experiments: Distinct[Experiment] = Field(description="Experiments that are run")
     device: Literal["auto", "cpu", "cuda"] = Field(description="Where networks train; auto: on a GPU if there is one")
@@ -44,5 +44,6 @@ class Params(Block):
 
 
 def schema() -> str:
-    """Return the JSON schema of params.yaml, the content of params.schema.json."""
-    return json.dumps(Params.model_json_schema(), indent=1)
+    """Return the JSON schema of each file of settings, the content of params.schema.json: any of the blocks."""
+    of_all = Params.model_json_schema()
+    return json.dumps({key: value for key, value in of_all.items() if key != "required"}, indent=1)

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 
 class Block(BaseModel):
-    """A block of params.yaml: every key known, none missing, no value of another type, no NaN."""
+    """A block of settings: every key known, none missing, no value of another type, no NaN."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 

@@ -36,7 +36,7 @@ class Asked(NamedTuple):
 
 
 def settings_of(values: Mapping, experiment: str, changes: Mapping, where: str) -> dict:
-    """Return the experiment's block of params.yaml with the values of `changes`, block by block.
+    """Return the experiment's block of settings with the values of `changes`, block by block.
 
     where: the place in params.yaml that a sentence about a wrong value names. Raises InputError where the result is
     not what pipeline/settings allows.

@@ -14,7 +14,7 @@ def check(
 ) -> None:
     """Raise InputError where a metric in `scores` is off by more than `tolerance` (relative where it is above 1).
 
-    run: (protocol, condition, model, seed); settings: the experiment's block of params.yaml; written: its scores.csv.
+    run: (protocol, condition, model, seed); settings: the experiment's block of settings; written: its scores.csv.
     """
     protocol, condition, model, seed = run
     place = settings["protocols"][protocol]["seeds"].index(seed)

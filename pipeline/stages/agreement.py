@@ -87,7 +87,7 @@ def committed_scores(workspace: Workspace) -> pd.DataFrame | str:
 
 
 def main(workspace: Workspace) -> None:
-    """Compare the scores of all experiments of params.yaml."""
+    """Compare the scores of all experiments of the settings."""
     arguments.parse(__doc__)
     experiments = params.load(workspace.params)["experiments"]
     here = [results.read_csv(workspace.scores(name), [*KEY, "value"], "dvc repro evaluate") for name in experiments]

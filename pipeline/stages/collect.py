@@ -49,7 +49,7 @@ def collect(
 
 
 def main(workspace: Workspace) -> None:
-    """Collect every experiment of params.yaml."""
+    """Collect every experiment of the settings."""
     arguments.parse(__doc__)
     values = params.load(workspace.params)
     experiments = values["experiments"]

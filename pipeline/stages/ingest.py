@@ -26,7 +26,7 @@ Read = tuple[str, pa.Table, dict]  # `condition/recording`, its rejects, its rep
 
 
 def ingest(workspace: Workspace, experiment: str, settings: dict) -> None:
-    """Write the frames, rejects and report of an experiment; `settings` is its block of params.yaml.
+    """Write the frames, rejects and report of an experiment; `settings` is its block of settings.
 
     The logs are from a public source (where it is not downloaded: empty tables and the reason), from the simulator, or
     from the folder in data/own (relative to the repository) that `<experiment>.source` names. Raises InputError for
@@ -49,10 +49,11 @@ def ingest(workspace: Workspace, experiment: str, settings: dict) -> None:
         folder = workspace.root / settings["source"]
         if not folder.is_dir():
             raise InputError(
-                f"params.yaml, {experiment}.source: there is no folder {settings['source']}; name one or `simulated`"
+                f"params/{experiment}.yaml, {experiment}.source: there is no folder {settings['source']}; name one or "
+                "`simulated`"
             )
         if problem := own_data.unnoticed(workspace, folder):
-            raise InputError(f"params.yaml, {experiment}.source: {problem}")
+            raise InputError(f"params/{experiment}.yaml, {experiment}.source: {problem}")
     try:
         recordings = module.recordings(folder)
         rejects, reports = _write_frames(workspace, experiment, recordings, schema, settings)

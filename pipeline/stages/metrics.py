@@ -47,7 +47,7 @@ def write(path: Path, numbers: Mapping) -> None:
 
 
 def main(workspace: Workspace) -> None:
-    """Write the numbers of every experiment of params.yaml."""
+    """Write the numbers of every experiment of the settings."""
     arguments.parse(__doc__)
     for experiment in params.load(workspace.params)["experiments"]:
         table = workspace.reports / experiment / "speed" / "table2.csv"

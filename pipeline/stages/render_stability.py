@@ -9,7 +9,7 @@ from pipeline.reporting import stability
 
 
 def main(workspace: Workspace) -> None:
-    """Render all experiments of params.yaml; the folder in reports/ is replaced whole, but for what was not run."""
+    """Render all experiments of the settings; the folder in reports/ is replaced whole, but for what was not run."""
     arguments.parse(__doc__)
     target = workspace.reports / "stability"
     with files.replacing_folder(target) as draft:

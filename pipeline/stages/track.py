@@ -12,7 +12,7 @@ from pipeline.inference import mlflow_runs, mlflow_store
 
 
 def track(workspace: Workspace, values: dict) -> None:
-    """Log the runs of all experiments of params.yaml (`values`), and print the link that compares each one's.
+    """Log the runs of all experiments of the settings (`values`), and print the link that compares each one's.
 
     Raises InputError if a file is missing or was made with other settings (nothing is logged then), or the store
     cannot be used.
@@ -32,7 +32,7 @@ def track(workspace: Workspace, values: dict) -> None:
 
 
 def main(workspace: Workspace) -> None:
-    """Track every experiment of params.yaml."""
+    """Track every experiment of the settings."""
     arguments.parse(__doc__)
     track(workspace, load(workspace.params))
 

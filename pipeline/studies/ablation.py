@@ -60,9 +60,13 @@ def check(settings: Mapping, experiment: str) -> None:
         params.check_model(row["of"], scored.block_of(settings, name), f"{where}.settings")
         known = settings["ablation"][beside]["seeds"] if beside else seeds
         if not set(row["seeds"]) <= set(known) & set(seeds):
-            raise InputError(f"params.yaml, {where}.seeds: what it is compared with has seeds {known}; take of these")
+            raise InputError(
+                f"{params.file_of(where)}, {where}.seeds: what it is compared with has seeds {known}; take of these"
+            )
         if row["frames"] > settings["window"]["frames"]:
-            raise InputError(f"params.yaml, {where}.frames: a window has {settings['window']['frames']} frames")
+            raise InputError(
+                f"{params.file_of(where)}, {where}.frames: a window has {settings['window']['frames']} frames"
+            )
 
 
 def main(workspace: Workspace) -> None:

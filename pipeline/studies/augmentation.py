@@ -51,7 +51,7 @@ def main(workspace: Workspace) -> None:
     settings = values[experiment]["augmentation"]
     block = params.model_settings(values, experiment, settings["model"])
     if "training" not in block:
-        raise InputError(f"params.yaml, glove.augmentation.model: '{settings['model']}' is no network; name one")
+        raise InputError(f"params/glove.yaml, glove.augmentation.model: '{settings['model']}' is no network; name one")
     runs = [
         (experiment, method, f"{settings['split']}_{modality}", seed)
         for method in METHODS

@@ -59,7 +59,7 @@ def main(workspace: Workspace) -> None:
     protocol, protocols = f"{settings['split']}_{settings['dataset']}", values[experiment]["protocols"]
     if not set(settings["seeds"]) <= set(protocols.get(protocol, {"seeds": []})["seeds"]):
         raise InputError(
-            f"params.yaml, {experiment}.input_frames: the protocol '{protocol}' has not all of the seeds "
+            f"params/{experiment}.yaml, {experiment}.input_frames: the protocol '{protocol}' has not all of the seeds "
             f"{', '.join(map(str, settings['seeds']))}"
         )
     trained = [model for model in MODELS if model in blocks]

@@ -31,7 +31,7 @@ def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def probe(workspace: Workspace, settings: dict) -> list[tuple]:
-    """Return the accuracy on the test grasps for each input and seed; settings: the block of params.yaml."""
+    """Return the accuracy on the test grasps for each input and seed; settings: the block of settings."""
     path = paths.require(workspace.frames(EXPERIMENT), f"python -m pipeline.stages.ingest {EXPERIMENT}")
     frames = schemas.read(path)
     frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))

@@ -22,7 +22,7 @@ MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
 
 
 def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dict:
-    """Return the experiment's block of params.yaml at the scale of physics.<experiment>.scene, without `effect`.
+    """Return the experiment's block of settings at the scale of physics.<experiment>.scene, without `effect`.
 
     `none`: with all of them. Raises InputError where the result is not what pipeline/settings allows.
     """

@@ -190,7 +190,7 @@ def strain(workspace: Workspace, values: dict) -> list[tuple]:
 
 def _check_seeds(name: str, seeds: list[int], known: list[int]) -> None:
     if absent := [seed for seed in seeds if seed not in known]:
-        raise InputError(f"params.yaml, {name}: there is no split of seed {absent[0]}; known: {known}")
+        raise InputError(f"{params.file_of(name)}, {name}: there is no split of seed {absent[0]}; known: {known}")
 
 
 def _climbed(function, workspace: Workspace, values: Mapping, runs: list[tuple], title: str) -> list[tuple]:

@@ -80,7 +80,7 @@ def main(workspace: Workspace) -> None:
     rows: dict = {}
     if settings["file"] != "none":
         if not Path(workspace.root / settings["file"]).is_file():
-            raise InputError(f"params.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
+            raise InputError(f"params/glove.yaml, glove.stag.file: no such file {settings['file']}; name one or `none`")
         numbers = sorted({1, *values["glove"]["input_frames"]["numbers"]})
         runs = {
             (model, seed, frames): (values, "glove", model, seed, frames, settings["file"])

@@ -46,7 +46,7 @@ def labelled(table: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa
 
 
 def spec(settings: Mapping):
-    """Return the shapes of an experiment's task (learning.regressors.Spec); settings: its block of params.yaml."""
+    """Return the shapes of an experiment's task (learning.regressors.Spec); settings: its block of settings."""
     from pipeline.learning.regressors import Spec
 
     sensor, label = settings["sensor"], settings["label"]

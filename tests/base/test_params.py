@@ -16,6 +16,7 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.params_file import copied, set_values
 from pipeline.commands import check
 from pipeline.settings import Params, schema
 from pipeline.settings import models as settings_of_models
@@ -60,7 +61,7 @@ HOSTILE = (
 def test_a_key_that_names_no_model_is_refused(key):
     words = "there is no pipeline/models" if isinstance(key, str) else "expected text as a key"
     for block in ("touch", "physics.glove"):
-        with pytest.raises(InputError, match=f"^params.yaml, {block}.models: {words}"):
+        with pytest.raises(InputError, match=f"^{params.file_of(block)}, {block}.models: {words}"):
             params.check(altered(*block.split("."), "models", value={key: {}}))
 
 
@@ -72,9 +73,40 @@ def test_a_model_without_a_file_is_refused():
         params.check(altered("touch", "models", value={"lompp": {}}))
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("touch", "touch: {sensor: {rows: 5}}\n", "^params/touch.yaml, touch: key 'source' is missing"),
+        ("touch", "touch: [\n", "^params/touch.yaml, line 2: not valid YAML"),
+        ("touch", "", "^params/touch.yaml: expected blocks of settings, such as `touch:`"),
+        ("strain", "device: cpu\n", "^params/strain.yaml: 'device' is in params.yaml, too; keep one of them"),
+        ("strain", "touch: {}\n", "^params/touch.yaml: 'touch' is in params/strain.yaml, too; keep one of them"),
+    ],
+)
+def test_a_fault_in_a_file_of_an_experiment_is_told_of_that_file(name, text, words, tmp_path):
+    path = copied(ROOT / "params.yaml", tmp_path)
+    (tmp_path / "params" / f"{name}.yaml").write_text(text)
+    with pytest.raises(InputError, match=words):
+        params.load(path)
+
+
+def test_a_value_is_set_in_the_file_of_its_experiment(tmp_path):
+    path = copied(ROOT / "params.yaml", tmp_path)
+    before = {file: file.read_text() for file in params.settings_files(path)}
+    set_values({"strain.window.frames": 7, "device": "cpu"}, path)
+    changed = {file.name for file, text in before.items() if file.read_text() != text}
+    assert changed == {"strain.yaml", "params.yaml"}
+    values = params.load(path)
+    assert (values["strain"]["window"]["frames"], values["device"]) == (7, "cpu")
+    with pytest.raises(InputError, match="there is no key 'strian.window'; did you mean 'strain'"):
+        set_values({"strian.window": 1}, path)
+
+
 @pytest.mark.parametrize("place", [("glove_recorded", "protocols"), ("stress", "touch", "perturbations")])
 def test_a_key_that_is_no_text_is_refused(place):
-    with pytest.raises(InputError, match=rf"^params.yaml, {'.'.join(place)}: expected text as a key, got 1$"):
+    with pytest.raises(
+        InputError, match=rf"^{params.file_of(place[0])}, {'.'.join(place)}: expected text as a key, got 1$"
+    ):
         params.check(altered(*place, value={1: 2}))
 
 
@@ -147,7 +179,7 @@ IMPOSSIBLE = [
 def test_an_impossible_value_is_one_sentence(path, value, words):
     with pytest.raises(InputError, match=words) as error:
         params.check(altered("touch", *path, value=value))
-    assert str(error.value).startswith("params.yaml, touch.")
+    assert str(error.value).startswith("params/touch.yaml, touch.")
 
 
 @pytest.mark.parametrize(
@@ -162,7 +194,7 @@ def test_an_impossible_value_is_one_sentence(path, value, words):
     ],
 )
 def test_impossible_values_of_other_experiments_too(path, value):
-    with pytest.raises(InputError, match=f"params.yaml, {path[0]}"):
+    with pytest.raises(InputError, match=f"^{params.file_of(path[0])}, {path[0]}"):
         params.check(altered(*path, value=value))
 
 
@@ -271,7 +303,7 @@ def test_a_wrong_key_beside_those_of_another_file_is_named_in_params_yaml():
     sources = {"strain.sensor.channels": "settings.yaml"}
     with pytest.raises(InputError, match="^settings.yaml, strain.sensor.channels: "):
         params.check(altered("strain", "sensor", "channels", value=0), sources)
-    with pytest.raises(InputError, match="^params.yaml, strain.ingest.rate_hz: "):
+    with pytest.raises(InputError, match="^params/strain.yaml, strain.ingest.rate_hz: "):
         params.check(altered("strain", "ingest", "rate_hz", value=0), sources)
 
 
@@ -332,7 +364,7 @@ def test_a_stage_fails_where_params_yaml_changed_while_it_ran(after, code, tmp_p
 @pytest.mark.slow
 def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
     """A key with shell code, or one that leads elsewhere: refused by the stage that comes to it, nothing removed."""
-    for part in ("pipeline", "dvc.yaml", "params.yaml"):
+    for part in ("pipeline", "dvc.yaml", "params", "params.yaml"):
         source = ROOT / part
         copy_of = shutil.copytree if source.is_dir() else shutil.copy
         copy_of(source, tmp_path / part)
@@ -340,7 +372,7 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
     removing = "x/../../../../victim"
     block = {evil: {}, "$(touch PWNED)/": {"": {"/linear": {}}}, removing: {}, "constant": {}}
     values = altered("touch", "models", value=block)
-    text_file(tmp_path, yaml.safe_dump(values))
+    (tmp_path / "params" / "touch.yaml").write_text(yaml.safe_dump({"touch": values["touch"]}))
     (tmp_path / "data" / "touch").mkdir(parents=True)
     (tmp_path / "data" / "touch" / "dataset.parquet").write_text("as if it were made")
     (tmp_path / "victim").mkdir()
@@ -357,7 +389,7 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
         return done.stdout + done.stderr
 
     dvc("init", "--no-scm", "--quiet")
-    for target in (["train_touch"], ["--single-item", "train_touch"], []):
+    for target in (["train@touch"], ["--single-item", "train@touch"], []):
         said = dvc("repro", *target)
         assert "there is no pipeline/models/" in said and len(re.findall("Running stage", said)) == 1, said
     assert (tmp_path / "victim").is_dir()
@@ -365,11 +397,13 @@ def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
 
 
 def test_no_stage_hands_a_value_of_params_yaml_to_the_shell():
-    """Only names that dvc.yaml itself lists are part of a command."""
-    for name, stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].items():
-        listed = {f"${{item.{axis}}}" for axis, choices in stage.get("matrix", {}).items() if isinstance(choices, list)}
-        assert set(re.findall(r"\$\{.*?\}", stage["cmd"])) <= listed, name
-        assert not re.search(r"\$(?!\{item)", stage["cmd"]), name
+    """Only names that dvc.yaml itself lists are part of a command, or of the name of a stage or an output."""
+    content = yaml.safe_load((ROOT / "dvc.yaml").read_text())
+    lists = {name for block in content["vars"] for name in block}
+    for name, entry in content["stages"].items():
+        own = {variable for block in entry.get("vars", []) for variable in block}
+        filled = {"item", "key"} if entry.keys() & {"foreach", "matrix"} else set()
+        assert set(re.findall(r"\$\{?(\w*)", yaml.safe_dump(entry))) <= lists | own | filled, name
 
 
 @pytest.mark.parametrize(

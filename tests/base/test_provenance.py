@@ -40,7 +40,9 @@ def test_results_of_other_settings_are_refused(workspace, tmp_path, monkeypatch)
     with pytest.raises(InputError, match=r"^params.yaml, device: data/touch/scores.csv was made with another value"):
         provenance.check_settings(workspace, ["touch"], {**values, "device": "cpu"})
     values["touch"]["label"]["map_rows"] = 10
-    with pytest.raises(InputError, match=r"^params.yaml, touch.label.map_rows: data/touch/scores.csv was made with"):
+    with pytest.raises(
+        InputError, match=r"^params/touch.yaml, touch.label.map_rows: data/touch/scores.csv was made with"
+    ):
         provenance.check_settings(workspace, ["touch"], values)
     (tmp_path / "dvc.lock").write_text("stages: {evaluate@touch: {outs: [{pa")
     with pytest.raises(InputError, match="^dvc.lock: was cut short or damaged"):

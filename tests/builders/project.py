@@ -16,7 +16,7 @@ from pipeline.base.params_file import set_values
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
-PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params.yaml", "scales")
+PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params", "params.yaml", "scales")
 PARTS += ("reports/material", "reports/longer/README.md", "reports/paper_scale/README.md")
 
 
@@ -60,7 +60,7 @@ class Project:
         self.dvc("init", "--no-scm", "--quiet")
 
     def set(self, values: dict) -> None:
-        """Change dotted keys of params.yaml."""
+        """Change dotted keys of the settings."""
         set_values(values, self.folder / "params.yaml")
 
     def dvc(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
@@ -93,12 +93,12 @@ def copy_code(folder: Path) -> None:
 
 
 # Two halves of the pipeline that share no stage but that of SHARED: run side by side, they take half as long.
-SHARED = ("ingest_velostat_recorded",)  # of seconds
+SHARED = ("ingest_recorded@velostat_recorded",)  # of seconds
 HALVES = (
-    ["render_touch", "render@velostat_recorded", "render@strain_recorded", "rightsize_touch", "stress@touch"]
-    + ["stress@velostat_recorded", "stress@strain_recorded", "physics_touch", "physics_strain"],
-    ["render_strain", "render_glove", "render_glove_recorded", "rightsize_strain", "rightsize_glove", "stress@strain"]
-    + ["stress@glove", "stress@glove_recorded", "physics_glove"],
+    ["render@touch", "render_recorded@velostat_recorded", "render_recorded@strain_recorded", "rightsize@touch"]
+    + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded", "physics@touch", "physics@strain"],
+    ["render@strain", "render@glove", "render_recorded@glove_recorded", "rightsize@strain", "rightsize@glove"]
+    + ["stress@strain", "stress@glove", "stress@glove_recorded", "physics@glove"],
 )
 
 

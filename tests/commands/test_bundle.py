@@ -28,6 +28,8 @@ def checkout(tmp_path, monkeypatch):
     (folder / "reports").mkdir(parents=True)
     (folder / "reports" / "index.html").write_text("page")
     (folder / "params.yaml").write_text("a: 1\n")
+    (folder / "params").mkdir()
+    (folder / "params" / "touch.yaml").write_text("b: 1\n")
     (folder / "dvc.yaml").write_text(PIPELINE.format(python=sys.executable))
     monkeypatch.chdir(folder)  # DVC reproduces what is here
     with Repo.init(str(folder), no_scm=True) as repo:
@@ -47,7 +49,7 @@ def test_what_was_written_is_restored_in_another_checkout(checkout, capsys):
     bundle.main(Workspace(checkout), argparse.Namespace(what="write", file=file))
     assert "all.zip: 2 files" in capsys.readouterr().out  # the folder's list, and the file in it
     with zipfile.ZipFile(file) as archive:
-        assert {"reports/index.html", "params.yaml", "dvc.lock"} <= set(archive.namelist())
+        assert {"reports/index.html", "params.yaml", "params/touch.yaml", "dvc.lock"} <= set(archive.namelist())
     folder = other(checkout)
     with Repo(str(folder)) as repo:
         assert repo.status()

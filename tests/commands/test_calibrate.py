@@ -9,7 +9,7 @@ from builders.project import ROOT
 
 from pipeline.base import params, workers
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.commands import calibrate
 from pipeline.datasets import series
 from pipeline.stability import changed_scene
@@ -18,8 +18,7 @@ from pipeline.stability import changed_scene
 @pytest.fixture
 def values(tmp_path):
     """params.yaml at the scale of the miniature."""
-    copy = tmp_path / "params.yaml"
-    copy.write_text((ROOT / "params.yaml").read_text())
+    copy = copied(ROOT / "params.yaml", tmp_path)
     set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), copy)
     return params.load(copy)
 

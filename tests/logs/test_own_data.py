@@ -158,7 +158,9 @@ def test_ingest_refuses_logs_outside(workspace, source, root):
             workspace, "touch", params.load(ROOT / "params.yaml")["touch"] | {"source": source.format(outside=outside)}
         )
     said, named = str(error.value), root / source.format(outside=outside)
-    assert said.startswith(f"params.yaml, touch.source: {named} is not in data/own, so `dvc repro` would not notice ")
+    assert said.startswith(
+        f"params/touch.yaml, touch.source: {named} is not in data/own, so `dvc repro` would not notice "
+    )
     assert said.endswith(f"`cp -rs {outside} {root / 'data' / 'own' / 'finger'}`") and "\n" not in said
     assert not workspace.frames("touch").exists()
 
@@ -167,7 +169,9 @@ def test_ingest_refuses_logs_outside(workspace, source, root):
 def test_ingest_refuses_a_link_to_a_folder(workspace, experiment, root, tmp_path):
     link_to_a_folder(root / "data" / "own" / "it", tmp_path / "elsewhere")
     settings = params.load(ROOT / "params.yaml")[experiment] | {"source": "data/own/it/finger"}
-    with pytest.raises(InputError, match=rf"^params\.yaml, {experiment}\.source: .*/finger is a link to a folder, "):
+    with pytest.raises(
+        InputError, match=rf"^params/{experiment}\.yaml, {experiment}\.source: .*/finger is a link to a folder, "
+    ):
         ingest.ingest(workspace, experiment, settings)
 
 

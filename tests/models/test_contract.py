@@ -46,7 +46,7 @@ class Given(NamedTuple):
 
 
 def tiny(block: dict) -> dict:
-    """Return a model's block of params.yaml with the sizes of TINY."""
+    """Return a model's block of settings with the sizes of TINY."""
     return {name: tiny(value) if isinstance(value, dict) else TINY.get(name, value) for name, value in block.items()}
 
 
@@ -103,7 +103,7 @@ def given(experiment: str) -> Given:
 
 
 def built(experiment: str, model: str, spec: Spec, **training):
-    """Return a model with its block of params.yaml, tiny."""
+    """Return a model with its block of settings, tiny."""
     block = tiny(VALUES[experiment]["models"][model])
     if training:
         block["training"] |= training

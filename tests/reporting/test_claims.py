@@ -6,7 +6,7 @@ import pytest
 from builders.project import ROOT
 
 from pipeline.base import params
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.claims import entries, judge
 from pipeline.reporting import claims
 
@@ -111,8 +111,7 @@ def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):
     ],
 )
 def test_the_scale_is_that_of_the_settings(workspace, changes, scale, tmp_path):
-    copy = tmp_path / "params.yaml"
-    copy.write_text(workspace.params.read_text())
+    copy = copied(ROOT / "params.yaml", tmp_path)
     set_values(params.parsed(workspace.scales / "paper.yaml") if "paper" in changes else changes, copy)
     values = params.load(copy)
     assert params.scale_of(ROOT / "scales", "touch", values["touch"]) == scale

@@ -11,7 +11,7 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.experiments import glove, glove_recorded
@@ -30,7 +30,7 @@ def workspace(tmp_path_factory) -> Workspace:
 @pytest.fixture(scope="module")
 def project(workspace):
     """Logs, frames and dataset of the glove at miniature scale, naive Bayes and constant trained and scored."""
-    workspace.params.write_text((ROOT / "params.yaml").read_text())
+    copied(ROOT / "params.yaml", workspace.root)
     set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
     values = params.load(workspace.params)
     values["glove"]["models"] = MODELS

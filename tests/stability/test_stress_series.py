@@ -10,7 +10,7 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
+from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
@@ -140,7 +140,7 @@ def project(workspace):
 
 def miniature(workspace) -> dict:
     """params.yaml at miniature scale, with the two models of strain that are solved at once."""
-    workspace.params.write_text((ROOT / "params.yaml").read_text())
+    copied(ROOT / "params.yaml", workspace.root)
     set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
     values = params.load(workspace.params)
     values["strain"]["models"] = {"constant": {}, "ridge": {"ridge": 1.0}}

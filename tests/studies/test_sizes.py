@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -158,7 +157,7 @@ def test_settings_that_cannot_be_are_refused(workspace):
 
 def test_a_lomp_that_the_ablation_has_is_not_trained_again(workspace, tmp_path, monkeypatch):
     """There is no dataset here: a training would fail for want of it, and does for a seed that the row has not."""
-    values = params.parsed(ROOT / "params.yaml")
+    values = params.read(ROOT / "params.yaml")
     row = values["touch"]["ablation"]["lomp_half"]
     row["seeds"] = [1]
     file = workspace.ablation("touch")

@@ -363,7 +363,7 @@ def test_scale_and_versions_are_named(workspace, reports):
 
 def test_dvc_watches_what_decides_the_scale():
     watched = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["page"]["deps"]
-    assert {"params.yaml", "scales"} <= set(watched)
+    assert {"params", "params.yaml", "scales"} <= set(watched)
 
 
 def test_markdown_links_hold_from_the_page(workspace, reports):

@@ -1,4 +1,4 @@
-"""Judging effects of a scene: paired seeds, an equivalence test, and every run of params.yaml is asked for."""
+"""Judging effects of a scene: paired seeds, an equivalence test, and every run of the settings is asked for."""
 
 import csv
 
