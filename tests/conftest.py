@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from builders.project import ROOT, Project, run_miniature
 
+from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.logs import sources
 
@@ -58,7 +59,7 @@ def miniature_under_way(request, tmp_path_factory) -> Callable[[], Project]:
 def workspace(tmp_path) -> Workspace:
     """Return a workspace with the repository's settings, and nothing else."""
     made = Workspace(tmp_path)
-    shutil.copy(ROOT / "params.yaml", made.params)
+    copied(ROOT / "params.yaml", made.root)
     shutil.copytree(ROOT / "scales", made.scales)
     return made
 

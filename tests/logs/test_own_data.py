@@ -12,6 +12,7 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.commands import check, command_line
 from pipeline.logs import own_data
@@ -73,7 +74,7 @@ def workspace(tmp_path) -> Workspace:
 def root(workspace):
     """The root of a workspace with nothing in data/own; there is room beside it."""
     (workspace.root / "data" / "own").mkdir(parents=True)
-    shutil.copy(ROOT / "params.yaml", workspace.params)
+    copied(ROOT / "params.yaml", workspace.root)
     return workspace.root
 
 

@@ -148,7 +148,7 @@ def test_no_file_another_file_and_a_file_too_large(workspace, tmp_path, monkeypa
 def test_a_file_that_dvc_does_not_watch_is_refused(workspace, tmp_path, monkeypatch):
     monkeypatch.undo()
     path = save(tmp_path, metadata())
-    with pytest.raises(InputError, match=rf"^params\.yaml, glove\.stag\.file: {path} is not in data/own"):
+    with pytest.raises(InputError, match=rf"^params/glove\.yaml, glove\.stag\.file: {path} is not in data/own"):
         stag.read(workspace, path)
 
 

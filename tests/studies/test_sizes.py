@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
