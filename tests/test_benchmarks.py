@@ -181,9 +181,8 @@ def test_what_is_measured_of_networks_runs(task, tmp_path):
 def test_benchmarks_run_at_tiny_size(tmp_path):
     chosen = "esn_states or strain_epoch"
     command = [sys.executable, "-m", "pytest", "benchmarks", "--size", "tiny", "--results", str(tmp_path), "-k", chosen]
-    alone = {
-        name: value for name, value in os.environ.items() if not name.startswith("PYTEST_XDIST")
-    }  # nothing is timed there
+    # pytest-benchmark times nothing in a process of pytest-xdist, which these variables tell.
+    alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_XDIST")}
     subprocess.run([*command, "-p", "no:cacheprovider"], cwd=ROOT, env=alone, check=True)
     with open(tmp_path / "benchmarks.csv", newline="", encoding="utf-8") as file:
         found = {row["name"]: row["ours"] for row in csv.DictReader(file)}

@@ -264,10 +264,8 @@ def test_every_claim_has_a_verdict(miniature):
 def test_second_repro_has_nothing_to_do(miniature):
     """What it costs is a benchmark, repro_nothing_changed: 9 s of one idle core were 23 s of one beside other tests."""
     output = miniature.dvc("repro").stdout
-    assert re.findall("Running stage '(.*)'", output) == [
-        "track",
-        "agreement",
-    ]  # is the store complete, is there a new commit
+    # These two look whether the store is complete, and whether there is a new commit.
+    assert re.findall("Running stage '(.*)'", output) == ["track", "agreement"]
     assert set(re.findall(r": (\d+) of \d+ runs are new in MLflow", output)) == {"0"}
 
 

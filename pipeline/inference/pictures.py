@@ -17,6 +17,7 @@ MOST_LINES = 6  # objects drawn by name
 FRAMES_PER_S = 10
 LONGEST_S = 12  # of an animation
 CELL = 12  # pixels of a map's cell in the animation
+SHADES = 128  # of readings, from white to black, and of maps
 
 
 def draw(path: Path, recording: Recording, predicted: np.ndarray, card: Card) -> None:
@@ -107,20 +108,23 @@ def animate(path: Path, recording: Recording, maps: np.ndarray, card: Card) -> N
     lowest, most = float(recording.x.min()), float(recording.x.max())
     highest = max(float(maps[rows].max()), np.finfo(float).tiny)
     sensor, (_, map_rows, map_cols) = card.reading["sensor"], maps.shape
-    size = (map_cols * CELL, map_rows * CELL)
+    height, width = map_rows * CELL, map_cols * CELL
+    tones = np.linspace(0, 1, SHADES)
+    palette = np.concatenate([matplotlib.colormaps[name](tones, bytes=True)[:, :3] for name in ("Greys", "viridis")])
     of_maps = touches.touches(maps[rows], card)
     images = []
     for k, of_map in zip(rows, of_maps, strict=True):
-        picture = Image.new("RGB", (2 * size[0] + 12, size[1] + 22), "white")
+        shades = np.zeros((height + 22, 2 * width + 12), np.uint8)  # places in the palette, of which 0 is white
         reading = (recording.x[k].reshape(sensor["rows"], sensor["cols"]) - lowest) / max(most - lowest, 1)
-        for place, values, colours in ((0, reading, "Greys"), (size[0] + 12, maps[k] / highest, "viridis")):
-            pixels = matplotlib.colormaps[colours](np.clip(values[::-1], 0, 1), bytes=True)[..., :3]
-            picture.paste(
-                Image.fromarray(np.ascontiguousarray(pixels)).resize(size, Image.Resampling.NEAREST), (place, 0)
-            )
+        for left, first_shade, values in ((0, 0, reading), (width + 12, SHADES, maps[k] / highest)):
+            cells = first_shade + np.rint(np.clip(values[::-1], 0, 1) * (SHADES - 1)).astype(np.uint8)
+            cells = cells.repeat(height // cells.shape[0], axis=0).repeat(width // cells.shape[1], axis=1)
+            shades[:height, left : left + width] = cells
+        picture = Image.fromarray(shades)
         said = f"{recording.t_s[k] - recording.t_s[0]:6.1f} s   " + "   ".join(
             f"{touch.kpa:.0f} kPa" for touch in of_map
         )
-        ImageDraw.Draw(picture).text((4, size[1] + 5), said, fill="black")
-        images.append(picture.quantize(128))
+        ImageDraw.Draw(picture).text((4, height + 5), said, fill=SHADES - 1)
+        picture.putpalette(palette.tobytes())
+        images.append(picture)
     images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_S, loop=0, optimize=True)

@@ -272,7 +272,7 @@ def optimism_sentences(scores: Scores, settings: Mapping) -> list[str]:
                 continue
             least, most = min(more, key=more.get), max(more, key=more.get)
             text = (
-                f"- {other.replace('_', ' ').capitalize()} against {main}s, {dataset}: scores are higher by "
+                f"- {other.replace('_', ' ').capitalize()} against {main}s, {dataset}: scores change by "
                 f"{number(more[least])} ({model_name(least)}) to {number(more[most])} points ({model_name(most)})"
             )
             if "sp_resnet" in more:

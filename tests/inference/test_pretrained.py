@@ -170,12 +170,18 @@ def test_touches_and_force_of_a_map():
 
 @pytest.mark.slow
 def test_predict_needs_no_ground_truth(double, tmp_path):
-    """A minute of a log and nothing beside it, as on a command line, takes at most 10 s of one core."""
+    """A minute of a log and nothing beside it, as on a command line, takes at most six times the import of torch.
+
+    That is 8.4 s of a core that imports torch in 1.4 s. Seconds alone tell of the host: while it was busy, the import
+    took 2.9 s, and this prediction 14 s after less than 10 in an earlier run of the same code.
+    """
     folder = tmp_path / "bench" / "run"
     folder.mkdir(parents=True)
     lines = double[0].read_bytes().splitlines(keepends=True)[:3000]
     (folder / "array.log").write_bytes(b"".join(lines))
     out = tmp_path / "out"
+    began = os.times()
+    subprocess.run([sys.executable, "-c", "import torch"], check=True)
     before = os.times()
     done = subprocess.run(
         [sys.executable, "-m", "pipeline.commands.command_line", "predict", str(TOUCH), str(folder), "--out", str(out)],
@@ -187,7 +193,8 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
     after = os.times()
     assert done.returncode == 0, done.stderr
     assert "bench/run: 2999 readings in 59.982 s, 1 lines rejected, up to" in done.stdout
-    assert after.children_user + after.children_system - before.children_user - before.children_system < 10
+    spent = [times.children_user + times.children_system for times in (began, before, after)]
+    assert spent[2] - spent[1] < 6 * (spent[1] - spent[0])
     assert {path.suffix for path in out.iterdir()} == {".parquet", ".json", ".png", ".gif"}
     table = pyarrow.parquet.read_table(out / "predictions.parquet")
     assert table.num_rows == 2999 and table.schema.field("map_kpa").type.list_size == 400
