@@ -4,8 +4,8 @@ A row says what was measured (experiment, protocol, condition, model, variant, m
 NaN for a failed run. A row without a protocol or without a seed is of all of them.
 """
 
-from collections.abc import Callable, Mapping
-from functools import cache, partial
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +18,11 @@ from pipeline.claims import longer
 from pipeline.claims.entries import Claim
 from pipeline.claims.expressions import Result
 from pipeline.claims.rules import NotTestable
-from pipeline.scoring.claim_inputs import COLUMNS, KEY
-from pipeline.scoring.published import ANY
+from pipeline.scoring.claim_inputs import KEY
+from pipeline.scoring.one_table import WHOLE
 from pipeline.scoring.results import read_csv
-from pipeline.scoring.strain_results import LATENT
 
 COSTS = ("p50_ms", "train_s", "params", "macs")  # metrics that say nothing of how well a network was trained
-PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
-STUDIES = ("samples", "strands", "bases", "drift")  # of strain
-MADE_BY = "dvc repro"
-WHOLE = "whole"  # column: whether the value is an error of a whole run, as scores.csv has them
 
 
 class Evidence:
@@ -92,90 +87,6 @@ class Evidence:
         self.networks.add(network)
         self.whole &= key in self._whole
         return longer.with_errors(values, result.metric, self.factors.get(network, 1.0))
-
-
-def of_reports(folder: Path) -> dict[str, Path]:
-    """Return the files of results in a folder of reports, which are of all experiments."""
-    names = ("scores", "latency", "counts", "claim_inputs")
-    studies = {name: folder / "strain" / "accuracy" / f"{name}.csv" for name in STUDIES}
-    return {name: folder / f"{name}.csv" for name in names} | studies
-
-
-def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path]:
-    """Return the files of results that the stages of one experiment write, and of the glove the counts."""
-    files = {"scores": workspace.scores(experiment), "latency": workspace.latency(experiment)}
-    files |= {"claim_inputs": workspace.claim_inputs(experiment)}
-    study = workspace.experiment_folder("strain") / "study"
-    further = {"glove": {"counts": workspace.reports / "counts.csv"}}
-    further |= {"strain": {name: study / f"{name}.csv" for name in STUDIES}}
-    return files | further.get(experiment, {})
-
-
-def read(files: Mapping[str, Path]) -> pd.DataFrame:
-    """Return the one table of results, columns COLUMNS of claim_inputs and WHOLE; a file that is missing has no rows.
-
-    files: see `of_reports`. Raises InputError for a file without the columns that are read.
-    """
-    present = {name: path for name, path in files.items() if path.exists()}
-    tables = [TABLES[name](path) for name, path in present.items()] or [pd.DataFrame(columns=COLUMNS)]
-    together = pd.concat([table.reindex(columns=[*COLUMNS, WHOLE]).astype(object) for table in tables])
-    return together.infer_objects().fillna({WHOLE: False}).astype({WHOLE: bool, "value": float})
-
-
-def _scores(path: Path) -> pd.DataFrame:
-    """Return scores.csv. A run without an RMSE failed, whatever its other metrics say: a map of NaN has no peak."""
-    run = ["experiment", "protocol", "condition", "model", "seed"]
-    table = read_csv(path, [*run, "metric", "unit", "value", "n"], MADE_BY)
-    failed = table[(table["metric"] == "rmse") & table["value"].isna()][run]
-    lost = pd.MultiIndex.from_frame(table[run]).isin(pd.MultiIndex.from_frame(failed))
-    return table.assign(value=table["value"].where(~lost), **{WHOLE: True})
-
-
-def _times(path: Path) -> pd.DataFrame:
-    """Return the median times of latency.csv at the first batch size."""
-    table = read_csv(path, ["experiment", "model", "batch", "p50_ms"], MADE_BY)
-    first = table[table["batch"] == table.groupby("experiment")["batch"].transform("min")]
-    return first[["experiment", "model"]].assign(condition=ANY, metric="p50_ms", unit="ms", value=first["p50_ms"])
-
-
-def _counts(path: Path) -> pd.DataFrame:
-    """Return the operations and parameters of counts.csv, the first row of each model at each shape."""
-    table = read_csv(path, ["experiment", "model", "macs", "params", "published_macs"], MADE_BY)
-    table = table.assign(condition=ANY, variant=table["published_macs"].notna().map({True: PRINTED_SHAPE, False: ""}))
-    first = table.drop_duplicates(["experiment", "model", "variant"])[["experiment", "condition", "model", "variant"]]
-    return pd.concat([first.assign(metric=name, unit="1", value=table[name]) for name in ("macs", "params")])
-
-
-def _study(column: str, path: Path) -> pd.DataFrame:
-    """Return a study of strain in which trainings differ by a column: its values are the variants."""
-    table = read_csv(path, ["protocol", "model", "seed", "metric", "value", column], MADE_BY)
-    names = {
-        "experiment": "strain",
-        "condition": table["protocol"],
-        "variant": f"{column}_" + table[column].astype(str),
-    }
-    return table.assign(**names)
-
-
-def _drift(path: Path) -> pd.DataFrame:
-    """Return what a linear read-out decodes from the raw voltages and from model-0; the target is the metric."""
-    table = read_csv(path, ["protocol", "seed", "value", "input", "target"], MADE_BY)
-    known = table["input"].str.startswith("raw").map({True: "raw", False: "states"})
-    table = table.assign(experiment="strain", condition=table["protocol"], model=known)
-    table = table.assign(metric=table["target"].str.replace(" ", "_"))
-    return table[(known == "raw") | (table["input"] == LATENT)]
-
-
-TABLES: dict[str, Callable[[Path], pd.DataFrame]] = {
-    "scores": _scores,
-    "latency": _times,
-    "counts": _counts,
-    "claim_inputs": lambda path: read_csv(path, COLUMNS, MADE_BY),
-    "samples": partial(_study, "samples"),
-    "strands": partial(_study, "strands"),
-    "bases": partial(_study, "base"),
-    "drift": _drift,
-}
 
 
 def trainings(folder: Path) -> dict[str, pd.DataFrame]:

@@ -13,6 +13,7 @@ from pipeline.claims import entries, evidence, judge
 from pipeline.claims.entries import NUMBER, SENTENCE
 from pipeline.claims.rules import AGREEMENT, BAND, CONTRADICTED, NOT_TESTABLE, TOLERANCE, UNDECIDED, VERDICTS
 from pipeline.reporting.words.markdown import number, size, table
+from pipeline.scoring import one_table
 from pipeline.scoring.results import read_csv
 
 RULES = (
@@ -126,7 +127,7 @@ def sentences_of(workspace: Workspace, experiment: str, settings: Mapping) -> Ca
 
     settings: the experiment's block of settings.
     """
-    results = evidence.read(evidence.of_experiment(workspace, experiment))
+    results = one_table.read(one_table.of_experiment(workspace, experiment))
     known = evidence.Evidence(workspace, results, {experiment: settings}, evidence.trainings(workspace.reports))
     listed, papers = entries.read(workspace)
     claims = {claim.id.split("/")[1]: claim for claim in listed if papers[claim.paper].simulated == experiment}

@@ -12,6 +12,7 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, judge
 from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import by_scale, read_paper_scale, text
+from pipeline.scoring import one_table
 
 NEEDED = ("scores", "latency", "counts", "claim_inputs")  # without an experiment; the results of studies may be missing
 
@@ -22,11 +23,11 @@ def main(workspace: Workspace) -> None:
     claims, papers = entries.read(workspace)
     experiments = [name for paper in papers.values() for name in (paper.simulated, paper.recorded)]
     chosen = arguments.parse(__doc__, experiment=(*experiments, None)).experiment
-    sources = evidence.of_experiment(workspace, chosen) if chosen else evidence.of_reports(workspace.reports)
+    sources = one_table.of_experiment(workspace, chosen) if chosen else one_table.of_reports(workspace.reports)
     for name in () if chosen else NEEDED:
         paths.require(sources[name], "dvc repro")
     claims = [judge.on_own_logs(claim, values) for claim in claims if chosen in (None, claim.experiment)]
-    known = evidence.Evidence(workspace, evidence.read(sources), values, evidence.trainings(workspace.reports))
+    known = evidence.Evidence(workspace, one_table.read(sources), values, evidence.trainings(workspace.reports))
     judged = judge.table(claims, known)
     shown = by_scale(judged, judged.iloc[:0] if chosen else read_paper_scale(workspace))
     files.write_table(workspace.reports / "claims.csv", judged)

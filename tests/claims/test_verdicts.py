@@ -15,7 +15,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, expressions, judge, rules
 from pipeline.claims.rules import CALIBRATED, CONTRADICTED, NOT_TESTABLE, REPRODUCED, UNDECIDED
-from pipeline.scoring import claim_inputs, published
+from pipeline.scoring import claim_inputs, one_table, published
 
 VALUES = params.load(ROOT / "params.yaml")
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
@@ -25,7 +25,7 @@ SEEDS = (0, 1, 2)
 
 def table(rows) -> pd.DataFrame:
     """Rows of dictionaries as the one table of results."""
-    return pd.DataFrame(list(rows)).reindex(columns=claim_inputs.COLUMNS).assign(**{evidence.WHOLE: True})
+    return pd.DataFrame(list(rows)).reindex(columns=claim_inputs.COLUMNS).assign(**{one_table.WHOLE: True})
 
 
 def spread(key: tuple, value: float, size: float = 1e-9) -> list[float]:
@@ -39,7 +39,7 @@ def of_the_paper(workspace, paper: str) -> evidence.Evidence:
     """The paper's own numbers as the results of three runs, on every protocol of its experiments."""
     rows = []
     printed = published.table(paper)
-    printed = pd.concat([printed, printed[printed["condition"] == "any"].assign(variant=evidence.PRINTED_SHAPE)])
+    printed = pd.concat([printed, printed[printed["condition"] == "any"].assign(variant=one_table.PRINTED_SHAPE)])
     for claim in (claim for claim in CLAIMS if claim.paper == paper):
         for row in printed.itertuples():
             metric = claim.metric if row.metric == "macro_precision" else row.metric
@@ -72,7 +72,7 @@ def test_the_papers_own_numbers_reproduce_its_claims(workspace, paper):
 def test_committed_results_have_the_committed_verdicts():
     """reports/claims.csv follows from the other files of reports, but for what they do not hold."""
     workspace = Workspace(ROOT)
-    results = evidence.read(evidence.of_reports(workspace.reports))
+    results = one_table.read(one_table.of_reports(workspace.reports))
     found = judge.table(
         CLAIMS, evidence.Evidence(workspace, results, VALUES, evidence.trainings(workspace.reports))
     ).set_index("id")
@@ -177,7 +177,7 @@ def test_models_are_paired_by_seed_through_the_reader_of_results(workspace, tmp_
     ]
     header = "experiment,protocol,condition,model,seed,metric,unit,value,n"
     (tmp_path / "scores.csv").write_text("\n".join([header, *lines]) + "\n")
-    results = evidence.Evidence(workspace, evidence.read(evidence.of_reports(tmp_path)), VALUES)
+    results = evidence.Evidence(workspace, one_table.read(one_table.of_reports(tmp_path)), VALUES)
     found = judge.judged(BY_ID["lomp/nonlinear-single"], results)
     known = stats.ttest_rel([9.0, 5.0, 7.0], [8.0, 3.8, 5.9]).confidence_interval(0.95)
     assert (found.low, found.high) == pytest.approx(tuple(known)) and found.ours == pytest.approx(1.1)
@@ -190,7 +190,7 @@ def test_a_run_without_an_rmse_failed_whatever_else_it_has(tmp_path):
     (tmp_path / "scores.csv").write_text(
         "\n".join(["experiment,protocol,condition,model,seed,metric,unit,value,n", *rows])
     )
-    read = evidence.read(evidence.of_reports(tmp_path)).set_index(["seed", "metric"])["value"]
+    read = one_table.read(one_table.of_reports(tmp_path)).set_index(["seed", "metric"])["value"]
     assert read[0, "r2"] == 0.9 and np.isnan(read[1, "r2"])
 
 
@@ -206,7 +206,7 @@ def test_a_claim_of_five_lines_in_a_workspace_is_judged(workspace, tmp_path, mon
         "    above: double.tree - double.lomp\n"
     )
     *_, claim = entries.read(workspace)[0]
-    results = evidence.Evidence(workspace, evidence.read(evidence.of_reports(tmp_path)), VALUES)
+    results = evidence.Evidence(workspace, one_table.read(one_table.of_reports(tmp_path)), VALUES)
     row = judge.table([claim], results).iloc[0]
     assert row.id == "lomp/tree-double" and row.claim == "On double touch 14.9 kPa lie between the tree and LoMP."
     assert row.published == pytest.approx(22.35 - 7.49) and row.verdict == REPRODUCED and row.compatible == "no"

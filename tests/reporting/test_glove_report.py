@@ -22,7 +22,7 @@ from pipeline.reporting import glove_recorded as glove_recorded_report
 from pipeline.reporting import sentences
 from pipeline.reporting.claims import claim_sentence
 from pipeline.reporting.figures import glove as glove_figures
-from pipeline.scoring import claim_inputs, classification, glove_results, published, results
+from pipeline.scoring import claim_inputs, classification, glove_results, one_table, published, results
 from pipeline.stages import render
 
 JUDGED = re.compile(": (reproduced|contradicted|undecided|not testable)")
@@ -370,7 +370,7 @@ def test_verdicts_of_the_report_are_those_of_the_claims(workspace, root, setting
     claim_inputs.rows(workspace, "glove", settings).to_csv(workspace.claim_inputs("glove"), index=False)
     target = run_render(workspace, "glove", settings, monkeypatch)
     claims = [claim for claim in entries.read(workspace)[0] if claim.experiment == "glove"]
-    results = evidence.read(evidence.of_experiment(workspace, "glove"))
+    results = one_table.read(one_table.of_experiment(workspace, "glove"))
     rows = judge.table(claims, evidence.Evidence(workspace, results, {"glove": settings}))
     lines = {claim_sentence(row) for row in rows.itertuples()}
     readme = (target / "accuracy" / "README.md").read_text()
