@@ -6,7 +6,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pipeline.base import paths
-from pipeline.reporting.words import markdown
+from pipeline.reporting.words import labels, markdown
 
 FOLDER = paths.CODE / "reporting" / "templates"
 
@@ -25,6 +25,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"number": markdown.number, "interval": markdown.interval}
-    environment.globals["table"] = markdown.table
+    environment.filters |= {"number": markdown.number, "interval": markdown.interval, "size": markdown.size}
+    environment.filters |= {"model_name": labels.model_name, "literal": markdown.literal, "plain": labels.plain}
+    environment.globals |= {"table": markdown.table, "zip": zip}
     return environment
