@@ -23,7 +23,7 @@ from pipeline.scenes import glove as glove_scene
 from pipeline.scoring import glove_results
 from pipeline.scoring.glove_results import COMPARED, MOST_CONFUSED
 from pipeline.scoring.published import METHODS, precision, precision_gain
-from pipeline.scoring.results import estimate, read_windows
+from pipeline.scoring.results import SHARE, estimate, read_windows
 
 METRICS = ("macro_precision", "accuracy")
 FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
@@ -103,7 +103,7 @@ def augmentation_table(report: Report, model: str, split: str) -> pd.DataFrame:
             "condition": dataset,
             "metric": metric,
             "unit": "1",
-            **estimate(runs[method])._asdict(),
+            **estimate(runs[method], SHARE)._asdict(),
         }
         gain = estimate((runs[method] - runs["none"]).dropna())
         rows.append(row | {"gain": gain.mean, "gain_low": gain.low, "gain_high": gain.high})

@@ -56,13 +56,11 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
     report = Report(workspace, experiment, settings)
     ingested = json.loads(paths.require(workspace.ingest_report(experiment), "tactile own").read_text(encoding="utf-8"))
     files.write_text(target / "scores.csv", workspace.scores(experiment).read_text(encoding="utf-8"))
-    one_element = kind == "windows" and settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1
-    places, scored = {}, report.results.rows(experiment=experiment, whole=True)
-    for (protocol, condition), part in scored.groupby(["protocol", "condition"], sort=False):
-        shown = {heading: metric for metric, heading in MEASURES[kind].items() if metric in set(part["metric"])}
-        shown = {heading: metric for heading, metric in shown.items() if not (one_element and metric in PLACE)}
-        columns = {heading: (protocol, condition, metric) for heading, metric in shown.items()}
-        places[protocol, condition] = place_name(protocol, condition), columns
+    unknown = PLACE if kind == "windows" and settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1 else ()
+    places = {}
+    for place, measured in report.scored().items():
+        shown = {heading: name for name, heading in MEASURES[kind].items() if name in measured and name not in unknown}
+        places[place] = place_name(*place), {heading: (*place, metric) for heading, metric in shown.items()}
     parts = {
         plain(protocol): schemas.names(rows[schemas.split_column(protocol, block["seeds"][0])])
         for protocol, block in settings["protocols"].items()

@@ -43,15 +43,15 @@ class Report:
         """Return mean and interval over the seeds of one protocol."""
         return self.results.estimate(self.experiment, protocol, condition, model, metric, variant=variant)
 
-    def measured(self, metric: str = "") -> list[tuple[str, str]]:
-        """Return every (protocol, condition) of scores.csv, of one metric or of any."""
-        rows = self.results.rows(experiment=self.experiment, **{one_table.WHOLE: True})
-        rows = rows[rows["metric"] == metric] if metric else rows
-        return list(dict.fromkeys(zip(rows["protocol"], rows["condition"], strict=True)))
+    def scored(self) -> dict[tuple[str, str], list[str]]:
+        """Return (protocol, condition) -> the metrics that the models were scored by, in the order of scores.csv."""
+        rows = self.results.rows(experiment=self.experiment, whole=True)
+        groups = rows.groupby(["protocol", "condition"], sort=False)["metric"]
+        return {place: list(dict.fromkeys(metrics)) for place, metrics in groups}
 
-    def conditions(self, protocol: str, metric: str = "") -> list[str]:
+    def conditions(self, protocol: str) -> list[str]:
         """Return the conditions of a protocol that the models were scored on."""
-        return [condition for name, condition in self.measured(metric) if name == protocol]
+        return [condition for name, condition in self.scored() if name == protocol]
 
     def score(self, protocol: str, condition: str, model: str, metric: str, variant: str = "", **how: Any) -> str:
         """Return `mean [low, high]` of a model; how: see `text`."""
@@ -141,17 +141,12 @@ class Report:
             row = {"protocol": protocol, "condition": condition, "model": model, "metric": metric}
             row |= {"unit": units[metric]} if units else {}
             if with_published:
-                row["published"] = self._printed.get((condition, model, "", metric), (np.nan,))[0]
+                row["published"] = published.score(self.experiment, model, condition, metric)
             rows.append(row | self.estimate(protocol, condition, model, metric)._asdict())
         return pd.DataFrame(rows)
 
-    def render(self, template: str, **values: Any) -> str:
-        """Return a filled template, without spaces at the ends of lines and without two empty lines in a row."""
-        lines = map(str.rstrip, templates.render(template, r=self, **values).splitlines())
-        return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
-
     def write(self, path: Path, template: str, **values: Any) -> None:
         """Write a filled template; a line of a figure that was not drawn beside it is left out."""
-        lines = self.render(template, **values).splitlines(keepends=True)
+        lines = templates.render(template, r=self, **values).splitlines(keepends=True)
         drawn = (line for line in lines if not (of := FIGURE.match(line)) or (path.parent / of[1]).exists())
         files.write_text(path, "".join(drawn))

@@ -53,8 +53,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
 
 def score_table(report: Report) -> pd.DataFrame:
     """Return one row per protocol, condition, model and metric that was scored, in full precision."""
-    rows = report.results.rows(experiment=report.experiment, whole=True)
-    places = rows[["protocol", "condition", "metric"]].drop_duplicates().itertuples(index=False, name=None)
+    places = [(*place, metric) for place, metrics in report.scored().items() for metric in metrics]
     return report.scores((p, c, model, metric) for p, c, metric in places for model in report.models)
 
 

@@ -28,7 +28,7 @@ MEASURES = {  # of a task: heading -> metric
 def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `strain_recorded`; see `experiment`."""
     accuracy, report = target / "accuracy", Report(workspace, "strain_recorded", settings)
-    tested = dict(report.measured())
+    tested = {protocol: day for protocol, day in report.scored()}
     files.write_table(accuracy / "table.csv", score_table(report))
     places = {protocol: day for protocol, day in tested.items() if protocol.endswith("_xy")}
     rows = {plain(protocol): presses(workspace, settings, protocol) for protocol in places}

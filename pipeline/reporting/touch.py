@@ -11,6 +11,7 @@ from pipeline.reporting import experiment
 from pipeline.reporting.figures import common
 from pipeline.reporting.figures import touch as figures
 from pipeline.reporting.report import Report
+from pipeline.reporting.words import templates
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import metrics
 from pipeline.scoring.results import read_predictions, read_windows
@@ -50,7 +51,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
         yardstick=settings["yardstick"],
     )
     panels = {f"{name} touch": (main, name) for name in ("single", "double") if name in conditions}
-    end = "\n" + report.render("touch_times")
+    end = "\n" + templates.render("touch_times", r=report)
     experiment.write_speed(workspace, "touch", target, settings, panels, ("rmse", "RMSE (kPa)"), end=end)
 
 

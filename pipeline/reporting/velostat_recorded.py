@@ -22,7 +22,7 @@ SHOWN_S = 15  # of a recording, around its largest force
 def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `velostat_recorded`; see `experiment`."""
     accuracy, report = target / "accuracy", Report(workspace, "velostat_recorded", settings)
-    groups = sorted(report.conditions(POOLED, "rmse"), key=_by_force)
+    groups = sorted(report.conditions(POOLED), key=_by_force)
     pooled = [(POOLED, group) for group in groups]
     alone = [(protocol, protocol) for protocol in settings["protocols"] if protocol != POOLED]
     order = {protocol: pooled if protocol == POOLED else [(protocol, protocol)] for protocol in settings["protocols"]}
