@@ -197,12 +197,10 @@ def claim_rows(claims: pd.DataFrame) -> list[list[str]]:
     ]
 
 
-def missed(claims: pd.DataFrame, tried: Mapping[str, str]) -> list[tuple[str, list[str]]]:
-    """Return (what was tried, claims with verdict and reason) for the claims that are contradicted or undecided."""
-    groups: dict[str, list[str]] = {}
+def missed(claims: pd.DataFrame, tried: Mapping[str, str]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return (what was tried, [(claim, verdict with its reason)]) for the claims that are contradicted or undecided."""
+    groups: dict[str, list[tuple[str, str]]] = {}
     for row in claims[claims["verdict"].isin([CONTRADICTED, UNDECIDED])].itertuples():
-        mark = " [recorded]" if row.data == RECORDED else ""
-        found = "; ".join(filter(None, [row.verdict, row.reason]))
-        head = f"**{row.claim.rstrip('.')}**{mark} ({found})"
-        groups.setdefault(tried.get(row.id) or NOT_TRIED, []).append(head)
+        found = "; ".join(filter(None, [row.verdict, f"{row.data} data" if row.data == RECORDED else "", row.reason]))
+        groups.setdefault(tried.get(row.id) or NOT_TRIED, []).append((row.claim.rstrip("."), found))
     return list(groups.items())

@@ -91,7 +91,11 @@ def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
         errors = (Estimate(*values) for values in by_panel[ESTIMATE].itertuples(index=False))
         row = [model_name(model), *(interval(error, digits) for error in errors)]
         low, high = (f"{first[name]:.3f}" for name in SPREAD["p50_ms"])
-        row += [f"{first['p50_ms']:.3f} [{low}, {high}]", f"{first['p95_ms']:.3f}", f"{first['predictions_per_s']:,.0f}"]
+        row += [
+            f"{first['p50_ms']:.3f} [{low}, {high}]",
+            f"{first['p95_ms']:.3f}",
+            f"{first['predictions_per_s']:,.0f}",
+        ]
         row += [seconds(time) for time in by_panel.drop_duplicates("protocol")["train_s"]]
         row += [size(first[key]) for key in ("params", "macs", "size_bytes")]
         rows.append([*row, *(fronts(by_panel, column) for column in FRONTS.values())])

@@ -64,9 +64,7 @@ def stability(workspace: Workspace, folder: Path) -> None:
         parts += stability_figures_of(runs, judged[-1], experiment, folder)
     failures = pd.concat(judged or [pd.DataFrame(columns=stability_verdicts.FAILURES)], ignore_index=True)
     files.write_table(folder / "failures.csv", failures)
-    files.write_text(
-        folder / "README.md", render("stability", parts=parts, severities=tables.severities(failures))
-    )
+    files.write_text(folder / "README.md", render("stability", parts=parts, severities=tables.severities(failures)))
 
 
 def stability_figures_of(runs: pd.DataFrame, judged: pd.DataFrame, experiment: str, folder: Path) -> list[dict]:

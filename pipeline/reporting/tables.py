@@ -90,11 +90,15 @@ def physics(judged: pd.DataFrame) -> Table:
     for effect, changes in judged.groupby("effect", sort=False):
         reach = np.maximum(-changes["low"], changes["high"])
         most = changes.loc[reach.where(changes["relative"].notna(), np.inf).idxmax()]
-        ends = [f"{round(100 * most[end]) + 0.0:+.0f} %" for end in ("relative", "low", "high") if most[end] == most[end]]
+        ends = [
+            f"{round(100 * most[end]) + 0.0:+.0f} %" for end in ("relative", "low", "high") if most[end] == most[end]
+        ]
         change = f"{ends[0]} [{ends[1]}, {ends[2]}]" if ends else "failed"
         where = f"{model_name(most['model'])}, {task_name(most['condition'])}"
         swapped = len([pair for pair in str(most["swapped"] or "").split("; ") if pair not in ("", "nan")])
-        rows.append([capitalised(effect_name(effect)), change, where, str(swapped), most["verdict"], most["consequence"]])
+        rows.append(
+            [capitalised(effect_name(effect)), change, where, str(swapped), most["verdict"], most["consequence"]]
+        )
     header = ["Effect left out", "Largest change of an error [90 % interval]", "Of which model, where"]
     return Table([*header, "Pairs of models that change places", "Verdict", "What follows"], rows)
 
@@ -123,7 +127,9 @@ def twins(summary: pd.DataFrame) -> Table:
         spans = [span(row, side) for side in ("recorded", "simulated")]
         name, unit = capitalised(plain(row["statistic"])), TWIN_UNITS.get(str(row["unit"]), row["unit"])
         rows.append([name, unit, *spans, inside, row["meaning"], note if inside == "no" else "-"])
-    return Table(["Statistic", "Unit", "Recorded", "Simulated", "In range", "What it is", "Why it is out of range"], rows)
+    return Table(
+        ["Statistic", "Unit", "Recorded", "Simulated", "In range", "What it is", "Why it is out of range"], rows
+    )
 
 
 def span(row: Mapping, side: str) -> str:

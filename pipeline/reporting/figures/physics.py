@@ -19,8 +19,8 @@ MARKS = {EQUIVALENT: " =", CHANGES: " *"}  # behind an effect's name
 def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
     """Draw one matrix per condition, effects by models: the change of the error and the half of its interval, in %.
 
-    White: the whole interval lies inside the margin. Bold: the whole interval lies outside. judged: an experiment's rows
-    of physics.csv; unit: of the error.
+    White: the whole interval lies inside the margin. Bold: the whole interval lies outside.
+    judged: an experiment's rows of physics.csv; unit: of the error.
     """
     conditions, models, effects = (list(dict.fromkeys(judged[name])) for name in ("condition", "model", "effect"))
     width = 3.4 + len(conditions) * (0.62 * len(models) + 0.3)
