@@ -12,7 +12,8 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, judge
 from pipeline.claims.entries import NUMBER, SENTENCE
 from pipeline.claims.rules import AGREEMENT, BAND, CONTRADICTED, NOT_TESTABLE, TOLERANCE, UNDECIDED, VERDICTS
-from pipeline.reporting.words.markdown import number, size, table
+from pipeline.reporting.words.markdown import number, size
+from pipeline.reporting.words.templates import render
 from pipeline.scoring import one_table
 from pipeline.scoring.results import read_csv
 
@@ -32,8 +33,8 @@ COUNTED = (SENTENCE, NUMBER)  # kinds
 PAPER = "paper"  # a scale
 RECORDED = "recorded"  # data; its claims come before those of simulated data
 BY_SCALE = {"present_verdict": "Present run", "paper_scale_verdict": "Papers' scale", "recorded_verdict": "Recorded"}
-
-
+HEADER = ["Claim", "Section", "Data", "Kind", "Published", "Ours", "Unit", "Verdict", *BY_SCALE.values()]
+HEADER += ["Strict", "Reason"]
 NOT_TRIED = "No reason was looked for."
 
 
@@ -163,59 +164,44 @@ def text(workspace: Workspace, claims: pd.DataFrame, tried: Mapping[str, str]) -
 
     claims: rows of `by_scale`; tried: id of a claim -> what was tried where it is not reproduced.
     """
-    lines = [
-        "# A verdict on every claim\n",
-        "Every sentence of the papers that can be true or false of numbers, in our words, and every number of their "
-        "tables. A rule asks where our 95 % interval lies: all of it where the claim says, `reproduced`; all of it "
-        "elsewhere, `contradicted`; partly here, partly there, `undecided`: so few runs cannot tell. By kind of "
-        "claim:\n",
-        *(f"- {kind}: {rule}." for kind, rule in RULES),
-        "\nIn a claim that compares, the number is the difference, in the claimed direction, unless brackets say what "
-        "it is. Intervals are t intervals over seeds unless the reason names something else, and are not widened for "
-        "the number of claims. A paper printed single numbers: a difference is `compatible` where our interval "
-        "includes the printed one. A printed number is judged on the split that the paper used, as far as its text "
-        "says; `strict` is the verdict on the stricter one, where nothing is on two sides. A claim whose runs failed, "
-        "whose recordings are not there, or on a network whose validation error still falls by 1 % or more in a longer "
-        "training (reports/longer), is `not testable`; at the papers' scale it has a verdict where test errors that "
-        "fall by as much, or by twice as much, leave it as it is. Not counted are counts of operations and parameters, "
-        "claims that hold by construction of a scene, and the numbers that a scene was tuned to (`calibrated`). Rows "
-        "marked * rest on measured times and differ between runs and machines.\n",
-        "Verdict, number and reason are those of the run at the papers' scale where it could test a claim, else of "
-        "the present run; strain has as much data at both. Beside them stand the verdicts of both, and of the same "
-        f"claim on recorded data. {changed_by_scale(claims)}\n",
-        "## Counts\n",
-        table(["Data", "Paper", "Kind", *VERDICTS, "claims"], count_rows(workspace, claims, ["paper", "kind"])),
-    ]
-    claims = claims.sort_values("data", kind="stable")
+    ordered, papers = claims.sort_values("data", kind="stable"), []
     for paper, title in titles(workspace).items():
-        of_paper = claims[claims["paper"] == paper]
-        lines.append(f"## {title}\n")
-        header = ["Claim", "Section", "Data", "Kind", "Published", "Ours", "Unit", "Verdict", *BY_SCALE.values()]
-        cells = [
-            [
-                row.claim + (" *" if row.measured else ""),
-                row.section,
-                row.data,
-                row.kind,
-                value_text(row.published, row.unit),
-                ours_text(row.ours, row.low, row.high, row.unit),
-                row.unit,
-                row.verdict,
-                *(getattr(row, column) or "-" for column in BY_SCALE),
-                row.strict or "-",
-                reason_text(row.reason, row.over, row.compatible),
-            ]
-            for row in of_paper.itertuples()
+        own = ordered[ordered["paper"] == paper]
+        papers.append({"title": title, "rows": claim_rows(own), "missed": missed(own, tried)})
+    return render(
+        "claims",
+        rules=RULES,
+        changed=changed_by_scale(claims),
+        counts=(["Data", "Paper", "Kind", *VERDICTS, "claims"], count_rows(workspace, claims, ["paper", "kind"])),
+        header=HEADER,
+        papers=papers,
+    )
+
+
+def claim_rows(claims: pd.DataFrame) -> list[list[str]]:
+    """Return the cells of the table of claims, in the order of HEADER."""
+    return [
+        [
+            row.claim + (" *" if row.measured else ""),
+            str(row.section),
+            row.data,
+            row.kind,
+            value_text(row.published, row.unit),
+            ours_text(row.ours, row.low, row.high, row.unit),
+            row.unit,
+            row.verdict,
+            *(getattr(row, column) or "-" for column in BY_SCALE),
+            row.strict or "-",
+            reason_text(row.reason, row.over, row.compatible),
         ]
-        lines.append(table([*header, "Strict", "Reason"], cells))
-        missed: dict[str, list[str]] = {}
-        for row in of_paper[of_paper["verdict"].isin([CONTRADICTED, UNDECIDED])].itertuples():
-            mark = " [recorded]" if row.data == RECORDED else ""
-            found = "; ".join(filter(None, [row.verdict, row.reason]))
-            head = f"**{row.claim.rstrip('.')}**{mark} ({found})"
-            missed.setdefault(tried.get(row.id) or NOT_TRIED, []).append(head)
-        if missed:
-            lines.append(f"### {title}: what was tried where a claim is not reproduced\n")
-        for why, heads in missed.items():
-            lines.append("\n".join([*(f"- {head}" for head in heads), f"\n{why}\n"]))
-    return "\n".join(lines).rstrip("\n") + "\n"
+        for row in claims.itertuples()
+    ]
+
+
+def missed(claims: pd.DataFrame, tried: Mapping[str, str]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return (what was tried, [(claim, verdict with its reason)]) for the claims that are contradicted or undecided."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for row in claims[claims["verdict"].isin([CONTRADICTED, UNDECIDED])].itertuples():
+        found = "; ".join(filter(None, [row.verdict, f"{row.data} data" if row.data == RECORDED else "", row.reason]))
+        groups.setdefault(tried.get(row.id) or NOT_TRIED, []).append((row.claim.rstrip("."), found))
+    return list(groups.items())

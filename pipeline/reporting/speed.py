@@ -7,9 +7,9 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.reporting.sentences import best, caption, split_unit
-from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name
-from pipeline.reporting.words.markdown import interval, number, size, table
+from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name, plain
+from pipeline.reporting.words.markdown import interval, size
+from pipeline.reporting.words.templates import render
 from pipeline.scoring.results import Estimate, Scores, read_training_times
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
@@ -91,75 +91,28 @@ def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
         errors = (Estimate(*values) for values in by_panel[ESTIMATE].itertuples(index=False))
         row = [model_name(model), *(interval(error, digits) for error in errors)]
         low, high = (f"{first[name]:.3f}" for name in SPREAD["p50_ms"])
-        row += [f"{first['p50_ms']:.3f} [{low}, {high}] / {first['p95_ms']:.3f}"]
-        row += [f"{first['predictions_per_s']:,.0f}"]
-        row.append(" / ".join(_digits(time) for time in by_panel.drop_duplicates("protocol")["train_s"]))
+        row += [
+            f"{first['p50_ms']:.3f} [{low}, {high}]",
+            f"{first['p95_ms']:.3f}",
+            f"{first['predictions_per_s']:,.0f}",
+        ]
+        row += [seconds(time) for time in by_panel.drop_duplicates("protocol")["train_s"]]
         row += [size(first[key]) for key in ("params", "macs", "size_bytes")]
-        rows.append([*row, *(_fronts(by_panel, column) for column in FRONTS.values())])
-    names = " / ".join(protocols).replace("_", " ")
-    training = f"Training (s): {names}" if len(protocols) > 1 else "Training (s)"
+        rows.append([*row, *(fronts(by_panel, column) for column in FRONTS.values())])
+    training = [f"Training, {plain(name)} (s)" for name in protocols] if len(protocols) > 1 else ["Training (s)"]
     header = ["Model", *(f"{panel}: {measure}" for panel in panels)]
-    header += [f"batch {batch}: median [of rounds] / 95 % (ms)", f"predictions per second, batch {large}", training]
-    header += ["Trained parameters", "MACs", "File (bytes)", "on the front of time", "on the front of training time"]
-    lines = [
-        "# Speed against accuracy\n",
-        f"Error on test data: mean [95 % t interval] over seeds. Times: median [lowest and highest median of a round] "
-        f"and 95th percentile of {calls} predictions (of batches a tenth as many) on {threads} CPU "
-        f"{'thread' if threads == 1 else 'threads'}, all models in turn in every round. Networks and regressions "
-        "run in ONNX Runtime, but for LoMP, which has compiled code of its own for one row; trees, naive Bayes and the "
-        "ridge of series run in scikit-learn. Training: median over the seeds of a split. Times differ from run to run "
-        "and from machine to machine. MACs (multiply-accumulates) are "
-        "of one prediction. On a Pareto front are the models that no other one equals in time and mean error and beats "
-        "in one of them, times that overlap being equal; a model with a failed run never is.\n",
-        f"[Time of a prediction](tradeoff.png): {chart_caption(speeds, 'p50_ms')}\n",
-        f"[Training time](training.png): {chart_caption(speeds, 'train_s')}\n",
-        "In both charts, an arrowhead is an interval that leaves the axis, a cross at the top edge a model with a "
-        "failed run.\n",
-        *([f"{note}\n"] if note else []),
-        table(header, rows),
-        f"Pareto fronts, the fastest first, with time and {measure}:\n",
-    ]
-    for key, name, unit in (("p50_ms", "Time of a prediction", "ms"), ("train_s", "Training time", "s")):
-        for panel in panels:
-            front = speeds[(speeds["panel"] == panel) & (speeds[FRONTS[key]] == 1)].sort_values(key, kind="stable")
-            parts = [
-                f"{model_name(model)} ({time:.3g} {unit}, {number(error, digits)})"
-                for model, time, error in zip(front["model"], front[key], front["error"], strict=True)
-            ]
-            lines.append(f"- {name}, {panel}: {', '.join(parts) or 'none, all models have a failed run'}.")
-    return "\n".join(lines) + "\n"
+    header += [f"Median of batch {batch} [of rounds] (ms)", "95th percentile (ms)"]
+    header += [f"Predictions per second, batch {large}", *training, "Trained parameters", "Multiply-accumulates"]
+    header += ["File (bytes)", "On the front of time", "On the front of training time"]
+    return render("speed", calls=calls, threads=threads, note=note, table_of_models=(header, rows))
 
 
-def chart_caption(speeds: pd.DataFrame, time: str) -> str:
-    """Return the caption of the chart of error against a measured time; time: a key of FRONTS.
-
-    It says of every panel which model has the smallest error and which one is fastest; the constant model, which looks
-    at no reading, is not asked for its time.
-    """
-    unit = "s" if time == "train_s" else "ms"
-    parts = []
-    for panel, rows in speeds.groupby("panel", sort=False):
-        measure, error_unit = split_unit(rows["measure"].iloc[0])
-        errors = {row.model: Estimate(*(getattr(row, key) for key in ESTIMATE)) for row in rows.itertuples()}
-        name = measure if measure.isupper() else measure[0].lower() + measure[1:]
-        text = f"{panel}: {best(errors, name, error_unit)}"
-        parts.append(text)
-        timed = rows[(rows["failed"] == 0) & (rows["model"] != "constant")]
-        if len(timed):
-            accurate, fastest = (timed.loc[timed[column].idxmin()] for column in ("error", time))
-            text = f"{model_name(fastest['model'])} is fastest, {_digits(fastest[time])} {unit}"
-            if fastest["model"] != accurate["model"]:
-                text += f" with {number(fastest['error'])} {error_unit}"
-                text += f"; {model_name(accurate['model'])} takes {_digits(accurate[time])} {unit}"
-            parts.append(text)
-    return caption(*parts)
-
-
-def _fronts(by_panel: pd.DataFrame, column: str) -> str:
+def fronts(by_panel: pd.DataFrame, column: str) -> str:
     """Name the panels on whose fronts a model is."""
     on = by_panel[by_panel[column] == 1]["panel"].tolist()
     return ("yes" if len(by_panel) == 1 else "all" if len(on) == len(by_panel) else ", ".join(on)) if on else "no"
 
 
-def _digits(value: float) -> str:
+def seconds(value: float) -> str:
+    """Return a training time with two digits or more."""
     return f"{value:,.0f}" if value >= 100 else f"{value:.2g}" if value < 1 else f"{value:.1f}"

@@ -3,7 +3,7 @@
 Every variant (an effect and a seed) goes the whole way: simulated logs, ingest, windows, labels, training, scores of
 the test part. Effect `none`: all effects on. The seed moves the scene's own seed and is that of split and training, so
 that two seeds differ in all that is drawn by chance, and the variants of one seed are paired.
-Writes data/<experiment>/physics.csv; `render_physics` judges it.
+Writes data/<experiment>/physics.csv; `render_study physics` judges it.
 Usage: python -m pipeline.studies.physics touch|strain|glove
 """
 

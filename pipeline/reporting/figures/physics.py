@@ -4,10 +4,11 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.colors import LinearSegmentedColormap
 
 from pipeline.reporting.figures import style
-from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, MARGIN, Judgement
+from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, MARGIN
 from pipeline.reporting.words.labels import effect_name, model_name, task_name
 
 FULL = 0.3  # change of the error at which the colour is full
@@ -15,59 +16,43 @@ COLOURS = LinearSegmentedColormap.from_list("change", [style.BLUE, "white", styl
 MARKS = {EQUIVALENT: " =", CHANGES: " *"}  # behind an effect's name
 
 
-def matrices(path: Path, title: str, judgements: list[Judgement], unit: str) -> None:
+def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
     """Draw one matrix per condition, effects by models: the change of the error and the half of its interval, in %.
 
-    White: the whole interval lies inside the margin. Bold: the whole interval lies outside. `unit`: of the error.
+    White: the whole interval lies inside the margin. Bold: the whole interval lies outside.
+    judged: an experiment's rows of physics.csv; unit: of the error.
     """
-    changes = judgements[0].changes
-    conditions = list(dict.fromkeys(change.condition for change in changes))
-    models = list(dict.fromkeys(change.model for change in changes))
-    figure, axes = plt.subplots(
-        1,
-        len(conditions),
-        figsize=(3.4 + len(conditions) * (0.62 * len(models) + 0.3), 1.9 + 0.36 * len(judgements)),
-        sharey=True,
-        squeeze=False,
-    )
+    conditions, models, effects = (list(dict.fromkeys(judged[name])) for name in ("condition", "model", "effect"))
+    width = 3.4 + len(conditions) * (0.62 * len(models) + 0.3)
+    shape = {"figsize": (width, 1.9 + 0.36 * len(effects)), "sharey": True, "squeeze": False}
+    figure, axes = plt.subplots(1, len(conditions), **shape)
     for ax, condition in zip(axes[0], conditions, strict=True):
-        colours = np.zeros((len(judgements), len(models)))
-        for row, judged in enumerate(judgements):
-            for change in judged.changes:
-                if change.condition != condition:
-                    continue
-                column = models.index(change.model)
-                failed = np.isnan(change.relative)
-                if not change.equivalent:
-                    colours[row, column] = FULL if failed else np.clip(change.relative, -FULL, FULL)
-                half = (change.high - change.low) / 2
-                ax.text(
-                    column,
-                    row,
-                    "failed" if failed else f"{round(100 * change.relative) + 0.0:+.0f} ± {100 * half:.0f}",
-                    ha="center",
-                    va="center",
-                    fontsize=6.5,
-                    color="white" if abs(colours[row, column]) > 0.8 * FULL else "black",
-                    weight="bold" if change.beyond else "normal",
-                )
+        colours = np.zeros((len(effects), len(models)))
+        for change in judged[judged["condition"] == condition].itertuples():
+            place = effects.index(change.effect), models.index(change.model)
+            failed = np.isnan(change.relative)
+            if not change.equivalent:
+                colours[place] = FULL if failed else np.clip(change.relative, -FULL, FULL)
+            text = f"{round(100 * change.relative) + 0.0:+.0f} ± {50 * (change.high - change.low):.0f}"
+            colour = "white" if abs(colours[place]) > 0.8 * FULL else "black"
+            weight = "bold" if change.low > MARGIN or change.high < -MARGIN else "normal"
+            look = {"ha": "center", "va": "center", "fontsize": 6.5, "color": colour, "weight": weight}
+            ax.text(place[1], place[0], "failed" if failed else text, **look)
         picture = ax.imshow(colours, cmap=COLOURS, vmin=-FULL, vmax=FULL, aspect="auto")
         labels = [model_name(model) for model in models]
         ax.set_xticks(range(len(models)), labels, rotation=50, ha="right", rotation_mode="anchor")
         ax.set_title(task_name(condition))
         ax.set_xticks(np.arange(len(models) + 1) - 0.5, minor=True)
-        ax.set_yticks(np.arange(len(judgements) + 1) - 0.5, minor=True)
+        ax.set_yticks(np.arange(len(effects) + 1) - 0.5, minor=True)
         ax.grid(False)
         ax.grid(True, which="minor", color="#DDDDDD", linewidth=0.6)
         ax.tick_params(which="both", length=0)
         ax.spines[:].set_visible(False)
-    names = [effect_name(judged.effect) + MARKS.get(judged.verdict, "") for judged in judgements]
-    axes[0, 0].set_yticks(range(len(judgements)), names)
+    verdicts = dict(zip(judged["effect"], judged["verdict"], strict=True))
+    axes[0, 0].set_yticks(range(len(effects)), [effect_name(key) + MARKS.get(verdicts[key], "") for key in effects])
     axes[0, 0].set_ylabel("effect left out\n(=: equivalent, *: changes errors)")
-    bar = figure.colorbar(
-        picture, ax=axes[0].tolist(), ticks=[-FULL, 0, FULL], format=lambda x, _: f"{100 * x:+.0f} %", pad=0.01
-    )
-    bar.set_label("change of the error")
+    percent = {"ticks": [-FULL, 0, FULL], "format": lambda x, _: f"{100 * x:+.0f} %"}
+    figure.colorbar(picture, ax=axes[0].tolist(), pad=0.01, label="change of the error", **percent)
     note = (
         f"Numbers: change of the error ({unit}) in % ± half of its 90 % interval; "
         f"white: the interval lies within {100 * MARGIN:.0f} %, bold: it lies outside"

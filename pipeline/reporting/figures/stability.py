@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import BLACK, model_style
 from pipeline.reporting.verdicts.stability import FLOOR, ranking
-from pipeline.reporting.words.labels import perturbation_name
+from pipeline.reporting.words.labels import perturbation
 from pipeline.scoring.results import Estimate
 
 COLUMNS = 4
@@ -78,7 +78,7 @@ def heat_map(path: Path, judged: pd.DataFrame, title: str) -> bool:
             column, row, f"{value:.2f}" if value < 10 else ">10", ha="center", va="center", fontsize=8, color=colour
         )
     ax.grid(False)
-    ax.set_xticks(range(table.shape[1]), [perturbation_name(name) for name in table.columns], rotation=40, ha="right")
+    ax.set_xticks(range(table.shape[1]), [perturbation(name)[0] for name in table.columns], rotation=40, ha="right")
     ax.set_yticks(range(len(table)), [model_style(model).label for model in order])
     figure.suptitle(f"{title}: error over the constant model's", fontsize=10)  # `save` makes a narrow figure as wide
     bar = figure.colorbar(image, ax=ax, extend="both", label="relative error, log scale (1: no better)")

@@ -102,42 +102,6 @@ const PANELS = {
       };
     });
   },
-
-  // Our errors over the published ones: one panel per table of a paper.
-  compared(data, state) {
-    return data.panels.map((panel) => {
-      const rows = data.rows.filter((row) => row.panel === panel && !state.hidden.has(row.model));
-      const clip = (value) => (value === null ? null : Math.min(data.reach, Math.max(1 / data.reach, value)));
-      const beyond = (value) => value !== null && clip(value) !== value;
-      const points = rows.map((row) => ({ ...row, filled: true, x: clip(row.ours), hollow: clip(row.strict) }));
-      const type = state.log ? "log" : "linear";
-      const domain = state.log ? [1 / data.reach, data.reach] : [0, data.reach];
-      const [width, height] = [400, 66 + 22 * Math.max(1, rows.length)];
-      const frame = { width, height, marginLeft: 152, marginRight: 16, marginTop: 8, marginBottom: 38 };
-      const toX = Plot.scale({ x: { type, domain, range: [frame.marginLeft, width - frame.marginRight] } }).apply;
-      const toY = Plot.scale({ y: { type: "point", domain: rows.map((row) => row.label), range: [frame.marginTop, height - frame.marginBottom], padding: 0.5 } }).apply;
-      const ours = points.filter((row) => row.x !== null);
-      const strict = points.filter((row) => row.hollow !== null).map((row) => ({ ...row, filled: false }));
-      return {
-        caption: panel,
-        points: points.map((row) => ({ ...row, at: [toX(row.x ?? row.hollow), toY(row.label)] })),
-        options: {
-          ...frame, ariaLabel: `${panel}: our error over the published one, ${rows.length} models`,
-          x: { type, domain, label: "Our error over the published error", ticks: state.log ? [0.125, 0.25, 0.5, 1, 2, 4, 8] : 5, tickFormat: "~g", grid: true },
-          y: { type: "point", domain: rows.map((row) => row.label), label: null, padding: 0.5 },
-          marks: [
-            Plot.rect([0], { x1: 1 - data.band, x2: 1 + data.band, fill: "#0072b2", fillOpacity: 0.14 }),
-            Plot.ruleX([1], { stroke: INK }),
-            Plot.ruleY(ours.filter((row) => row.low !== null), { y: "label", x1: (row) => clip(row.low), x2: (row) => clip(row.high), stroke: "#555" }),
-            ...dots(strict, data.models, "hollow", "label", 5),
-            ...dots(ours, data.models, "x", "label", 5),
-            Plot.text(ours.filter((row) => beyond(row.ours) && row.ours < 1), { x: "x", y: "label", dx: 10, textAnchor: "start", text: (row) => `◀ ${row.ours.toPrecision(2)}`, fill: INK, fontSize: 11 }),
-            Plot.text(ours.filter((row) => beyond(row.ours) && row.ours > 1), { x: "x", y: "label", dx: -10, textAnchor: "end", text: (row) => `${row.ours.toPrecision(2)} ▶`, fill: INK, fontSize: 11 }),
-          ],
-        },
-      };
-    });
-  },
 };
 
 function button(words, pressed, act) {

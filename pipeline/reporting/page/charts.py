@@ -5,30 +5,23 @@ basic bundle 1.1 MB) and lets a chart have its own symbols and be drawn again fo
 those of the figures.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from math import isfinite
 
 import pandas as pd
-from markupsafe import Markup
 from matplotlib.markers import MarkerStyle
 
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.page.templates import part
 from pipeline.reporting.speed import ESTIMATE
 from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
 
+PLACE = ("panel", "protocol", "condition", "model", "measure")
 COSTS = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s", "params", "macs", "size_bytes")
-# Columns that the charts need.
-COLUMNS = ("panel", "model", "measure", *ESTIMATE, *COSTS, *chain(*SPREAD.values()), *FRONTS.values())
+COLUMNS = (*PLACE, *ESTIMATE, *COSTS, *chain(*SPREAD.values()), *FRONTS.values())  # of table2.csv
 AXES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}
-
-
-def charts(table: pd.DataFrame, name: str) -> Markup:
-    """Return all panels of a speed table (see `speed.speed_table`), against both times, with one legend."""
-    return part("chart", "speed", data(table, name, list(FRONTS)))
 
 
 def data(table: pd.DataFrame, name: str, times: Sequence[str]) -> dict:
@@ -44,17 +37,13 @@ def data(table: pd.DataFrame, name: str, times: Sequence[str]) -> dict:
                 | {"failed": int(row["failed"]), "time": finite(row[time]), "time_low": low, "time_high": high}
                 | {"front": int(row[FRONTS[time]]), "measure": row["measure"], "words": describe(row, time)}
             )
-    return {"name": name, "axes": {time: AXES[time] for time in times}, "rows": rows, "models": looks(rows)}
+    looks = {model: look(model) for model in dict.fromkeys(row["model"] for row in rows)}
+    return {"name": name, "axes": {time: AXES[time] for time in times}, "rows": rows, "models": looks}
 
 
 def finite(value: float) -> float | None:
     """Return a number with six digits, None where it is not finite: JSON has no NaN."""
     return float(f"{value:.6g}") if isfinite(value) else None
-
-
-def looks(rows: Iterable[Mapping]) -> dict[str, dict]:
-    """Return model -> its name, colour and marker, of all models of the rows, in their order."""
-    return {model: look(model) for model in dict.fromkeys(row["model"] for row in rows)}
 
 
 def look(model: str) -> dict:
@@ -73,12 +62,12 @@ def look(model: str) -> dict:
 
 
 def describe(row: Mapping, time: str) -> str:
-    """Return one row of the speed table as a sentence."""
+    """Return one row of the speed table as a list of its numbers."""
     error = interval(Estimate(*(row[key] for key in ESTIMATE)))
     on = "on the front" if row[FRONTS[time]] == 1 else "not on the front"
     return (
         f"{model_name(row['model'])}, {row['panel']}: {row['measure']} {error}; {row['p50_ms']:.3g} ms median and "
         f"{row['p95_ms']:.3g} ms 95th percentile at batch {row['batch']}, {row['predictions_per_s']:,.0f} predictions "
-        f"per second at batch {row['large_batch']}; training {number(row['train_s'])} s; {size(row['params'])} "
-        f"parameters; MACs {size(row['macs'])}; file {size(row['size_bytes'])} bytes; {on}"
+        f"per second at batch {row['large_batch']}; training {number(row['train_s'])} s; parameters "
+        f"{size(row['params'])}; multiply-accumulates {size(row['macs'])}; file {size(row['size_bytes'])} bytes; {on}"
     )

@@ -55,31 +55,6 @@ function download(name, rows) {
   URL.revokeObjectURL(link.href);
 }
 
-// Leaderboards: columns can be hidden, rows saved.
-for (const scroll of document.querySelectorAll(".leaderboard")) {
-  const table = scroll.querySelector("table");
-  const controls = document.createElement("p");
-  controls.className = "controls";
-  [...table.tHead.rows[0].cells].slice(1).forEach((head, place) => {
-    const button = document.createElement("button");
-    button.type = "button";
-    button.textContent = head.textContent;
-    button.setAttribute("aria-pressed", "true");
-    button.addEventListener("click", () => {
-      const show = button.getAttribute("aria-pressed") !== "true";
-      button.setAttribute("aria-pressed", String(show));
-      for (const row of table.rows) row.cells[place + 1].hidden = !show;
-    });
-    controls.append(button);
-  });
-  const save = document.createElement("button");
-  save.type = "button";
-  save.textContent = "Download as CSV";
-  save.addEventListener("click", () => download(table.caption.textContent, [...table.rows]));
-  controls.append(save);
-  scroll.before(controls);
-}
-
 // The claims: the choices stand in the address, so that a list can be passed on.
 for (const form of document.querySelectorAll(".filters")) {
   const table = form.nextElementSibling.querySelector("table");

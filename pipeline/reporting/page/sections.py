@@ -1,248 +1,321 @@
-"""Build the reviewer's page: answers, every paper with its experiments, stability, sizes, physics, claims, provenance.
+"""Build the reviewer's page: answers, ours beside published, speed, every experiment, the studies, claims, provenance.
 
-All of it comes from the other reports. It refers to their figures and tables, so the folder reports/ is what is passed
-on; nothing is loaded from a network. No date and no commit: the page is the same wherever the numbers are.
+All of it comes from the tables in reports/; only what was measured by hand is shown as its Markdown says it. The page
+refers to figures in reports/, so that folder is what is passed on; nothing is loaded from a network. No date and no
+commit: the page is the same wherever the numbers are.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
+import numpy as np
+import pandas as pd
+import yaml
 from markupsafe import Markup
 
-from pipeline.base import paths
-from pipeline.base.availability import why_not_shown
+from pipeline.base import params, paths
+from pipeline.base.availability import has_report, why_not_run, why_not_shown
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
-from pipeline.reporting.page import answers, charts, leaderboards, provenance, verdicts
-from pipeline.reporting.page.hypertext import FIGURE, Pages, anchor, check_references, read, sections, title
-from pipeline.reporting.page.templates import fill, part, script
-from pipeline.reporting.speed import chart_caption
-from pipeline.reporting.words.labels import FRONTS, capitalised, experiment_name
-from pipeline.scoring.results import read_csv
+from pipeline.logs.sources import SOURCES
+from pipeline.reporting import tables
+from pipeline.reporting.page import charts, claims
+from pipeline.reporting.page.hypertext import FOLDER, Figure, check_references, figure, fill, markdown, script
+from pipeline.reporting.speed import ESTIMATE, seconds
+from pipeline.reporting.studies import SUMMARY, TWIN_TITLES, sizes_title, stability_file
+from pipeline.reporting.tables import Table
+from pipeline.reporting.verdicts import stability
+from pipeline.reporting.verdicts.sizes import JUDGED
+from pipeline.reporting.words.labels import capitalised, condition_name, experiment_name, model_name, plain, task_name
+from pipeline.reporting.words.markdown import interval, number, size
+from pipeline.scoring import one_table, published
+from pipeline.scoring.results import Estimate, read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
-DRAWN = {"tradeoff.png", "training.png"}  # of the folder speed: charts of the page show the same
-CHAPTERS = {
-    "rightsize": "How small a model each scene needs",
-    "physics": "How much physics each scene needs",
-    "twins": "How like the recordings the scenes are",
-    "material": "How the recorded material behaves",
-    "longer": "Which trainings had ended",
-    "benchmarks": "How fast it is",
-}
-OPENING = {  # what the page begins with
-    "answers": "Answers",
-    "compared": "Our errors over the published ones",
-    "speed": "Speed against accuracy",
-}
-# The figure that an experiment opens with; the others are folded.
-FIRST_FIGURES = {
-    "touch": "figure6.png",
-    "velostat_recorded": "figure.png",
-    "strain": "samples.png",
-    "strain_recorded": "figure.png",
-    "glove": "figure15.png",
-    "glove_recorded": "confusion_combined.png",
-}
-FINDINGS = 3  # of an experiment that are open
-LIBRARIES = ("vendor/d3.min.js", "vendor/plot.umd.min.js")
-SCRIPTS = ("page.js", "charts.js")
+OPENING = {"answers": "Answers", "compared": "Our errors over the published ones", "speed": "Speed against accuracy"}
+NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "twins", "claims")
+PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "matplotlib")  # of those that make numbers
+SCALES = {"both": "the same on a laptop and at the papers'", "other": "own settings, none of scales/"}
+SCALES |= {"laptop": "laptop", "paper": "that of the papers"}
+PHYSICS = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "verdict", "consequence"]
 
 
-def has_published(text: str) -> bool:
-    """Tell whether a table of a Markdown text has a column of published numbers."""
-    lines = text.splitlines()
-    return any(
-        "published" in line.lower() and below.startswith("| -") for line, below in zip(lines, lines[1:], strict=False)
-    )
-
-
-def document(workspace: Workspace, pages: Pages, name: str, level: int, fold: bool = True) -> Markup:
-    """Return a Markdown report as HTML. fold: close sections after the first that only have tables of our numbers."""
-    folder, _, _ = name.rpartition("/")
-    text = read(workspace, name)
-    parts = []
-    for place, (heading, body) in enumerate(sections(text)):
-        html = pages.render(body, folder, level, f"{title(text)}: {heading}" if heading else title(text))
-        tables_only = heading.startswith("Where the code") or "| -" in body and not has_published(body)
-        if heading and fold and place > 1 and tables_only:
-            html = part("folded", heading, html)
-        elif heading:
-            html = Markup("<h{0}>{1}</h{0}>{2}").format(level + 2, heading.replace("`", ""), html)
-        parts.append(html)
-    return Markup('<div id="{}">{}</div>').format(anchor(name), Markup().join(parts))
-
-
-def files(workspace: Workspace, folder: str, suffix: str) -> list[str]:
-    """Return the names of the files of a folder below reports/, in order."""
-    entries = paths.require(workspace.reports / folder, "dvc repro").iterdir()
-    return sorted(path.name for path in entries if path.suffix == suffix)
-
-
-def owner(name: str, experiments: Sequence[str]) -> str:
-    """Return the experiment of a stability figure or heading: the longest experiment's name that it starts with."""
-    fitting = (key for key in experiments if name == key or name.startswith((f"{key}_", f"{experiment_name(key)}:")))
-    return max(fitting, key=len, default="")
-
-
-def first_findings(workspace: Workspace, pages: Pages, folder: str) -> Markup:
-    """Return the first findings of an experiment as a list."""
-    lines = dict(sections(read(workspace, f"{folder}/README.md"))).get("Findings", "").splitlines()
-    opened = [line for line in lines if line.startswith("- ")][:FINDINGS]
-    return pages.render("\n".join(opened), folder, 2, "Findings")
-
-
-def speed(workspace: Workspace, pages: Pages, experiment: str, name: str) -> list[tuple[str, Markup]]:
-    """Return (heading, HTML) of the charts of speed against accuracy, and of the tables behind them."""
-    folder = f"{experiment}/speed"
-    table = read_csv(
-        workspace.reports / folder / "table2.csv", charts.COLUMNS, f"python -m pipeline.stages.render {experiment}"
-    )
-    others = set(files(workspace, folder, ".png")) - DRAWN
-    said = Markup().join(Markup("<p>{}</p>").format(chart_caption(table, time)) for time in FRONTS)
-    drawn = said + charts.charts(table, name) + pages.rest(folder, "", others)
-    tables = [
-        (
-            f"In numbers: {title(read(workspace, f'{folder}/{file}')) or file}",
-            document(workspace, pages, f"{folder}/{file}", 2, fold=False),
+def build(workspace: Workspace) -> str:
+    """Return the whole page."""
+    content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
+    values, captions, judged = params.load(workspace.params), content["figures"], claims.read(workspace)
+    shown = {name: why_not_shown(workspace, name) for name in values["experiments"]}
+    data = {name: data_of(name, block, workspace) for name, block in values.items() if name in shown}
+    speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
+    failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
+    papers = entries.papers(workspace)
+    contents = [(key, name, []) for key, name in OPENING.items()]
+    simulated = {paper.simulated: paper.title for paper in papers.values() if paper.simulated in speeds}
+    titled = [last_panel(speeds[name], title) for name, title in simulated.items()]
+    body = [
+        fill(
+            "answers",
+            claims=int(judged["kind"].isin(claims.claim_text.COUNTED).sum()),
+            cards=claims.cards(workspace, judged, content["answers"], captions),
+            verdicts=claims.VERDICTS,
+            beside=[(title, *beside(workspace, name)) for name, title in simulated.items()],
+            speed=charts.data(pd.concat(titled), "Speed against accuracy", ["p50_ms"]) if titled else {},
         )
-        for file in files(workspace, folder, ".md")
     ]
-    return [("Speed against accuracy, every split", drawn), *tables]
-
-
-def experiment_section(workspace: Workspace, pages: Pages, experiment: str, values: Mapping) -> tuple[str, Markup]:
-    """Return one experiment's name and section: findings, figure, leaderboards, more; or why it was not run."""
-    folder = f"{experiment}/accuracy"
-    name = title(read(workspace, f"{folder}/README.md")).removesuffix(": results")
-    if values[experiment].get("source") == "simulated":
-        name = f"{name}: simulated"
-    common = {"experiment": experiment, "name": name, "data": provenance.data_of(workspace, experiment, values)}
-    if reason := why_not_shown(workspace, experiment):
-        return name, fill("experiment", **common, reason=reason)
-    reports = [file for file in files(workspace, folder, ".md") if file != "README.md"]
-    everything = "\n".join(read(workspace, f"{folder}/{file}") for file in ("README.md", *reports))
-    first = [file for file in files(workspace, folder, ".png") if file == FIRST_FIGURES.get(experiment)]
-    findings, figure = first_findings(workspace, pages, folder), pages.rest(folder, everything, first)
-    boards = leaderboards.leaderboards(workspace, experiment, name)
-    details = [
-        (title(read(workspace, f"{folder}/{file}")) or file, document(workspace, pages, f"{folder}/{file}", 2))
-        for file in reports
-    ]
-    details.append(
-        ("All findings, figures and differences from the paper", document(workspace, pages, f"{folder}/README.md", 2))
-    )
-    if further := pages.rest(folder, everything, files(workspace, folder, ".png")):
-        details.append(("Further figures", further))
-    details += speed(workspace, pages, experiment, name)
-    opened = {"findings": findings, "figure": figure, "leaderboards": boards}
-    return name, fill("experiment", **common, reason="", **opened, details=details)
-
-
-def paper_sections(
-    workspace: Workspace, pages: Pages, values: Mapping
-) -> list[tuple[str, str, list[tuple[str, str]], Markup]]:
-    """Return (id, title, its experiments' ids and names, HTML) of every paper of which an experiment is there."""
-    built = []
-    for paper, said in entries.papers(workspace).items():
-        experiments = [key for key in (said.simulated, said.recorded) if key in values["experiments"]]
-        inner = [(key, *experiment_section(workspace, pages, key, values)) for key in experiments]
+    for key, paper in papers.items():
+        inner = [name for name in (paper.simulated, paper.recorded) if name in shown]
+        sections = []
+        for name in inner:
+            common = {"experiment": name, "name": experiment_name(name), "data": data[name], "reason": shown[name]}
+            sections.append(
+                fill("experiment", **common, **experiment(workspace, name, speeds[name], failures, captions))
+                if not shown[name]
+                else fill("experiment", **common)
+            )
         if inner:
-            html = Markup().join(section for *_, section in inner)
-            html = Markup('<section id="{}"><h2>{}</h2>{}</section>').format(paper, said.title, html)
-            built.append((paper, said.title, [(key, words) for key, words, _ in inner], html))
-    return built
-
-
-def stability_of(workspace: Workspace, pages: Pages, experiment: str, experiments: Sequence[str]) -> Markup:
-    """Return one experiment's part of the stability report. Raises InputError where there is none."""
-    text = read(workspace, "stability/README.md")
-    chosen = [section for section in sections(text) if owner(section[0], experiments) == experiment]
-    if not chosen:
-        raise InputError(f"reports/stability/README.md: nothing about {experiment}; run `dvc repro` again")
-    opened = []
-    for heading, body in chosen:
-        kept = "\n".join(line for line in body.splitlines() if not FIGURE.match(line))
-        words = capitalised(heading.partition(": ")[2] or heading)
-        opened.append(Markup("<h4>{}</h4>{}").format(words, pages.render(kept, "stability", 3, heading)))
-    figures = [
-        name
-        for name in files(workspace, "stability", ".png")
-        if owner(name.removesuffix(".png"), experiments) == experiment
-    ]
-    maps = [name for name in figures if name.endswith("heat_map.png")]
-    curves = [name for name in figures if name not in maps]
-    if maps:
-        opened.insert(0, pages.rest("stability", text, maps))
-    if curves:
-        gallery = pages.rest("stability", text, curves)
-        opened.append(part("folded", "Error by severity, every perturbation", gallery))
-    heading = Markup('<h3 id="stability-{}">{}</h3>').format(experiment, experiment_name(experiment))
-    return heading + Markup().join(opened)
-
-
-def stability_section(workspace: Workspace, pages: Pages, experiments: Sequence[str]) -> Markup:
-    """Return the section on stability: what holds for all experiments, then each that was run."""
-    text, general = read(workspace, "stability/README.md"), []
-    for place, (heading, body) in enumerate(sections(text)):
-        if owner(heading, experiments) or not body:
-            continue
-        html = pages.render(body, "stability", 3, heading or title(text))
-        if place == 0:
-            general.append(Markup('<div id="{}">{}</div>').format(anchor("stability/README.md"), html))
-        else:
-            general.append(part("folded", heading, html))
-    each = [
-        stability_of(workspace, pages, key, experiments) for key in experiments if not why_not_shown(workspace, key)
-    ]
-    return Markup('<section id="stability"><h2>Where trained models fail</h2>{}</section>').format(
-        Markup().join([general[0], *each, *general[1:]])
-    )
-
-
-def embedded(workspace: Workspace, values: Mapping) -> list[str]:
-    """Return the names of the reports that are on the page, each under an id of its own."""
-    ran = [experiment for experiment in values["experiments"] if not why_not_shown(workspace, experiment)]
-    folders = [f"{experiment}/{folder}" for experiment in ran for folder in ("accuracy", "speed")]
-    names = [f"{folder}/{file}" for folder in folders for file in files(workspace, folder, ".md")]
-    return [*names, "stability/README.md", *(report for reports in chapters(workspace).values() for report in reports)]
-
-
-def chapters(workspace: Workspace) -> dict[str, list[str]]:
-    """Return chapter -> its reports, of the CHAPTERS that there are: some are measured by hand."""
-    reports = {chapter: sorted((workspace.reports / chapter).glob("*.md")) for chapter in CHAPTERS}
-    return {chapter: [f"{chapter}/{file.name}" for file in there] for chapter, there in reports.items() if there}
-
-
-def build(workspace: Workspace, values: Mapping) -> str:
-    """Return the whole page; values: params.yaml."""
-    pages = Pages(workspace, embedded(workspace, values))
-    body, contents = [answers.section(workspace, pages, values)], [(key, name, []) for key, name in OPENING.items()]
-    for paper, name, inner, html in paper_sections(workspace, pages, values):
-        contents.append((paper, name, inner))
-        body.append(html)
-    contents.append(("stability", "Stability", []))
-    body.append(stability_section(workspace, pages, values["experiments"]))
-    for chapter, reports in chapters(workspace).items():
-        text = Markup().join(document(workspace, pages, report, 1, fold=False) for report in reports)
-        gallery = pages.rest(
-            chapter, "\n".join(read(workspace, name) for name in reports), files(workspace, chapter, ".png")
-        )
-        heading = Markup('<section id="{}"><h2>{}</h2>').format(chapter, CHAPTERS[chapter])
-        body.append(heading + text + gallery + Markup("</section>"))
-        contents.append((chapter, CHAPTERS[chapter], []))
-    contents.append(("verdicts", "Every claim", []))
-    body.append(verdicts.section(workspace, pages))
-    contents.append(("provenance", "Scale and provenance", []))
-    body.append(provenance.section(workspace, values))
+            body.append(fill("paper", key=key, title=paper.title, sections=sections))
+            contents.append((key, paper.title, [(name, experiment_name(name)) for name in inner]))
+    parts = {
+        "stability": stability_parts(workspace, failures),
+        "rightsize": rightsize_parts(workspace),
+        "physics": physics_parts(workspace),
+        "twins": twins_parts(workspace),
+        **{name: document_parts(workspace, name, captions) for name in ("material", "longer", "benchmarks")},
+    }
+    for key, chapter in content["chapters"].items():
+        if parts[key]:
+            body.append(fill("chapter", key=key, **chapter, parts=parts[key]))
+            contents.append((key, chapter["title"], []))
+    contents += [("verdicts", "Every claim", []), ("provenance", "Scale and provenance", [])]
+    body += [claims.section(workspace, judged), provenance(workspace, data)]
     html = fill(
         "page",
         heading=HEADING,
         style=script("page.css"),
         contents=contents,
         body=Markup("\n").join(body),
-        libraries=Markup("\n").join(map(script, LIBRARIES)),
-        scripts=Markup("\n").join(map(script, SCRIPTS)),
+        libraries=Markup("\n").join(map(script, ("vendor/d3.min.js", "vendor/plot.umd.min.js"))),
+        scripts=Markup("\n").join(map(script, ("page.js", "charts.js"))),
     )
     check_references(workspace, str(html))
     return str(html)
+
+
+def speed_table(workspace: Workspace, experiment: str) -> pd.DataFrame:
+    """Read the speed table of an experiment."""
+    path = workspace.reports / experiment / "speed" / "table2.csv"
+    return read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
+
+
+def last_panel(speeds: pd.DataFrame, title: str) -> pd.DataFrame:
+    """Return the rows of the last panel of a speed table, its main condition, with a title before its name."""
+    panel = speeds["panel"].iloc[-1]
+    return speeds[speeds["panel"] == panel].assign(panel=f"{title}: {panel}")
+
+
+def beside(workspace: Workspace, experiment: str) -> tuple[str, Table]:
+    """Return what a paper prints of a simulated experiment, and a table of it beside ours on each split.
+
+    The first is the name of the metric; a share is in %.
+    """
+    paper, metric, name, units = published.SCORES[experiment]
+    results = one_table.Results(one_table.read(one_table.of_reports(workspace.reports)))
+    rows = results.rows(experiment=experiment, metric=metric, variant="")
+    printed = {
+        (model, condition): published.number(paper, model, condition, name)
+        for model, condition in rows[["model", "condition"]].drop_duplicates().itertuples(index=False)
+    }
+    known = [key for key, value in printed.items() if value == value]
+    models = list(dict.fromkeys(model for model, _ in known))
+    conditions = [at for at in published.table(paper)["condition"].unique() if any(key[1] == at for key in known)]
+    unit = "%" if units == 100 else rows["unit"].iloc[0] if len(rows) else ""
+    header, cells = ["Model"], {model: [model_name(model)] for model in models}
+    for condition in conditions:
+        header.append(f"{capitalised(task_name(condition))}: published ({unit})")
+        protocols = rows[rows["condition"] == condition]["protocol"].unique()
+        header += [f"{capitalised(task_name(condition))}: ours, split {plain(protocol)}" for protocol in protocols]
+        for model in models:
+            ours = [results.estimate(experiment, at, condition, model, metric) for at in protocols]
+            ours = [one.percent() if units == 100 else one for one in ours]
+            cells[model] += [
+                number(printed[model, condition]),
+                *(interval(one) if one.runs or one.failed else "-" for one in ours),
+            ]
+    return f"{capitalised(name)} ({unit})", Table(header, list(cells.values()))
+
+
+def experiment(
+    workspace: Workspace, name: str, speeds: pd.DataFrame, failures: pd.DataFrame, captions: Mapping[str, str]
+) -> dict:
+    """Return what the section of an experiment shows: its leaderboards, charts, figures and further tables."""
+    boards = []
+    for panel, rows in speeds.groupby("panel", sort=False):
+        place = failures[["experiment", "protocol", "condition"]].eq([name, *rows[["protocol", "condition"]].iloc[0]])
+        boards.append(
+            (f"{experiment_name(name)}, {panel}", leaderboard(rows, stability.ranking(failures[place.all(axis=1)])))
+        )
+    folder = f"{name}/accuracy"
+    drawn = {path.name for path in (workspace.reports / folder).glob("*.png")}
+    known = [source.rpartition("/")[2] for source in captions if source.startswith(f"{folder}/")]
+    order = [*(file for file in known if file in drawn), *sorted(drawn - set(known))]
+    texts = sorted((workspace.reports / name).glob("*/*.md")), sorted((workspace.reports / name).glob("*/*.csv"))
+    return {
+        "boards": boards,
+        "figures": [described(workspace, f"{folder}/{file}", captions) for file in order],
+        "charts": charts.data(speeds, experiment_name(name), list(charts.AXES)),
+        "files": [path.relative_to(workspace.reports).as_posix() for group in texts for path in group],
+    }
+
+
+def described(workspace: Workspace, source: str, captions: Mapping[str, str]) -> Figure:
+    """Return a figure with its caption, or with the words of its name where it has none."""
+    return figure(workspace, source, captions.get(source, plain(source.rpartition("/")[2].removesuffix(".png"))))
+
+
+def leaderboard(rows: pd.DataFrame, relative: pd.Series) -> Table:
+    """Return the table of one task. rows: of the speed table; relative: by model, see `stability.ranking`."""
+    header = ["Model", rows["measure"].iloc[0], "Prediction (ms)", "Training (s)", "Parameters", "File (bytes)"]
+    best = rows["error"].where(rows["failed"] == 0).min()
+    cells = []
+    for row in rows.to_dict("records"):
+        error = interval(Estimate(*(row[key] for key in ESTIMATE)))
+        first = Markup("<strong>{}</strong>").format(error) if row["error"] == best and not row["failed"] else error
+        costs = [f"{row['p50_ms']:.3f}", seconds(row["train_s"]), size(row["params"]), size(row["size_bytes"])]
+        cells.append([model_name(row["model"]), first, *costs, number(relative.get(row["model"], np.nan))])
+    return Table([*header, "Error under stress"], cells)
+
+
+def data_of(experiment: str, settings: Mapping, workspace: Workspace) -> str:
+    """Say where an experiment's numbers come from, at which scale, and how often they were drawn."""
+    source = settings.get("source")
+    if source is None:
+        where = SOURCES[experiment]
+        data = f"recorded, {where.repository} at commit {where.commit[:12]}, licence: {where.licence}"
+    else:
+        data = f"simulated by pipeline/scenes/{experiment}.py" if source == "simulated" else f"your own logs, {source}"
+    seeds = "; ".join(f"{plain(name)} {len(block['seeds'])}" for name, block in settings["protocols"].items())
+    scale = SCALES[params.scale_of(workspace.scales, experiment, settings)]
+    return f"Data: {data}. Scale: {scale}. Models: {len(settings['models'])}. Seeds of each split: {seeds}."
+
+
+def study(workspace: Workspace, title: str, source: str, caption: str, listed: list[tuple[str, Table]]) -> dict:
+    """Return a part of a chapter: a figure, if there is one, and tables with their names."""
+    there = (workspace.reports / source).is_file()
+    return {"title": title, "figures": [figure(workspace, source, caption)] if there else [], "tables": listed} | {
+        "folded": [],
+        "html": "",
+    }
+
+
+def stability_parts(workspace: Workspace, failures: pd.DataFrame) -> list[dict]:
+    """Return the parts of the chapter on stability, one for each experiment and condition."""
+    parts = []
+    for (name, protocol, condition), rows in failures.groupby(["experiment", "protocol", "condition"], sort=False):
+        title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
+        file, caption = (
+            f"stability/{stability_file(name, protocol, condition)}",
+            f"{title}, relative error of each model",
+        )
+        tried = (f"Severities, {title}", tables.severities(rows))
+        part = study(
+            workspace, title, f"{file}_heat_map.png", caption, [(f"Stability, {title}", tables.stability(rows)), tried]
+        )
+        if (workspace.reports / f"{file}.png").is_file():
+            part["folded"] = [figure(workspace, f"{file}.png", f"{title}, error by severity")]
+        parts.append(part)
+    return parts
+
+
+def rightsize_parts(workspace: Workspace) -> list[dict]:
+    """Return the parts of the chapter on sizes, one for each experiment."""
+    judged = read_csv(workspace.reports / "rightsize.csv", JUDGED, "dvc repro")
+    return [
+        study(
+            workspace,
+            experiment_name(name),
+            f"rightsize/{name}.png",
+            "Error against size; a ring marks the smallest size that is enough, a diamond the published one",
+            [
+                (f"Sizes of {sizes_title(family)}", tables.rightsize(own))
+                for family, own in rows.groupby("family", sort=False)
+            ],
+        )
+        for name, rows in judged.groupby("experiment", sort=False)
+    ]
+
+
+def physics_parts(workspace: Workspace) -> list[dict]:
+    """Return the parts of the chapter on physics, one for each experiment."""
+    judged = read_csv(workspace.reports / "physics.csv", PHYSICS, "dvc repro")
+    caption = "Change of each model's error without an effect, and half of its interval"
+    return [
+        study(
+            workspace,
+            experiment_name(name),
+            f"physics/{name}.png",
+            caption,
+            [
+                (f"Effects of the scene, {name}", tables.physics(own)),
+                (f"Errors with all effects, {name}", tables.physics_errors(own)),
+            ],
+        )
+        for name, own in judged.groupby("experiment", sort=False)
+    ]
+
+
+def twins_parts(workspace: Workspace) -> list[dict]:
+    """Return the parts of the chapter on recordings and scenes, one for each experiment."""
+    summary = read_csv(workspace.reports / "twins.csv", SUMMARY, "dvc repro")
+    caption = "Where the simulated statistics lie in the recorded range"
+    return [
+        study(workspace, TWIN_TITLES[name], f"twins/{name}.png", caption, [(TWIN_TITLES[name], tables.twins(own))])
+        for name, own in summary.groupby("experiment", sort=False)
+    ]
+
+
+def document_parts(workspace: Workspace, name: str, captions: Mapping[str, str]) -> list[dict]:
+    """Return the documents of a folder that is filled by hand, and its figures; nothing where there is none."""
+    folder = workspace.reports / name
+    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.md"))]
+    html = Markup("\n").join(markdown(text, f"{name} {k}", name, 2) for k, text in enumerate(texts, 1))
+    figures = [described(workspace, f"{name}/{path.name}", captions) for path in sorted(folder.glob("*.png"))]
+    return [{"title": "", "figures": figures, "tables": [], "folded": [], "html": html}] if texts else []
+
+
+def versions(workspace: Workspace) -> Table:
+    """Return the versions that constraints.txt pins. Raises InputError where one of PACKAGES is not pinned."""
+    file = paths.require(workspace.root / "constraints.txt", "git checkout constraints.txt")
+    pinned = dict(line.split("==", 1) for line in file.read_text(encoding="utf-8").splitlines() if "==" in line)
+    for package in PACKAGES:
+        if package not in pinned:
+            raise InputError(f"constraints.txt: no version of {package}; add a line '{package}==...'")
+    return Table(["Package", "Version"], [[package, pinned[package]] for package in PACKAGES])
+
+
+def provenance(workspace: Workspace, data: Mapping[str, str]) -> Markup:
+    """Return the section: scale, data, seeds, versions, counts, and the files behind the page; data: by experiment."""
+    scores = read_csv(workspace.reports / "scores.csv", ["experiment", "protocol", "condition", "n"], "dvc repro")
+    rows = []
+    for experiment, said in data.items():
+        tested = scores[scores["experiment"] == experiment].groupby("condition", sort=False)["n"].max()
+        items = ", ".join(f"{plain(condition)}: {n:,}" for condition, n in tested.items()) or "-"
+        reason = why_not_run(workspace, experiment)
+        run = f"no: {reason}" if reason else "yes"
+        run += "; its results are the committed ones" if reason and has_report(workspace, experiment) else ""
+        rows.append([experiment_name(experiment), said, run, items])
+    counts = read_csv(workspace.reports / "counts.csv", ["experiment", "model", "macs", "params"], "dvc repro")
+    cells = [[count_cell(column, value) for column, value in row.items()] for row in counts.to_dict("records")]
+    return fill(
+        "provenance",
+        data=Table(["Experiment", "Data and seeds", "Run", "Most items tested"], rows),
+        versions=versions(workspace),
+        counts=Table([plain(column) for column in counts.columns], cells),
+        files=NUMBERS,
+    )
+
+
+def count_cell(column: str, value) -> str:
+    """Return a cell of counts.csv."""
+    if value != value:
+        return "-"
+    return model_name(value) if column == "model" else size(value) if isinstance(value, (int, float)) else str(value)

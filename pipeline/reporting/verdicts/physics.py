@@ -9,7 +9,7 @@ effect `changes errors` if one such interval lies outside the margin altogether.
 verdicts/rules.py asks another question: whether a difference is above 0 in the seeds that were drawn.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import combinations
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from scipy.special import stdtrit
 
 from pipeline.base.paths import Workspace
 from pipeline.scoring import complete, results
-from pipeline.scoring.variants import COLUMNS, NONE, variants
+from pipeline.scoring.variants import COLUMNS, NONE
 
 MARGIN = 0.05  # share of a model's error
 SIDE = 0.95  # confidence of each of the two one-sided tests
@@ -85,16 +85,15 @@ class Judgement(NamedTuple):
         return max(self.changes, key=lambda change: (np.isnan(change.relative), max(-change.low, change.high)))
 
 
-def read(workspace: Workspace, experiment: str, values: Mapping) -> pd.DataFrame:
-    """Read physics.csv of an experiment. Raises InputError for a run of params.yaml that is missing or there twice."""
+def read(workspace: Workspace, experiment: str, variants: Iterable[tuple], models: Iterable[str]) -> pd.DataFrame:
+    """Read physics.csv of an experiment; variants, models: (effect, seed) and the models of the settings.
+
+    Raises InputError for a run that is missing or there twice.
+    """
     path, made_by = workspace.physics(experiment), f"python -m pipeline.studies.physics {experiment}"
     scores = results.read_csv(path, COLUMNS, made_by)
-    runs = (
-        (*variant, condition, model)
-        for variant in variants(values, experiment)
-        for condition in dict.fromkeys(scores["condition"]) or ["any"]
-        for model in values["physics"][experiment]["models"]
-    )
+    conditions = dict.fromkeys(scores["condition"]) or ["any"]
+    runs = ((*variant, condition, model) for variant in variants for condition in conditions for model in models)
     complete.check(scores, path, ["effect", "seed", "condition", "model"], runs, made_by)
     return scores
 

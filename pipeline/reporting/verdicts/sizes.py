@@ -14,7 +14,8 @@ import pandas as pd
 from pipeline.base.paths import Workspace
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import complete, ladders
-from pipeline.scoring.results import Estimate, Scores, estimate, read_csv, scale_of
+from pipeline.scoring.one_table import Results
+from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
 
 LADDER = ["experiment", "condition", "family"]
 JUDGED = [*LADDER, "size", "params", "metric", "unit", "value", "low", "high", "chosen", "runs", "failed", "macs"]
@@ -46,23 +47,18 @@ def label(family: str) -> str:
     return model_name(ladders.FAMILIES[family].model)
 
 
-def wanted(experiment: str, values: Mapping) -> dict[str, tuple[list, list]]:
-    """Return family -> (sizes, seeds) that params.yaml (`values`) asks for."""
-    if experiment == "strain":
-        study = values["strain"]["study"]
-        return {"lstm": (study["capacity"]["units"], study["seeds"])}
-    return {family: (block["sizes"], block["seeds"]) for family, block in values["rightsize"][experiment].items()}
+def read(workspace: Workspace, experiment: str, wanted: Mapping[str, tuple[Sequence, Sequence]]) -> pd.DataFrame:
+    """Read the runs of an experiment's ladders; wanted: family -> (sizes, seeds) of the settings.
 
-
-def read(workspace: Workspace, experiment: str, values: Mapping) -> pd.DataFrame:
-    """Read the runs of an experiment's ladders. Raises InputError for a missing file, column or run, or one twice."""
+    Raises InputError for a missing file, column or run, or one twice.
+    """
     made_by = f"python -m pipeline.studies.sizes {experiment}"
     path = ladders.path(workspace, experiment)
     table = read_csv(path, ladders.COLUMNS, made_by)
     conditions = dict.fromkeys(table["condition"]) or ("any",)  # of an empty table every run is missing
     runs = (
         (family, condition, size, seed)
-        for family, (sizes, seeds) in wanted(experiment, values).items()
+        for family, (sizes, seeds) in wanted.items()
         for condition, size, seed in itertools.product(conditions, sizes, seeds)
     )
     complete.check(table, path, ["family", "condition", "size", "seed"], runs, made_by)
@@ -130,15 +126,16 @@ class Reference(NamedTuple):
     trained: float
 
 
-def references(
-    workspace: Workspace, experiment: str, values: Mapping, judged: pd.DataFrame
-) -> dict[tuple[str, str], Reference]:
-    """Return the references of each (family, condition); a ladder of fully trained models needs the constant alone."""
-    models, by_ladder = values[experiment]["models"], {}
-    scores = Scores(workspace, experiment, values[experiment])
-    for (family, condition, metric), _ in judged.groupby(["family", "condition", "metric"], sort=False):
-        run = ladders.protocol(experiment, condition), condition
+def references(table: Results, judged: pd.DataFrame) -> dict[tuple[str, str], Reference]:
+    """Return (family, condition) -> its references; table: the one table of results.
+
+    A ladder of fully trained models needs the constant model alone.
+    """
+    by_ladder = {}
+    for (*ladder, metric), _ in judged.groupby([*LADDER, "metric"], sort=False):
+        experiment, condition, family = ladder
+        place = experiment, ladders.protocol(experiment, condition), condition
         compared = ("constant", ladders.FAMILIES[family].model if family in SHORTER else "")
-        means = [scores.estimate(*run, model, metric).mean if model in models else np.nan for model in compared]
+        means = (table.estimate(*place, model, metric).mean for model in compared)
         by_ladder[family, condition] = Reference(*(error_of(mean, metric) for mean in means))
     return by_ladder

@@ -1,4 +1,4 @@
-"""Judge at which severity of a perturbation each trained model fails, rank the models, and count failed trainings.
+"""Judge at which severity of a perturbation each trained model fails, and rank the models.
 
 A model fails at the first severity at which its error, the mean over the seeds, is above what a user could work with
 (`stress.<experiment>.usable` of params.yaml), or above that of the model `constant` under the same perturbation. So a
@@ -9,14 +9,14 @@ Models are ranked by their relative error: the error over that of `constant`, me
 over perturbations. 1 is no better than a constant map, place or name.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.scoring import complete, results
 from pipeline.scoring.results import Estimate
 
@@ -32,9 +32,9 @@ ERRORS = {
     "glove_recorded": ("accuracy", "1 - accuracy", "1"),
 }
 PLACE = ["protocol", "condition", "perturbation"]
+KEY = [*PLACE, "severity", "model", "seed"]
 LAST = ["last_severity", "last_error"]  # of the walk
 FAILURES = ["experiment", *PLACE, "model", "fails_at", "step", "clean", "error", "verdict", *LAST, "relative"]
-TRAININGS = ["experiment", "model", "runs", "diverged", "no_usable_epoch", "scores", "nan", "worse_than_constant"]
 
 
 class Verdict(NamedTuple):
@@ -47,31 +47,30 @@ class Verdict(NamedTuple):
     reason: str
 
 
-def read(workspace: Workspace, experiment: str, settings: Mapping, stress: Mapping) -> pd.DataFrame:
-    """Read stress.csv as protocol, condition, perturbation, severity, model, seed, error; one row per run.
-
-    settings, stress: the experiment's blocks of params.yaml. Raises InputError for a missing or repeated row: every
-    model, seed and severity of params.yaml has one in each condition.
-    """
-    made_by, path = f"python -m pipeline.stages.stress {experiment}", workspace.stress(experiment)
+def runs(stress: pd.DataFrame, experiment: str) -> pd.DataFrame:
+    """Return an experiment's rows of reports/stress.csv as protocol, condition, ..., seed, error; one row per run."""
     metric = ERRORS[experiment][0]
-    key = [*PLACE, "severity", "model", "seed"]
-    table = results.read_csv(path, [*key, "metric", "value"], made_by)
-    table = table[table["metric"] == metric]
+    own = stress[(stress["experiment"] == experiment) & (stress["metric"] == metric)]
+    error = 1 - own["value"] if metric == "accuracy" else own["value"]
+    return own[KEY].assign(error=error).reset_index(drop=True)
+
+
+def check(table: pd.DataFrame, path: Path, experiment: str, models: Iterable[str], seeds: Mapping[str, Sequence[int]]):
+    """Raise InputError for a missing or repeated run: every model and seed has one at each severity.
+
+    table: see `runs`, of the file `path`; seeds: protocol -> those of params.yaml.
+    """
+    made_by = f"python -m pipeline.stages.stress {experiment}"
     levels = table[[*PLACE, "severity"]].drop_duplicates()
-    for protocol in stress["protocols"]:
-        if protocol not in set(levels["protocol"]):
-            raise InputError(f"{path}: no row for protocol {protocol}; run `{made_by}` again")
+    if absent := [protocol for protocol in seeds if protocol not in set(levels["protocol"])]:
+        raise InputError(f"{path}: no row for protocol {absent[0]} of {experiment}; run `{made_by}` again")
     wanted = (
         (*level, model, seed)
-        for protocol in stress["protocols"]
-        for level in levels[levels["protocol"] == protocol].itertuples(index=False, name=None)
-        for model in settings["models"]
-        for seed in stress.get("seeds", settings["protocols"][protocol]["seeds"])
+        for level in levels.itertuples(index=False, name=None)
+        for model in models
+        for seed in seeds.get(level[0], ())
     )
-    complete.check(table, path, key, wanted, made_by)
-    error = 1 - table["value"] if metric == "accuracy" else table["value"]
-    return table[key].assign(error=error).reset_index(drop=True)
+    complete.check(table, path, KEY, wanted, made_by)
 
 
 def level(errors: Sequence[float]) -> Estimate:
@@ -143,30 +142,3 @@ def ranking(judged: pd.DataFrame) -> pd.Series:
     """Return model -> relative error, mean over perturbations, the lowest first; judged: FAILURES of one condition."""
     sound = judged.groupby("model")["relative"].filter(lambda values: values.notna().all()).index
     return judged.loc[sound].groupby("model", sort=False)["relative"].mean().sort_values(kind="stable")
-
-
-def training_failures(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFrame:
-    """Count per model its runs, those that diverged or left no usable weights, and missing or too bad scores.
-
-    A score is the error of one protocol, condition and seed on clean test data; worse than constant: than that model.
-    """
-    scores, metric = results.Scores(workspace, experiment, settings), ERRORS[experiment][0]
-    measured = [(protocol, condition) for protocol, condition, name in scores.measured() if name == metric]
-    sign = -1 if metric == "accuracy" else 1
-
-    def errors(model: str) -> np.ndarray:
-        return sign * np.concatenate([scores.runs(*place, model, metric) for place in measured])
-
-    rows = []
-    for model in settings["models"]:
-        fits = [
-            results.read_fit(workspace, experiment, model, protocol, seed)
-            for protocol, block in settings["protocols"].items()
-            for seed in block["seeds"]
-        ]
-        values = errors(model)
-        worse = int((values > errors(FLOOR)).sum()) if FLOOR in settings["models"] else 0
-        diverged = sum(fit.stop_reason == "diverged" for fit in fits)
-        unusable = sum(fit.best_epoch == 0 for fit in fits)
-        rows.append((experiment, model, len(fits), diverged, unusable, len(values), int(np.isnan(values).sum()), worse))
-    return pd.DataFrame(rows, columns=TRAININGS)

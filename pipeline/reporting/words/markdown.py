@@ -54,5 +54,5 @@ def interval(estimate: Estimate, digits: int = 2) -> str:
 
 
 def size(value: float) -> str:
-    """Return a count with thousands separators, or `not counted`."""
-    return "not counted" if np.isnan(value) else f"{round(value):,}"
+    """Return a count with thousands separators; a dash for NaN."""
+    return "-" if np.isnan(value) else f"{round(value):,}"

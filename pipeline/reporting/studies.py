@@ -1,0 +1,201 @@
+"""Write what the studies found, for people: stability, rightsize, physics and twins, each a folder of reports/.
+
+Each function writes README.md and figures into an empty folder, and returns the table that reports/<name>.csv holds, if
+there is one beside the folder.
+"""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import files, params
+from pipeline.base.availability import why_not_run
+from pipeline.base.paths import Workspace
+from pipeline.reporting import tables
+from pipeline.reporting.figures import physics as physics_figures
+from pipeline.reporting.figures import sizes as sizes_figures
+from pipeline.reporting.figures import stability as stability_figures
+from pipeline.reporting.figures import twins as twins_figures
+from pipeline.reporting.verdicts import physics as physics_verdicts
+from pipeline.reporting.verdicts import sizes as sizes_verdicts
+from pipeline.reporting.verdicts import stability as stability_verdicts
+from pipeline.reporting.words.labels import capitalised, condition_name, experiment_name, perturbation, task_name
+from pipeline.reporting.words.markdown import number
+from pipeline.reporting.words.templates import render
+from pipeline.scoring import ladders, one_table, results
+from pipeline.scoring.kept import kept_rows
+from pipeline.scoring.variants import variants
+
+JOINED = {"single_anew": "single", "several": "double"}  # conditions that are drawn in the figure of another one
+STRESS = ["experiment", *stability_verdicts.KEY, "metric", "value"]  # of reports/stress.csv
+TWIN_TITLES = {
+    "touch": "Touch: the recorded Velostat taxel and the array's element",
+    "strain": "Strain: the recorded strands and the finger's",
+    "glove": "Glove: recorded grasps of a robot hand and those of the glove",
+}
+TWINS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]  # of data/<experiment>/twins.csv
+SIDES = ("recorded", "simulated")
+SUMMARY = ["experiment", "statistic", "unit", *(f"{side}{end}" for side in SIDES for end in ("", "_low", "_high"))]
+SUMMARY += ["inside", "meaning", "note"]  # columns of reports/twins.csv
+
+
+def stability(workspace: Workspace, folder: Path) -> None:
+    """Write failures.csv, heat maps and curves of every experiment in reports/stress.csv.
+
+    Raises InputError where an experiment ran here and a run of the settings is missing.
+    """
+    values, path = params.load(workspace.params), workspace.reports / "stress.csv"
+    stress = results.read_csv(path, STRESS, "python -m pipeline.stages.collect")
+    parts, judged = [], []
+    for experiment in values["experiments"]:
+        runs, reason = stability_verdicts.runs(stress, experiment), why_not_run(workspace, experiment)
+        if reason and runs.empty:
+            parts.append({"title": experiment_name(experiment), "reason": capitalised(reason)})
+            continue
+        settings = values["stress"][experiment]
+        if not reason:
+            protocols = values[experiment]["protocols"]
+            seeds = {name: settings.get("seeds", protocols[name]["seeds"]) for name in settings["protocols"]}
+            stability_verdicts.check(runs, path, experiment, values[experiment]["models"], seeds)
+        judged.append(stability_verdicts.failures(runs, experiment, settings["usable"]))
+        parts += stability_figures_of(runs, judged[-1], experiment, folder)
+    failures = pd.concat(judged or [pd.DataFrame(columns=stability_verdicts.FAILURES)], ignore_index=True)
+    files.write_table(folder / "failures.csv", failures)
+    files.write_text(folder / "README.md", render("stability", parts=parts, severities=tables.severities(failures)))
+
+
+def stability_figures_of(runs: pd.DataFrame, judged: pd.DataFrame, experiment: str, folder: Path) -> list[dict]:
+    """Draw an experiment's heat maps and curves, and return what its part of the report holds, by condition."""
+    _, error, unit = stability_verdicts.ERRORS[experiment]
+    ylabel = "Share of images classified incorrectly" if unit == "1" else f"{error} ({unit})"
+    panels: dict[tuple[str, str], list] = {}
+    for (protocol, condition, name), models in stability_verdicts.curves(runs).items():
+        label, axis, _ = perturbation(name)
+        where = f", {condition_name(experiment, protocol, condition)}" if condition in JOINED else ""
+        drawn_with = JOINED.get(condition, condition)
+        title = f"{experiment_name(experiment)}, {condition_name(experiment, protocol, drawn_with)}"
+        figure = stability_file(experiment, protocol, drawn_with), title
+        panels.setdefault(figure, []).append((capitalised(label + where), axis, models))
+    for (file, title), drawn in panels.items():
+        stability_figures.small_multiples(folder / f"{file}.png", drawn, title, ylabel)
+    parts = []
+    for (protocol, condition), rows in judged.groupby(["protocol", "condition"], sort=False):
+        name = condition_name(experiment, protocol, condition)
+        file, title = stability_file(experiment, protocol, condition), f"{experiment_name(experiment)}: {name}"
+        drawn = stability_figures.heat_map(folder / f"{file}_heat_map.png", rows, title.replace(":", ",", 1))
+        curves = f"{file}.png" if (folder / f"{file}.png").is_file() else ""
+        figures = {"heat_map": f"{file}_heat_map.png" if drawn else "", "curves": curves}
+        parts.append({"title": title, "reason": "", "table": tables.stability(rows), **figures})
+    return parts
+
+
+def stability_file(experiment: str, protocol: str, condition: str) -> str:
+    """Return the name of the figure of a condition; the protocol alone where it says the condition, too."""
+    said = condition in ("all", protocol) or protocol.endswith(f"_{condition}")
+    return "_".join([experiment, protocol, *([] if said else [condition])])
+
+
+def rightsize(workspace: Workspace, folder: Path) -> pd.DataFrame:
+    """Judge the ladders of all experiments; the table is verdicts.sizes.JUDGED."""
+    values, parts, together = params.load(workspace.params), [], []
+    wanted = {name: {key: (block["sizes"], block["seeds"]) for key, block in ladder.items()}
+              for name, ladder in values["rightsize"].items()}  # fmt: skip
+    study = values["strain"]["study"]
+    wanted["strain"] = {"lstm": (study["capacity"]["units"], study["seeds"])}
+    for experiment in ladders.METRIC:
+        judged = sizes_verdicts.judge(sizes_verdicts.read(workspace, experiment, wanted[experiment]))
+        scores = one_table.Results(one_table.read({"scores": workspace.scores(experiment)}))
+        known = sizes_verdicts.references(scores, judged)
+        sizes_figures.curves(folder / f"{experiment}.png", experiment_name(experiment), judged, known)
+        for family, rows in judged.groupby("family", sort=False):
+            part = {"experiment": experiment, "title": sizes_title(family), "table": tables.rightsize(rows)}
+            parts.append(part | {"trained": trained(family, known)})
+        together.append(judged)
+    files.write_text(folder / "README.md", render("rightsize", parts=parts))
+    return pd.concat(together, ignore_index=True).assign(size=lambda table: table["size"].map("{:g}".format))
+
+
+def sizes_title(family: str) -> str:
+    """Return the heading of a family's ladder."""
+    return f"{sizes_verdicts.label(family)}: {sizes_verdicts.SCALES[family].size_name}"
+
+
+def trained(family: str, known: dict[tuple[str, str], sizes_verdicts.Reference]) -> str:
+    """Return the errors of the fully trained model beside a ladder of shorter trainings; nothing for other ladders."""
+    errors = [(at, one.trained) for (name, at), one in known.items() if name == family and np.isfinite(one.trained)]
+    return "; ".join(f"{task_name(at)} {number(error, 3 if error < 1 else 2)}" for at, error in errors)
+
+
+def physics(workspace: Workspace, folder: Path) -> pd.DataFrame:
+    """Judge the effects of all scenes; the table has one row per effect, condition and model."""
+    values, parts, rows = params.load(workspace.params), [], []
+    for experiment, block in values["physics"].items():
+        scores = physics_verdicts.read(workspace, experiment, variants(values, experiment), block["models"])
+        switches = values[experiment]["simulate"]["effects"]
+        own = pd.DataFrame(physics_verdicts.report_rows(experiment, physics_verdicts.assess(scores), switches))
+        error, unit, _ = tables.PHYSICS[experiment]
+        title = f"{experiment_name(experiment)}: an effect of the scene left out"
+        physics_figures.matrices(folder / f"{experiment}.png", title, own, f"{error} in {unit}")
+        parts.append(
+            {"experiment": experiment, "title": experiment_name(experiment), "error": error, "unit": unit}
+            | {"seeds": len(block["seeds"]), "scene": json.dumps(block["scene"]).replace('"', "")}
+            | {"table": tables.physics(own), "errors": tables.physics_errors(own)}
+        )
+        rows.append(own)
+    margin = f"{100 * physics_verdicts.MARGIN:.0f}"
+    files.write_text(folder / "README.md", render("physics", parts=parts, margin=margin))
+    return pd.concat(rows, ignore_index=True)
+
+
+def twins(workspace: Workspace, folder: Path) -> pd.DataFrame:
+    """Compare all scenes with their recordings; the table is SUMMARY.
+
+    Where recordings are absent, their side of the former reports/twins.csv and the former figure stay.
+    """
+    former = workspace.reports / "twins"
+    measured = {
+        name: results.read_csv(workspace.twins(name), TWINS, f"python -m pipeline.stages.twins {name}")
+        for name in TWIN_TITLES
+    }
+    absent = [name for name, table in measured.items() if set(table["source"]) == {"simulated"}]
+    kept, parts, together = kept_rows(former.with_suffix(".csv"), absent), [], []
+    for name, table in measured.items():
+        summary, figure = summarised(name, table, kept[kept["experiment"] == name]), f"{name}.png"
+        if set(SIDES) <= set(table["source"]):
+            twins_figures.positions(folder / figure, TWIN_TITLES[name], table, summary)
+        elif summary["inside"].notna().any() and (former / figure).is_file():
+            shutil.copy(former / figure, folder)
+        known = summary["inside"].notna().any()
+        missing = "The recordings were not fetched" if summary["recorded"].isna().all() else ""
+        reason = "" if known else missing or "The data are your own logs, not simulated"
+        drawn = figure if (folder / figure).is_file() else ""
+        parts.append({"title": TWIN_TITLES[name], "reason": reason, "figure": drawn, "table": tables.twins(summary)})
+        together.append(summary)
+    files.write_text(folder / "README.md", render("twins", parts=parts))
+    return pd.concat(together, ignore_index=True)
+
+
+def summarised(experiment: str, table: pd.DataFrame, kept: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per statistic: median, lowest and highest of the recordings and of the simulated ones.
+
+    table: data/<experiment>/twins.csv; kept: rows of a former reports/twins.csv, for their recorded side. `inside`
+    tells whether the simulated median lies within the recorded range; it is missing where one side is.
+    """
+    rows = []
+    for statistic, values in table.groupby("statistic", sort=False):
+        row = {"experiment": experiment, "statistic": statistic, "unit": str(values["unit"].iloc[0])}
+        for side in SIDES:
+            numbers = values[values["source"] == side]["value"].to_numpy(float)
+            ends = (np.median(numbers), numbers.min(), numbers.max()) if len(numbers) else (np.nan,) * 3
+            row |= dict(zip((side, f"{side}_low", f"{side}_high"), ends, strict=True))
+        for former in kept[kept["statistic"] == statistic].to_dict("records") if len(kept) else []:
+            row |= {name: former[name] for name in ("recorded", "recorded_low", "recorded_high")}
+        known = np.isfinite(row["recorded"]) and np.isfinite(row["simulated"])
+        inside = row["recorded_low"] <= row["simulated"] <= row["recorded_high"]
+        note = values["note"].iloc[0]
+        row |= {"inside": inside if known else None, "meaning": values["meaning"].iloc[0]}
+        rows.append(row | {"note": note if isinstance(note, str) else ""})
+    return pd.DataFrame(rows, columns=SUMMARY).astype({"inside": "boolean"})

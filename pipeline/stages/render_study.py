@@ -1,0 +1,27 @@
+"""Write what one study found for people: reports/NAME, and the table that it is made of, reports/NAME.csv.
+
+Of stability the table is in the folder.
+Usage: python -m pipeline.stages.render_study NAME
+"""
+
+from pipeline.base import arguments, files
+from pipeline.base.paths import Workspace
+from pipeline.reporting import studies
+
+STUDIES = {study.__name__: study for study in (studies.physics, studies.rightsize, studies.stability, studies.twins)}
+
+
+def main(workspace: Workspace) -> None:
+    """Render the study named on the command line; its folder in reports/ is replaced whole."""
+    name = arguments.parse(__doc__, name=STUDIES).name
+    target = workspace.reports / name
+    with files.replacing_folder(target) as draft:
+        table = STUDIES[name](workspace, draft)
+    if table is not None:
+        # As in scores.csv, a mean that does not exist is `nan`.
+        files.write_table(target.with_suffix(".csv"), table, missing="nan" if name == "rightsize" else "")
+    print(f"reports/{name}: {sum(path.is_file() for path in target.rglob('*'))} files")
+
+
+if __name__ == "__main__":
+    arguments.run(main)
