@@ -125,11 +125,15 @@ def images(folder: Path) -> Path:
 KINDS = {"linear": linear, "stream": stream, "series": series, "images": images}
 
 
-def press(n: int, rate_hz: float = 1 / INTERVAL_S, element: int = 4) -> np.ndarray:
-    """Return readings (n, 6) in counts of an array at rest, on which one element is pressed from the first half on."""
+def press(n: int, element: int = 4) -> np.ndarray:
+    """Return readings (n, 6) in counts of an array at rest, on which one element is pressed in the second half.
+
+    No reading is that before it, so that a reading in the place of its neighbour is seen.
+    """
     readings = np.full((n, ROWS * COLS), 20)
     readings[n // 2 :, element] = 500
-    readings[:, 0] += (np.arange(n) * 50 / rate_hz).astype(int) % 7
+    readings[:, 0] += np.arange(n) % 7
+    assert (np.diff(readings, axis=0) != 0).any(axis=1).all()
     return readings
 
 

@@ -47,7 +47,7 @@ def test_lines_one_by_one_are_the_log_at_once(kind, package):
 
 def test_a_device_of_four_times_the_rate_has_frames_as_far_apart(package):
     session = session_of(package("stream"))
-    readings = press(480, rate_hz=4 / INTERVAL_S)
+    readings = press(480)
     values = np.stack([each.values for each in taken(session, printed(readings, rate_hz=4 / INTERVAL_S))])
     expected = predictor.load(package("stream")).predict(readings[3::4])
     assert session.notes == []
@@ -56,7 +56,7 @@ def test_a_device_of_four_times_the_rate_has_frames_as_far_apart(package):
 
 def test_a_slow_device_is_said_to_be(package):
     session = session_of(package("linear"))
-    taken(session, printed(press(30, rate_hz=10), rate_hz=10))
+    taken(session, printed(press(30), rate_hz=10))
     assert session.notes[0] == "The device prints 10 lines a second, fewer than the 50 of the model's training."
     assert session.notes[1].startswith("Frames are 0.1 s apart, in training 0.04 s: expect larger errors")
 
@@ -93,7 +93,7 @@ def test_a_log_with_lost_lines_is_the_same_live_and_at_once(kind, package, tmp_p
 @pytest.mark.parametrize("hz", [100, 500])
 def test_lines_in_packets_are_predicted_as_lines_one_by_one(hz, package, monkeypatch):
     monkeypatch.setattr(Session, "_time_of_a_step", lambda self: 1e-4)
-    readings = press(3 * hz, rate_hz=hz)
+    readings = press(3 * hz)
     printed_s = 1 + np.arange(3 * hz) / hz
     stamped = stamps_us(arrived(printed_s, 0.016, np.random.default_rng(0)))
     session = session_of(package("linear"))
@@ -107,7 +107,7 @@ def test_windows_span_no_gap_between_packets(package, monkeypatch):
     monkeypatch.setattr(Session, "_time_of_a_step", lambda self: 1e-4)
     printed_s = 1 + np.arange(1500) / 500
     printed_s[1000:] += 0.5
-    data = printed(press(1500, 500), times_us=stamps_us(arrived(printed_s, 0.016, np.random.default_rng(0))))
+    data = printed(press(1500), times_us=stamps_us(arrived(printed_s, 0.016, np.random.default_rng(0))))
     values = np.stack([each.values for each in taken(session_of(package("linear")), data)])
     missing = np.flatnonzero(np.isnan(values).any(axis=(1, 2)))
     assert missing.tolist() == [*range(10 * WINDOW), *range(1000, 1000 + 10 * WINDOW)]
