@@ -12,7 +12,7 @@ from builders import live_models, touch_logs
 from pipeline.datasets import schemas
 from pipeline.experiments import touch
 from pipeline.inference import card as cards
-from pipeline.inference import onnx_export, onnx_network, predictor, recordings, timing
+from pipeline.inference import onnx_export, onnx_network, predictor, recordings
 from pipeline.live.session import Session
 from pipeline.live.source import Lines, line_format
 

@@ -190,16 +190,6 @@ def test_another_glove_has_other_gains_and_other_grasps(settings):
     assert len(set(grasps)) == 3
 
 
-@pytest.mark.parametrize("effect", ["session", "wander", "element_spread", "softness", "noise", "line_faults"])
-def test_every_effect_changes_the_log_and_can_be_left_out(settings, effect):
-    recordings, _ = glove.plan(settings)
-    toys = [r for r in recordings if r.condition == "toy"]
-    block = scene(settings)
-    block |= {"faults": dict.fromkeys(block["faults"], 0.02), "effects": dict.fromkeys(block["effects"], True)}
-    off = block | {"effects": block["effects"] | {effect: False}}
-    assert any(glove.logs_of(r, block) != glove.logs_of(r, off) for r in toys)
-
-
 def test_frames_of_a_session_are_more_alike_than_sessions(settings):
     block = scene(settings, line_faults=False)
     block = block | {"sessions": 4, "frames_per_object": 40}
