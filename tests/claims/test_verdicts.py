@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from builders.project import ROOT
-from scipy import stats
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
@@ -66,21 +65,6 @@ def test_the_papers_own_numbers_reproduce_its_claims(paper):
         if np.isfinite(claim.published):
             assert found.ours == pytest.approx(claim.published, rel=1e-3, abs=1e-2), claim.id
     assert tested == {"lomp": 41, "latent": 17, "sp_resnet": 71}[paper]
-
-
-def test_committed_results_have_the_committed_verdicts():
-    """reports/claims.csv follows from the other files of reports, but for what they do not hold."""
-    results = evidence.read(evidence.of_reports(paths.REPORTS))
-    found = judge.table(CLAIMS, evidence.Evidence(results, VALUES, evidence.trainings(paths.REPORTS))).set_index("id")
-    committed = pd.read_csv(paths.REPORTS / "claims.csv").set_index("id").fillna({"strict": "", "over": ""})
-    if not (paths.REPORTS / "claim_inputs.csv").exists():
-        found = found[~found["reason"].str.startswith("there is no ")]
-    assert len(found) > 150
-    for claim, row in found.iterrows():
-        numbers, words = ["published", "ours", "low", "high", "strict_ours"], ["verdict", "strict", "over", "unit"]
-        assert list(row[words]) == list(committed.loc[claim, words]), claim
-        ours, theirs = row[numbers].astype(float), committed.loc[claim, numbers].astype(float)
-        assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-12, equal_nan=True), claim
 
 
 def judged(claim: str, **changes) -> rules.Judgement:
@@ -161,23 +145,6 @@ def test_a_pair_is_confused_where_it_is_among_the_worst_three(rank, verdict):
     assert claim.text.endswith("among the worst three.")
     found = judge.judged(claim, evidence.Evidence(table(rows), VALUES))
     assert found.verdict == verdict and found.ours == pytest.approx(24.0)
-
-
-def test_models_are_paired_by_seed_through_the_reader_of_results(tmp_path):
-    """Three seeds in another order for each model: the interval is that of the differences of the same seed."""
-    levels = {"linear": {0: 9.0, 1: 5.0, 2: 7.0}, "poly": {2: 5.9, 0: 8.0, 1: 3.8}}
-    lines = [
-        f"touch,press,single,{model},{seed},rmse,kPa,{value},10"
-        for model, runs in levels.items()
-        for seed, value in runs.items()
-    ]
-    header = "experiment,protocol,condition,model,seed,metric,unit,value,n"
-    (tmp_path / "scores.csv").write_text("\n".join([header, *lines]) + "\n")
-    results = evidence.Evidence(evidence.read(evidence.of_reports(tmp_path)), VALUES)
-    found = judge.judged(BY_ID["lomp/nonlinear-single"], results)
-    known = stats.ttest_rel([9.0, 5.0, 7.0], [8.0, 3.8, 5.9]).confidence_interval(0.95)
-    assert (found.low, found.high) == pytest.approx(tuple(known)) and found.ours == pytest.approx(1.1)
-    assert found.verdict == REPRODUCED and found.runs == 3  # unpaired, the interval would include 0
 
 
 def test_a_run_without_an_rmse_failed_whatever_else_it_has(tmp_path):

@@ -90,10 +90,8 @@ def test_times_are_of_all_rounds_and_of_the_threads_that_the_table_names(tmp_pat
         clock.now += 1e-3 * next(taken)
 
     values = params.load()
-    values["touch"] |= {
-        "models": {"linear": {}},
-        "latency": {"warm_up": 1, "calls": 6, "rounds": 3, "batches": [1], "threads": 1},
-    }
+    timing = {"warm_up": 1, "calls": 6, "rounds": 3, "batches": [1], "threads": 1}
+    values["touch"] |= {"models": {"linear": {}}, "latency": timing}
     model = SimpleNamespace(predict=watched, streams=False, parameters=lambda: 5, macs=lambda: 6)
     monkeypatch.setattr(paths, "ROOT", tmp_path)
     monkeypatch.setattr(params, "load", lambda: values)

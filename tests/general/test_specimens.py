@@ -101,7 +101,7 @@ def test_every_seed_has_a_specimen_of_its_own_for_training_and_for_demonstration
 
 @pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
 def test_a_stress_test_of_other_specimens_takes_none_that_was_trained_on(values, experiment):
-    """Touch and glove: of any seed. Strain: not the model's own finger, though the model of another seed may know it."""
+    """Touch, glove: of any seed. Strain: not the own finger of the model, though that of another seed may know it."""
     settings, severities = values[experiment], values["stress"][experiment]["perturbations"]["specimen"]
     recordings, logs_of = scenes.plan(experiment, settings)
     trained = {number_of(experiment, one): specimen_of(logs_of, one) for one in recordings}
