@@ -29,11 +29,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PROCESSES, LIMIT_S = 2, 300
 FAILED = 1  # exit status of pytest
 
-SELECTION, SERIES, VERDICTS = (
-    "stages/test_selection.py",
-    "models/test_series_models.py",
-    "claims/test_verdicts.py",
-)
+SELECTION, SERIES, VERDICTS = ("stages/test_selection.py", "models/test_series_models.py", "claims/test_verdicts.py")
 # file of pipeline/ -> functions and constants whose faults are wrong numbers in silence, and tests that should see them
 CHOSEN = {
     "tasks/windows.py": ("fit", SELECTION),

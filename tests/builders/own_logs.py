@@ -12,10 +12,7 @@ BANNER = "tactile array v2 ready"
 # Names of folders that README allows: letters beyond ASCII; what CSV, Markdown, HTML, YAML and formulas of matplotlib
 # give a meaning to; what pandas takes for a missing number, or for a number.
 NAMES = ("$5_{ or $x", "zwei Finger größer", "90°", "double (two fingers)", "a,b", "NA", "001", "-rf #1: {c}")
-NAMES += (
-    "双指 👍",
-    'a|b *c* <d> `e` [f](g.png) "h" \\',
-)
+NAMES += ("双指 👍", 'a|b *c* <d> `e` [f](g.png) "h" \\')
 UNPRINTABLE = ("two\nlines", "\x1b[31mred", os.fsdecode(b"gr\xf6\xdfer"))  # refused
 
 

@@ -15,10 +15,7 @@ SCHEMA = glove.frames_schema(params.load()["glove"])
 
 @pytest.fixture(scope="module")
 def settings():
-    return params.load()["glove"] | {
-        "window": {"stride": 1},
-        "split": {"train": 0.5, "validation": 0.2},
-    }
+    return params.load()["glove"] | {"window": {"stride": 1}, "split": {"train": 0.5, "validation": 0.2}}
 
 
 def write(folder, lines):

@@ -47,9 +47,7 @@ def test_second_day_has_seven_channels_and_no_last_time(tmp_path):
     frames, rejects, _ = read_recording(save(tmp_path, content, "para5_long_n.mat"), SETTINGS)
     assert frames["condition"].unique().to_pylist() == ["day_2"]
     assert not np.isnan(schemas.matrix(frames["v"])).any()
-    assert [tuple(row.values())[:3] for row in rejects.to_pylist()] == [
-        ("para5_long_n.mat", CYCLES * CYCLE, "no time"),
-    ]
+    assert [tuple(row.values())[:3] for row in rejects.to_pylist()] == [("para5_long_n.mat", CYCLES * CYCLE, "no time")]
 
 
 def test_bad_samples_are_rejects_with_their_number(tmp_path):

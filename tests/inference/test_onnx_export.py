@@ -130,10 +130,7 @@ def test_a_stream_cuts_its_state(exported):
 def test_the_file_says_what_goes_in_and_out(exported):
     _, (path, _) = exported("lstm_highpass")
     tensors = described(path)
-    assert list(tensors) == [
-        *("readings", "recent", "h", "c"),
-        *("position_mm", "next_recent", "next_h", "next_c"),
-    ]
+    assert list(tensors) == [*("readings", "recent", "h", "c"), *("position_mm", "next_recent", "next_h", "next_c")]
     assert tensors["readings"]["shape"] == ["n", COLUMNS] and tensors["readings"]["what"].startswith("V: ")
     assert tensors["recent"]["start"] == onnx_network.REPEATED and tensors["h"]["start"] == onnx_network.ZERO
     assert tensors["position_mm"] == {"shape": ["n", 2], "what": "mm, x_mm, y_mm"}

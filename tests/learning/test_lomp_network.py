@@ -34,11 +34,7 @@ def network(spec, hidden=128, readout=(128, 64), neighbours=4, alpha=0.1):
 @pytest.mark.parametrize("neighbours", [4, 8])
 @pytest.mark.parametrize(
     "spec, hidden, readout",
-    [
-        (Spec(8, 5, 5, 20, 20), 128, (128, 64)),
-        (Spec(3, 2, 4, 6, 4), 8, (5,)),
-        (Spec(1, 2, 2, 4, 4), 4, (3,)),
-    ],
+    [(Spec(8, 5, 5, 20, 20), 128, (128, 64)), (Spec(3, 2, 4, 6, 4), 8, (5,)), (Spec(1, 2, 2, 4, 4), 4, (3,))],
     ids=["paper", "oblong", "one frame"],
 )
 def test_outputs_and_all_gradients_equal_a_loop_over_modules(spec, hidden, readout, neighbours):

@@ -278,9 +278,7 @@ def test_loading_from_an_empty_folder_says_what_to_do(make, tmp_path):
 def test_loading_weights_of_other_settings_is_refused(tmp_path):
     regressor().save(tmp_path)
     other = TorchRegressor(
-        lambda: nn.Sequential(nn.Flatten(), nn.Linear(6, 5), nn.Linear(5, 4)),
-        SPEC,
-        WindowTraining(**settings()),
+        lambda: nn.Sequential(nn.Flatten(), nn.Linear(6, 5), nn.Linear(5, 4)), SPEC, WindowTraining(**settings())
     )
     with pytest.raises(InputError, match="other settings"):
         other.load(tmp_path)

@@ -91,11 +91,7 @@ def test_rows_are_typed_and_keep_their_values(tmp_path):
 
 def test_floats_and_spaces(tmp_path):
     content = b"803.5 1637849124.385191\n1e2 1637849124.4\n  1637849125.0\n5 1637849126 \nnan 1637849127.0\n"
-    assert rejects_of(content, tmp_path, SPACED) == [
-        (3, parse.COLUMNS),
-        (4, parse.COLUMNS),
-        (5, parse.NOT_A_NUMBER),
-    ]
+    assert rejects_of(content, tmp_path, SPACED) == [(3, parse.COLUMNS), (4, parse.COLUMNS), (5, parse.NOT_A_NUMBER)]
     rows, _ = read_log(tmp_path / "device.log", SPACED)
     assert rows["reading"].to_pylist() == [803.5, 100.0]
     assert rows["unix_s"].to_pylist() == [1637849124.385191, 1637849124.4]

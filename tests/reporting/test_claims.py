@@ -102,12 +102,7 @@ def test_what_was_tried_stands_where_a_claim_is_not_reproduced():
 
 
 @pytest.mark.parametrize(
-    ("changes", "scale"),
-    [
-        ({}, "laptop"),
-        ({"paper": "touch"}, "paper"),
-        ({"touch.window.stride": 7}, "other"),
-    ],
+    ("changes", "scale"), [({}, "laptop"), ({"paper": "touch"}, "paper"), ({"touch.window.stride": 7}, "other")]
 )
 def test_the_scale_is_that_of_the_settings(changes, scale, tmp_path):
     copy = tmp_path / "params.yaml"

@@ -37,10 +37,7 @@ def recorded(highpass):
 
 @pytest.mark.parametrize(
     ("level", "words"),
-    [
-        (0.95, ["above 0.90 in both", "above 0.85 in both"]),
-        (0.87, ["0.030 below 0.90", "above 0.85 in both"]),
-    ],
+    [(0.95, ["above 0.90 in both", "above 0.85 in both"]), (0.87, ["0.030 below 0.90", "above 0.85 in both"])],
 )
 def test_the_best_model_is_held_against_the_target_and_called_exploratory_where_it_was_chosen(root, level, words):
     settings = {"protocols": {p: {"seeds": [0]} for p in ("within_day_xy", "across_days_xy")}, "models": MODELS}

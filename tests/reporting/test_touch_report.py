@@ -143,12 +143,7 @@ def write_fit(experiment, model, protocol, seed, block):
     folder.mkdir(parents=True)
     epochs = block["training"]["epochs"] if "training" in block else 1
     reason = "closed_form" if epochs == 1 else ("completed" if seed == 0 else "diverged")
-    history = {
-        "epoch": range(1, epochs + 1),
-        "train_loss": 3.0,
-        "validation_loss": 4.0,
-        "learning_rate": 1e-3,
-    }
+    history = {"epoch": range(1, epochs + 1), "train_loss": 3.0, "validation_loss": 4.0, "learning_rate": 1e-3}
     pd.DataFrame(history).to_csv(folder / "history.csv", index=False)
     fit = {
         "stop_reason": reason,
@@ -425,10 +420,7 @@ def test_velostat_report(root, recorded, monkeypatch):
 
 
 def test_velostat_without_recordings_says_why(root, recorded, monkeypatch):
-    report = {
-        "run": False,
-        "reason": "recordings not downloaded; run `tactile fetch velostat_recorded`",
-    }
+    report = {"run": False, "reason": "recordings not downloaded; run `tactile fetch velostat_recorded`"}
     paths.ingest_report("velostat_recorded").parent.mkdir(parents=True)
     paths.ingest_report("velostat_recorded").write_text(json.dumps(report))
     target = run_render("velostat_recorded", recorded, monkeypatch)
@@ -454,12 +446,7 @@ def test_estimate_and_numbers():
     assert interval(found) == "failed (1 of 4 runs); others 2.00 [-0.48, 4.48]"
     assert interval(results.estimate([np.nan, np.inf])) == "failed (2 of 2 runs)"
     assert interval(results.estimate([1.234])) == "1.23"
-    assert (number(1346.86), number(2.5e6), number(-0.001), number(np.nan)) == (
-        "1346.86",
-        "2.50e+06",
-        "0.00",
-        "-",
-    )
+    assert (number(1346.86), number(2.5e6), number(-0.001), number(np.nan)) == ("1346.86", "2.50e+06", "0.00", "-")
 
 
 def test_table_is_aligned_as_raw_text():

@@ -19,10 +19,7 @@ def settings():
 
 def scene(settings, **effects):
     simulate = settings["simulate"]
-    return simulate | {
-        "circuit": simulate["circuit"] | settings["sensor"],
-        "effects": simulate["effects"] | effects,
-    }
+    return simulate | {"circuit": simulate["circuit"] | settings["sensor"], "effects": simulate["effects"] | effects}
 
 
 def still(settings, name, **effects):

@@ -145,11 +145,7 @@ def test_settings_that_cannot_be_are_refused():
     with pytest.raises(InputError, match="there is no split of seed 7"):
         sizes._check_seeds("rightsize.touch.lomp.seeds", [0, 7], [0, 1])
     values = {
-        "touch": {
-            "window": {"frames": 8},
-            "protocols": {"press": {"seeds": [0]}},
-            "models": {"lomp": {"hidden": 128}},
-        },
+        "touch": {"window": {"frames": 8}, "protocols": {"press": {"seeds": [0]}}, "models": {"lomp": {"hidden": 128}}},
         "rightsize": {"touch": {"lomp": {"seeds": [0]}, "window": {"seeds": [0], "sizes": [4, 9]}}},
     }
     with pytest.raises(InputError, match="a window has 8 frames"):
