@@ -3,7 +3,6 @@
 import subprocess
 import sys
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -139,16 +138,6 @@ def test_without_messages_an_element_sees_only_itself():
     assert not change.any()
 
 
-def test_message_reach_grows_with_frames_and_alpha():
-    x = torch.randn(1, 1, 25)
-    other = x.clone()
-    other[:, :, 12] += 1
-    with torch.no_grad():
-        stacked = network(Spec(1, 5, 5, 5, 5), hidden=8, readout=[8])
-        changed = ((stacked(x) - stacked(other)) != 0).view(25).nonzero().flatten().tolist()
-    assert set(changed) <= {7, 11, 12, 13, 17} and 12 in changed and len(changed) > 1
-
-
 @pytest.mark.parametrize(
     "change, named", [({"neighbours": 6}, "neighbours"), ({"spec": Spec(8, 5, 5, 19, 20)}, "19x20")]
 )
@@ -260,20 +249,6 @@ def test_what_is_not_a_number_stays_none():
         stacked.readout[0][8] = 0
     image = lomp_prediction.Prediction(stacked).run(np.zeros((2, 25), np.float32), None)[0]
     assert np.flatnonzero(np.isnan(image)).tolist() == [3]
-
-
-@pytest.mark.slow
-def test_without_a_folder_for_a_cache_a_function_is_compiled_all_the_same(monkeypatch):
-    from numba.core import caching
-
-    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
-    with pytest.raises(RuntimeError):
-        numba.njit(cache=True)(abs_of)
-    assert lomp_prediction.compiled(abs_of)(-2.0) == 2
-
-
-def abs_of(x):
-    return -x if x < 0 else x
 
 
 def test_training_does_not_import_numba():

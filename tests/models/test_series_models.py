@@ -166,14 +166,6 @@ def test_all_models_of_a_table_are_fitted_to_the_same_samples(name, model_zero):
     assert not np.array_equal(*predicted) and np.isfinite(predicted).all()
 
 
-@pytest.mark.parametrize("name", ["constant", "ridge"])
-def test_models_solved_at_once_do_not_depend_on_where_validation_begins(name):
-    data, models = record(), [build(name, spec(2)) for _ in range(2)]
-    for model, share in zip(models, (0.5, 0.9), strict=True):
-        model.fit([data._replace(training=np.arange(400) < share * 400)], seed=0, device="cpu", base=None)
-    assert np.array_equal(*(model.predict(data.x) for model in models))
-
-
 @pytest.mark.parametrize("name", ["esn", "lstm_direct", "lstm_transfer_ridge", "lstm_highpass"])
 def test_inputs_and_outputs_are_scaled_by_the_training_part_alone(name, model_zero):
     data = record()

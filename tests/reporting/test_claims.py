@@ -1,6 +1,5 @@
 """Claims by scale: which verdict stands first, and what stands beside it."""
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -74,31 +73,6 @@ def test_on_own_logs_a_claim_is_of_recorded_data():
     assert judge.on_own_logs(claim, values) == claim and claim.data == "simulated"
     own = judge.on_own_logs(claim, {"touch": {"source": "data/own/mine"}})
     assert (own.id, own.data, own.tried) == (f"{claim.id}/recorded", "recorded", "")
-
-
-@pytest.mark.parametrize(
-    ("numbers", "verdict", "reason", "line"),
-    [
-        ((1.5, -4.85, 7.85, 1.5), "undecided", "why", "1.50 [-4.85, 7.85] kPa (paper: 1.50): undecided (why)."),
-        ((2.0, 2.0, 2.0, np.nan), "reproduced", "", "2.00 [2.00, 2.00] kPa: reproduced."),
-        ((np.nan, np.nan, np.nan, 1.5), "not testable", "nobody knows", "not testable (nobody knows)."),
-    ],
-)  # fmt: skip
-def test_a_claim_is_a_line_with_its_verdict_and_reason(numbers, verdict, reason, line):
-    names = ["ours", "low", "high", "published"]
-    row = dict(zip(names, numbers, strict=True)) | {"claim": "A.", "unit": "kPa", "verdict": verdict, "reason": reason}
-    assert claims.claim_sentence(pd.Series(row)) == f"- A: {line}"
-
-
-def test_what_was_tried_stands_where_a_claim_is_not_reproduced():
-    rows = PRESENT.assign(
-        paper="lomp", claim="A.", section="I", published=1.0, low=0.0, high=2.0, unit="kPa", measured=0
-    )
-    rows = claims.by_scale(rows.assign(strict="", compatible="", reason="why", over="3 seeds"), AT_PAPERS.iloc[:0])
-    text = claims.text(rows, {"lomp/a": "It was turned around.", "lomp/b": "Not shown."})
-    tried = text.split("what was tried where a claim is not reproduced")[1]
-    assert "- **A** (undecided; why)\n\nIt was turned around." in tried and "Not shown." not in text
-    assert tried.count("No reason was looked for.") == 1
 
 
 @pytest.mark.parametrize(

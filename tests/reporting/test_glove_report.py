@@ -18,10 +18,8 @@ from pipeline.base.params import load
 from pipeline.claims import entries, evidence, judge
 from pipeline.datasets import images, schemas
 from pipeline.reporting import glove as glove_report
-from pipeline.reporting import glove_recorded as glove_recorded_report
 from pipeline.reporting import sentences
 from pipeline.reporting.claims import claim_sentence
-from pipeline.reporting.figures import glove as glove_figures
 from pipeline.scoring import claim_inputs, classification, glove_results, published, results
 from pipeline.stages import render
 
@@ -238,23 +236,6 @@ def test_glove_report_is_complete_and_its_tables_are_the_scores(root, settings, 
 
 
 @pytest.mark.slow
-def test_stag_is_drawn_where_there_is_a_file(root, settings, undrawn, monkeypatch):
-    write_glove(settings)
-    levels = {"sp_resnet": np.linspace(0.6, 0.74, 8), "resnet3x3": np.linspace(0.5, 0.64, 8)}
-    low = trained_rows({model: values - 0.3 for model, values in levels.items()}, 1, "mean")
-    rows = pd.concat([trained_rows(levels, 1), low])
-    rows.loc[(rows["model"] == "sp_resnet") & (rows["seed"] == 1), "value"] += 0.002
-    half = student.ppf(0.975, 1) * 0.2 / 2  # of the differences, 10.0 and 10.2 points
-    rows.to_csv(paths.experiment_folder("glove") / "stag.csv", index=False)
-    claim_inputs.rows("glove", settings).to_csv(paths.claim_inputs("glove"), index=False)
-    target = run_render("glove", settings, monkeypatch)
-    assert (target / "accuracy" / "figure15_stag.png").exists()
-    readme = (target / "accuracy" / "README.md").read_text()
-    line = "SP-ResNet is above ResNet_3x3 at every number of input frames, STAG data set"
-    assert f"- {line}: 10.10 [{10.1 - half:.2f}, {10.1 + half:.2f}] points: reproduced (weakest: " in readme
-
-
-@pytest.mark.slow
 def test_a_failed_run_is_shown_as_failed(root, settings, undrawn, monkeypatch):
     write_glove(settings)
     scores = pd.read_csv(paths.scores("glove"))
@@ -305,16 +286,6 @@ def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
 
 
 @pytest.mark.slow
-def test_a_grasp_of_another_object_is_shown_where_there_is_no_phone(root, settings, undrawn, monkeypatch):
-    titles = []
-    monkeypatch.setattr(glove_report, "GRASPED", "telephone")
-    monkeypatch.setattr(glove_figures, "tactile_images", lambda *given: titles.append(given[-1]))
-    write_glove(settings)
-    run_render("glove", settings, monkeypatch)
-    assert titles == ["Figure 10: tactile images, empty bottle, session00"]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("models", [["constant"], ["constant", "tree", "sp_resnet"]])
 def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
     settings["models"] = {model: MODELS[model] for model in models}
@@ -336,34 +307,6 @@ def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
         assert "by session and" in readme and "reproduced." not in readme.split("## Confusions")[0]  # one seed
 
 
-def written_scores(settings, values):
-    """(scores, main protocols); values: (protocol, model) -> fraction a seed, 0.5 where it is not given."""
-    rows = [
-        ("glove", p, images.modality(p), model, seed, metric, "1", values.get((p, model), [0.5, 0.5])[seed], 9)
-        for p, seed in runs(settings)
-        for model in settings["models"]
-        for metric in glove_report.METRICS
-    ]
-    paths.scores("glove").parent.mkdir(parents=True)
-    pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove"), index=False)
-    return results.Scores("glove", settings), glove_results.main_protocols(settings)
-
-
-def test_fusion_and_the_place_of_sp_resnet_are_compared_by_seed(root, settings):
-    values = {
-        ("session_pressure", "sp_resnet"): [0.90, 0.891],
-        ("session_strain", "sp_resnet"): [0.7, 0.8],
-        ("session_combined", "sp_resnet"): [0.95, 0.942],
-        ("session_combined", "resnet18"): [0.97, 0.96],
-    }
-    scores, protocols = written_scores(settings, values)
-    (line,) = glove_report.fusion_sentences(scores, settings, protocols)
-    assert "SP-ResNet 5.05 [4.41, 5.69] (paper: 4.33)" in line and "Naive Bayes 0.00 (paper: -3.69)" in line
-    (line,) = glove_report.place_sentences(scores, settings, protocols["combined"])
-    assert "number 2 of 4 networks" in line and "ResNet-18 1.90 [0.63, 3.17], MobileNet -44.60" in line
-    assert glove_report.place_sentences(scores, settings | {"models": {"sp_resnet": {}}}, protocols["combined"]) == []
-
-
 @pytest.mark.slow
 def test_verdicts_of_the_report_are_those_of_the_claims(root, settings, undrawn, monkeypatch):
     write_glove(settings)
@@ -381,28 +324,6 @@ def test_verdicts_of_the_report_are_those_of_the_claims(root, settings, undrawn,
     }
 
 
-def test_best_order_and_optimism_follow_the_scores(root, settings):
-    levels = {"naive_bayes": 0.9, "tree": 0.3, "resnet18": 0.8, "mobilenet": 0.7, "resnet3x3": 0.6, "sp_resnet": 0.65}
-    values = {("session_strain", model): [level, level + 0.01] for model, level in levels.items()}
-    values |= {("random_frames_strain", model): [level + 0.05] for model, level in levels.items()}
-    values["random_frames_strain", "tree"] = [0.9]
-    scores, protocols = written_scores(settings, values)
-    strain = [
-        line
-        for found in (
-            glove_report.best_sentences(scores, settings, protocols),
-            glove_report.order_sentences(scores, settings, protocols),
-            glove_report.optimism_sentences(scores, settings),
-        )
-        for line in found
-        if "strain" in line.lower()
-    ]
-    best, order, optimism = strain[:3]
-    assert "Naive Bayes is best with 90.50 [81.99, 95.23] %; not told apart from it: ResNet-18" in best
-    assert "Order, strain: Naive Bayes, ResNet-18, MobileNet, SP-ResNet, ResNet_3x3" in order
-    assert "0.00 (SP-ResNet (no GCAM)) to 59.50 points (Decision tree)" in optimism
-
-
 def test_the_yardstick_is_the_ratio_of_wrong_answers(root, settings):
     """Fractions of wrong answers 0.2 and 0.4, whatever the seeds: the ratio is a half."""
 
@@ -414,60 +335,6 @@ def test_the_yardstick_is_the_ratio_of_wrong_answers(root, settings):
     assert sentences.error_ratio(Made(), settings["yardstick"])[:1] == pytest.approx((0.5,))
     printed = [100 - published.precision(model, "combined") for model in ("tree", "naive_bayes")]
     assert settings["yardstick"]["published"] == pytest.approx(printed[0] / printed[1], abs=5e-4)
-
-
-def test_the_best_epochs_and_their_losses_are_medians_over_the_runs():
-    def fit(best_epoch, losses, reason="completed"):
-        history = pd.DataFrame({"epoch": range(1, len(losses) + 1), "validation_loss": losses})
-        return results.Fit(reason, best_epoch, len(losses), 1, history)
-
-    runs = [fit(2, [3.0, 0.5, 0.9]), fit(3, [2.0, 0.9, 0.3]), fit(3, [2.5, 0.9, 0.4])]
-    failed = fit(0, [np.nan], "diverged")
-    lines = glove_report.ending_sentences(
-        {"sp_resnet": {"session_strain": runs[:2], "session_pressure": [runs[2], failed]}, "tree": {"any": [failed]}}
-    )
-    assert lines == [
-        "- Training of SP-ResNet, 3 runs of 3 epochs: best epoch 3 (median; 2 to 3), with a validation loss of 0.40 "
-        "(after one epoch 2.50)."
-    ]
-
-
-def confusions(confused, images_each=50):
-    """Two runs of three datasets; confused: dataset -> (one, other) -> images of `one` that are named `other`."""
-    found = {}
-    for dataset in images.MODALITIES:
-        counts = np.diag([images_each] * len(OBJECTS))
-        for (one, other), number in confused.get(dataset, {}).items():
-            i, j = OBJECTS.index(one), OBJECTS.index(other)
-            counts[i, i] -= number
-            counts[i, j] += number
-        found[dataset] = np.array([counts, counts])
-    return found
-
-
-def test_pairs_are_found_by_name_in_both_directions():
-    strain = {("full_bottle_1", "full_bottle_2"): 10, ("mobile_phone", "toy"): 3, ("toy", "empty_bottle"): 2}
-    strain |= {("mobile_phone", "paper_roll"): 2, ("full_bottle_2", "empty_bottle"): 1}
-    counts = confusions({"pressure": {("toy", "paper_roll"): 20, ("paper_roll", "toy"): 5}, "strain": strain})
-    (paper,) = glove_report.pair_sentences(counts, OBJECTS, "pressure", ("paper_roll", "toy"))
-    assert "`paper_roll` is named `toy` in 10.00 % of its images" in paper
-    assert "`toy` `paper_roll` in 40.00 %. Combined: 0.00 % of both." in paper
-    lines = glove_report.confused_sentences(counts, OBJECTS)
-    assert lines[0].endswith("name): `paper_roll` and `toy` 25.00 %.")
-    assert "`full_bottle_1` and `full_bottle_2` 10.00 %, `mobile_phone` and `toy` 3.00 %, " in lines[1]
-    assert lines[2].endswith("no pair.")
-    renamed = ["a", *OBJECTS[1:]]
-    assert glove_report.pair_sentences(counts, renamed, "strain", ("empty_bottle", "toy")) == []
-
-
-def test_the_lead_is_said_at_every_number_of_frames():
-    table = trained_rows({"sp_resnet": [0.7, 0.8, 0.8], "resnet3x3": [0.6, 0.7, 0.75]}, 1)
-    low = trained_rows({"sp_resnet": [0.5, 0.5], "resnet3x3": [0.3, 0.4]}, 1, "mean")
-    line, mean = glove_report.frames_sentences("combined", pd.concat([low, table]))
-    assert "1 to 3 input frames, one network trained on all frames, combined: SP-ResNet 70.50 [64.15, 76.85] to" in line
-    assert "1 to 2 input frames, mean prediction of a one-frame network, combined: SP-ResNet 50.50" in mean
-    assert "(points): 1: 10.00, 2: 10.00, 3: 5.00." in line
-    assert glove_report.frames_sentences("STAG", table.iloc[:0]) == []
 
 
 def test_figure_15_has_both_forms_and_networks_of_several_frames_begin_with_one(root, settings):
@@ -533,41 +400,6 @@ def test_recorded_report(root, recorded, monkeypatch):
     assert text.count("| SP-ResNet  ") == 2 and "(`time`), 1 seed" in text
     table = pd.read_csv(target / "accuracy" / "table.csv")
     assert len(table) == 6 * len(MODELS) * 2 and "published" not in table
-
-
-@pytest.mark.parametrize(
-    ("pressure", "combined", "words"),
-    [
-        ((0.80, 0.802), (0.95, 0.96), ["75 % is reached (", "Pressure adds 5.00 points."]),
-        ((0.70, 0.702), (0.85, 0.86), ["missed by 4.9 points (", "Pressure adds -5.00 points."]),
-        (
-            (0.70, 0.90),
-            (0.90, 0.96),
-            ["reached in the mean; the interval includes it", "Pressure adds 2.50 [-29.27, 34.27] points."],
-        ),
-    ],
-)
-def test_recorded_verdicts(root, recorded, pressure, combined, words):
-    levels = {"grasp_pressure": pressure, "grasp_strain": (0.90, 0.91), "grasp_combined": combined}
-    rows = [
-        ("glove_recorded", p, images.modality(p), model, seed, metric, "1",
-         levels.get(p, (0.5, 0.5))[seed] if model == "sp_resnet" else 0.3, 9)
-        for p, seed in runs(recorded)
-        for model in MODELS
-        for metric in glove_report.METRICS
-    ]  # fmt: skip
-    paths.scores("glove_recorded").parent.mkdir(parents=True)
-    pd.DataFrame(rows, columns=COLUMNS).to_csv(paths.scores("glove_recorded"), index=False)
-    scores = results.Scores("glove_recorded", recorded)
-    best = glove_recorded_report.best_networks(scores, recorded)
-    assert set(best.values()) == {"sp_resnet"}
-    (alone,) = glove_recorded_report.pressure_sentences(scores, best, "grasp")
-    (fusion,) = glove_recorded_report.fusion_sentences(scores, best, "grasp")
-    assert words[0] in alone and words[1] in fusion
-    write_probe(0.625)
-    reached, leak = glove_recorded_report.leak_sentences(scores, best, "grasp", glove_recorded_report.read_probe())
-    assert f"missed by {98 - 50 * sum(combined):.1f} points" in reached
-    assert "all 98.0 %; still 62.5 %" in leak
 
 
 def test_published_tables_are_read():

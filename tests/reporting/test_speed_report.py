@@ -105,19 +105,6 @@ def test_table_holds_what_was_measured(measured):
     assert found["training_front"].to_numpy().reshape(2, 3).tolist() == [[0, 1, 0], [1, 1, 0]]
 
 
-def test_text_says_failed_and_names_the_fronts(measured):
-    settings, scores, latency = measured
-    text = speed_report.speed_text(speed_report.speed_table(scores, settings, latency, PANELS, WRONG), 7, "A note.")
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
-    (cnn,) = [row for row in rows if row[0] == "CNN"]
-    assert cnn[1] == cnn[2] == "failed (1 of 2 runs); others 10.00" and cnn[-2:] == ["no", "no"]
-    (tree,) = [row for row in rows if row[0] == "Decision tree"]
-    assert tree[3:6] == ["1.000 [0.950, 1.050] / 9.000", "1,000", "3.0 / 11.0"]
-    assert tree[7] == "not counted" and tree[-1] == "all"
-    assert "Training (s): session strain / session pressure" in rows[0] and "A note." in text
-    assert "- Training time, strain: Decision tree (3 s, 40.00).\n" in text
-
-
 @pytest.mark.parametrize(
     ("spoilt", "words"), [("time", "tree has no p50_ms"), ("training", "tree has no train_s .* session_pressure")]
 )
@@ -230,9 +217,3 @@ def test_models_without_an_interval_are_named_apart(tmp_path, monkeypatch):
     frame, boxes = ax.get_window_extent(), [text.get_window_extent() for text in ax.texts]
     assert all(frame.x0 <= box.x0 and box.x1 <= frame.x1 for box in boxes)
     assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
-
-
-def test_all_models_failed(tmp_path, monkeypatch):
-    models = {model: (time, np.nan, np.nan, np.nan, 0, 1, 10) for model, time in TIMES.items()}
-    (ax,) = drawn(drawable({"single": models}), tmp_path, monkeypatch).axes
-    assert len(ax.texts) == len(TIMES) and all("(1 of 1 run)" in text.get_text() for text in ax.texts)

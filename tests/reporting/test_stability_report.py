@@ -8,7 +8,6 @@ import pytest
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.reporting.figures import style
 from pipeline.reporting.verdicts import stability as stability_verdicts
 from pipeline.reporting.verdicts.stability import FAILED, HOLDS, level
 from pipeline.scoring.results import Estimate
@@ -152,30 +151,6 @@ def test_the_report_says_who_fails_where(root):
     heat_maps = {"touch_press_single_heat_map.png", "touch_press_several_heat_map.png"}
     assert pictures == {"touch_press_single.png", "touch_press_double.png"} | heat_maps
     assert all(name in text for name in pictures)
-
-
-@pytest.mark.slow
-def test_the_report_is_the_same_in_every_run(root):
-    def content():
-        render_stability.main()
-        return {path.name: path.read_bytes() for path in (paths.REPORTS / "stability").iterdir()}
-
-    assert content() == content()
-
-
-@pytest.mark.slow
-def test_a_failed_run_is_named(root, monkeypatch):
-    legends = []
-    monkeypatch.setattr(style, "save", lambda figure, path: legends.extend(own.get_texts() for own in figure.legends))
-    table = pd.read_csv(paths.stress("touch"))
-    table.loc[(table.model == "linear") & (table.seed == 1), "value"] = np.nan
-    table.to_csv(paths.stress("touch"), index=False)
-    render_stability.main()
-    assert "Failed in training, not judged: Linear." in (paths.REPORTS / "stability" / "README.md").read_text()
-    assert legends
-    for legend in legends:
-        names = [text.get_text() for text in legend]
-        assert "Linear: failed (1 of 2 runs)" in names and "LoMP" in names
 
 
 def test_a_missing_row_is_refused(root):

@@ -243,37 +243,6 @@ def test_touch_report_is_complete_and_repeats_byte_for_byte(root, settings, monk
     assert not any(row[0] == "Constant (mean)" and len(row) == 5 for row in rows)  # the paper has no time of it
 
 
-@pytest.mark.parametrize(
-    ("levels", "verdict"),
-    [
-        ({"lomp": 1.0, "cnn": 2.0}, "reproduced (weakest: LoMP below CNN)"),
-        ({"lomp": 3.0, "cnn": 2.0}, "contradicted (7 of 8 hold; contradicted: LoMP below CNN)"),
-        ({"lomp": np.nan}, "not testable (failed runs: LoMP (press, double), 1 of 2)"),
-    ],
-)
-@pytest.mark.slow
-def test_the_report_has_the_verdict_of_the_claims_on_double_touch(
-    root, settings, undrawn, monkeypatch, levels, verdict
-):
-    """The committed models, most of which this file's reports leave out."""
-    settings["models"] = load()["touch"]["models"]
-    write_touch(settings)
-
-    def changed(scores):
-        for model, level in levels.items():
-            runs_of = (scores["model"] == model) & (scores["condition"] == "double") & (scores["metric"] == "rmse")
-            scores.loc[runs_of & (scores["seed"] == 0), "value"] = level
-            scores.loc[runs_of & (scores["seed"] == 1), "value"] = 1.001 * level if np.isfinite(level) else 5.0
-        others = ~scores["model"].isin(list(levels)) & (scores["condition"] == "double")
-        scores.loc[others & (scores["metric"] == "rmse"), "value"] = 9.0
-        return scores
-
-    change_scores("touch", changed)
-    readme = (run_render("touch", settings, monkeypatch) / "accuracy" / "README.md").read_text()
-    (line,) = [line for line in readme.splitlines() if line.startswith("- LoMP, fitted to single touches alone")]
-    assert line.endswith(f": {verdict}.")
-
-
 @pytest.mark.slow
 def test_a_failed_run_is_shown_as_failed_everywhere(root, settings, undrawn, monkeypatch):
     write_touch(settings)
@@ -464,18 +433,3 @@ def test_render_needs_neither_torch_nor_scikit_learn():
     root = paths.ROOT
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_the_streaming_model_is_beside_the_papers_models_not_among_them():
-    def estimate(mean: float, failed: int = 0) -> results.Estimate:
-        return results.Estimate(mean=mean, low=mean - 0.1, high=mean + 0.1, runs=3, failed=failed)
-
-    found = {"lomp": estimate(6.0), "lomp_stream": estimate(5.0), "cnn": estimate(9.0)}
-    sentence = touch_report.double_sentence(found)
-    assert (
-        "LoMP has 6.00 [5.90, 6.10] kPa, the best other model of the paper, CNN, 9.00 [8.90, 9.10] kPa, 1.50"
-        in sentence
-    )
-    failed = found | {"lomp_stream": estimate(np.nan, failed=3)}
-    both = touch_report.stream_sentence({"single": found, "double": failed})
-    assert "single touch 5.00 [4.90, 5.10] kPa (0.83 times LoMP's); double touch failed" in both
