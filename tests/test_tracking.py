@@ -219,19 +219,6 @@ def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(tracked, monke
         track.track(PARAMS)
 
 
-def test_conditions_of_any_name_are_logged_apart(tracked):
-    former = change(paths.scores("touch"), "condition", "two fingers (90°)::größer")
-    (new,) = new_runs()
-    assert new.data.metrics["two fingers _90____größer.rmse"] == 8.5
-    table = pd.read_csv(paths.scores("touch"))
-    alike = table[:1].assign(condition="two fingers [90°]::größer")
-    pd.concat([table, alike]).to_csv(paths.scores("touch"), index=False)
-    with pytest.raises(InputError, match="scores.csv: two rows for the same condition and metric"):
-        track.track(PARAMS)
-    paths.scores("touch").write_text(former)
-    track.track(PARAMS)
-
-
 def test_a_run_of_an_unknown_id_is_one_sentence(tracked, tmp_path):
     with pytest.raises(InputError, match="^0{32}: no such run in MLflow"):
         packages.locate("0" * 32, PARAMS, tmp_path / "draft")
@@ -297,11 +284,3 @@ def test_a_locked_or_damaged_store_is_one_sentence(tracked, monkeypatch, tmp_pat
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'damaged.db'}")
     with pytest.raises(InputError, match="cannot be used .*not a database.*move a damaged file away"):
         track.track(PARAMS)
-
-
-def test_runs_of_a_copy_that_dvc_made_go_to_the_checkout(tracked, monkeypatch, tmp_path):
-    """DVC_ROOT is also set where a stage of another project starts this one."""
-    monkeypatch.setenv("DVC_ROOT", str(tmp_path))
-    assert mlflow_store.folder() == tracked / "mlruns"
-    monkeypatch.setattr(paths, "ROOT", tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx")
-    assert mlflow_store.folder() == tmp_path / "mlruns"

@@ -140,11 +140,6 @@ def test_every_network_is_searched(values):
         rates.main(argparse.Namespace(experiment="touch"))
 
 
-def test_without_a_dataset_the_command_that_makes_it_is_named(values):
-    with pytest.raises(InputError, match="python -m pipeline.stages.dataset touch"):
-        rates.main(argparse.Namespace(experiment="touch"))
-
-
 def test_places_of_the_grid():
     assert [rates.rate(place) for place in (-10, -9, -8, -7, -6, 0)] == [5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 1.0]
     assert [rates.place_of(rates.rate(place)) for place in range(-20, 4)] == list(range(-20, 4))

@@ -162,6 +162,7 @@ def test_what_onnx_cannot_hold_is_refused(key, tmp_path):
     model = predictor.load(save(key, tmp_path))
     with pytest.raises(InputError, match=f"{key}: cannot be written as ONNX, only networks and regressions can"):
         onnx_export.export(model, tmp_path)
+    assert onnx_export.faster(model, tmp_path) is model
 
 
 def test_readings_are_from_the_range_of_the_training(tmp_path):
@@ -220,12 +221,6 @@ def test_regressions_of_scikit_learn_predict_the_same(key, tmp_path):
     np.testing.assert_allclose(onnx.predict(windows).reshape(9, -1), maps, rtol=1e-5, atol=1e-5)
 
 
-@pytest.mark.parametrize("key", REFUSED)
-def test_what_onnx_cannot_hold_stays_as_it_is(key, tmp_path):
-    model = predictor.load(save(key, tmp_path))
-    assert onnx_export.faster(model, tmp_path) is model
-
-
 def exporting(model: Path, folder: Path, **chosen) -> None:
     """Run the command."""
     command.main(argparse.Namespace(**{"model": str(model), "folder": folder, "onnx": False} | chosen))
@@ -252,14 +247,3 @@ def test_a_refused_export_leaves_nothing(tmp_path):
     with pytest.raises(InputError, match="cannot be written as ONNX"):
         exporting(source, tmp_path / "package", onnx=True)
     assert [path.name for path in tmp_path.iterdir()] == ["source"]
-
-
-@pytest.mark.slow
-def test_the_command_writes_the_network(tmp_path, capsys):
-    source = tmp_path / "source"
-    source.mkdir()
-    save("lstm_direct", source)
-    exporting(source, tmp_path / "package", onnx=True)
-    names = sorted(path.name for path in (tmp_path / "package").iterdir())
-    assert names == ["card.json", "model.onnx", "network.safetensors"]
-    assert "model.onnx: 0.0" in capsys.readouterr().out

@@ -33,14 +33,6 @@ def test_a_median_within_the_recorded_range_is_inside():
     assert twins.summarised("touch", on_the_end)["inside"].tolist() == [True]
 
 
-def test_what_is_out_of_range_is_said_with_what_is_done():
-    table = twins.summarised("touch", made(LIKE | UNLIKE, note="The film is thinner."))
-    text = twins.readme({"touch": table})
-    assert "1 of 2 simulated values lie in the recorded range" in text
-    assert "- Loop: The film is thinner." in text and "- Noise: The film" not in text
-    assert text.count("**no**") == 1
-
-
 @pytest.mark.parametrize(
     ("source", "reason"), [("simulated", "The recordings were not fetched"), ("recorded", "The data are your own logs")]
 )
