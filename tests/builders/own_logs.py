@@ -187,6 +187,7 @@ def few_channels(folder: Path, objects=("bottle", "pen", "none"), sessions=4, fr
         for session in range(sessions):
             force = np.clip(closing * grip * rng.uniform(0.8, 1.0, 5), 0, 1023).round()
             angle = closing * attitude + rng.normal(0, 6, 5) + rng.normal(0, 1, (frames, 5))
+            assert not force[0].any() and force[-1].any() == (name != "none")
             _scanned(folder / name / f"day{session}", np.hstack([force, angle]), "%.1f")
 
 

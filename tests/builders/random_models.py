@@ -78,6 +78,7 @@ def randomise(network: torch.nn.Module, spec: Spec) -> None:
         for weights in network.parameters():
             if not weights.any():
                 weights.copy_(0.3 * torch.randn(weights.shape, generator=draw))
+        assert all(weights.any() for weights in network.parameters())
         normalising = [layer for layer in network.modules() if isinstance(layer, torch.nn.BatchNorm2d)]
         for layer in normalising:
             layer.momentum = 1.0

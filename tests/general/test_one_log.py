@@ -17,7 +17,7 @@ from pipeline.live.session import Session
 from pipeline.live.source import Lines, line_format
 
 ORDER = [3, 0, 4, 1, 5, 2]  # printed column of each element
-LOST = (304, 505, 506, 507)  # lines that are not in the log: one is filled, three are a gap
+LOST = (304, 505, 506)  # lines that are not in the log: one is filled, two are a gap
 SAME = 1e-3  # of the largest prediction: one reading is predicted with weights of 16 bits, many with float32
 WINDOW = (live_models.FRAMES - 1) * live_models.STEP  # readings before the first one that ends a window
 GAPS = [0, 303, 503]  # readings before which one is missing

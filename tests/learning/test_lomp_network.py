@@ -168,7 +168,6 @@ def largest_difference(ours: np.ndarray, exact: torch.Tensor) -> float:
     return float(np.abs(ours - exact.numpy()).max() / exact.abs().max())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("spec, settings", SHAPES.values(), ids=SHAPES)
 def test_a_row_in_compiled_code_is_a_row_of_a_batch(spec, settings):
     stacked = network(spec, **settings)
@@ -186,7 +185,6 @@ def test_a_row_in_compiled_code_is_a_row_of_a_batch(spec, settings):
             assert largest_difference(went_on, after[:, k]) < 5e-4
 
 
-@pytest.mark.slow
 def test_a_state_goes_from_rows_to_batches_and_back():
     model = lomp_stream.build(Spec(2, 2, 3, 4, 6), hidden=10, readout=[6], neighbours=4, alpha=0.5, training=TRAINING)
     x = np.random.default_rng(0).uniform(-2, 2, (12, 6)).astype(np.float32)
@@ -211,7 +209,6 @@ def test_a_state_goes_from_rows_to_batches_and_back():
     np.testing.assert_allclose(maps(mixed), exact, atol=1e-4 * np.abs(exact).max())
 
 
-@pytest.mark.slow
 def test_a_row_is_predicted_with_the_weights_of_now(tmp_path):
     spec, rng = Spec(3, 2, 4, 6, 4), np.random.default_rng(0)
     model = lomp.build(spec, hidden=8, readout=[16, 8], neighbours=8, alpha=0.3, training=TRAINING)
@@ -229,7 +226,6 @@ def test_a_row_is_predicted_with_the_weights_of_now(tmp_path):
     np.testing.assert_array_equal(model.predict(x[:1]), alone[:1])
 
 
-@pytest.mark.slow
 def test_what_is_not_a_number_stays_none():
     spec = Spec(2, 5, 5, 5, 5)
     stacked = network(spec, hidden=8, readout=[8])
