@@ -175,26 +175,6 @@ def test_readings_are_from_the_range_of_the_training(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("key", ["cnn", "lstm_transfer", "lstm_highpass", "esn"])
-def test_a_package_with_onnx_predicts_in_onnx_runtime(key, tmp_path):
-    torch_alone = predictor.load(save(key, tmp_path))
-    onnx_export.export(torch_alone, tmp_path)
-    model = predictor.load(tmp_path)
-    assert torch_alone.onnx is None and model.onnx is not None
-    columns = model.card.inputs.columns
-    readings = np.random.default_rng(5).uniform(1.5, 2.5, (11, columns)) * (80 if key == "cnn" else 1)
-    by_torch, by_reading = torch_alone.predict(readings), np.stack([model.step(reading) for reading in readings])
-    if key != "cnn":  # a frame every second reading: two streams
-        by_torch = np.stack([torch_alone.step(reading) for reading in readings])
-    model.reset()
-    again = np.stack([model.step(reading) for reading in readings])
-    np.testing.assert_allclose(by_reading, by_torch, rtol=1e-4, atol=1e-3)
-    np.testing.assert_array_equal(by_reading, again)
-    np.testing.assert_allclose(model.predict(readings), torch_alone.predict(readings), rtol=1e-4, atol=1e-3)
-    assert onnx_export.faster(model, tmp_path) is model
-
-
-@pytest.mark.slow
 def test_lomp_stays_in_the_faster_code_of_this_project(tmp_path):
     model = predictor.load(save("lomp_stream", tmp_path))
     assert onnx_export.faster(model, tmp_path) is model

@@ -275,17 +275,6 @@ def test_a_missing_row_is_named(root, settings, undrawn, monkeypatch, change, na
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "missing", ["stag.csv", "augmentation.csv", "input_frames.csv", "predictions/resnet3x3.parquet"]
-)
-def test_a_missing_file_is_named(root, settings, undrawn, monkeypatch, missing):
-    write_glove(settings)
-    (paths.experiment_folder("glove") / missing).unlink()
-    with pytest.raises(InputError, match=f"data/glove/{missing}: not found"):
-        run_render("glove", settings, monkeypatch)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("models", [["constant"], ["constant", "tree", "sp_resnet"]])
 def test_models_can_be_left_out(root, settings, undrawn, monkeypatch, models):
     settings["models"] = {model: MODELS[model] for model in models}

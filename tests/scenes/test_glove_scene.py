@@ -177,16 +177,6 @@ def test_every_object_and_session_gives_a_log_of_the_documented_format(settings,
     assert frames.num_rows + rejects.num_rows >= 9
 
 
-def test_another_glove_has_other_gains_and_other_grasps(settings):
-    quiet = scene(settings, session=False, wander=False, noise=False, line_faults=False)
-    names = "specimen0-session00", "specimen0-session01", "specimen1-session00"
-    once, again, other = (glove.logs_of(glove.Recording("can", name), quiet)["scanner.log"][0][0] for name in names)
-    assert once == again != other
-    moved = scene(settings, element_spread=False, noise=False, line_faults=False)
-    grasps = [glove.logs_of(glove.Recording("can", name), moved)["scanner.log"][0][0] for name in names]
-    assert len(set(grasps)) == 3
-
-
 def test_frames_of_a_session_are_more_alike_than_sessions(settings):
     block = scene(settings, line_faults=False)
     block = block | {"sessions": 4, "frames_per_object": 40}

@@ -18,15 +18,6 @@ def test_no_two_models_of_an_experiment_look_alike(experiment):
         assert len(set(found)) == len(found), f"{experiment}: a {part} twice in {found}"
 
 
-@pytest.mark.parametrize("title", ["", "A title that is a good deal wider than the one panel that stands below it"])
-def test_a_figure_is_as_wide_as_its_title(title, tmp_path):
-    figure, _ = plt.subplots(figsize=(3, 3))
-    figure.suptitle(title)
-    style.save(figure, tmp_path / "figure.png")
-    width = plt.imread(tmp_path / "figure.png").shape[1]
-    assert width == 3 * style.DPI if not title else width > 4.5 * style.DPI
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Glyph")  # the font has no Chinese letters
 @pytest.mark.parametrize("name", [*own_logs.NAMES, "$x^2$", r"a\$b$", r"$\frac{1}{2}$"], ids=ascii)

@@ -229,14 +229,6 @@ def test_an_experiment_that_was_not_run_says_so(reports):
         sections.build(params.load())
 
 
-@pytest.mark.slow
-def test_a_missing_part_of_the_stability_report_is_an_error(reports):
-    text = (reports / "stability" / "README.md").read_text()
-    (reports / "stability" / "README.md").write_text(text.replace("## Glove: all", "## Recorded grasps: all"))
-    with pytest.raises(InputError, match="nothing about glove;"):
-        sections.build(params.load())
-
-
 def test_a_link_to_nothing_is_an_error(reports):
     with open(reports / "touch" / "accuracy" / "README.md", "a") as file:
         file.write("\n[More](more.md)\n")
