@@ -69,7 +69,7 @@ CHOSEN = {
     "scoring/metrics.py": ("touch series overall unless_failed", "scoring/test_metrics.py learning/test_trained.py"),
     "scoring/classification.py": ("scores", "scoring/test_classification.py"),
     "scoring/frame_sets.py": ("drawn_sets", "studies/test_input_frames.py"),
-    "scoring/results.py": ("estimate", "reporting/test_touch_report.py"),
+    "scoring/results.py": ("estimate", "reporting/test_touch_report.py scoring/test_results.py"),
     "reporting/verdicts/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
     "reporting/verdicts/physics.py": ("_change", "reporting/verdicts/test_physics_verdicts.py"),
     "reporting/verdicts/stability.py": ("relative verdict", "reporting/test_stability_report.py"),

@@ -78,11 +78,6 @@ class Words(tuple):
         return all(OPEN.fullmatch(part) or tuple.__contains__(self, part) for part in word.split("|"))
 
 
-def file_of(name: str) -> Path:
-    """Return the file of the module `pipeline.<name>`."""
-    return ROOT.joinpath("pipeline", *name.split(".")).with_suffix(".py")
-
-
 @cache
 def parser_of(name: str) -> argparse.ArgumentParser | None:
     """Return the parser of a module that can be run, or None; its arguments may be words that stand for others."""

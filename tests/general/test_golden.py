@@ -157,3 +157,20 @@ AWAITED["index.html"] = tuple({fault for found in AWAITED.values() for fault in 
 def test_no_text_has_a_placeholder_or_broken_grammar(path):
     found = faults(path.read_text(encoding="utf-8"))
     assert {fault for fault, _ in found} <= set(AWAITED.get(relative(path), ())), found
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("The difference spreads by - points.", True),
+        ("about not counted seeds would be needed", True),
+        ("split by session, 1 seeds", True),
+        ("all 2 models stay usable", True),
+        ("has the smallest images classified incorrectly", True),
+        ("an interval of [nan, nan] kPa", True),
+        ("| LoMP | not counted | - | 21 seeds, 1.1 points, failed (1 of 1 runs) | `nan` | banana |", False),
+        ("<td>not counted</td><td>-</td>", False),
+    ],
+)
+def test_what_a_placeholder_is(text, wrong):
+    assert bool(faults(text)) == wrong

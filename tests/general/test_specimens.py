@@ -31,7 +31,6 @@ def test_a_specimen_has_chances_of_its_own():
     assert specimens.drawn(scene, 2) == {"seed": 9, "specimen": 5, "specimens": 4}
 
 
-VALUES = params.load()
 SCALES = {"laptop": {}, "paper": params.parsed(paths.SCALES / "paper.yaml")}
 SMALL = {
     "touch": {"single": {"points_per_side": 1, "depths": 1}, "double": {"recordings": 1, "presses_per_recording": 2}},
