@@ -79,7 +79,6 @@ CHOSEN = {
     "live/session.py": ("_is_predicted", ONE_LOG),
     "inference/timing.py": ("most_filled between", ONE_LOG),
     "scenes/touch_stress.py": ("plan", SPECIMENS),
-    "scenes/strain_stress.py": ("changed", SPECIMENS),
     "stages/metrics.py": ("of_experiment of_claims", "general/test_golden.py"),
     "claims/rules.py": ("above near within order TOLERANCE BAND", VERDICTS),
     "claims/expressions.py": ("evaluate _value", VERDICTS),
