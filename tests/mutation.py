@@ -29,11 +29,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PROCESSES, LIMIT_S = 2, 300
 FAILED = 1  # exit status of pytest
 
-SELECTION, SERIES, VERDICTS = (
-    "stages/test_selection.py",
-    "models/test_series_models.py",
-    "claims/test_verdicts.py",
-)
+SELECTION, SERIES, VERDICTS = "stages/test_selection.py", "models/test_series_models.py", "claims/test_verdicts.py"
+PAIRING, ONE_LOG, SPECIMENS = (f"general/test_{name}.py" for name in ("pairing", "one_log", "specimens"))
 # file of pipeline/ -> functions and constants whose faults are wrong numbers in silence, and tests that should see them
 CHOSEN = {
     "tasks/windows.py": ("fit", SELECTION),
@@ -47,7 +44,7 @@ CHOSEN = {
     "studies/joint_angles.py": ("probe", "experiments/test_glove_recorded.py"),
     "stability/changed_scene.py": ("_windows_scores _images_scores", SELECTION),
     "stability/perturbations.py": ("noise", "stability/test_perturbations.py"),
-    "learning/training.py": ("run_epochs rate_at", "learning/test_training.py models/test_contract.py"),
+    "learning/training.py": ("run_epochs rate_at", "learning/test_training.py general/test_contract_of_models.py"),
     "learning/regressors.py": ("fit update zero_linear _of_an_epoch", "learning/test_regressors.py"),
     "learning/image_classifier.py": ("augmented train_on", "learning/test_image_classifier.py"),
     "learning/series_regressors.py": ("fit __init__", SERIES),
@@ -65,17 +62,24 @@ CHOSEN = {
     "datasets/labels.py": ("pressure_maps", "datasets/test_labels.py"),
     "datasets/windowing.py": ("window_rows windows_table", "datasets/test_windowing.py"),
     "datasets/images.py": ("normalised", "experiments/test_glove.py"),
-    "datasets/specimens.py": ("drawn", "reporting/verdicts/test_physics_verdicts.py"),
+    "datasets/specimens.py": ("drawn of_seed number", SPECIMENS),
     "scenes/readout.py": ("column_voltage", "scenes/test_touch_scene.py"),
     "stages/ingest.py": ("_write_frames", "stages/test_touch_ingest.py"),
-    "stages/latency.py": ("prediction_times training_seconds main", "stages/test_latency.py"),
+    "stages/latency.py": ("prediction_times training_seconds main", "general/test_latency.py"),
     "scoring/metrics.py": ("touch series overall unless_failed", "scoring/test_metrics.py learning/test_trained.py"),
     "scoring/classification.py": ("scores", "scoring/test_classification.py"),
     "scoring/frame_sets.py": ("drawn_sets", "studies/test_input_frames.py"),
-    "scoring/results.py": ("estimate", "reporting/test_touch_report.py"),
-    "reporting/verdicts/sizes.py": ("verdict", "studies/test_sizes.py"),
+    "scoring/results.py": ("estimate", "reporting/test_touch_report.py scoring/test_results.py"),
+    "reporting/verdicts/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
     "reporting/verdicts/physics.py": ("_change", "reporting/verdicts/test_physics_verdicts.py"),
     "reporting/verdicts/stability.py": ("relative verdict", "reporting/test_stability_report.py"),
+    "scoring/glove_results.py": ("gain", PAIRING),
+    "scoring/ablation.py": ("paired", PAIRING),
+    "models/rnn.py": ("forward", "general/test_time_order.py"),
+    "live/session.py": ("_is_predicted", ONE_LOG),
+    "inference/timing.py": ("most_filled between", ONE_LOG),
+    "scenes/touch_stress.py": ("plan", SPECIMENS),
+    "stages/metrics.py": ("of_experiment of_claims", "general/test_golden.py"),
     "claims/rules.py": ("above near within order TOLERANCE BAND", VERDICTS),
     "claims/expressions.py": ("evaluate _value", VERDICTS),
 }

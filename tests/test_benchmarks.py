@@ -164,11 +164,7 @@ def test_stages_of_a_repro_have_their_core_seconds():
     )
     assert out.getvalue() == printed
     table = repro_stages.rows(samples, cores=2)
-    assert table == [
-        (repro_stages.BEFORE, 0.1, 4.0, 8.0),
-        ("settings", 0.5, 56.0, 4.0),
-        ("train@cnn", 0.5, 15.0, 45.0),
-    ]
+    assert table == [(repro_stages.BEFORE, 0.1, 4.0, 8.0), ("settings", 0.5, 56.0, 4.0), ("train@cnn", 0.5, 15.0, 45.0)]
     assert repro_stages.idle_share(table, cores=2) == pytest.approx(57 / 132)
 
 

@@ -325,12 +325,7 @@ def held_to_its_promise(content: bytes, fmt: parse.Format, path: Path, pieces: i
 
 @pytest.mark.parametrize("name", FORMATS)
 @fuzz(100, len(FORMATS))
-@given(
-    damages=DAMAGE,
-    header=st.booleans(),
-    long=st.booleans(),
-    pieces=st.sampled_from([1, 2, 7]),
-)
+@given(damages=DAMAGE, header=st.booleans(), long=st.booleans(), pieces=st.sampled_from([1, 2, 7]))
 def test_every_line_of_a_damaged_log_is_accounted_for(name, damages, header, long, pieces, tmp_path):
     fmt = FORMATS[name]
     lines = valid_lines(fmt, (8 if name == "glove scanner" else 130) if long else 4)
@@ -586,12 +581,7 @@ def read_stag(path: Path) -> None:
 
 
 MATLAB = {
-    "strain_recorded": (
-        read_strain_recorded,
-        "para5_long.mat",
-        strain_workspaces.workspace,
-        strain_recorded.VARIABLES,
-    ),
+    "strain_recorded": (read_strain_recorded, "para5_long.mat", strain_workspaces.workspace, strain_recorded.VARIABLES),
     "stag": (read_stag, "metadata.mat", stag_metadata.metadata, stag.VARIABLES),
 }
 

@@ -173,11 +173,6 @@ def numbers(change):
 
 MISTAKES = {  # the files of which every whole line is edited, how, and what check says first
     "array of another size": ("array.log", numbers(lambda v: v[:5]), r"5 values per line.*touch\.sensor\.rows"),
-    "no time": (
-        "array.log",
-        lambda lines: [line.partition(",")[2] or line for line in lines],
-        "6 values per line and no time before them; begin each line with t_us",
-    ),
     "rows from the top": (
         "array.log",
         numbers(lambda v: [*v[3:], *v[:3]]),
@@ -190,7 +185,6 @@ MISTAKES = {  # the files of which every whole line is edited, how, and what che
         numbers(lambda v: [float(one) / 10 for one in v]),
         "of an array of 30 x 20: write .* milli",
     ),
-    "pull for push": ("load_cell.log", numbers(lambda v: [-float(v[0])]), "makes fz_n negative; write it positive"),
     "not tared": ("load_cell.log", numbers(lambda v: [float(v[0]) + 3]), "rests at 3 N, above .* subtract what"),
     "kilonewtons": (
         "load_cell.log",
@@ -207,30 +201,13 @@ MISTAKES = {  # the files of which every whole line is edited, how, and what che
         numbers(lambda v: [float(v[0]) * 30]),
         "kPa under the tip .* newtons .* or fix the radius",
     ),
-    "height for depth": (
-        "cnc.log",
-        numbers(lambda v: [*v[:2], -float(v[2]) - 0.5]),
-        "z_mm seems to rise when pressed; write it negative",
-    ),
     "depth for height": ("cnc.log", numbers(lambda v: [*v[:2], -float(v[2])]), "z_mm is never below 0"),
     "milliseconds": (
         "array.log",
         lambda lines: [",".join([line[: line.find(",") - 3], *line.split(",")[1:]]) for line in lines if "," in line],
         "is the first column the time in microseconds.* Multiply milliseconds by 1000",
     ),
-    "12 bits": (
-        "array.log",
-        numbers(lambda v: [4 * int(one) for one in v]),
-        r"line \d+ .* set touch\.ingest\.highest_count",
-    ),
-    "falling counts": (
-        "array.log",
-        numbers(lambda v: [1023 - int(one) for one in v]),
-        "fall when pressed; write 1023 minus",
-    ),
     "started late": ("load_cell.log", lambda lines: lines[1500:], "load_cell.log lasts 2. s, .* start within 5 s"),
-    "no depth": ("cnc.log", numbers(lambda v: v[:2]), "3 columns per line; expected 4: t_us,x_mm,y_mm,z_mm"),
-    "empty log": ("cnc.log", lambda lines: [], "no line can be read|file is empty"),
 }
 
 

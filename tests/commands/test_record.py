@@ -92,15 +92,6 @@ def test_ctrl_c_loses_nothing_and_waits_for_the_line_that_is_arriving(device, st
 
 
 @pytest.mark.slow
-def test_a_partial_last_line_is_kept_as_it_came(device, start, tmp_path):
-    process = start()
-    device.print(b"1,2,3\n4,5")
-    until(lambda: (tmp_path / "new" / "log").read_bytes() == b"1,2,3\n")  # only whole lines meanwhile
-    assert "1 lines" in ended(process)
-    assert (tmp_path / "new" / "log").read_bytes() == b"1,2,3\n4,5"
-
-
-@pytest.mark.slow
 def test_device_vanishes_and_comes_back(device, start, tmp_path):
     process, log = start(), tmp_path / "new" / "log"
     first, second = numbered(0, 100), numbered(100, 200)
@@ -298,29 +289,6 @@ def test_a_wrong_baud_rate_gets_a_word(device, start, tmp_path, data, words):
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=WAIT_S)
     assert (words in said and "--baud" in said) if words else "baud" not in said, said
-
-
-@pytest.mark.slow
-def test_a_terminal_sees_lines_per_second(device, tmp_path):
-    shown, program_end = os.openpty()
-    command = [
-        sys.executable,
-        "-m",
-        "pipeline.commands.command_line",
-        "record",
-        str(device.path),
-        str(tmp_path / "log"),
-    ]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=program_end)
-    seen = b""
-    try:
-        while b"a second" not in seen:
-            seen += os.read(shown, 1000)
-            device.print(b"1,2\n")
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(WAIT_S)
-    assert b"log " in seen and b" lines, " in seen
 
 
 @pytest.mark.parametrize(

@@ -161,20 +161,6 @@ def test_a_run_that_failed_in_training_has_no_value(workspace, project):
 
 
 @pytest.mark.slow
-def test_an_unknown_name_gets_a_hint(workspace, project):
-    values = small()
-    values["stress"]["touch"]["perturbations"] = {"nois": [0.1]}
-    project(values)
-    with pytest.raises(InputError, match="stress.touch.perturbations: unknown key 'nois'; did you mean 'noise'"):
-        stress.main(workspace)
-    values = small()
-    values["stress"]["touch"]["protocols"] = ["pres"]
-    project(values)
-    with pytest.raises(InputError, match="stress.touch.protocols: unknown key 'pres'; did you mean 'press'"):
-        stress.main(workspace)
-
-
-@pytest.mark.slow
 def test_recordings_that_are_absent_leave_a_header(workspace, project, monkeypatch):
     project(small())
     monkeypatch.setattr(sys, "argv", ["stress", "velostat_recorded"])
