@@ -247,10 +247,3 @@ def test_a_right_command_is_let_pass(text):
 @pytest.mark.parametrize("experiment", VALUES["experiments"])
 def test_the_command_that_trains_the_models_can_be_given(experiment):
     assert not list(wrong_commands(params.training_command(experiment), False))
-
-
-def test_a_group_of_stages_is_a_target_for_dvc():
-    with Repo(str(ROOT)) as repo:
-        assert {stage.name for stage in repo.stage.collect("evaluate")} == {
-            f"evaluate@{experiment}" for experiment in VALUES["experiments"]
-        }

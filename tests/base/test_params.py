@@ -5,7 +5,6 @@ import ast
 import copy
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -301,41 +300,6 @@ def test_a_stage_fails_where_params_yaml_changed_while_it_ran(after, code, tmp_p
     done = subprocess.run(command, cwd=ROOT, env=os.environ | {"DVC_STAGE": "s"}, capture_output=True, text=True)
     assert done.returncode == code, done.stderr
     assert code == 0 or done.stderr.startswith("error: params.yaml changed while this ran; run `dvc repro` again")
-
-
-@pytest.mark.slow
-def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
-    """A key with shell code, or one that leads elsewhere: refused by the stage that comes to it, nothing removed."""
-    for part in ("pipeline", "dvc.yaml", "params", "params.yaml"):
-        source = ROOT / part
-        copy_of = shutil.copytree if source.is_dir() else shutil.copy
-        copy_of(source, tmp_path / part)
-    evil = "$(touch PWNED)/../linear"
-    removing = "x/../../../../victim"
-    block = {evil: {}, "$(touch PWNED)/": {"": {"/linear": {}}}, removing: {}, "constant": {}}
-    values = altered("touch", "models", value=block)
-    (tmp_path / "params" / "touch.yaml").write_text(yaml.safe_dump({"touch": values["touch"]}))
-    (tmp_path / "data" / "touch").mkdir(parents=True)
-    (tmp_path / "data" / "touch" / "dataset.parquet").write_text("as if it were made")
-    (tmp_path / "victim").mkdir()
-    environment = os.environ | {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": str(tmp_path),
-        "DVC_NO_ANALYTICS": "1",
-        "DVC_SITE_CACHE_DIR": str(tmp_path / "site"),
-    }
-
-    def dvc(*arguments: str) -> str:
-        command = [sys.executable, "-m", "dvc", *arguments]
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-        return done.stdout + done.stderr
-
-    dvc("init", "--no-scm", "--quiet")
-    for target in (["train@touch"], ["--single-item", "train@touch"], []):
-        said = dvc("repro", *target)
-        assert "there is no pipeline/models/" in said and len(re.findall("Running stage", said)) == 1, said
-    assert (tmp_path / "victim").is_dir()
-    assert not list(tmp_path.rglob("PWNED"))
 
 
 def test_no_stage_hands_a_value_of_params_yaml_to_the_shell():

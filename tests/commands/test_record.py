@@ -16,9 +16,6 @@ from builders.project import ROOT
 
 from pipeline.base.errors import InputError
 from pipeline.commands import record
-from pipeline.experiments import touch
-from pipeline.logs import parse
-from pipeline.logs.report import log_report
 
 
 @pytest.fixture
@@ -106,17 +103,6 @@ def test_device_vanishes_and_comes_back(device, start, tmp_path):
     until(lambda: log.read_bytes().endswith(second))
     assert "201 lines" in ended(process)
     assert log.read_bytes() == first + b"77,torn\n" + second
-
-
-@pytest.mark.slow
-def test_ctrl_c_while_the_device_is_away(device, start, tmp_path):
-    process = start()
-    device.print(b"1,2\n")
-    until(lambda: (tmp_path / "new" / "log").read_bytes() == b"1,2\n")
-    device.unplug()
-    assert "gone" in process.stderr.readline()
-    assert "1 lines" in ended(process)
-    assert (tmp_path / "new" / "log").read_bytes() == b"1,2\n"
 
 
 @pytest.mark.slow
@@ -240,25 +226,6 @@ def test_two_ports_are_stamped_by_one_clock(device, second, start, tmp_path):
     # The two lines of each round came within it, and the rounds 20 ms and more apart.
     assert all(abs(cell[k] - array[2 * k]) < 1e6 * WAIT_S for k in range(5))
     assert all(later - earlier > 15_000 for earlier, later in zip(cell, cell[1:], strict=False))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("hz", [100, 1000])
-def test_the_rate_of_lines_that_come_in_packets_is_the_devices(device, start, tmp_path, hz):
-    process, log, sent = start("--stamp", device.path, tmp_path / "log"), tmp_path / "log", 0
-    began = time.monotonic()
-    for packet in range(1, 1 + round(4 / 0.016)):
-        time.sleep(max(0, began + 0.016 * packet - time.monotonic()))
-        due = int((time.monotonic() - began) * hz)
-        device.print(b"".join(b"0.%d\n" % k for k in range(sent, due)))
-        sent = due
-    until(lambda: len(lines_of(log)) == sent)
-    lasted = time.monotonic() - began
-    ended(process)
-    rows, rejects = parse.read_log(log, touch.LOAD_CELL)
-    report = log_report(sent, rejects, rows["t_us"].to_numpy() / 1e6, rows["segment"].to_numpy())
-    assert rejects.num_rows == 0 and report["rate_hz"] == pytest.approx(sent / lasted, rel=0.01)
-    assert report["rate_hz"] == pytest.approx(hz, rel=0.01)
 
 
 @pytest.mark.slow
