@@ -284,13 +284,7 @@ def test_a_log_is_refused_early_if_and_only_if_it_would_be_at_its_end(start, goo
 
 
 LINES = 1_000_000
-FLOODS = {  # a stuck logger, line after line, behind a good one
-    "the same line": (b"20000,1,2\n", 1),
-    "two lines in turn": (b"40000,1,2\n60000,1,2\n", 2),
-    "out of range": (b"20000,1,5000\n", 1),
-    "empty lines": (b"\n", 1),
-    "every other line torn": (None, 2),
-}
+FLOODS = {"the same line": (b"20000,1,2\n", 1), "every other line torn": (None, 2)}  # behind a good one
 
 
 def flood(path: Path, name: str | None) -> Path:
@@ -335,10 +329,7 @@ def clean(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "limit"),
-    [(name, limit) for name in FLOODS for limit in (0.02, 1.0) if (name, limit) != ("two lines in turn", 1.0)],  # 8 s
-)
+@pytest.mark.parametrize(("name", "limit"), [("the same line", 0.02), ("every other line torn", 1.0)])
 def test_a_flood_of_rejects_costs_about_what_a_clean_log_does(name, limit, clean, tmp_path):
     """It cost up to five times the memory and fifty times the time. No more than 2 times on an idle machine."""
     mb, seconds = peak_and_time(flood(tmp_path / "device.log", name), limit)

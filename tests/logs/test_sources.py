@@ -1,8 +1,6 @@
 """Named sources: the pinned list, the copy from a folder, and the refusal of wrong files."""
 
-import errno
 import hashlib
-import os
 import re
 import sys
 import threading
@@ -190,15 +188,6 @@ def test_failed_download_is_one_sentence(workspace, server, monkeypatch):
         fetch.fetch(workspace, "velostat_recorded")
 
 
-def test_a_full_disk_is_no_failed_download(workspace, server, monkeypatch):
-    def full(path, *arguments):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-
-    monkeypatch.setattr(type(sources.folder(workspace, "velostat_recorded")), "open", full)
-    with pytest.raises(OSError, match="No space left"):
-        fetch.fetch(workspace, "velostat_recorded")
-
-
 def test_the_list_has_size_licence_and_state(workspace, server, monkeypatch):
     def line(name: str) -> str:
         return next(line for line in fetch.listing(workspace).splitlines() if line.startswith(name))
@@ -212,12 +201,6 @@ def test_the_list_has_size_licence_and_state(workspace, server, monkeypatch):
     assert " partly: 1 of 2 files, 1 wrong " in line("velostat_recorded")
     for source in sources.SOURCES.values():
         assert f"github.com/{source.repository}/tree/{source.commit}" in fetch.listing(workspace)
-
-
-def test_progress_is_one_line_where_there_is_no_terminal(workspace, small, capsys):
-    fetch.fetch(workspace, "velostat_recorded", small)
-    said = capsys.readouterr()
-    assert said.out == "" and said.err.count("\n") == 1 and "velostat_recorded:" in said.err
 
 
 def test_command_line(monkeypatch, capsys):

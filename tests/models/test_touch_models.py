@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from builders.project import ROOT
 
 from pipeline import models
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec
 
@@ -16,19 +18,7 @@ def training(**changes):
     return dict(learning_rate=1e-3, batch_size=16, epochs=1, rest_share=1.0) | changes
 
 
-PAPER_SETTINGS = {
-    "constant": {},
-    "linear": {},
-    "poly": dict(degree=2, ridge=1.0),
-    "poly_powers": dict(degree=2, ridge=1.0),
-    "tree": dict(min_samples_leaf=5, max_features=1.0),
-    "rbf": dict(centres=500, width=2.0, ridge=1e-3),
-    "rnn": dict(layers=2, hidden=128, training=training()),
-    "cnn": dict(channels=[32, 64, 64], hidden=[256, 256], training=training()),
-    "convlstm": dict(filters=32, training=training()),
-    "vgg": dict(channels=[64, 128, 256, 512, 512], training=training(learning_rate=1e-4)),
-    "lomp": dict(hidden=128, readout=[128, 64], neighbours=4, alpha=0.1, training=training()),
-}
+PAPER_SETTINGS = params.load(ROOT / "params.yaml")["touch"]["models"]
 SMALL_SETTINGS = {
     "constant": {},
     "linear": {},
