@@ -279,7 +279,7 @@ def test_missing_rows_and_other_settings_are_named(workspace, tracked):
 
 @pytest.mark.parametrize(
     "uri",
-    ["http://me:s3cret@127.0.0.1:9", "http://127.0.0.1:9/?token=s3cret", "postgresql://me:s3cret@127.0.0.1:9/runs"],
+    ["http://me:s3cret@127.0.0.1:9", "postgresql://me:s3cret@127.0.0.1:9/runs"],
 )
 def test_an_unreachable_store_is_one_sentence_without_secrets(workspace, tracked, uri, monkeypatch, capfd, caplog):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)

@@ -128,9 +128,9 @@ def test_a_network_of_several_frames_is_fitted_on_training_chosen_by_validation_
     """Who learned the right names is wrong where the names are exchanged; in the validation, learns nothing."""
 
     def accuracy(wrong):
-        x, y, session, part = grasps(sessions=10)
+        x, y, session, part = grasps(sessions=6)
         y[part == wrong] = y[part == wrong][:, ::-1]
-        place = single(epochs=8, batch_size=4), 2, x, y, session, part
+        place = single(epochs=4, batch_size=4), 2, x, y, session, part
         (name, _, value, _), _ = joined_frames.scores(*place, seed=0, device="cpu", progress=None)
         assert name == "accuracy"
         return value
