@@ -23,16 +23,13 @@ from typing import NamedTuple
 
 from tqdm import tqdm
 
-ROOT = Path(__file__).resolve().parent.parent
-LIMIT_S = 300
+ROOT, LIMIT_S = Path(__file__).resolve().parent.parent, 300
 
 SELECTION, SERIES, VERDICTS = "stages/test_selection.py", "models/test_series_models.py", "claims/test_verdicts.py"
 PAIRING, ONE_LOG, SPECIMENS = (f"general/test_{name}.py" for name in ("pairing", "one_log", "specimens"))
 # file of pipeline/ -> functions and constants whose faults are wrong numbers in silence, and tests that should see them
 CHOSEN = {
-    "tasks/windows.py": ("fit", SELECTION),
-    "tasks/images.py": ("fit", SELECTION),
-    "tasks/series.py": ("fit", SELECTION),
+    **{f"tasks/{kind}.py": ("fit", SELECTION) for kind in ("windows", "images", "series")},
     "studies/augmentation.py": ("train_run", SELECTION),
     "studies/sizes.py": ("touch_run glove_run", SELECTION),
     "studies/stag.py": ("parts train_run", f"{SELECTION} logs/test_stag.py"),
@@ -68,14 +65,13 @@ CHOSEN = {
     "scoring/frame_sets.py": ("drawn_sets", "studies/test_input_frames.py"),
     "scoring/results.py": ("estimate", "scoring/test_results.py"),
     "reporting/verdicts/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
-    "reporting/verdicts/physics.py": ("_change", "reporting/verdicts/test_physics_verdicts.py"),
-    "reporting/verdicts/stability.py": ("relative verdict", "reporting/test_stability_report.py"),
+    "reporting/verdicts/physics.py": ("_change", PAIRING),
     "scoring/glove_results.py": ("gain", PAIRING),
     "scoring/ablation.py": ("paired", PAIRING),
     "models/rnn.py": ("forward", "general/test_time_order.py"),
     "live/session.py": ("_is_predicted", ONE_LOG),
     "inference/timing.py": ("most_filled between", ONE_LOG),
-    "scenes/touch_stress.py": ("plan", SPECIMENS),
+    "scenes/touch_stress.py": ("plan", f"{SPECIMENS} stability/test_stress_windows.py"),
     "stages/metrics.py": ("of_experiment of_claims", "general/test_golden.py"),
     "claims/rules.py": ("above near within order TOLERANCE BAND", VERDICTS),
     "claims/expressions.py": ("evaluate _value", VERDICTS),
@@ -167,8 +163,7 @@ def fail(folder: Path, tests: str) -> bool:
         code = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=LIMIT_S).returncode
     except subprocess.TimeoutExpired:
         return True
-    if code < 0:
-        raise RuntimeError(f"{tests}: pytest was killed by signal {-code}, which says nothing of a mutant")
+    assert code >= 0, f"{tests}: pytest was killed by signal {-code}, which says nothing of a mutant"
     return code != 0
 
 
@@ -181,8 +176,7 @@ def main() -> int:
     given = parser.parse_args()
     made, survivors = [], 0
     for file, (names, tests) in CHOSEN.items():
-        asked = [name for name in names.split() if not given.names or {name, file} & set(given.names)]
-        made += mutants(file, asked, tests)
+        made += mutants(file, [one for one in names.split() if not given.names or {one, file} & {*given.names}], tests)
     if given.sample and len(made) > given.sample:
         made = random.Random(given.seed).sample(made, given.sample)
     with tempfile.TemporaryDirectory() as place:

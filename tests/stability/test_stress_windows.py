@@ -219,6 +219,7 @@ def test_unchanged_double_recordings_are_the_experiments_own(settings, specimen)
 @pytest.mark.parametrize("condition", ["double", "single_anew"])
 def test_one_thing_changes_at_a_time(settings, condition):
     plain, logs = first(settings, condition, "unchanged", 0)
+    assert len(plain.touches) == (2 if condition == "double" else 1)
     harder, _ = first(settings, condition, "peak_pressure", 0.5)
     np.testing.assert_allclose(harder.touches[0].force_n, 1.5 * plain.touches[0].force_n)
     assert np.array_equal(harder.touches[0].x_mm, plain.touches[0].x_mm)
