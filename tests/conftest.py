@@ -71,7 +71,7 @@ def miniature(miniature_under_way) -> Project:
 
 
 @pytest.fixture(scope="session")
-def recordings(workspace, tmp_path_factory):
+def recordings(tmp_path_factory):
     """Return `recordings(source)`: the folder of a source's recordings, laid out as `fetch` does it; or skip the test.
 
     Recordings are looked for where `fetch` puts them, and in <TACTILE_RECORDINGS>/<source>, there also side by side
@@ -80,7 +80,7 @@ def recordings(workspace, tmp_path_factory):
 
     def find(name: str) -> Path:
         listed, elsewhere = sources.files(name), os.environ.get("TACTILE_RECORDINGS")
-        for folder in [sources.folder(workspace, name), *([Path(elsewhere) / name] if elsewhere else [])]:
+        for folder in [sources.folder(Workspace(ROOT), name), *([Path(elsewhere) / name] if elsewhere else [])]:
             places = {path: (folder / path, folder / Path(path).name) for path in listed}
             present = {path: next(filter(Path.is_file, two), None) for path, two in places.items()}
             if not any(present.values()):

@@ -90,35 +90,8 @@ def one_sentence(error: InputError) -> str:
 
 # Damage. A file is a list of lines with their ends; every damage takes it, a place and a random number.
 
-ODD = [
-    b"nan",
-    b"-inf",
-    b"1e400",
-    b"1e-400",
-    b"9" * 30,
-    b"-0",
-    b"0x10",
-    b"+5",
-    b"1_000",
-    b"",
-    b" ",
-    b"1e5",
-    b"\xef\xbc\x95",
-]
-ODD += [
-    b"5.",
-    b".5",
-    b"--1",
-    b"1.2.3",
-    b"TRUE",
-    b"null",
-    b'"7"',
-    b"\x00",
-    b"7" * 70_000,
-    b"0" * 40 + b"7",
-    b"-1",
-    b"32768",
-]
+ODD = b"nan -inf 1e400 1e-400 -0 0x10 +5 1_000 1e5 \xef\xbc\x95 5. .5 --1 1.2.3 TRUE null -1 32768".split(b" ")
+ODD += [b"9" * 30, b"", b" ", b'"7"', b"\x00", b"7" * 70_000, b"0" * 40 + b"7"]
 
 
 def field(lines, at, number, change, separator):
@@ -209,19 +182,11 @@ def damage(lines: list[bytes], how: str, at: int, number: int, noise: bytes, sep
             raise AssertionError(how)
 
 
-HOW = ["noise line", "noise inside", "torn", "torn and glued", "doubled", "lost", "late", "columns swapped"]
-HOW += [
-    "columns of all swapped",
-    "unit",
-    "unit of all",
-    "odd number",
-    "clock back",
-    "clock ahead",
-    "reset",
-    "CRLF",
-    "CR",
-]
-HOW += ["no last line end", "byte order mark", "UTF-16", "long line", "empty lines", "end"]
+HOW = "noise line,noise inside,torn,torn and glued,doubled,lost,late,columns swapped,columns of all swapped,unit".split(
+    ","
+)
+HOW += "unit,unit of all,odd number,clock back,clock ahead,reset,CRLF,CR,no last line end,byte order mark".split(",")
+HOW += ["UTF-16", "long line", "empty lines", "end"]
 DAMAGE = st.lists(
     st.tuples(st.sampled_from(HOW), st.integers(0, 400), st.integers(0, 9999), st.binary(max_size=8)), max_size=6
 )
@@ -325,12 +290,7 @@ def held_to_its_promise(content: bytes, fmt: parse.Format, path: Path, pieces: i
 
 @pytest.mark.parametrize("name", FORMATS)
 @fuzz(100, len(FORMATS))
-@given(
-    damages=DAMAGE,
-    header=st.booleans(),
-    long=st.booleans(),
-    pieces=st.sampled_from([1, 2, 7]),
-)
+@given(damages=DAMAGE, header=st.booleans(), long=st.booleans(), pieces=st.sampled_from([1, 2, 7]))
 def test_every_line_of_a_damaged_log_is_accounted_for(name, damages, header, long, pieces, tmp_path):
     fmt = FORMATS[name]
     lines = valid_lines(fmt, (8 if name == "glove scanner" else 130) if long else 4)
@@ -586,12 +546,7 @@ def read_stag(path: Path) -> None:
 
 
 MATLAB = {
-    "strain_recorded": (
-        read_strain_recorded,
-        "para5_long.mat",
-        strain_workspaces.workspace,
-        strain_recorded.VARIABLES,
-    ),
+    "strain_recorded": (read_strain_recorded, "para5_long.mat", strain_workspaces.workspace, strain_recorded.VARIABLES),
     "stag": (read_stag, "metadata.mat", stag_metadata.metadata, stag.VARIABLES),
 }
 
@@ -680,24 +635,8 @@ def test_a_damaged_params_file_is_one_sentence_or_read(damages, changes, tmp_pat
             assert one_sentence(error).startswith("params.yaml")
 
 
-VALUES = [
-    None,
-    True,
-    -1,
-    0,
-    1.5,
-    float("nan"),
-    float("inf"),
-    10**400,
-    "",
-    "five",
-    "1e-3",
-    [],
-    [1, [2]],
-    [{}],
-    {},
-    {"a": 1},
-]
+VALUES = [None, True, -1, 0, 1.5, float("nan"), float("inf"), 10**400, "", "five", "1e-3"]
+VALUES += [[], [1, [2]], [{}], {}, {"a": 1}]
 VALUES += [{1: 2}, {None: 1}, [None], ["a", "a"], b"bytes", "x" * 100_000, [0] * 100_000]
 
 

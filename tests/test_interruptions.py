@@ -3,15 +3,12 @@
 import errno
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
-import textwrap
 import time
 from pathlib import Path
 
-import pyarrow as pa
 import pytest
 import yaml
 from builders.project import ROOT
@@ -19,7 +16,6 @@ from builders.project import ROOT
 from pipeline.base import errors
 from pipeline.base.errors import InputError
 from pipeline.commands import fetch
-from pipeline.datasets import schemas
 from pipeline.logs import sources
 
 # Runs stages one after the other, each in a fork in which no file can grow beyond its limit, as on a full disk.
@@ -98,57 +94,6 @@ def disk(folder: Path, options: str) -> Path:
     return folder
 
 
-@pytest.fixture
-def small_disk(tmp_path):
-    folder = disk(tmp_path / "disk", "size=256k")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
-
-
-SCHEMA = pa.schema({"x": pa.binary()})
-
-
-def table(size: int) -> pa.Table:
-    return pa.table({"x": [os.urandom(size)]}, SCHEMA)
-
-
-def write_as_a_stage(path: Path, size: int) -> str:
-    """What a stage that writes a table prints before it ends."""
-    with pytest.raises(SystemExit) as end:
-        errors.run_stage(lambda: schemas.write(path, SCHEMA, [table(size)]), path)
-    assert isinstance(end.value.code, str) and "\n" not in end.value.code  # status 1
-    return end.value.code
-
-
-@pytest.mark.slow
-def test_a_disk_that_fills_up_keeps_the_old_table(small_disk):
-    path = small_disk / "frames.parquet"
-    schemas.write(path, SCHEMA, [table(1000)])
-    before = path.read_bytes()
-    message = write_as_a_stage(path, 1 << 20)
-    assert message.startswith("error: ") and "No space left on device; free or unlock the disk" in message
-    assert path.read_bytes() == before
-
-
-@pytest.mark.slow
-def test_a_read_only_disk_is_named(small_disk):
-    path = small_disk / "frames.parquet"
-    schemas.write(path, SCHEMA, [table(1000)])
-    before = path.read_bytes()
-    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
-    assert "Read-only file system" in write_as_a_stage(path, 1000)
-    assert path.read_bytes() == before
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_locked_folder_is_named(tmp_path):
-    tmp_path.chmod(0o555)
-    try:
-        assert "Permission denied" in write_as_a_stage(tmp_path / "frames.parquet", 1000)
-    finally:
-        tmp_path.chmod(0o755)
-
-
 @pytest.mark.parametrize(
     ("error", "sentence"),
     [
@@ -214,64 +159,7 @@ def alive(pid: int) -> bool:
 # Two at once.
 
 
-@pytest.fixture
-def one_stage(tmp_path):
-    """A project of one stage that goes on once there is a file `go`, and the environment of a DVC of its own."""
-    stage = """
-        import os, time
-        open("started", "w").close()
-        while not os.path.exists("go"):
-            time.sleep(0.05)
-        open("out", "w").write("done")
-    """
-    (tmp_path / "slow.py").write_text(textwrap.dedent(stage))
-    (tmp_path / "dvc.yaml").write_text("stages: {slow: {cmd: python slow.py, deps: [slow.py], outs: [out]}}\n")
-    environment = os.environ | {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "DVC_NO_ANALYTICS": "1",
-        **{f"DVC_{name}_DIR": str(tmp_path / name) for name in ("GLOBAL_CONFIG", "SYSTEM_CONFIG", "SITE_CACHE")},
-    }
-    dvc = {"cwd": tmp_path, "env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    subprocess.run([sys.executable, "-m", "dvc", "init", "--no-scm", "--quiet"], check=True, **dvc)
-    return tmp_path, dvc
-
-
-@pytest.mark.slow
-def test_a_second_repro_says_why_it_does_not_start_and_harms_nothing(one_stage):
-    folder, dvc = one_stage
-    first = subprocess.Popen([sys.executable, "-m", "dvc", "repro"], **dvc)
-    deadline = time.monotonic() + 60
-    while not (folder / "started").exists():
-        assert time.monotonic() < deadline and first.poll() is None
-        time.sleep(0.05)
-    second = subprocess.run([sys.executable, "-m", "dvc", "repro"], timeout=100, **dvc)
-    (folder / "go").touch()
-    printed = first.communicate()[0]
-    assert first.returncode == 0, printed
-    assert (folder / "out").read_text() == "done"
-    assert second.returncode != 0
-    assert "is busy" in second.stdout or "Unable to acquire lock" in second.stdout, second.stdout
-    third = subprocess.run([sys.executable, "-m", "dvc", "repro"], **dvc)
-    assert third.returncode == 0 and "didn't change" in third.stdout
-
-
 # What a full disk leaves of DVC's own files.
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [0, 4096])
-def test_the_documented_recovery_from_a_cut_rwlock(one_stage, size):
-    folder, dvc = one_stage
-    (folder / "go").touch()
-    whole = {"read": {f"data/file{n}": [{"pid": 1, "cmd": "repro"}] for n in range(200)}, "write": {}}
-    (folder / ".dvc" / "tmp" / "rwlock").write_text(json.dumps(whole)[:size])
-    repro = [sys.executable, "-m", "dvc", "repro"]
-    refused = subprocess.run(repro, **dvc)
-    assert refused.returncode != 0 and "Unable to read RWLock-file '.dvc/tmp/rwlock'" in refused.stdout
-    (command,) = set(re.findall(r"`(rm [^`]*rwlock)`", (ROOT / "docs" / "own_sensor.md").read_text()))
-    subprocess.run(command, shell=True, check=True, **dvc)
-    again = subprocess.run(repro, **dvc)
-    assert again.returncode == 0 and (folder / "out").read_text() == "done", again.stdout
 
 
 def test_a_full_disk_says_what_it_does_to_dvc():

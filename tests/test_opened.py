@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from builders.project import ROOT, Project, noting_opened
+from builders.project import ROOT
 from opened.sitecustomize import NATIVE
 
 # Python's own files are imported (test_architecture.py), settings are watched by their keys, and what stages write is
@@ -78,69 +78,22 @@ def test_dvc_knows_what_every_stage_opens(miniature):
     assert not found, yaml.safe_dump(found)
 
 
-STAGE = """
-import os, subprocess, sys
-from pathlib import Path
-import numpy as np
-import pyarrow.parquet
-from safetensors.torch import load_file
-
-Path("data/declared.csv").read_text()
-Path("data/known/a.csv").read_bytes()
-os.listdir("data/known")
-if sys.argv[1:] != ["child"]:
-    Path("data/by_python.csv").read_text()
-    np.load("data/by_numpy.npy")
-    pyarrow.parquet.read_table("data/by_pyarrow.parquet")
-    load_file("data/by_safetensors.safetensors")
-    list(Path("data/listed").glob("*"))
-    Path("data/draft.csv.unfinished").write_text("")
-    os.rename("data/draft.csv.unfinished", "data/other.csv")
-    Path("data/touch/ingest.json").read_text()
-    subprocess.run([sys.executable, __file__, "child"], check=True)
-    with pyarrow.parquet.ParquetWriter("data/out.parquet.unfinished", pyarrow.schema([])):
-        pass
-    os.rename("data/out.parquet.unfinished", "data/out.parquet")
-else:
-    open("data/by_child.csv").close()
-"""
+SEEN = {  # of a stage that runs at miniature scale: a Parquet file, and weights that a compiled reader opens
+    "train@touch": {("read", "data/touch/dataset.parquet")},
+    "evaluate@strain": {("read", "data/strain/models/lstm_direct/task_0-0/network.safetensors")},
+    "ingest@touch": {("list", "data/touch/logs"), ("write", "data/touch/frames.parquet.unfinished")},
+}
 
 
-@pytest.mark.slow
-def test_what_a_stage_opens_is_noted(tmp_path):
-    import numpy as np
-    import pyarrow.parquet
-    import torch
-    from safetensors.torch import save_file
-
-    project = Project(tmp_path)
-    data = project.folder / "data"
-    for name in ("declared.csv", "by_python.csv", "by_child.csv", "known/a.csv", "listed/b.csv", "touch/ingest.json"):
-        (data / name).parent.mkdir(exist_ok=True)
-        (data / name).write_text("{}")
-    np.save(data / "by_numpy.npy", np.zeros(1))
-    pyarrow.parquet.write_table(pyarrow.table({"a": [1]}), data / "by_pyarrow.parquet")
-    save_file({"a": torch.zeros(1)}, data / "by_safetensors.safetensors")
-    (project.folder / "stage.py").write_text(STAGE)
-    deps, outs = ["data/declared.csv", "data/known", "stage.py"], ["data/out.parquet"]
-    stage = {"cmd": "python stage.py", "deps": deps, "outs": outs}
-    (project.folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": {"one": stage}}))
-    project.environment = noting_opened(project)
-    project.dvc("repro")
-    assert locked(project.folder) == {"one": (deps, outs)}
-    opened = notes(tmp_path / "opened", "one")
-    assert undeclared(project.folder, opened, deps, outs) == [
-        "list data/listed",
-        "read data/by_child.csv",
-        "read data/by_numpy.npy",
-        "read data/by_pyarrow.parquet",
-        "read data/by_python.csv",
-        "read data/by_safetensors.safetensors",
-        "read data/touch/ingest.json",
-        "write data/draft.csv.unfinished",
-        "write data/other.csv",
-    ]
-    assert ("write", "data/out.parquet.unfinished") in opened
+@pytest.mark.parametrize("stage", SEEN)
+def test_what_a_stage_opens_is_noted(miniature, stage):
+    opened = notes(miniature.folder.parent / "opened", stage)
+    assert SEEN[stage] <= opened
+    deps, outs = locked(miniature.folder)[stage]
+    wanted = [f"{how} {path}" for how, path in sorted(SEEN[stage]) if how != "write"]
+    assert undeclared(miniature.folder, SEEN[stage], [], outs) == wanted and not undeclared(
+        miniature.folder, SEEN[stage], deps, outs
+    )
 
 
 def test_nothing_else_opens_files_behind_pythons_back():

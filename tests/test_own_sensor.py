@@ -3,8 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
-import sys
 from html import escape
 
 import numpy as np
@@ -173,11 +171,6 @@ def numbers(change):
 
 MISTAKES = {  # the files of which every whole line is edited, how, and what check says first
     "array of another size": ("array.log", numbers(lambda v: v[:5]), r"5 values per line.*touch\.sensor\.rows"),
-    "no time": (
-        "array.log",
-        lambda lines: [line.partition(",")[2] or line for line in lines],
-        "6 values per line and no time before them; begin each line with t_us",
-    ),
     "rows from the top": (
         "array.log",
         numbers(lambda v: [*v[3:], *v[:3]]),
@@ -190,7 +183,6 @@ MISTAKES = {  # the files of which every whole line is edited, how, and what che
         numbers(lambda v: [float(one) / 10 for one in v]),
         "of an array of 30 x 20: write .* milli",
     ),
-    "pull for push": ("load_cell.log", numbers(lambda v: [-float(v[0])]), "makes fz_n negative; write it positive"),
     "not tared": ("load_cell.log", numbers(lambda v: [float(v[0]) + 3]), "rests at 3 N, above .* subtract what"),
     "kilonewtons": (
         "load_cell.log",
@@ -207,30 +199,13 @@ MISTAKES = {  # the files of which every whole line is edited, how, and what che
         numbers(lambda v: [float(v[0]) * 30]),
         "kPa under the tip .* newtons .* or fix the radius",
     ),
-    "height for depth": (
-        "cnc.log",
-        numbers(lambda v: [*v[:2], -float(v[2]) - 0.5]),
-        "z_mm seems to rise when pressed; write it negative",
-    ),
     "depth for height": ("cnc.log", numbers(lambda v: [*v[:2], -float(v[2])]), "z_mm is never below 0"),
     "milliseconds": (
         "array.log",
         lambda lines: [",".join([line[: line.find(",") - 3], *line.split(",")[1:]]) for line in lines if "," in line],
         "is the first column the time in microseconds.* Multiply milliseconds by 1000",
     ),
-    "12 bits": (
-        "array.log",
-        numbers(lambda v: [4 * int(one) for one in v]),
-        r"line \d+ .* set touch\.ingest\.highest_count",
-    ),
-    "falling counts": (
-        "array.log",
-        numbers(lambda v: [1023 - int(one) for one in v]),
-        "fall when pressed; write 1023 minus",
-    ),
     "started late": ("load_cell.log", lambda lines: lines[1500:], "load_cell.log lasts 2. s, .* start within 5 s"),
-    "no depth": ("cnc.log", numbers(lambda v: v[:2]), "3 columns per line; expected 4: t_us,x_mm,y_mm,z_mm"),
-    "empty log": ("cnc.log", lambda lines: [], "no line can be read|file is empty"),
 }
 
 
@@ -428,13 +403,6 @@ def test_a_task_without_a_recording_is_one_sentence(workspace, root, written, un
     assert "strain.protocols.task_2: no recording of this task to train on" in first
 
 
-def test_command_line_of_check(written):
-    command = [sys.executable, "-m", "pipeline.commands.command_line", "check"]
-    for arguments, status, words in ((["touch"], 2, "usage"), (["touch", "/no/folder"], 1, "there is no such folder")):
-        done = subprocess.run([*command, *arguments], cwd=ROOT, capture_output=True, text=True)
-        assert done.returncode == status and words in done.stderr and "Traceback" not in done.stderr
-
-
 MINIATURE = yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text())
 RBF = {"rbf": {"centres": 100, "width": 2.0, "ridge": 1.0e-3}}
 TACTILE = ("-m", "pipeline.commands.command_line")
@@ -497,21 +465,6 @@ def test_own_array_end_to_end(written, tmp_path):
     assert "rmse" in predicted
 
 
-def test_two_own_sensors_stand_side_by_side(written, tmp_path):
-    """A 6 x 4 array with 16 bits and a glove, each by a quick look."""
-    project = Project(tmp_path)
-    own = project.folder / "data" / "own"
-    shutil.copytree(written / "6x4", own / "sole")
-    settled(own / "sole", settings_of_array("6x4"))
-    shutil.copytree(written / "glove", own / "hand")
-    for name in ("sole", "hand"):
-        project.run(*TACTILE, "try", f"data/own/{name}")
-    rmse = errors_in(project, "sole", ["`sole`: touch", "Press, single (1 run)"])
-    assert rmse["single", "rbf"] < 0.8 * rmse["single", "constant"] and np.isfinite(rmse["double", "lomp"])
-    accuracy = errors_in(project, "hand", ["`hand`: glove", "fewer than 50 test images", "Session combined"])
-    assert accuracy["combined", "naive_bayes"] > accuracy["combined", "constant"]
-
-
 def test_a_mat_of_one_area_end_to_end(tmp_path):
     """16 x 16 cells of 12 bits: images of 16 x 16 pixels, one dataset, a network among the models."""
     project = Project(tmp_path)
@@ -539,37 +492,6 @@ def test_a_glove_of_few_channels_end_to_end(tmp_path):
     assert accuracy["combined", "tree"] > accuracy["combined", "constant"]
     predicted = project.run(*TACTILE, "predict", "build/own/few/trained/tree", "data/own/few/pen/day1").stdout
     assert "pen/day1: 20 readings" in predicted, predicted
-
-
-def test_one_element_end_to_end(tmp_path):
-    """One taxel, pressed at no known place, and its load cell on one clock with it."""
-    project = Project(tmp_path)
-    logs = project.folder / "data" / "own" / "taxel"
-    own_logs.touch(tmp_path / "made", 1, 1, 40.0, seconds=80.0, recordings=1, conditions=())
-    on_one_clock(tmp_path / "made", logs)
-    (logs / "single" / "day1_0" / "cnc.log").unlink()
-    settings = settings_of_array("3x7")
-    settings["touch.sensor"] = {"rows": 1, "cols": 1, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}
-    settings["touch.label"] |= {"map_rows": 3, "map_cols": 3}
-    settings["touch.ingest"] |= {"clock": "shared"}
-    settled(logs, settings)
-    project.run(*TACTILE, "try", "data/own/taxel")
-    rmse = errors_in(project, "taxel", ["R2 of the force"])
-    assert "Location" not in (project.folder / "reports" / "own" / "taxel" / "README.md").read_text()
-    assert rmse["single", "rbf"] < 0.8 * rmse["single", "constant"]
-
-
-def test_own_strain_sensors_end_to_end(written, tmp_path):
-    """Four channels at 12 Hz, with the papers' tasks; only samples deeper than 4.5 mm count."""
-    project = Project(tmp_path)
-    logs = project.folder / "data" / "own" / "finger"
-    shutil.copytree(written / "strain", logs)
-    settings = {"strain.sensor.channels": 4, "strain.ingest.rate_hz": 12, "strain.sensor.pressed_below_mm": -4.5}
-    settled(logs, settings)
-    project.run(*TACTILE, "try", "data/own/finger")
-    error = errors_in(project, "finger", ["`finger`: strain", "Task 2 (1 run)"])
-    assert error["task_1", "ridge"] < error["task_1", "constant"] / 2
-    assert np.isfinite(error["task_1", "press_difference"])  # these places slide, so that no press begins with a step
 
 
 def test_one_strain_sensor_of_two_days_end_to_end(tmp_path):
@@ -642,20 +564,3 @@ def test_any_name_of_a_touch_condition(workspace, tmp_path):
     cells = re.findall("<td[^>]*>(.*?)</td>", Pages(workspace, ()).render(tables, "touch/accuracy", 1, "Own sensor"))
     for name in own_logs.NAMES:
         assert any(f"{escape(name)}/" in cell for cell in cells), name
-
-
-def test_any_name_of_a_glove_object(tmp_path):
-    """Objects and sessions of all NAMES, stage by stage."""
-    project = Project(tmp_path)
-    logs = project.folder / "data" / "own" / "sensor"
-    own_logs.glove(logs, own_logs.NAMES, own_logs.NAMES[-3:], frames=10)
-    project.set({"glove.source": "data/own/sensor", "glove.augmentation.seeds": [0]})
-    models = ("constant", "sp_resnet")
-    project.set({"glove.models": {key: MINIATURE["glove.models"][key] for key in models}})
-    assert "ready" in project.run("-m", "pipeline.commands.command_line", "check", "glove", str(logs)).stdout
-    then = ("stages.evaluate glove", "stages.render glove")
-    project.stages("stages.ingest glove", "stages.dataset glove", "stages.train glove", *then)
-    accuracy = project.folder / "reports" / "glove" / "accuracy"
-    text = (accuracy / "README.md").read_text()
-    figures = re.findall(r"\]\((images_\d+\.png)\)", text)
-    assert figures and all((accuracy / name).stat().st_size > 10_000 for name in figures)

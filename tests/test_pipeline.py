@@ -11,14 +11,12 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from html import unescape
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from builders.project import ROOT, copy_code, lock, mlflow_runs
+from builders.project import copy_code, lock, mlflow_runs
 
 from pipeline.base import params
 
@@ -121,18 +119,6 @@ def test_stress_starts_at_the_scores_and_holds_every_model_and_severity(miniatur
         assert set(severities) <= set(touch[touch.perturbation == perturbation].severity), perturbation
 
 
-def test_the_page_holds_every_experiment_and_claim(miniature):
-    reports = miniature.folder / "reports"
-    page = unescape((reports / "index.html").read_text())
-    values = yaml.safe_load((miniature.folder / "params.yaml").read_text())
-    for experiment in values["experiments"]:
-        section = page.split(f'<section id="{experiment}">')[1].split("</section>")[0]
-        assert ("Not run:" in section) == experiment.endswith("_recorded")
-        assert ('class="charts"' in section) != experiment.endswith("_recorded")
-    for claim in pd.read_csv(reports / "claims.csv")["claim"]:
-        assert claim in page
-
-
 def test_latency_holds_every_model_and_batch(miniature):
     latency = pd.read_csv(miniature.folder / "reports" / "latency.csv")
     assert set(latency.columns) >= {"experiment", "model", "batch", "threads", "p50_ms", "p95_ms", "params", "macs"}
@@ -140,20 +126,6 @@ def test_latency_holds_every_model_and_batch(miniature):
     touch = latency[latency.experiment == "touch"]
     assert sorted(zip(touch.model, touch.batch, strict=True)) == sorted((m, b) for m in MODELS for b in (1, 16))
     assert (touch.p50_ms <= touch.p95_ms).all() and touch.p50_ms.gt(0).all()
-
-
-def test_table_one_can_be_recomputed_from_the_scores(miniature):
-    scores = pd.read_csv(miniature.folder / "reports" / "scores.csv")
-    table = pd.read_csv(miniature.folder / "reports" / "touch" / "accuracy" / "table1.csv")
-    for row in table.itertuples():
-        chosen = scores[
-            (scores.experiment == "touch")
-            & (scores.protocol == row.protocol)
-            & (scores.condition == row.condition)
-            & (scores.model == row.model)
-            & (scores.metric == row.metric)
-        ]
-        assert row.mean == pytest.approx(chosen.value.mean(), nan_ok=True), row
 
 
 def test_no_press_is_on_two_sides(miniature):
@@ -188,73 +160,6 @@ def test_every_injected_fault_is_in_the_rejects(miniature):
         for file, log in recording["files"].items():
             lines = (folder / "logs" / name / file).read_text().count("\n")
             assert log["accepted"] + sum(log["rejects"].values()) == log["lines"] == lines, (name, file)
-
-
-def test_recorded_data_absent_is_said_and_harms_nothing(miniature):
-    text = (miniature.folder / "reports" / "velostat_recorded" / "accuracy" / "README.md").read_text()
-    assert "not run" in text and "tactile fetch" in text
-    assert "velostat_recorded" not in set(pd.read_csv(miniature.folder / "reports" / "scores.csv").experiment)
-
-
-def test_strain_report_is_complete(miniature):
-    folder = miniature.folder / "reports" / "strain"
-    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")}
-    figures = ["figure5", "figure6", "figure7", "figure8_task_1", "figure8_task_2"]
-    figures += ["figure5_drift", "samples", "strands", "drift", "time", "capacity"]
-    assert names == {
-        *(f"accuracy/{name}.png" for name in figures),
-        *(f"accuracy/{name}.csv" for name in ("table1", "samples", "strands", "bases", "drift", "capacity")),
-        "accuracy/README.md",
-        *(f"speed/{name}" for name in ("table1_times.md", "table2.csv", "table2.md", "tradeoff.png", "training.png")),
-    }
-
-
-def test_glove_report_is_complete(miniature):
-    reports = miniature.folder / "reports"
-    folder = reports / "glove"
-    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*")}
-    figures = [
-        "figure7",
-        "figure9",
-        "figure10",
-        "figure13",
-        "figure15",
-        *(f"figure14_{m}" for m in ("pressure", "strain", "combined")),
-    ]
-    assert names == {
-        *(f"accuracy/{name}.png" for name in (*figures, "learning_curves")),
-        *(f"accuracy/{name}" for name in ("README.md", "figure15.csv", "table1.csv", "table2.csv")),
-        *("speed/table2.csv", "speed/table2.md", "speed/tradeoff.png", "speed/training.png"),
-    }
-    augmentation = pd.read_csv(miniature.folder / "data" / "glove" / "augmentation.csv")
-    assert len(augmentation) == 4 * 3 * 2 * 2  # methods, datasets, seeds, metrics
-    counts = pd.read_csv(reports / "counts.csv")
-    published = counts[counts.published_macs.notna()].drop_duplicates("model").set_index("model")
-    exact = {
-        "resnet18": (1_824_033_792, 11_689_512),
-        "mobilenet": (588_912_128, 4_231_976),
-        "resnet3x3": (72_581_120, 674_240),
-        "sp_resnet_nogcam": (12_432_512, 217_640),
-    }
-    assert {name: tuple(published.loc[name, ["macs", "params"]]) for name in exact} == exact
-    assert published.verdict["sp_resnet"] == "contradicted"
-
-
-def test_every_claim_has_a_verdict(miniature):
-    claims = pd.read_csv(miniature.folder / "reports" / "claims.csv").fillna({"reason": ""})
-    assert len(claims) >= 36 and set(claims.verdict) == {
-        "reproduced",
-        "contradicted",
-        "undecided",
-        "not testable",
-        "calibrated",
-    }
-    recorded = claims[claims.data == "recorded"]
-    assert (recorded.verdict == "not testable").all()  # there are no recordings here
-    text = (miniature.folder / "reports" / "claims.md").read_text()
-    for row in claims[claims.verdict.isin(["contradicted", "undecided"])].itertuples():
-        found = "; ".join(filter(None, [row.verdict, row.reason]))
-        assert f"- **{row.claim.rstrip('.')}** ({found})" in text
 
 
 def test_second_repro_has_nothing_to_do(miniature):
@@ -360,128 +265,6 @@ def test_every_kind_of_model_opens_in_mlflow_and_by_its_run(miniature, tmp_path)
     )  # fmt: skip
     assert said.stdout.startswith("touch/linear: from MLflow")
     assert (tmp_path / "predicted" / "predictions.parquet").is_file()
-
-
-def test_an_experiment_of_dvc_trains_one_model_anew(miniature, tmp_path):
-    """`dvc exp run -S` and `dvc exp show`, as docs/runs.md says; the other models stay as they are."""
-    copy = tmp_path / "project"
-    shutil.copytree(miniature.folder, copy, symlinks=True, ignore=shutil.ignore_patterns("mlruns", ".dvc"))
-    shutil.copy(ROOT / ".gitignore", copy)
-    project = type(miniature).__new__(type(miniature))
-    project.folder = copy
-    project.environment = {key: value for key, value in miniature.environment.items() if not key.startswith("GIT_")}
-    project.environment |= {"PYTHONPATH": str(copy)}
-    identity = ("-c", "user.name=test", "-c", "user.email=test@example.org")
-    git = partial(subprocess.run, cwd=copy, env=project.environment, check=True)
-    git(["git", "init", "-q"])
-    project.dvc("init", "--quiet")
-    project.dvc("config", "cache.dir", str(miniature.folder / ".dvc" / "cache"))
-    git(["git", "add", "-A"])
-    git(["git", *identity, "commit", "-qm", "miniature"])
-    before = changed_at(copy / "data" / "touch" / "models")
-    setting = "params/touch.yaml:touch.models.lomp.hidden=12"
-    output = project.dvc("exp", "run", "--name", "wider", "-S", setting, "train@touch").stdout
-    assert re.findall("Running stage '(.*)'", output) == ["train@touch"]
-    after = changed_at(copy / "data" / "touch" / "models")
-    assert {Path(name).parts[0] for name in after if after[name] != before.get(name)} == {"lomp"}
-    table = project.dvc("exp", "show", "--csv").stdout
-    (row,) = [row for row in csv.DictReader(table.splitlines()) if row["Experiment"] == "wider"]
-    assert row["touch.models.lomp.hidden"] == "12"
-
-
-BENCH = '''"""The array on another bench: own logs, in the formats of touch."""
-
-from pipeline.experiments.touch import SCORES, STRESSED, frames_schema, labels, read_recording, recordings, split
-
-KIND = "windows"
-__all__ = ["SCORES", "STRESSED", "frames_schema", "labels", "read_recording", "recordings", "split"]
-'''
-
-
-def test_an_experiment_of_a_known_kind_is_its_file_and_entries(miniature, tmp_path):
-    """No other edit takes it from its logs to scores and stress tests."""
-    copy = tmp_path / "project"
-    shutil.copytree(miniature.folder, copy, symlinks=True)
-    copy_code(copy)
-    project = type(miniature).__new__(type(miniature))
-    project.folder = copy
-    project.environment = miniature.environment | {"PYTHONPATH": str(copy)}
-    (copy / "pipeline" / "experiments" / "bench.py").write_text(BENCH)
-    added = {
-        "__init__.py": {
-            'Literal["touch", ': 'Literal["bench", "touch", ',
-            "    touch: Touch =": '    bench: Touch = Field(description="Bench")\n    touch: Touch =',
-        },
-        "stress.py": {
-            "    touch: StressTouch =": '    bench: StressTouch = Field(description="Bench")\n    touch: StressTouch =',
-        },
-    }
-    for name, changes in added.items():
-        path = copy / "pipeline" / "settings" / name
-        text = path.read_text()
-        for old, new in changes.items():
-            assert text.count(old) == 1
-            text = text.replace(old, new)
-        path.write_text(text)
-    shutil.copytree(copy / "data" / "touch" / "logs", copy / "data" / "own" / "bench")
-    shared, touch = (yaml.safe_load((copy / name).read_text()) for name in ("params.yaml", "params/touch.yaml"))
-    models = {name: touch["touch"]["models"][name] for name in ("constant", "linear")}
-    bench = {"bench": touch["touch"] | {"source": "data/own/bench", "models": models}}
-    (copy / "params" / "bench.yaml").write_text(yaml.safe_dump(bench, sort_keys=False))
-    shared["experiments"].append("bench")
-    shared["stress"]["bench"] = shared["stress"]["touch"] | {"perturbations": {"noise": [0.1]}}
-    shared = json.loads(json.dumps(shared))  # without the aliases of shared blocks, which are refused
-    (copy / "params.yaml").write_text(yaml.safe_dump(shared, sort_keys=False))
-    stages = yaml.safe_load((copy / "dvc.yaml").read_text())
-    (of_all,) = (block["all"] for block in stages["vars"] if "all" in block)
-    of_all["bench"] = of_all["touch"]
-    ingest = stages["stages"]["ingest"]
-    own = [dep for dep in ingest["deps"] if not dep.endswith("/logs") or dep == "pipeline/logs"]
-    stages["stages"]["ingest_bench"] = ingest | {"matrix": {"of": ["bench"]}, "deps": own}
-    for name in ("window", "evaluate", "stress", "latency"):
-        listed = stages["stages"][name]["matrix"]["of"]  # one list of several stages
-        listed += [] if "bench" in listed else ["bench"]
-    (copy / "dvc.yaml").write_text(yaml.safe_dump(stages, sort_keys=False))
-    project.dvc("repro", "stress@bench")
-    scores = pd.read_csv(copy / "data" / "bench" / "scores.csv")
-    assert set(scores.model) == {"constant", "linear"} and scores.value.notna().all()
-    assert set(pd.read_csv(copy / "data" / "bench" / "stress.csv").perturbation) == {"noise"}
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"models: {constant: {}": "models: {lompp: {}, constant: {}"}, ["lompp", "did you mean 'lomp'"]),
-        ({"stride: 40": "strid: 40"}, ["touch.window", "strid", "did you mean 'stride'"]),
-        ({"max_touches: 5": "max_touches: five"}, ["touch.ingest.max_touches", "valid integer", "'five'"]),
-        ({", max_touches: 5": ""}, ["touch.ingest", "max_touches", "missing"]),
-        ({"silicone_spread_mm: 1.7": "silicone_spread_mm: 2e-3x"}, ["silicone_spread_mm", "number"]),
-    ],
-)
-def test_a_wrong_params_file_is_one_sentence(miniature, tmp_path, change, words):
-    copy = tmp_path / "project"
-    shutil.copytree(miniature.folder / "pipeline", copy / "pipeline")
-    shutil.copytree(miniature.folder / "params", copy / "params")
-    shutil.copy(miniature.folder / "params.yaml", copy)
-    text = (copy / "params" / "touch.yaml").read_text()
-    for old, new in change.items():
-        assert old in text
-        text = text.replace(old, new, 1)
-    (copy / "params" / "touch.yaml").write_text(text)
-    shutil.copytree(miniature.folder / "data" / "touch", copy / "data" / "touch")
-    stage = "train" if "lompp" in words else "window"
-    done = subprocess.run(
-        [sys.executable, "-m", f"pipeline.stages.{stage}", "touch"],
-        cwd=copy,
-        env=miniature.environment | {"PYTHONPATH": str(copy)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 1
-    message = done.stderr.strip().splitlines()[-1]
-    assert message.startswith("error: params/touch.yaml, touch"), done.stderr
-    for word in words:
-        assert word in message
 
 
 def test_same_hashes_after_a_kill_and_from_scratch(miniature, repeated):

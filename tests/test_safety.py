@@ -9,44 +9,13 @@ from builders.project import ROOT
 
 CODE = sorted((ROOT / "pipeline").rglob("*.py"))
 
-UNSAFE_MODULES = {
-    "pickle",
-    "cPickle",
-    "_pickle",
-    "dill",
-    "cloudpickle",
-    "joblib",
-    "shelve",
-    "marshal",
-    "shutil.unpack_archive",
-}
-UNSAFE_MODULES |= {"tarfile", "xmlrpc", "xml.sax", "xml.dom", "lxml", "telnetlib", "ftplib", "imp", "code"}
-UNSAFE_CALLS = {
-    "eval",
-    "exec",
-    "compile",
-    "__import__",
-    "os.system",
-    "os.popen",
-    "torch.load",
-    "torch.save",
-    "torch.jit.load",
-}
-UNSAFE_CALLS |= {"yaml.load", "yaml.load_all", "yaml.full_load", "yaml.unsafe_load", "yaml.FullLoader", "yaml.Loader"}
-UNSAFE_CALLS |= {
-    "pd.read_pickle",
-    "pandas.read_pickle",
-    "shutil.unpack_archive",
-    "ElementTree.parse",
-    "tempfile.mktemp",
-}
-UNSAFE_CALLS |= {
-    "sklearn.externals.joblib",
-    "subprocess.getoutput",
-    "subprocess.getstatusoutput",
-    "os.execv",
-    "os.execvp",
-}
+UNSAFE_MODULES = set("pickle cPickle _pickle dill cloudpickle joblib shelve marshal shutil.unpack_archive".split())
+UNSAFE_MODULES |= set("tarfile xmlrpc xml.sax xml.dom lxml telnetlib ftplib imp code".split())
+UNSAFE_CALLS = set("eval exec compile __import__ os.system os.popen os.execv os.execvp tempfile.mktemp".split())
+UNSAFE_CALLS |= set("torch.load torch.save torch.jit.load sklearn.externals.joblib ElementTree.parse".split())
+UNSAFE_CALLS |= set("yaml.load yaml.load_all yaml.full_load yaml.unsafe_load yaml.FullLoader yaml.Loader".split())
+UNSAFE_CALLS |= set("pd.read_pickle pandas.read_pickle shutil.unpack_archive".split())
+UNSAFE_CALLS |= set("subprocess.getoutput subprocess.getstatusoutput".split())
 
 
 def dotted(node) -> str:

@@ -5,7 +5,6 @@ import ast
 import copy
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -110,67 +109,25 @@ def test_a_key_that_is_no_text_is_refused(place):
         params.check(altered(*place, value={1: 2}))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("stage", ["train touch", "train strain", "train glove"])
-@pytest.mark.parametrize("where", ["{canary}", "../../../canary"])
-def test_no_stage_removes_a_folder_that_a_key_points_at(stage, where, tmp_path):
-    """The first removed thing would be the draft or the model's folder, which the key is the name of."""
-    project, canary = tmp_path / "project", tmp_path / "project" / "canary"
-    (canary / "important").mkdir(parents=True)
-    program, experiment = stage.split()
-    key = where.format(canary=canary)
-    values = altered(experiment, "models", value={key: {}})
-    text_file(project, yaml.safe_dump(values))
-    command = [sys.executable, "-m", f"pipeline.stages.{program}", experiment, "--root", str(project)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1 and done.stderr.startswith("error: params.yaml"), done.stderr
-    assert "there is no pipeline/models/" in done.stderr
-    assert (canary / "important").is_dir()
-
-
+TRAINING = ("models", "cnn", "training")
 IMPOSSIBLE = [
-    (
-        ("models", "lomp", "hidden"),
-        0,
-        r"lomp.hidden: input should be greater than or equal to 1, got 0 \(meaning: .*\)$",
-    ),
-    (("models", "lomp", "hidden"), -8, "greater than or equal to 1"),
+    (("models", "lomp", "hidden"), 0, r"lomp.hidden: .* greater than or equal to 1, got 0 \(meaning: .*\)$"),
     (("models", "lomp", "hidden"), 10**9, "less than or equal to 8192"),
     (("models", "lomp", "neighbours"), 5, "input should be 4 or 8"),
     (("models", "lomp", "alpha"), float("nan"), "a finite number"),
-    (("models", "lomp", "alpha"), float("inf"), "a finite number"),
     (("models", "cnn", "channels"), ["a"], r"channels\[0\]: input should be a valid integer, got 'a'"),
-    (("models", "cnn", "channels"), [1, 0], r"channels\[1\]: input should be greater than or equal to 1"),
     (("models", "cnn", "channels"), [], "list should have at least 1 item"),
     (("models", "cnn", "channels"), [1] * 1001, "list should have at most 1000 items"),
-    (("models", "tree", "min_samples_leaf"), 0, "greater than or equal to 1"),
     (("models", "tree", "max_features"), -1, "greater than or equal to 0.000001"),
-    (("models", "cnn", "training"), 3, r"should be a block of settings \(learning_rate, .*rest_share\), got 3"),
-    (
-        ("models", "cnn", "training"),
-        NETWORK["training"] | {"learning_rate": 1e300},
-        "learning_rate: .* less than or equal to 10",
-    ),
-    (
-        ("models", "cnn", "training"),
-        NETWORK["training"] | {"rest_share": 1.5},
-        "rest_share: .* less than or equal to 1",
-    ),
-    (
-        ("models", "cnn", "training"),
-        NETWORK["training"] | {"precision": "float16"},
-        "precision: input should be 'float32' or 'bfloat16'",
-    ),
-    (("models", "cnn", "training"), NETWORK["training"] | {"epochs": 0}, "epochs: .* greater than or equal to 1"),
-    (("models", "cnn", "training"), NETWORK["training"] | {"batch_size": 8.5}, "batch_size: .* valid integer"),
-    (("models", "cnn", "training"), NETWORK["training"] | {"learning_rate": "fast"}, "learning_rate: .* valid number"),
-    (("models", "cnn", "training"), NETWORK["training"] | {"batch_sise": 8}, "'batch_sise'; did you mean 'batch_size'"),
-    (("models", "cnn", "training"), {"learning_rate": 0.1}, r"key 'batch_size' is missing; add it \(meaning: "),
+    (TRAINING, 3, r"should be a block of settings \(learning_rate, .*rest_share\), got 3"),
+    (TRAINING, NETWORK["training"] | {"learning_rate": 1e300}, "learning_rate: .* less than or equal to 10"),
+    (TRAINING, NETWORK["training"] | {"rest_share": 1.5}, "rest_share: .* less than or equal to 1"),
+    (TRAINING, NETWORK["training"] | {"precision": "float16"}, "precision: input should be 'float32' or 'bfloat16'"),
+    (TRAINING, NETWORK["training"] | {"batch_sise": 8}, "'batch_sise'; did you mean 'batch_size'"),
+    (TRAINING, {"learning_rate": 0.1}, r"key 'batch_size' is missing; add it \(meaning: "),
     (("models", "linear"), {"ridge": 1.0}, "unknown key 'ridge'; known: none"),
     (("split",), {"seed": 0, "train": 0.9, "validation": 0.9}, "leave nothing to test on"),
-    (("protocols", "press", "seeds"), [2**31], r"seeds\[0\]: .* less than or equal to 32767"),
     (("sensor", "rows"), 10**5, r"less than or equal to 256, got 100000 \(meaning: Rows of elements\)"),
-    (("latency", "batches"), [10**8], "less than or equal to 65536"),
     (("simulate", "devices", "array_hz"), 1e9, "less than or equal to 100000"),
 ]
 
@@ -180,22 +137,6 @@ def test_an_impossible_value_is_one_sentence(path, value, words):
     with pytest.raises(InputError, match=words) as error:
         params.check(altered("touch", *path, value=value))
     assert str(error.value).startswith("params/touch.yaml, touch.")
-
-
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        (("strain", "simulate", "samples"), 2**31),
-        (("strain", "ingest", "rate_hz"), 1e9),
-        (("stress", "touch", "perturbations"), {"noise": [1e300]}),
-        (("glove", "models", "sp_resnet", "reduction"), 65),
-        (("strain", "models", "lstm_highpass", "taps"), 1),
-        (("physics", "touch", "models"), {"poly": {"degree": 0, "ridge": 1.0}}),
-    ],
-)
-def test_impossible_values_of_other_experiments_too(path, value):
-    with pytest.raises(InputError, match=f"^{params.file_of(path[0])}, {path[0]}"):
-        params.check(altered(*path, value=value))
 
 
 def test_a_model_without_settings_is_named(tmp_path):
@@ -359,41 +300,6 @@ def test_a_stage_fails_where_params_yaml_changed_while_it_ran(after, code, tmp_p
     done = subprocess.run(command, cwd=ROOT, env=os.environ | {"DVC_STAGE": "s"}, capture_output=True, text=True)
     assert done.returncode == code, done.stderr
     assert code == 0 or done.stderr.startswith("error: params.yaml changed while this ran; run `dvc repro` again")
-
-
-@pytest.mark.slow
-def test_dvc_runs_nothing_that_params_yaml_says(tmp_path):
-    """A key with shell code, or one that leads elsewhere: refused by the stage that comes to it, nothing removed."""
-    for part in ("pipeline", "dvc.yaml", "params", "params.yaml"):
-        source = ROOT / part
-        copy_of = shutil.copytree if source.is_dir() else shutil.copy
-        copy_of(source, tmp_path / part)
-    evil = "$(touch PWNED)/../linear"
-    removing = "x/../../../../victim"
-    block = {evil: {}, "$(touch PWNED)/": {"": {"/linear": {}}}, removing: {}, "constant": {}}
-    values = altered("touch", "models", value=block)
-    (tmp_path / "params" / "touch.yaml").write_text(yaml.safe_dump({"touch": values["touch"]}))
-    (tmp_path / "data" / "touch").mkdir(parents=True)
-    (tmp_path / "data" / "touch" / "dataset.parquet").write_text("as if it were made")
-    (tmp_path / "victim").mkdir()
-    environment = os.environ | {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": str(tmp_path),
-        "DVC_NO_ANALYTICS": "1",
-        "DVC_SITE_CACHE_DIR": str(tmp_path / "site"),
-    }
-
-    def dvc(*arguments: str) -> str:
-        command = [sys.executable, "-m", "dvc", *arguments]
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-        return done.stdout + done.stderr
-
-    dvc("init", "--no-scm", "--quiet")
-    for target in (["train@touch"], ["--single-item", "train@touch"], []):
-        said = dvc("repro", *target)
-        assert "there is no pipeline/models/" in said and len(re.findall("Running stage", said)) == 1, said
-    assert (tmp_path / "victim").is_dir()
-    assert not list(tmp_path.rglob("PWNED"))
 
 
 def test_no_stage_hands_a_value_of_params_yaml_to_the_shell():

@@ -130,7 +130,7 @@ def test_a_killed_process_is_one_sentence_that_names_its_task(run):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind, processes", [("numpy", 1), ("torch", 1), ("pyarrow", 1), ("torch", 2)])
+@pytest.mark.parametrize("kind, processes", [("numpy", 1), ("pyarrow", 1), ("torch", 2)])
 def test_a_task_without_memory_is_one_sentence(run, tmp_path, kind, processes):
     with pytest.raises(InputError, match=r"^train it, (press|slide) 0: not enough memory \(.*; free memory"):
         run(greedy, {(name, 0): (kind, tmp_path) for name in ("press", "slide")}, processes)
@@ -195,7 +195,7 @@ elif len(sys.argv) == 3:  # a process that starts, which imports the stage for s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("processes, importing", [(1, []), (2, []), (2, ["5"])], ids=["one", "two", "two that start"])
+@pytest.mark.parametrize("processes, importing", [(2, []), (2, ["5"])], ids=["two", "two that start"])
 def test_ctrl_c_ends_a_stage_quietly(tmp_path, processes, importing):
     """As a terminal does it: SIGINT to the stage and all of its processes."""
     (tmp_path / "stage.py").write_text(STAGE)

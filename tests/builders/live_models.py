@@ -63,6 +63,7 @@ def linear(folder: Path) -> Path:
     part = x, np.stack([map_over(window[-1]).ravel() for window in x]).astype(np.float32)
     model = tasks.of("touch").adapted(models.build("linear", spec, {}, "test"), spec)
     model.fit(part, part, seed=0)
+    np.testing.assert_allclose(model.predict(x[:5]), part[1][:5], atol=0.1)
     return saved(folder, model, "linear", spec)
 
 
@@ -76,6 +77,7 @@ def stream(folder: Path) -> Path:
         for name, weights in model.network.named_parameters():
             if name.startswith("readout."):
                 weights.normal_(0, 0.5, generator=drawn)
+    assert np.ptp(model.predict(np.full((1, FRAMES, ROWS * COLS), 300.0))) > 1
     return saved(folder, model, "lomp_stream", spec, settings=LOMP)
 
 
@@ -87,6 +89,7 @@ def series(folder: Path) -> Path:
     settings = dict(units=20, spectral_radius=0.9, leak=0.3, input_scale=0.5, ridge=1e-6)
     model = tasks.of("strain").adapted(models.build("esn", spec, settings, "test"), spec)
     model.fit([record], seed=0)
+    assert np.abs(model.predict(x)[20:] - record.y[20:]).mean() < 0.5 * np.abs(record.y - record.y.mean(0)).mean()
     return saved(
         folder,
         model,
@@ -125,11 +128,15 @@ def images(folder: Path) -> Path:
 KINDS = {"linear": linear, "stream": stream, "series": series, "images": images}
 
 
-def press(n: int, rate_hz: float = 1 / INTERVAL_S, element: int = 4) -> np.ndarray:
-    """Return readings (n, 6) in counts of an array at rest, on which one element is pressed from the first half on."""
+def press(n: int, element: int = 4) -> np.ndarray:
+    """Return readings (n, 6) in counts of an array at rest, on which one element is pressed in the second half.
+
+    No reading is that before it, so that a reading in the place of its neighbour is seen.
+    """
     readings = np.full((n, ROWS * COLS), 20)
     readings[n // 2 :, element] = 500
-    readings[:, 0] += (np.arange(n) * 50 / rate_hz).astype(int) % 7
+    readings[:, 0] += np.arange(n) % 7
+    assert (np.diff(readings, axis=0) != 0).any(axis=1).all()
     return readings
 
 

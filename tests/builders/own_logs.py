@@ -12,10 +12,7 @@ BANNER = "tactile array v2 ready"
 # Names of folders that README allows: letters beyond ASCII; what CSV, Markdown, HTML, YAML and formulas of matplotlib
 # give a meaning to; what pandas takes for a missing number, or for a number.
 NAMES = ("$5_{ or $x", "zwei Finger größer", "90°", "double (two fingers)", "a,b", "NA", "001", "-rf #1: {c}")
-NAMES += (
-    "双指 👍",
-    'a|b *c* <d> `e` [f](g.png) "h" \\',
-)
+NAMES += ("双指 👍", 'a|b *c* <d> `e` [f](g.png) "h" \\')
 UNPRINTABLE = ("two\nlines", "\x1b[31mred", os.fsdecode(b"gr\xf6\xdfer"))  # refused
 
 
@@ -190,6 +187,7 @@ def few_channels(folder: Path, objects=("bottle", "pen", "none"), sessions=4, fr
         for session in range(sessions):
             force = np.clip(closing * grip * rng.uniform(0.8, 1.0, 5), 0, 1023).round()
             angle = closing * attitude + rng.normal(0, 6, 5) + rng.normal(0, 1, (frames, 5))
+            assert not force[0].any() and force[-1].any() == (name != "none")
             _scanned(folder / name / f"day{session}", np.hstack([force, angle]), "%.1f")
 
 

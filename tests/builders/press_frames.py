@@ -24,4 +24,6 @@ def frames(force: np.ndarray, x: float = 30.0, y: float = 30.0, gap_at: int | No
 
 def press_force(count: int, steps: int = 40) -> np.ndarray:
     one = np.concatenate([np.zeros(15), np.full(steps - 30, 8.0), np.zeros(15)])
-    return np.tile(one, count)
+    force = np.tile(one, count)
+    assert (np.diff((force > 0.5).astype(int)) == 1).sum() == count, "a press is force between two rests"
+    return force

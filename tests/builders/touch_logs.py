@@ -19,11 +19,13 @@ def presses(seconds, seed):
     """Return times on a grid of 5 ms, in s, and forces in N: trapezoid presses of varying depth."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, seconds, 0.005)
-    force, start = np.zeros(len(t)), 1.5
+    force, start, peaks = np.zeros(len(t)), 1.5, []
     while start < seconds - 1.5:
         knots = start + np.cumsum([0, 0.2, 0.3, 0.2]) * rng.uniform(0.8, 1.2)
-        force += rng.uniform(4, 40) * np.interp(t, knots, [0, 1, 1, 0])
+        peaks.append(rng.uniform(4, 40))
+        force += peaks[-1] * np.interp(t, knots, [0, 1, 1, 0])
         start = knots[-1] + rng.uniform(0.2, 0.4)
+    assert np.diff(np.sort(peaks)).min(initial=1) > 1e-3, "no press is as deep as another, so that a shift is seen"
     return t, force
 
 

@@ -77,12 +77,6 @@ def test_the_validation_part_of_a_series_is_kept_from_training_and_the_test_part
     assert np.flatnonzero(parts[1] == "test")[0] == np.flatnonzero(parts[0] == "validation")[0]
 
 
-def test_the_papers_amounts_are_those_of_the_full_scale(workspace, values):
-    calibrate.at_paper_scale(workspace, values, "glove")
-    assert values["glove"]["window"] == {"stride": 1}
-    assert values["touch"]["simulate"]["single"]["repetitions"] == 1, "of another experiment"
-
-
 def test_a_knob_that_is_not_there_is_named(workspace, values, monkeypatch):
     values["glove"]["yardstick"]["knob"] = "simulate.session.wonder"
     monkeypatch.setattr(params, "load", lambda _: values)

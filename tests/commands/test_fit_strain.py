@@ -66,18 +66,6 @@ def test_every_setting_is_one_of_the_scene_and_every_statistic_a_twins():
     assert set(fit_strain.SET_BY.values()) <= set(twins.STATISTICS)
 
 
-def test_the_command_prints_and_changes_nothing(workspace, short, monkeypatch, capsys):
-    before = (workspace.root / "params.yaml").read_bytes()
-    monkeypatch.setattr(fit_strain, "SET_BY", {"circuit.noise_v": "noise", "drift.ageing": "time_share"})
-    monkeypatch.setattr(fit_strain, "why_not_run", lambda *given: None)
-    table = recorded({name: 1.0 for name in twins.STATISTICS})
-    monkeypatch.setattr(twins, "recorded", lambda *given: table)
-    fit_strain.main(workspace, argparse.Namespace(factors=[0.5], specimens=1))
-    printed = capsys.readouterr().out
-    assert "circuit.noise_v" in printed and "2 of 2 settings are told" in printed and "1 specimens" not in printed
-    assert (workspace.root / "params.yaml").read_bytes() == before
-
-
 def test_without_recordings_a_sentence_says_so(workspace, tmp_path, monkeypatch):
     workspace.ingest_report("strain_recorded").parent.mkdir(parents=True)
     reason = "recordings not downloaded; run `tactile fetch strain_recorded`"

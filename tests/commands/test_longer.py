@@ -50,17 +50,6 @@ def test_a_training_has_ended_where_a_longer_one_changes_less_than_a_hundredth(l
     assert line.split("|")[-3].strip() == ended
 
 
-def test_a_longer_training_that_diverged_tells_nothing():
-    errors = [(1.0, 0.999), (1.0, float("nan"))]
-    rows = [("press", "cnn", seed, 3, error, 6, longest, 1.0) for seed, (error, longest) in enumerate(errors)]
-    (line,) = [
-        line
-        for line in longer.text("touch", pd.DataFrame(rows, columns=longer.COLUMNS)).splitlines()
-        if line.startswith("| press")
-    ]
-    assert [cell.strip() for cell in line.split("|")][6:-1] == ["diverged", "", "not known", "2"]
-
-
 def test_rows_of_other_protocols_stay(workspace):
     for protocol, errors in (("press", (1.0,)), ("random_window", (2.0,)), ("press", (3.0,))):
         rows = [(protocol, "cnn", seed, 3, error, 6, error, 1.0) for seed, error in enumerate(errors)]

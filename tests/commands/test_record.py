@@ -16,9 +16,6 @@ from builders.project import ROOT
 
 from pipeline.base.errors import InputError
 from pipeline.commands import record
-from pipeline.experiments import touch
-from pipeline.logs import parse
-from pipeline.logs.report import log_report
 
 
 @pytest.fixture
@@ -92,15 +89,6 @@ def test_ctrl_c_loses_nothing_and_waits_for_the_line_that_is_arriving(device, st
 
 
 @pytest.mark.slow
-def test_a_partial_last_line_is_kept_as_it_came(device, start, tmp_path):
-    process = start()
-    device.print(b"1,2,3\n4,5")
-    until(lambda: (tmp_path / "new" / "log").read_bytes() == b"1,2,3\n")  # only whole lines meanwhile
-    assert "1 lines" in ended(process)
-    assert (tmp_path / "new" / "log").read_bytes() == b"1,2,3\n4,5"
-
-
-@pytest.mark.slow
 def test_device_vanishes_and_comes_back(device, start, tmp_path):
     process, log = start(), tmp_path / "new" / "log"
     first, second = numbered(0, 100), numbered(100, 200)
@@ -115,17 +103,6 @@ def test_device_vanishes_and_comes_back(device, start, tmp_path):
     until(lambda: log.read_bytes().endswith(second))
     assert "201 lines" in ended(process)
     assert log.read_bytes() == first + b"77,torn\n" + second
-
-
-@pytest.mark.slow
-def test_ctrl_c_while_the_device_is_away(device, start, tmp_path):
-    process = start()
-    device.print(b"1,2\n")
-    until(lambda: (tmp_path / "new" / "log").read_bytes() == b"1,2\n")
-    device.unplug()
-    assert "gone" in process.stderr.readline()
-    assert "1 lines" in ended(process)
-    assert (tmp_path / "new" / "log").read_bytes() == b"1,2\n"
 
 
 @pytest.mark.slow
@@ -252,25 +229,6 @@ def test_two_ports_are_stamped_by_one_clock(device, second, start, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hz", [100, 1000])
-def test_the_rate_of_lines_that_come_in_packets_is_the_devices(device, start, tmp_path, hz):
-    process, log, sent = start("--stamp", device.path, tmp_path / "log"), tmp_path / "log", 0
-    began = time.monotonic()
-    for packet in range(1, 1 + round(4 / 0.016)):
-        time.sleep(max(0, began + 0.016 * packet - time.monotonic()))
-        due = int((time.monotonic() - began) * hz)
-        device.print(b"".join(b"0.%d\n" % k for k in range(sent, due)))
-        sent = due
-    until(lambda: len(lines_of(log)) == sent)
-    lasted = time.monotonic() - began
-    ended(process)
-    rows, rejects = parse.read_log(log, touch.LOAD_CELL)
-    report = log_report(sent, rejects, rows["t_us"].to_numpy() / 1e6, rows["segment"].to_numpy())
-    assert rejects.num_rows == 0 and report["rate_hz"] == pytest.approx(sent / lasted, rel=0.01)
-    assert report["rate_hz"] == pytest.approx(hz, rel=0.01)
-
-
-@pytest.mark.slow
 def test_a_device_that_prints_when_it_is_asked(device, start, tmp_path):
     process = start("--start", "?", "--every", "0.05", device.path, tmp_path / "log")
     for k in range(3):
@@ -298,29 +256,6 @@ def test_a_wrong_baud_rate_gets_a_word(device, start, tmp_path, data, words):
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=WAIT_S)
     assert (words in said and "--baud" in said) if words else "baud" not in said, said
-
-
-@pytest.mark.slow
-def test_a_terminal_sees_lines_per_second(device, tmp_path):
-    shown, program_end = os.openpty()
-    command = [
-        sys.executable,
-        "-m",
-        "pipeline.commands.command_line",
-        "record",
-        str(device.path),
-        str(tmp_path / "log"),
-    ]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=program_end)
-    seen = b""
-    try:
-        while b"a second" not in seen:
-            seen += os.read(shown, 1000)
-            device.print(b"1,2\n")
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(WAIT_S)
-    assert b"log " in seen and b" lines, " in seen
 
 
 @pytest.mark.parametrize(

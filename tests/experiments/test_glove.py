@@ -16,10 +16,8 @@ SCHEMA = glove.frames_schema(params.load(ROOT / "params.yaml")["glove"])
 
 @pytest.fixture(scope="module")
 def settings():
-    return params.load(ROOT / "params.yaml")["glove"] | {
-        "window": {"stride": 1},
-        "split": {"train": 0.5, "validation": 0.2},
-    }
+    changes = {"window": {"stride": 1}, "split": {"train": 0.5, "validation": 0.2}}
+    return params.load(ROOT / "params.yaml")["glove"] | changes
 
 
 def write(folder, lines):

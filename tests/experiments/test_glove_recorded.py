@@ -14,7 +14,7 @@ from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas
 from pipeline.experiments import glove_recorded
 from pipeline.experiments.glove_recorded import CELLS, JOINTS, MATRICES, read_recording
-from pipeline.logs import parse, sources
+from pipeline.logs import parse
 from pipeline.studies import joint_angles
 
 SETTINGS = {
@@ -340,17 +340,6 @@ def test_without_recordings_everything_is_empty():
     pictures = glove_recorded.images(frames.take(pa.array(rows)), SETTINGS)
     assert tactile.dataset_rows(frames, pictures).num_rows == 0
     assert not len(glove_recorded.split(frames, SETTINGS, "grasp_pressure", 0))
-
-
-def test_source_is_pinned_to_856_grasps():
-    listed = sources.files("glove_recorded")
-    assert len(listed) == 856 and len({path.split("/")[0] for path in listed}) == 36
-    assert all(re.fullmatch(r"[\w-]+/[\w-]+_\d{6}-\d{6}\.dsa", path) for path in listed)
-    assert all(re.fullmatch(r"[0-9a-f]{64}", digest) for digest in listed.values())
-    assert list(listed) == sorted(listed)
-    assert sources.address("glove_recorded", "golf_ball/x.dsa").endswith(
-        "/7bbb341b2db445653477b82b908e2ef0175cf926/python/classification/training_grasp_profiles_thesis/golf_ball/x.dsa"
-    )
 
 
 def test_recorded_grasps(recordings):

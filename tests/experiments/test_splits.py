@@ -58,40 +58,32 @@ def test_a_share_of_the_sliding_windows_is_of_whole_stretches_of_all_presses(set
     assert np.bincount(quarter // 40, minlength=200).min() > 0
 
 
-@pytest.mark.parametrize("protocol", ["press", "random_window"])
-def test_only_single_touches_are_trained_on(settings, protocol):
-    conditions = ["single"] * 40 + ["double"] * 20 + ["slide", "three", "tape"] * 10
+def windows(conditions: list[str], recordings: list[str]) -> pa.Table:
+    """Windows of which each is a press of its own."""
     n = len(conditions)
-    windows = pa.table(
+    return pa.table(
         {
             "condition": pa.array(conditions).dictionary_encode(),
-            "recording": pa.array(["run000"] * n).dictionary_encode(),
+            "recording": pa.array(recordings).dictionary_encode(),
             "press": pa.array(np.arange(n, dtype=np.int32)),
             "apart": pa.array(np.full(n, True)),
             "sliding": pa.array(np.full(n, True)),
         }
     )
-    part = touch.split(windows, settings, protocol, 0)
-    assert (part[40:] == "test").all()
-    assert [int((part == name).sum()) for name in ("train", "validation", "test")] == [32, 4, 54]
 
 
 @pytest.mark.parametrize("protocol", ["press", "random_window"])
-def test_a_seed_sees_the_windows_of_its_own_array(settings, protocol):
-    n = 60
-    windows = pa.table(
-        {
-            "condition": pa.array((["single"] * 20 + ["double"] * 10) * 2).dictionary_encode(),
-            "recording": pa.array(["specimen0-run000"] * 30 + ["specimen1-run000"] * 30).dictionary_encode(),
-            "press": pa.array(np.arange(n, dtype=np.int32)),
-            "apart": pa.array(np.full(n, True)),
-            "sliding": pa.array(np.full(n, True)),
-        }
-    )
+def test_only_single_touches_of_the_seeds_own_array_are_trained_on(settings, protocol):
+    conditions = ["single"] * 40 + ["double"] * 20 + ["slide", "three", "tape"] * 10
+    part = touch.split(windows(conditions, ["run000"] * 90), settings, protocol, 0)
+    assert (part[40:] == "test").all()
+    assert [int((part == name).sum()) for name in ("train", "validation", "test")] == [32, 4, 54]
+    names = ["specimen0-run000"] * 30 + ["specimen1-run000"] * 30
+    both = windows((["single"] * 20 + ["double"] * 10) * 2, names)
     for seed in range(3):
-        part = touch.split(windows, settings, protocol, seed)
-        used = part.reshape(2, 30)[seed % 2]
-        assert (part.reshape(2, 30)[1 - seed % 2] == "unused").all() and (used[20:] == "test").all()
+        parts = touch.split(both, settings, protocol, seed).reshape(2, 30)
+        used = parts[seed % 2]
+        assert (parts[1 - seed % 2] == "unused").all() and (used[20:] == "test").all()
         assert [int((used[:20] == name).sum()) for name in ("train", "validation", "test")] == [16, 2, 2]
 
 

@@ -293,19 +293,6 @@ def test_only_pressed_samples_count_where_a_depth_is_set(settings, lines, tmp_pa
     assert strain.task("task_1", masked).pressed_only and not strain.task("task_1", settings).pressed_only
 
 
-def test_seeds_take_turns_with_the_recordings_of_a_task(settings, lines, tmp_path):
-    frames, _, _ = strain.read_recording(written(tmp_path, lines), settings)
-    n = frames.num_rows
-    second = frames.set_column(1, "recording", pa.array(["run001"] * n).dictionary_encode())
-    both = pa.concat_tables([frames, second.cast(frames.schema)])
-    parts = [strain.split(both, settings, "task_1", seed) for seed in range(4)]
-    for seed, part in enumerate(parts):
-        unused = slice(n, None) if seed % 2 == 0 else slice(0, n)
-        assert (part[unused] == "unused").all() and set(part) == {"train", "validation", "test", "unused"}
-    assert (parts[0] == parts[2]).all() and (parts[1] == parts[3]).all()
-    assert (parts[0][:n] == parts[1][n:]).all()
-
-
 def test_true_drift_is_that_of_the_seeds_recording(workspace, tmp_path, monkeypatch):
     assert strain.true_drift(workspace, "task_1", 0, np.zeros(1)) == {}
     for k in range(2):

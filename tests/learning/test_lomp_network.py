@@ -1,9 +1,5 @@
 """LoMP's stacked weights and hand-written backward pass against one plain module an element."""
 
-import subprocess
-import sys
-
-import numba
 import numpy as np
 import pytest
 import torch
@@ -34,11 +30,7 @@ def network(spec, hidden=128, readout=(128, 64), neighbours=4, alpha=0.1):
 @pytest.mark.parametrize("neighbours", [4, 8])
 @pytest.mark.parametrize(
     "spec, hidden, readout",
-    [
-        (Spec(8, 5, 5, 20, 20), 128, (128, 64)),
-        (Spec(3, 2, 4, 6, 4), 8, (5,)),
-        (Spec(1, 2, 2, 4, 4), 4, (3,)),
-    ],
+    [(Spec(8, 5, 5, 20, 20), 128, (128, 64)), (Spec(3, 2, 4, 6, 4), 8, (5,)), (Spec(1, 2, 2, 4, 4), 4, (3,))],
     ids=["paper", "oblong", "one frame"],
 )
 def test_outputs_and_all_gradients_equal_a_loop_over_modules(spec, hidden, readout, neighbours):
@@ -143,16 +135,6 @@ def test_without_messages_an_element_sees_only_itself():
     assert not change.any()
 
 
-def test_message_reach_grows_with_frames_and_alpha():
-    x = torch.randn(1, 1, 25)
-    other = x.clone()
-    other[:, :, 12] += 1
-    with torch.no_grad():
-        stacked = network(Spec(1, 5, 5, 5, 5), hidden=8, readout=[8])
-        changed = ((stacked(x) - stacked(other)) != 0).view(25).nonzero().flatten().tolist()
-    assert set(changed) <= {7, 11, 12, 13, 17} and 12 in changed and len(changed) > 1
-
-
 @pytest.mark.parametrize(
     "change, named", [({"neighbours": 6}, "neighbours"), ({"spec": Spec(8, 5, 5, 19, 20)}, "19x20")]
 )
@@ -183,7 +165,6 @@ def largest_difference(ours: np.ndarray, exact: torch.Tensor) -> float:
     return float(np.abs(ours - exact.numpy()).max() / exact.abs().max())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("spec, settings", SHAPES.values(), ids=SHAPES)
 def test_a_row_in_compiled_code_is_a_row_of_a_batch(spec, settings):
     stacked = network(spec, **settings)
@@ -201,7 +182,6 @@ def test_a_row_in_compiled_code_is_a_row_of_a_batch(spec, settings):
             assert largest_difference(went_on, after[:, k]) < 5e-4
 
 
-@pytest.mark.slow
 def test_a_state_goes_from_rows_to_batches_and_back():
     model = lomp_stream.build(Spec(2, 2, 3, 4, 6), hidden=10, readout=[6], neighbours=4, alpha=0.5, training=TRAINING)
     x = np.random.default_rng(0).uniform(-2, 2, (12, 6)).astype(np.float32)
@@ -226,7 +206,6 @@ def test_a_state_goes_from_rows_to_batches_and_back():
     np.testing.assert_allclose(maps(mixed), exact, atol=1e-4 * np.abs(exact).max())
 
 
-@pytest.mark.slow
 def test_a_row_is_predicted_with_the_weights_of_now(tmp_path):
     spec, rng = Spec(3, 2, 4, 6, 4), np.random.default_rng(0)
     model = lomp.build(spec, hidden=8, readout=[16, 8], neighbours=8, alpha=0.3, training=TRAINING)
@@ -244,7 +223,6 @@ def test_a_row_is_predicted_with_the_weights_of_now(tmp_path):
     np.testing.assert_array_equal(model.predict(x[:1]), alone[:1])
 
 
-@pytest.mark.slow
 def test_what_is_not_a_number_stays_none():
     spec = Spec(2, 5, 5, 5, 5)
     stacked = network(spec, hidden=8, readout=[8])
@@ -264,25 +242,6 @@ def test_what_is_not_a_number_stays_none():
         stacked.readout[0][8] = 0
     image = lomp_prediction.Prediction(stacked).run(np.zeros((2, 25), np.float32), None)[0]
     assert np.flatnonzero(np.isnan(image)).tolist() == [3]
-
-
-@pytest.mark.slow
-def test_without_a_folder_for_a_cache_a_function_is_compiled_all_the_same(monkeypatch):
-    from numba.core import caching
-
-    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
-    with pytest.raises(RuntimeError):
-        numba.njit(cache=True)(abs_of)
-    assert lomp_prediction.compiled(abs_of)(-2.0) == 2
-
-
-def abs_of(x):
-    return -x if x < 0 else x
-
-
-def test_training_does_not_import_numba():
-    done = "import sys, pipeline.models.lomp, pipeline.models.lomp_stream; sys.exit('numba' in sys.modules)"
-    subprocess.run([sys.executable, "-c", done], check=True)
 
 
 def test_a_batch_in_chunks_has_the_gradients_of_the_batch():

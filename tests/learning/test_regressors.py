@@ -10,7 +10,7 @@ from torch.optim.optimizer import register_optimizer_step_post_hook
 from pipeline.base.errors import InputError
 from pipeline.learning import cost, regressors, weights
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec, TorchRegressor, input_scale, zero_linear
+from pipeline.learning.regressors import Spec, TorchRegressor
 from pipeline.settings.training import WindowTraining
 
 SPEC = Spec(2, 1, 3, 2, 2)
@@ -120,12 +120,6 @@ def test_windows_that_are_all_at_rest_are_trained_on_too():
     assert [sorted(sum(batches, [])) for batches in seen(0, 8, epochs=1, rest_share=1e-6)] == [list(range(8))]
 
 
-def test_a_last_layer_that_starts_at_zero_answers_zero():
-    layer = zero_linear(6, 4)
-    assert torch.equal(layer(torch.randn(5, 6)), torch.zeros(5, 4))
-    assert (layer.in_features, layer.out_features) == (6, 4) and layer.weight.requires_grad and layer.bias.requires_grad
-
-
 @pytest.fixture
 def processor(monkeypatch):
     """Gives the processor instructions for bfloat16 or takes them away; without them torch computes it all the same."""
@@ -170,24 +164,6 @@ def test_divergence_is_recorded_not_raised():
     assert len(history) == 3 and np.isnan(history[-1]["train_loss"])
 
 
-def test_divergence_in_the_first_epoch():
-    x, y = windows()
-    model = regressor()
-    history = model.fit((x, y), (x, y * np.float32(np.inf)), seed=0)
-    assert model.summary == ("diverged", 0) and len(history) == 1
-
-
-def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path):
-    saved = []
-    for seed in (1, 1, 2):
-        torch.rand(7)  # the state of torch's own generator must not matter
-        model = regressor(epochs=2)
-        model.fit(windows(), windows(seed=1), seed=seed)
-        model.save(tmp_path)
-        saved.append((tmp_path / weights.NETWORK_FILE).read_bytes())
-    assert saved[0] == saved[1] != saved[2]
-
-
 def test_fit_leaves_the_global_generator_alone():
     torch.manual_seed(5)
     expected = torch.rand(3)
@@ -230,12 +206,6 @@ def test_labels_are_trained_on_as_shares_of_the_largest_and_answered_in_kpa():
             assert row[loss] == pytest.approx(np.mean((largest - labels) ** 2), rel=1e-4)
 
 
-def test_input_scale_has_one_pair_an_element():
-    x = np.stack([np.zeros((4, 5)), np.full((4, 5), 10)], 0).astype(np.float32)  # 2 windows, 4 frames, 5 elements
-    mean, spread = input_scale(x)
-    assert mean.tolist() == [5] * 5 and spread.tolist() == [5] * 5
-
-
 def test_predictions_do_not_depend_on_how_many_windows_are_asked():
     model = regressor(epochs=1)
     model.fit(windows(), windows(seed=1), seed=0)
@@ -244,12 +214,6 @@ def test_predictions_do_not_depend_on_how_many_windows_are_asked():
     assert together.shape == (300, 4) and together.dtype == np.float32
     alone = np.concatenate([model.predict(x[i : i + 1]) for i in range(0, 300, 37)])
     np.testing.assert_allclose(together[::37], alone, rtol=1e-5, atol=1e-3)
-
-
-def test_progress_is_reported_every_epoch():
-    seen = []
-    history = regressor(epochs=3).fit(windows(), windows(seed=1), seed=0, progress=lambda *a: seen.append(a))
-    assert seen == [(row["epoch"], 3, row["train_loss"], row["validation_loss"]) for row in history]
 
 
 def constant():
@@ -278,9 +242,7 @@ def test_loading_from_an_empty_folder_says_what_to_do(make, tmp_path):
 def test_loading_weights_of_other_settings_is_refused(tmp_path):
     regressor().save(tmp_path)
     other = TorchRegressor(
-        lambda: nn.Sequential(nn.Flatten(), nn.Linear(6, 5), nn.Linear(5, 4)),
-        SPEC,
-        WindowTraining(**settings()),
+        lambda: nn.Sequential(nn.Flatten(), nn.Linear(6, 5), nn.Linear(5, 4)), SPEC, WindowTraining(**settings())
     )
     with pytest.raises(InputError, match="other settings"):
         other.load(tmp_path)

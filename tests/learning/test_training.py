@@ -11,7 +11,6 @@ from pipeline.learning.training import (
     RISE,
     Epoch,
     Schedule,
-    device_of,
     precision_on,
     products_in,
     rate_at,
@@ -84,11 +83,6 @@ def test_a_schedule_sets_the_rate_of_all_weights():
         schedule.at(done)
         assert [group["lr"] for group in optimiser.param_groups] == pytest.approx([rate, rate])
         assert schedule.learning_rate == pytest.approx(rate)
-
-
-def test_devices():
-    assert device_of("cpu").type == "cpu"
-    assert device_of("auto").type == ("cuda" if torch.cuda.is_available() else "cpu")
 
 
 @pytest.mark.parametrize("instructions", BFLOAT16_INSTRUCTIONS)

@@ -161,42 +161,6 @@ def interpolated_at_every_lag(piece, against, lags, step, edge_s, beside, halves
     return np.array([alignment._edge_correlation(piece, against, Clock(lag), edge_s, beside, halves) for lag in lags])
 
 
-def with_a_gap(device, first_s, last_s):
-    """The device without the lines printed between two true times."""
-    kept = (device[0] < first_s) | (device[0] > last_s)
-    return tuple(column[kept] for column in device)
-
-
-@pytest.mark.parametrize(
-    ("cell", "array", "noise_n", "gap_s"),
-    [
-        ({"start": 0.5, "stop": 150}, {"start": 1.3, "stop": 149, "ppm": 80}, 0.05, None),
-        ({"start": 0.0, "stop": 148}, {"start": 5.0, "stop": 150, "boot_s": 31}, 0.05, None),
-        ({"start": 5.0, "stop": 150}, {"start": 0.0, "stop": 147, "boot_s": 700.123}, 0.05, None),
-        ({"start": 0.8, "stop": 150}, {"start": 0.1, "stop": 149, "ppm": -60}, 2.0, None),
-        ({"start": 0.8, "stop": 150}, {"start": 0.1, "stop": 149, "ppm": 40}, 0.05, (60, 75)),
-        ({"start": 60.0, "stop": 90}, {"start": 61.0, "stop": 80, "boot_s": 3}, 0.05, None),
-    ],
-    ids=["drift", "array late", "cell late", "noise", "gap", "short"],
-)
-def test_the_search_on_shared_samples_finds_the_clock_of_the_search_lag_by_lag(
-    cell, array, noise_n, gap_s, monkeypatch
-):
-    t, force, counts, rng = scene(150, 8)
-    cell = sample(t, force + rng.normal(0, noise_n, len(t)), hz=100, **cell)
-    array = sample(t, counts, hz=50, **array)
-    if gap_s:
-        cell, array = with_a_gap(cell, *gap_s), with_a_gap(array, gap_s[0] - 20, gap_s[1] - 20)
-    signals = [force_signal(cell)], [array_signal(array)]
-    pairs = [signals, signals[::-1]]
-    quick = [place_pair(*pair, **LIMITS)[1][0] for pair in pairs]
-    monkeypatch.setattr(alignment, "_edge_correlations", interpolated_at_every_lag)
-    slow = [place_pair(*pair, **LIMITS)[1][0] for pair in pairs]
-    for ours, reference, (_, (piece,)) in zip(quick, slow, pairs, strict=True):
-        assert ours(piece.time_s) == pytest.approx(reference(piece.time_s), rel=0, abs=1e-6)
-        assert ours.correlation == pytest.approx(reference.correlation, rel=1e-6)
-
-
 def test_the_search_on_shared_samples_scores_every_lag_alike():
     """Also where the overlap is too short, and where one signal does not change in it."""
     t, force, counts, rng = scene(40, 9)

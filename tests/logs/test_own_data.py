@@ -7,7 +7,6 @@ import subprocess
 import sys
 
 import pytest
-import yaml
 from builders.project import ROOT
 
 from pipeline.base import params
@@ -76,33 +75,6 @@ def root(workspace):
     (workspace.root / "data" / "own").mkdir(parents=True)
     copied(ROOT / "params.yaml", workspace.root)
     return workspace.root
-
-
-@pytest.mark.slow
-def test_dvc_notices_a_change_wherever_we_say_so(tmp_path):
-    """Each way to put a log into a folder, a stage that depends on the folder, and a change of the log."""
-    environment = os.environ | {"DVC_NO_ANALYTICS": "1"}
-    for name in ("GLOBAL_CONFIG", "SYSTEM_CONFIG", "SITE_CACHE"):
-        environment[f"DVC_{name}_DIR"] = str(tmp_path / name)
-    ways, stages = (*NOTICED, *UNNOTICED), {}
-    project = tmp_path / "project"
-    project.mkdir()
-    for way in ways:
-        place = project / way.__name__
-        way(place, tmp_path / "elsewhere" / way.__name__)
-        stages[way.__name__] = {"cmd": "python --version", "deps": [way.__name__]}
-    (project / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}))
-
-    def dvc(*arguments):
-        command = [sys.executable, "-m", "dvc", *arguments]
-        return subprocess.run(command, cwd=project, env=environment, check=True, capture_output=True, text=True).stdout
-
-    dvc("init", "--no-scm", "--quiet")
-    dvc("commit", "--force", "--quiet")
-    assert yaml.safe_load(dvc("status", "--json")) == {}
-    for way in ways:
-        (project / way.__name__ / LOG).write_text("1,3\n")  # of the same size
-    assert set(yaml.safe_load(dvc("status", "--json"))) == {way.__name__ for way in NOTICED}
 
 
 @pytest.mark.parametrize("way", NOTICED)

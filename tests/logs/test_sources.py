@@ -1,8 +1,6 @@
 """Named sources: the pinned list, the copy from a folder, and the refusal of wrong files."""
 
-import errno
 import hashlib
-import os
 import re
 import sys
 import threading
@@ -30,22 +28,24 @@ def small(monkeypatch, tmp_path):
     return local
 
 
-def test_velostat_list_is_pinned_and_complete():
-    listed = sources.files("velostat_recorded")
-    assert len(listed) == 32
-    assert all(re.fullmatch(r"[0-9a-f]{64}", digest) for digest in listed.values())
-    readings = {path.removeprefix("velostat_data/") for path in listed if path.startswith("velostat_data/")}
-    forces = {path.removeprefix("futek_data/") for path in listed if path.startswith("futek_data/")}
-    assert readings == forces and len(readings) == 16
-    assert re.fullmatch(r"[0-9a-f]{40}", sources.source("velostat_recorded").commit)
-
-
-def test_address_has_commit_and_path():
-    path = "velostat_data/pike1/exp_pike1_sensor1_exp1.txt"
-    assert sources.address("velostat_recorded", path) == (
-        "https://raw.githubusercontent.com/Lupasic/tactile-sensor-velostat/"
-        f"c319860a13fcde964917329370ae31314024a96f/src/experimental_data/{path}"
-    )
+@pytest.mark.parametrize(
+    ("name", "count", "first"),
+    [
+        ("velostat_recorded", 32, "/Lupasic/tactile-sensor-velostat/c319860a13fcde964917329370ae31314024a96f/src/exp"),
+        ("strain_recorded", 2, "/30718094c8dbbb889c3207f4dc32394166c2821e/experiment/UR5RobotControlV3.2/"),
+        ("glove_recorded", 856, "/7bbb341b2db445653477b82b908e2ef0175cf926/python/classification/training_grasp_profi"),
+    ],
+)
+def test_a_source_is_pinned_and_complete(name, count, first):
+    listed = sources.files(name)
+    assert len(listed) == count and all(re.fullmatch(r"[0-9a-f]{64}", digest) for digest in listed.values())
+    assert re.fullmatch(r"[0-9a-f]{40}", sources.source(name).commit)
+    for path in listed:
+        address = sources.address(name, path)
+        assert address.startswith("https://raw.githubusercontent.com/") and first in address
+        assert unquote(address).endswith(f"/{path}")
+    pairs = [{path.partition("/")[2] for path in listed if path.startswith(device)} for device in ("velostat", "futek")]
+    assert pairs[0] == pairs[1]
 
 
 def test_copy_from_folder_then_nothing_left_to_do(workspace, small):
@@ -188,15 +188,6 @@ def test_failed_download_is_one_sentence(workspace, server, monkeypatch):
         fetch.fetch(workspace, "velostat_recorded")
 
 
-def test_a_full_disk_is_no_failed_download(workspace, server, monkeypatch):
-    def full(path, *arguments):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-
-    monkeypatch.setattr(type(sources.folder(workspace, "velostat_recorded")), "open", full)
-    with pytest.raises(OSError, match="No space left"):
-        fetch.fetch(workspace, "velostat_recorded")
-
-
 def test_the_list_has_size_licence_and_state(workspace, server, monkeypatch):
     def line(name: str) -> str:
         return next(line for line in fetch.listing(workspace).splitlines() if line.startswith(name))
@@ -210,12 +201,6 @@ def test_the_list_has_size_licence_and_state(workspace, server, monkeypatch):
     assert " partly: 1 of 2 files, 1 wrong " in line("velostat_recorded")
     for source in sources.SOURCES.values():
         assert f"github.com/{source.repository}/tree/{source.commit}" in fetch.listing(workspace)
-
-
-def test_progress_is_one_line_where_there_is_no_terminal(workspace, small, capsys):
-    fetch.fetch(workspace, "velostat_recorded", small)
-    said = capsys.readouterr()
-    assert said.out == "" and said.err.count("\n") == 1 and "velostat_recorded:" in said.err
 
 
 def test_command_line(monkeypatch, capsys):

@@ -4,7 +4,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import torch
-from torch.optim.optimizer import register_optimizer_step_post_hook
 
 from pipeline import models
 from pipeline.datasets import windowing
@@ -72,19 +71,6 @@ def test_a_state_that_is_carried_is_a_longer_window():
         answer = model.step(frame)
     np.testing.assert_allclose(answer, ends, rtol=1e-4, atol=1e-3)
     assert model.step(x[:1, 0]).shape == (1, 16)  # another number of streams starts anew
-
-
-def test_the_rate_of_every_update_rises_and_falls_to_zero():
-    """An update a window of the presses of a batch: 40 presses of 3 windows, 8 at a time, are 15 an epoch."""
-    rates, model = [], build(BLOCK | {"training": TRAINING | {"epochs": 4}})
-    hook = register_optimizer_step_post_hook(lambda optimiser, *others: rates.append(optimiser.param_groups[0]["lr"]))
-    try:
-        history = model.fit(presses(), presses(seed=1), seed=0)
-    finally:
-        hook.remove()
-    done = (np.arange(60) + 0.5) / 60
-    assert rates == pytest.approx(3e-3 * np.where(done < 0.1, done / 0.1, (1 - done) / 0.9))
-    assert [row["learning_rate"] for row in history] == rates[14::15]
 
 
 def test_a_stream_starts_at_zero():

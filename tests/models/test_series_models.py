@@ -77,9 +77,17 @@ def test_published_numbers_of_parameters(tmp_path, outputs, direct, transfer):
         assert again.parameters() == transfer
 
 
-@pytest.mark.parametrize("name", BLOCKS)
+HIGHPASS = {"learning_rate": 1e-2, "epochs": 5, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
+EVERY_BLOCK = BLOCKS | {
+    "lstm_highpass": {"filters": 5, "taps": 4, "units": 8, "training": HIGHPASS},
+    "press_difference": {"press": 2, "trees": 3, "min_samples_leaf": 2},
+}
+BLIND = ("lstm_highpass", "press_difference")  # to a constant offset of a voltage
+
+
+@pytest.mark.parametrize("name", EVERY_BLOCK)
 def test_a_series_model_is_causal_and_goes_step_by_step(name, model_zero):
-    data, model = record(), build(name, spec(2))
+    data, model = record(), build(name, spec(2), EVERY_BLOCK[name])
     model.fit([data], seed=3, device="cpu", base=model_zero)
     predicted, later = model.predict(data.x), data.x.copy()
     later[200:] += 1
@@ -87,6 +95,9 @@ def test_a_series_model_is_causal_and_goes_step_by_step(name, model_zero):
     steps = np.concatenate([model.step(data.x[k : k + 1]) for k in range(40)])
     np.testing.assert_allclose(steps, predicted[:40], atol=2e-3)
     assert model.step(data.x[:7]).shape == (7, 2)  # another number of streams starts anew
+    offset = np.array([0.5, -0.25, 0.125, 0.5, 1.0, 0.25], np.float32)  # of which no digit is lost in the sum
+    moved = np.abs(model.predict(data.x + offset) - predicted)[10:].max() / np.ptp(predicted, axis=0).max(initial=1)
+    assert name == "constant" or (moved < 0.05) == (name in BLIND), moved
 
 
 def test_transfer_leaves_the_recurrent_part_alone_and_closed_form_fits_no_worse(model_zero):
@@ -144,13 +155,6 @@ def test_training_never_gets_the_test_part():
     assert len(series.seen_in_training([piece, untouched])) == 1
 
 
-HIGHPASS = {"learning_rate": 1e-2, "epochs": 5, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
-EVERY_BLOCK = BLOCKS | {
-    "lstm_highpass": {"filters": 5, "taps": 4, "units": 8, "training": HIGHPASS},
-    "press_difference": {"press": 2, "trees": 3, "min_samples_leaf": 2},
-}
-
-
 @pytest.mark.parametrize("name", EVERY_BLOCK)
 def test_all_models_of_a_table_are_fitted_to_the_same_samples(name, model_zero):
     """To the end of the validation part: what this holds changes every model."""
@@ -164,14 +168,6 @@ def test_all_models_of_a_table_are_fitted_to_the_same_samples(name, model_zero):
     assert losses[0]["train_loss"] != losses[1]["train_loss"]
     predicted = [model.predict(data.x) for model in models]
     assert not np.array_equal(*predicted) and np.isfinite(predicted).all()
-
-
-@pytest.mark.parametrize("name", ["constant", "ridge"])
-def test_models_solved_at_once_do_not_depend_on_where_validation_begins(name):
-    data, models = record(), [build(name, spec(2)) for _ in range(2)]
-    for model, share in zip(models, (0.5, 0.9), strict=True):
-        model.fit([data._replace(training=np.arange(400) < share * 400)], seed=0, device="cpu", base=None)
-    assert np.array_equal(*(model.predict(data.x) for model in models))
 
 
 @pytest.mark.parametrize("name", ["esn", "lstm_direct", "lstm_transfer_ridge", "lstm_highpass"])

@@ -146,18 +146,6 @@ def test_logs_have_the_samples_asked_for_and_repeat(scene):
     assert truth[0].startswith("t_s,drift0") and len(truth) == 301
 
 
-EFFECTS = params.load(ROOT / "params.yaml")["strain"]["simulate"]["effects"]
-
-
-@pytest.mark.parametrize("effect", EFFECTS)
-def test_every_effect_can_be_switched_off_and_changes_the_log(scene, effect):
-    recording = strain.recordings(scene)[2]
-    scene["effects"] = dict.fromkeys(scene["effects"], True)
-    off = copy.deepcopy(scene)
-    off["effects"][effect] = False
-    assert strain.logs_of(recording, off, STRANDS)["daq.log"] != strain.logs_of(recording, scene, STRANDS)["daq.log"]
-
-
 def test_true_drift_is_all_that_is_not_strain(scene):
     recording = strain.recordings(scene)[0]
     scene["effects"] |= {"drift": False, "relaxation": False, "asymmetry": False}
@@ -168,7 +156,3 @@ def test_true_drift_is_all_that_is_not_strain(scene):
         truth, _ = strain.logs_of(recording, scene, STRANDS)["truth.csv"]
         assert np.abs(np.loadtxt(truth, delimiter=",", skiprows=1)[:, 1:]).max() > 1e-3
         scene["effects"][effect] = False
-
-
-def test_all_effects_are_on():
-    assert all(EFFECTS.values())

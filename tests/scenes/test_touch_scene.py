@@ -234,20 +234,6 @@ def test_specimen_and_motions_have_seeds_of_their_own(settings):
     assert not np.array_equal(moved.touches[0].force_n[:500], plain.touches[0].force_n[:500])
 
 
-EFFECTS = params.load(ROOT / "params.yaml")["touch"]["simulate"]["effects"]
-
-
-@pytest.mark.parametrize("effect", [name for name in EFFECTS if name != "hand_error"])  # of which singles have none
-def test_every_switch_changes_the_log(settings, effect):
-    recording = recordings(settings)[0]
-    settings["simulate"]["faults"] |= {"torn": 0.02, "missing": 0.02}
-    settings["simulate"]["effects"] = dict.fromkeys(settings["simulate"]["effects"], True)
-    on = touch.logs_of(recording, settings["simulate"], settings["sensor"], reset=False)["array.log"][0]
-    settings["simulate"]["effects"][effect] = False
-    off = touch.logs_of(recording, settings["simulate"], settings["sensor"], reset=False)["array.log"][0]
-    assert on != off
-
-
 def test_logs_repeat_and_a_reset_starts_the_clock_again(settings):
     recording = recordings(settings)[0]
     arguments = (recording, settings["simulate"], settings["sensor"])

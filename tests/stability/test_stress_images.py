@@ -78,20 +78,6 @@ def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
 
 
 @pytest.mark.slow
-def test_a_score_that_is_out_of_date_is_an_error(workspace, project):
-    text = workspace.scores("glove").read_text()
-    row = next(
-        line for line in text.splitlines() if line.startswith("glove,session_pressure,pressure,naive_bayes,1,acc")
-    )
-    fields = row.split(",")
-    fields[7] = str(float(fields[7]) + 0.01)
-    workspace.scores("glove").write_text(text.replace(row, ",".join(fields)))
-    with pytest.raises(InputError, match="naive_bayes, session_pressure, seed 1 has accuracy .*evaluate glove` again"):
-        stress_images.rows(workspace, project, "glove", "naive_bayes", lambda: None)
-    workspace.scores("glove").write_text(text)
-
-
-@pytest.mark.slow
 def test_severity_0_of_every_perturbation_gives_the_images_of_the_dataset(workspace, project):
     frames, settings = read(workspace, project), project["glove"]
     data = images.read(workspace.dataset("glove"), "session_combined", 0)
@@ -117,16 +103,6 @@ def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(workspace, pr
     few = stress_images.perturbed(frames, "pressure", "dead", 4, 0)
     before = frames.areas["pressure"].readings[frames.rows]
     assert (few != before).any(axis=0).sum() == 4
-
-
-@pytest.mark.slow
-def test_a_line_is_a_row_or_a_column_of_its_area(workspace, project):
-    frames = read(workspace, project)
-    found = stress_images.perturbed(frames, "pressure", "dead_line", 1, 0).reshape(-1, 15, 18)
-    before = frames.areas["pressure"].readings[frames.rows].reshape(-1, 15, 18)
-    rows, cols = np.nonzero((found != before).any(axis=0))
-    assert len(set(rows)) == 1 or len(set(cols)) == 1
-    assert not found[:, rows, cols].any()
 
 
 @pytest.mark.slow

@@ -165,20 +165,6 @@ def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
 
 
 @pytest.mark.slow
-def test_a_score_that_is_out_of_date_is_an_error(workspace, project):
-    text = workspace.scores("strain").read_text()
-    before = next(line for line in text.splitlines() if line.startswith("strain,task_1,task_1,ridge,0,error"))
-    fields = before.split(",")
-    fields[7] = str(float(fields[7]) + 0.01)
-    workspace.scores("strain").write_text(text.replace(before, ",".join(fields)))
-    with pytest.raises(
-        InputError, match="ridge, task_1, seed 0 has error .* run `python -m pipeline.stages.evaluate strain`"
-    ):
-        stress_series.rows(workspace, project, "strain", "ridge", lambda: None)
-    workspace.scores("strain").write_text(text)
-
-
-@pytest.mark.slow
 def test_changed_scenes_keep_the_motion_and_change_what_they_say(project):
     settings = project["strain"]
     settings = settings | {"simulate": settings["simulate"] | {"faults": settings["simulate"]["faults"] | {"gaps": 0}}}

@@ -38,17 +38,6 @@ def test_every_verdict_can_be_had():
     assert others.to_dict() == {"to the bit": 3, "only here": 3, "only committed": 3}
 
 
-def test_the_report_names_what_differs_and_what_was_not_compared():
-    committed = pd.concat([scores(), scores(experiment="glove_recorded", models=["tree"])])
-    text, sentence = agreement.report(committed, scores({("cnn", 1): 15.0}, models=("linear", "cnn", "rnn")))
-    assert sentence == (
-        "5 of 6 numbers agree: 5 to the bit, 1 beyond, 3 only here. "
-        "No scores here: glove_recorded (3) of 9 committed numbers; `tactile fetch` gets recordings."
-    )
-    assert "touch press single cnn rmse 1" in text and "|        11 |   15 |" in text
-    assert agreement.report(scores(), scores(models=["cnn"]))[1].startswith("3 of 6 numbers agree")
-
-
 @pytest.fixture
 def project(workspace, tmp_path, monkeypatch):
     """A checkout with scores of one experiment, not yet a repository of git."""

@@ -11,16 +11,7 @@ from opened.noted import Noted, ignore_bookkeeping
 
 from pipeline.base import params
 from pipeline.logs import sources
-from pipeline.stages import (
-    agreement,
-    dataset,
-    evaluate,
-    ingest,
-    latency,
-    stress,
-    train,
-    window,
-)
+from pipeline.stages import agreement, dataset, evaluate, ingest, latency, stress, train, window
 
 # A model in closed form of each, which every processor fits to the same digits but the last, and its protocols.
 MODEL = {"velostat_recorded": "linear", "strain_recorded": "ridge", "glove_recorded": "naive_bayes"}

@@ -154,18 +154,6 @@ def test_further_touches_fill_their_columns(workspace, root, shared):
     assert clocks["cnc_2.log"] == clocks["load_cell_2.log"]
 
 
-def test_the_same_logs_give_the_same_bytes(workspace, root):
-    save(root / "data/touch/logs/single/run000", logs_of())
-    save(root / "data/touch/logs/single/run001", logs_of(seed=4))
-    names = ("frames.parquet", "rejects.parquet", "ingest.json")
-    run(workspace, root)
-    first = [(root / "data/touch" / name).read_bytes() for name in names]
-    frames, _, _ = run(workspace, root)
-    assert [(root / "data/touch" / name).read_bytes() for name in names] == first
-    assert frames["recording"].unique().to_pylist() == ["run000", "run001"]
-    assert not list((root / "data/touch").glob("*.unfinished"))
-
-
 def outputs(root):
     return [(root / "data/touch" / name).read_bytes() for name in ("frames.parquet", "rejects.parquet", "ingest.json")]
 

@@ -75,21 +75,3 @@ def test_a_row_sees_its_frames_and_is_scored_on_the_test_part(workspace, values,
         assert set(found["condition"]) == {"single", "double"} and (found[found.metric == "rmse"].n == 20).all()
         errors[name] = found[found.metric == "rmse"].value.mean()
     assert errors["two"] < errors["one"] / 5
-
-
-def test_rows_are_paired_by_seed():
-    columns = ["row", "condition", "seed", "metric", "value"]
-    rows = [(name, "single", seed, "rmse", value + seed) for name, value in (("a", 1.0), ("b", 5.0)) for seed in (1, 0)]
-    table = pd.DataFrame(rows, columns=columns)
-    row = {"of": "lomp", "seeds": [0, 1], "frames": 8, "settings": {}}
-    settings = {"protocols": {"press": {"seeds": [0, 1]}}, "ablation": {"a": row, "b": row | {"beside": "a"}}}
-
-    class Scores:
-        def runs(self, protocol, condition, model, metric):
-            return [10.0, 20.0] if (protocol, model) == ("press", "lomp") else []
-
-    pair = scored.paired(table, Scores(), settings, "b", "single")
-    assert pair["error"].tolist() == [5.0, 6.0] and pair["reference"].tolist() == [1.0, 2.0]
-    pair = scored.paired(table, Scores(), settings, "a", "single")
-    assert pair["error"].tolist() == [1.0, 2.0] and pair["reference"].tolist() == [10.0, 20.0]
-    assert scored.paired(table, Scores(), settings, "a", "double").empty

@@ -92,7 +92,6 @@ def test_the_simulated_twin_has_every_statistic_of_every_finger(workspace, short
     table = twins.simulated(workspace, values)
     assert table.columns.tolist() == ["recording", "statistic", "value"] and np.isfinite(table["value"]).all()
     assert set(table["recording"]) == {"specimen 0", "specimen 1"} and set(table["statistic"]) == set(twins.STATISTICS)
-    assert set(twins.NOTES) <= set(twins.STATISTICS)
     values["strain"]["simulate"]["effects"]["noise"] = False
     quiet = twins.simulated(workspace, values).query("statistic == 'noise'")["value"].median()
     assert quiet < 0.7 * table.query("statistic == 'noise'")["value"].median()

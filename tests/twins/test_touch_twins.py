@@ -80,7 +80,6 @@ def test_statistics_are_named_and_come_per_recording():
     assert list(table.columns) == twins.COLUMNS
     assert set(table.statistic) == set(twins.STATISTICS)
     assert set(table.recording) == {"made", "made/exp1", "made/exp2"}
-    assert set(twins.NOTES) <= set(twins.STATISTICS)
 
 
 def test_the_twin_presses_the_places_of_its_element():

@@ -1,44 +1,35 @@
 """Faults put into named functions on purpose: do their fast tests see them?
 
-    python tests/mutation.py [--sample N] [--seed S] [NAME ...]
+    python benchmarks/mutation.py [--sample N] [--seed S] [NAME ...]
 
 Every comparison, sum, number, index, axis, `not`, `and`, min, name of a part and bare call of the functions below can
-be changed. A sample of these mutants is made, of all functions or those named, each in a copy of the tracked files,
-where its tests run, two at a time. Those that no test sees are listed, with exit status 1. Not all of them are a lack:
-some change nothing that can be seen.
+be changed. A sample of these mutants is made, of all functions or those named, one by one in a copy of the tracked
+files, where its tests run. Those that no test sees are listed, with exit status 1. Not all of them are a lack: some
+change nothing that can be seen.
 """
 
 import argparse
 import ast
 import copy
 import os
-import queue
 import random
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
 from tqdm import tqdm
 
-ROOT = Path(__file__).resolve().parent.parent
-PROCESSES, LIMIT_S = 2, 300
-FAILED = 1  # exit status of pytest
+ROOT, LIMIT_S = Path(__file__).resolve().parent.parent, 300
 
-SELECTION, SERIES, VERDICTS = (
-    "stages/test_selection.py",
-    "models/test_series_models.py",
-    "claims/test_verdicts.py",
-)
+SELECTION, SERIES, VERDICTS = "stages/test_selection.py", "models/test_series_models.py", "claims/test_verdicts.py"
+PAIRING, ONE_LOG, SPECIMENS = (f"general/test_{name}.py" for name in ("pairing", "one_log", "specimens"))
 # file of pipeline/ -> functions and constants whose faults are wrong numbers in silence, and tests that should see them
 CHOSEN = {
-    "tasks/windows.py": ("fit", SELECTION),
-    "tasks/images.py": ("fit", SELECTION),
-    "tasks/series.py": ("fit", SELECTION),
+    **{f"tasks/{kind}.py": ("fit", SELECTION) for kind in ("windows", "images", "series")},
     "studies/augmentation.py": ("train_run", SELECTION),
     "studies/sizes.py": ("touch_run glove_run", SELECTION),
     "studies/stag.py": ("parts train_run", f"{SELECTION} logs/test_stag.py"),
@@ -47,7 +38,7 @@ CHOSEN = {
     "studies/joint_angles.py": ("probe", "experiments/test_glove_recorded.py"),
     "stability/changed_scene.py": ("_windows_scores _images_scores", SELECTION),
     "stability/perturbations.py": ("noise", "stability/test_perturbations.py"),
-    "learning/training.py": ("run_epochs rate_at", "learning/test_training.py models/test_contract.py"),
+    "learning/training.py": ("run_epochs rate_at", "learning/test_training.py general/test_contract_of_models.py"),
     "learning/regressors.py": ("fit update zero_linear _of_an_epoch", "learning/test_regressors.py"),
     "learning/image_classifier.py": ("augmented train_on", "learning/test_image_classifier.py"),
     "learning/series_regressors.py": ("fit __init__", SERIES),
@@ -65,17 +56,23 @@ CHOSEN = {
     "datasets/labels.py": ("pressure_maps", "datasets/test_labels.py"),
     "datasets/windowing.py": ("window_rows windows_table", "datasets/test_windowing.py"),
     "datasets/images.py": ("normalised", "experiments/test_glove.py"),
-    "datasets/specimens.py": ("drawn", "reporting/verdicts/test_physics_verdicts.py"),
+    "datasets/specimens.py": ("drawn of_seed number", SPECIMENS),
     "scenes/readout.py": ("column_voltage", "scenes/test_touch_scene.py"),
     "stages/ingest.py": ("_write_frames", "stages/test_touch_ingest.py"),
-    "stages/latency.py": ("prediction_times training_seconds main", "stages/test_latency.py"),
+    "stages/latency.py": ("prediction_times training_seconds main", "general/test_latency.py"),
     "scoring/metrics.py": ("touch series overall unless_failed", "scoring/test_metrics.py learning/test_trained.py"),
     "scoring/classification.py": ("scores", "scoring/test_classification.py"),
     "scoring/frame_sets.py": ("drawn_sets", "studies/test_input_frames.py"),
-    "scoring/results.py": ("estimate", "reporting/test_touch_report.py"),
-    "reporting/verdicts/sizes.py": ("verdict", "studies/test_sizes.py"),
-    "reporting/verdicts/physics.py": ("_change", "reporting/verdicts/test_physics_verdicts.py"),
-    "reporting/verdicts/stability.py": ("relative verdict", "reporting/test_stability_report.py"),
+    "scoring/results.py": ("estimate", "scoring/test_results.py"),
+    "reporting/verdicts/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
+    "reporting/verdicts/physics.py": ("_change", PAIRING),
+    "scoring/glove_results.py": ("gain", PAIRING),
+    "scoring/ablation.py": ("paired", PAIRING),
+    "models/rnn.py": ("forward", "general/test_time_order.py"),
+    "live/session.py": ("_is_predicted", ONE_LOG),
+    "inference/timing.py": ("most_filled between", ONE_LOG),
+    "scenes/touch_stress.py": ("plan", f"{SPECIMENS} stability/test_stress_windows.py"),
+    "stages/metrics.py": ("of_experiment of_claims", "general/test_golden.py"),
     "claims/rules.py": ("above near within order TOLERANCE BAND", VERDICTS),
     "claims/expressions.py": ("evaluate _value", VERDICTS),
 }
@@ -149,29 +146,25 @@ def mutants(file: str, names: list[str], tests: str) -> Iterator[Mutant]:
                         setattr(parent, field, value)
 
 
-def copy_to(folder: Path) -> Path:
-    """Copy the tracked files, as they are now, to the new `folder`."""
+def copy_to(folder: Path) -> None:
+    """Copy the tracked files, as they are now, into `folder`."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     for name in filter(None, listed.split("\0")):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, folder / name, follow_symlinks=False)
-    return folder
 
 
-def status(folder: Path, tests: str) -> int:
-    """Return pytest's exit status of the fast ones of these tests in a copy; FAILED where they take too long."""
+def fail(folder: Path, tests: str) -> bool:
+    """Tell whether one of the fast ones of these tests fails in a copy, or all of them take too long."""
     environment = os.environ | {"PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
     command += [f"tests/{name}" for name in tests.split()]
     try:
-        ended = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=LIMIT_S).returncode
+        code = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=LIMIT_S).returncode
     except subprocess.TimeoutExpired:
-        return FAILED
-    if ended < 0:
-        raise RuntimeError(
-            f"{tests}: pytest was killed by signal {-ended}, which says nothing of a mutant; run it again"
-        )
-    return ended
+        return True
+    assert code >= 0, f"{tests}: pytest was killed by signal {-code}, which says nothing of a mutant"
+    return code != 0
 
 
 def main() -> int:
@@ -181,41 +174,26 @@ def main() -> int:
     parser.add_argument("--sample", type=int, default=40, help="mutants at random; 0: all (hours)")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    made = []
+    made, survivors = [], 0
     for file, (names, tests) in CHOSEN.items():
-        asked = [name for name in names.split() if not given.names or {name, file} & set(given.names)]
-        made += mutants(file, asked, tests)
+        made += mutants(file, [one for one in names.split() if not given.names or {one, file} & {*given.names}], tests)
     if given.sample and len(made) > given.sample:
         made = random.Random(given.seed).sample(made, given.sample)
-    survivors, copies = [], queue.SimpleQueue()
-    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(PROCESSES) as pool:
-        for number in range(PROCESSES):
-            copies.put(copy_to(Path(place) / str(number)))
-
-        def seen(mutant: Mutant | None, tests: str) -> bool:
-            folder = copies.get()
-            path = folder / "pipeline" / mutant.file if mutant else None
-            before = path.read_text(encoding="utf-8") if path else ""
-            if path:
-                path.write_text(mutant.source, encoding="utf-8")
-            found = status(folder, tests)
-            if path:
-                path.write_text(before, encoding="utf-8")
-            copies.put(folder)
-            return found != 0
-
-        tests = sorted({mutant.tests for mutant in made})
-        if wrong := [
-            name for name, fails in zip(tests, pool.map(seen, [None] * len(tests), tests), strict=True) if fails
-        ]:
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        copy_to(folder)
+        if wrong := [tests for tests in sorted({mutant.tests for mutant in made}) if fail(folder, tests)]:
             sys.exit(f"error: these tests fail as the code is: {', '.join(wrong)}")
-        results = pool.map(seen, made, [mutant.tests for mutant in made])
-        for mutant, caught in zip(made, tqdm(results, total=len(made), unit="mutant"), strict=True):
-            if not caught:
-                survivors.append(mutant)
+        for mutant in tqdm(made, unit="mutant"):
+            path = folder / "pipeline" / mutant.file
+            before = path.read_text(encoding="utf-8")
+            path.write_text(mutant.source, encoding="utf-8")
+            if not fail(folder, mutant.tests):
+                survivors += 1
                 tqdm.write(f"survives {mutant.tests}: {mutant.what}")
-    print(f"{len(made) - len(survivors)} of {len(made)} mutants were seen")
-    return int(bool(survivors))
+            path.write_text(before, encoding="utf-8")
+    print(f"{len(made) - survivors} of {len(made)} mutants were seen")
+    return int(survivors > 0)
 
 
 if __name__ == "__main__":

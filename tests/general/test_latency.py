@@ -1,4 +1,4 @@
-"""Times of a prediction: after the warm-up, on the threads that are stated; medians of training."""
+"""Times of a prediction: of raw readings to kPa or mm, after the warm-up, round by round, on the threads stated."""
 
 import os
 import re
@@ -7,10 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from builders import random_models
 from builders.project import ROOT
 
 from pipeline import tasks
 from pipeline.base import params
+from pipeline.inference import describer, onnx_network, predictor
 from pipeline.stages import latency
 from pipeline.tasks import windows
 
@@ -72,21 +74,24 @@ def test_training_time_is_the_median_of_the_protocols_seeds(workspace, tmp_path,
     assert latency.training_seconds(workspace, "touch", "linear", "press") == 2.0
 
 
-def test_times_are_of_the_threads_that_the_table_names(workspace, tmp_path, monkeypatch, clock):
+ROUNDS_MS = ((5.0, 1.0, 2.0), (5.0, 11.0, 12.0), (5.0, 3.0, 30.0))  # of each round, of which the first is warm-up
+
+
+def test_times_are_of_all_rounds_and_of_the_threads_that_the_table_names(workspace, tmp_path, monkeypatch, clock):
     """The stage on a model of one matrix product: threads of torch and of numpy's library while it predicts."""
     import torch
     from threadpoolctl import threadpool_info, threadpool_limits
 
-    before, threads, seen = torch.get_num_threads(), [], []
-    predict = slow_at_first(clock, SETTINGS["warm_up"], seen)
+    before, threads, taken = torch.get_num_threads(), [], iter(sum(ROUNDS_MS, ()))
 
     def watched(x):
         mkl = re.findall(r"mkl_get_max_threads\(\) : (\d+)", torch.__config__.parallel_info())
         threads.append({torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info()), *map(int, mkl)})
-        predict(x)
+        clock.now += 1e-3 * next(taken)
 
     values = params.load(ROOT / "params.yaml")
-    values["touch"] |= {"models": {"linear": {}}, "latency": SETTINGS | {"batches": [1], "threads": 1}}
+    timing = {"warm_up": 1, "calls": 6, "rounds": 3, "batches": [1], "threads": 1}
+    values["touch"] |= {"models": {"linear": {}}, "latency": timing}
     model = SimpleNamespace(predict=watched, streams=False, parameters=lambda: 5, macs=lambda: 6)
     monkeypatch.setattr(params, "load", lambda _: values)
     monkeypatch.setattr("sys.argv", ["latency", "touch"])
@@ -108,8 +113,27 @@ def test_times_are_of_the_threads_that_the_table_names(workspace, tmp_path, monk
             latency.main(workspace)
     finally:
         torch.set_num_threads(before)
-    assert len(threads) == 7 and set.union(*threads) == {1} and os.environ["OMP_NUM_THREADS"] == "1"
+    assert len(threads) == 9 and set.union(*threads) == {1} and os.environ["OMP_NUM_THREADS"] == "1"
     ((_, row),) = pd.read_csv(workspace.latency("touch")).iterrows()
     assert tuple(row[["experiment", "model", "batch", "threads"]]) == ("touch", "linear", 1, 1)
-    assert row["p50_ms"] == pytest.approx(2.5) and row["p95_ms"] == pytest.approx(np.percentile([1, 2, 3, 4], 95))
+    timed = [ms for _, *of_round in ROUNDS_MS for ms in of_round]
+    assert row["p50_ms"] == pytest.approx(7.0) and row["p95_ms"] == pytest.approx(np.percentile(timed, 95))
+    assert (row["p50_low_ms"], row["p50_high_ms"]) == pytest.approx((1.5, 16.5)), "medians of the rounds"
     assert tuple(row[["params", "macs", "train_s", "size_bytes"]]) == (5, 6, 2.0, 100)
+
+
+@pytest.mark.parametrize("key", ["cnn", "lstm_direct"])
+def test_the_timer_runs_a_real_network_from_raw_readings_to_its_unit(key, workspace, tmp_path, monkeypatch):
+    """Scaling of inputs and outputs is inside of what is timed: it says what the model says, of counts or of volts."""
+    saved = predictor.load(random_models.save(key, tmp_path))
+    monkeypatch.setattr(describer.Describer, "__init__", lambda *given: None)
+    monkeypatch.setattr(describer.Describer, "without_scores", lambda *given, **named: saved.card)
+    rng, experiment = np.random.default_rng(0), random_models.CASES[key].experiment
+    x = rng.uniform(40, 200, (6, 3, 6)) if key == "cnn" else rng.uniform(1.5, 2.5, (6, 3))
+    x = x.astype(np.float32)
+    predict, inputs = latency.fastest(workspace, {}, experiment, "press", 0, {key: saved.model}, x)[key]
+    assert isinstance(predict.__self__, onnx_network.OnnxNetwork)
+    one_by_one = np.concatenate([predict(inputs[k : k + 1]) for k in range(6)]).reshape(6, -1)
+    wanted = saved.model.predict(x)
+    assert np.ptp(wanted, axis=0).min() > 1e-2
+    np.testing.assert_allclose(one_by_one, wanted, rtol=1e-4, atol=1e-3)

@@ -2,17 +2,14 @@
 
 import csv
 import io
-import os
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import torch
-from builders.project import ROOT
 
-from benchmarks import growth, made, measure, peers, report, repro_stages, rows, scale_cost
+from benchmarks import growth, made, peers, report, repro_stages, rows, scale_cost
+from benchmarks.made import ROOT
 from benchmarks.test_benchmark_repro import FORBIDDEN
 from pipeline.experiments import touch
 from pipeline.learning import lomp_network
@@ -99,7 +96,6 @@ def test_rows_say_what_was_met_and_replace_each_other(tmp_path):
     assert float(found[1]["ratio"]) == 11.9 and found[0]["ours"] == ""
 
 
-@pytest.mark.slow
 def test_the_report_shows_every_row_and_exponent(tmp_path):
     shared = {"unit": "s", "rounds": 3, "size": "full"}
     slow = rows.row("slow", what="a thing", ours=1.0, peer=11.9, peer_is="a loop", least_ratio=12, **shared)
@@ -164,28 +160,5 @@ def test_stages_of_a_repro_have_their_core_seconds():
     )
     assert out.getvalue() == printed
     table = repro_stages.rows(samples, cores=2)
-    assert table == [
-        (repro_stages.BEFORE, 0.1, 4.0, 8.0),
-        ("settings", 0.5, 56.0, 4.0),
-        ("train@cnn", 0.5, 15.0, 45.0),
-    ]
+    assert table == [(repro_stages.BEFORE, 0.1, 4.0, 8.0), ("settings", 0.5, 56.0, 4.0), ("train@cnn", 0.5, 15.0, 45.0)]
     assert repro_stages.idle_share(table, cores=2) == pytest.approx(57 / 132)
-
-
-@pytest.mark.parametrize("task", ["cnn_epoch", "lomp_epoch", "lomp_predictions", "lomp_updates"])
-def test_what_is_measured_of_networks_runs(task, tmp_path):
-    measure.TASKS[task](tmp_path, 4)()
-
-
-@pytest.mark.slow
-def test_benchmarks_run_at_tiny_size(tmp_path):
-    chosen = "esn_states or strain_epoch"
-    command = [sys.executable, "-m", "pytest", "benchmarks", "--size", "tiny", "--results", str(tmp_path), "-k", chosen]
-    # pytest-benchmark times nothing in a process of pytest-xdist, which these variables tell.
-    alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_XDIST")}
-    subprocess.run([*command, "-p", "no:cacheprovider"], cwd=ROOT, env=alone, check=True)
-    with open(tmp_path / "benchmarks.csv", newline="", encoding="utf-8") as file:
-        found = {row["name"]: row["ours"] for row in csv.DictReader(file)}
-    assert set(found) == {"esn_states", "strain_epoch"}
-    assert all(float(value) > 0 for value in found.values()), found
-    assert "echo state network" in (tmp_path / "benchmarks" / "README.md").read_text()

@@ -1,0 +1,136 @@
+"""Save every model of random weights and scaling with its card, as training would, without any training."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from pipeline import models, tasks
+from pipeline.datasets.series import Record
+from pipeline.inference import card as cards
+from pipeline.learning import image_classifier
+from pipeline.learning.regressors import Spec
+from pipeline.learning.series_regressors import Scaling, StateReadout
+
+MAPS = Spec(3, 2, 3, 4, 6)
+SERIES = Spec(4, 1, 3, 1, 2)  # three of the sensor's five channels
+IMAGES = image_classifier.spec_of(4)
+COLUMNS, CHOSEN = 5, [4, 0, 2]
+WINDOW_TRAINING = dict(learning_rate=1e-3, batch_size=8, epochs=1, rest_share=1.0)
+STREAM_TRAINING = dict(learning_rate=1e-3, batch_size=8, epochs=1)
+SEQUENCE_TRAINING = dict(learning_rate=1e-3, epochs=1, drop_epoch=1, drop=0.5, clip=1.0, streams=1, batch=1)
+STRETCH_TRAINING = dict(learning_rate=1e-3, epochs=1, batch=2, length=8, warm_up=2, clip=1.0)
+IMAGE_TRAINING = dict(learning_rate=1e-3, batch_size=8, epochs=1, flip=0.0, noise=0.0, affine=0.0)
+LOMP = dict(hidden=8, readout=[6], neighbours=4, alpha=1.0)
+
+
+class Case(NamedTuple):
+    """A network and the task that it is tried on."""
+
+    experiment: str
+    spec: Spec
+    settings: dict
+
+
+CASES = {
+    "cnn": Case("touch", MAPS, dict(channels=[4], hidden=[8], training=WINDOW_TRAINING)),
+    "vgg": Case("touch", MAPS, dict(channels=[16, 16, 32, 32, 32], training=WINDOW_TRAINING)),
+    "convlstm": Case("touch", MAPS, dict(filters=3, training=WINDOW_TRAINING)),
+    "rnn": Case("touch", MAPS, dict(layers=2, hidden=8, training=WINDOW_TRAINING)),
+    "lomp": Case("touch", MAPS, dict(LOMP, training=WINDOW_TRAINING)),
+    "lomp_stream": Case("touch", MAPS, dict(LOMP, training=STREAM_TRAINING)),
+    "lstm_direct": Case("strain", SERIES, dict(units=6, training=SEQUENCE_TRAINING)),
+    "lstm_transfer": Case("strain", SERIES, dict(training=SEQUENCE_TRAINING)),
+    "lstm_transfer_ridge": Case("strain", SERIES, dict(ridge=1e-6)),
+    "lstm_highpass": Case("strain", SERIES, dict(filters=4, taps=3, units=6, training=STRETCH_TRAINING)),
+    "esn": Case("strain", SERIES, dict(units=20, spectral_radius=0.9, leak=0.3, input_scale=0.5, ridge=1e-6)),
+    "resnet18": Case("glove", IMAGES, dict(training=IMAGE_TRAINING)),
+    "mobilenet": Case("glove", IMAGES, dict(training=IMAGE_TRAINING)),
+    "resnet3x3": Case("glove", IMAGES, dict(training=IMAGE_TRAINING)),
+    "sp_resnet_nogcam": Case("glove", IMAGES, dict(training=IMAGE_TRAINING)),
+    "sp_resnet": Case("glove", IMAGES, dict(reduction=16, training=IMAGE_TRAINING)),
+    "linear": Case("touch", MAPS, {}),
+    "poly": Case("touch", MAPS, dict(degree=3, ridge=1.0)),
+    "poly_powers": Case("touch", MAPS, dict(degree=3, ridge=1.0)),
+    "rbf": Case("touch", MAPS, dict(centres=5, width=2.0, ridge=1e-3)),
+    "tree": Case("touch", MAPS, dict(min_samples_leaf=1, max_features=1.0)),
+    "ridge": Case("strain", SERIES, dict(ridge=1.0)),
+}
+REGRESSIONS = ("linear", "poly", "poly_powers", "rbf")
+REFUSED = ("tree", "ridge")
+NO_NETWORKS = (*REGRESSIONS, *REFUSED)
+KINDS = {"touch": ("windows", "counts", "kPa"), "strain": ("series", "V", "mm"), "glove": ("images", "levels", None)}
+
+
+def series_record() -> Record:
+    """Return a record of noise around 2 V."""
+    rng, training = np.random.default_rng(0), np.arange(60) < 40
+    x = 2 + 0.1 * rng.normal(size=(60, SERIES.elements))
+    y = 20 + 5 * rng.normal(size=(60, SERIES.outputs))
+    return Record(x.astype(np.float32), y.astype(np.float32), np.ones(60, bool), training, np.zeros(60, np.int32))
+
+
+def randomise(network: torch.nn.Module, spec: Spec) -> None:
+    """Draw last layers, which start at zero, and let batch normalisation see readings."""
+    draw = torch.Generator().manual_seed(1)
+    with torch.no_grad():
+        for weights in network.parameters():
+            if not weights.any():
+                weights.copy_(0.3 * torch.randn(weights.shape, generator=draw))
+        assert all(weights.any() for weights in network.parameters())
+        normalising = [layer for layer in network.modules() if isinstance(layer, torch.nn.BatchNorm2d)]
+        for layer in normalising:
+            layer.momentum = 1.0
+        if normalising:
+            inputs = (torch.rand if spec is IMAGES else torch.randn)(32, spec.frames, spec.elements, generator=draw)
+            network.train()(inputs)
+            network.eval()
+
+
+def save(key: str, folder: Path) -> Path:
+    """Save a model of random weights and scaling into `folder`, with a card, and return it."""
+    case = CASES[key]
+    kind, unit, output_unit = KINDS[case.experiment]
+    model = tasks.of(case.experiment).adapted(models.build(key, case.spec, case.settings, "test"), case.spec)
+    if key in NO_NETWORKS or isinstance(model, StateReadout):
+        x, y = np.random.default_rng(0).normal(size=(2, 12, case.spec.frames, case.spec.elements)).astype(np.float32)
+        part = x, np.resize(y, (12, case.spec.outputs))
+        model.fit([series_record()], seed=0) if kind == "series" else model.fit(part, part, seed=0)
+    else:
+        randomise(model.network, case.spec)
+    if kind == "series" and key not in NO_NETWORKS:
+        model.scaling = Scaling([series_record()])
+    elif kind == "windows" and key not in NO_NETWORKS:
+        elements = torch.arange(case.spec.elements)
+        model._set_normalisation(100.0 + elements, 30.0 + elements, torch.tensor(250.0))
+    model.save(folder)
+    names = {"windows": None, "series": ["x_mm", "y_mm"], "images": ["bottle", "can", "cup", "pen"]}[kind]
+    cards.write(
+        folder,
+        cards.Card(
+            experiment=case.experiment,
+            kind=kind,
+            model=key,
+            protocol="press",
+            seed=0,
+            commit="0" * 40,
+            settings=case.settings,
+            reading={"sensor": {"rows": 2}, "window": {"frame_step": 2}},
+            shapes=cards.Shapes(**case.spec._asdict()),
+            inputs=cards.Inputs(
+                columns={"windows": MAPS.elements, "series": COLUMNS, "images": 1051}[kind],
+                unit=unit,
+                order="as in the log",
+                interval_s=0.02,
+                frame_step=2,
+                chosen=CHOSEN if kind == "series" else None,
+            ),
+            outputs=cards.Outputs(unit=output_unit or "probability", names=names),
+            precision=None,
+            best_epoch=1,
+            scores=[],
+            sha256=cards.digest(cards.weights_file(folder)),
+        ),
+    )
+    return folder

@@ -1,0 +1,136 @@
+"""What every member of a family provides: experiments, kinds of input, scenes, twins, studies, stages and reports.
+
+Members are not listed here: the files of their folders are, and params.yaml. Models: test_contract_of_models.py.
+"""
+
+import ast
+import copy
+import inspect
+import itertools
+
+import pytest
+import yaml
+from builders.project import ROOT
+
+from pipeline import experiments, scenes, tasks
+from pipeline.base import params, paths
+from pipeline.stages import render, twins
+
+VALUES = params.load(ROOT / "params.yaml")
+NAMES = sorted(path.stem for path in paths.EXPERIMENTS.glob("*.py") if path.stem != "__init__")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_experiment_provides_what_its_kind_needs(name):
+    module = experiments.module(name)
+    absent = [each for each in (*experiments.EVERY, *experiments.OF_KIND[module.KIND]) if not hasattr(module, each)]
+    assert not absent
+    assert tasks.of(name).__name__ == f"pipeline.tasks.{module.KIND}"
+    assert list(inspect.signature(render.REPORTS[name].write).parameters) == ["workspace", "target", "settings"]
+
+
+def test_params_yaml_lists_every_experiment_and_each_has_a_report():
+    assert sorted(VALUES["experiments"]) == NAMES == sorted(render.REPORTS)
+
+
+def test_the_three_kinds_have_the_same_functions():
+    """What the room's docstring names; helpers of one kind may stand beside them."""
+    named = "source inputs rows labelled base fit adapted tested stream timed".split()
+    modules = [tasks.of(name) for name in ("touch", "strain", "glove")]
+    assert all(callable(getattr(module, function, None)) for module in modules for function in named)
+
+
+SCENES = [name for name in NAMES if "simulate" in VALUES[name]]
+EFFECTS = [(name, effect) for name in SCENES for effect in VALUES[name]["simulate"]["effects"]]
+SMALL = {  # a few seconds of each scene, with faults enough to be seen
+    "touch": {"single": {"points_per_side": 2, "depths": 2, "repetitions": 1, "presses_per_recording": 8}}
+    | {"double": {"recordings": 1, "presses_per_recording": 3}, "specimens": 2},
+    "strain": {"samples": 300, "specimens": 2},
+    "glove": {"specimens": 2, "sessions": 2, "frames_per_object": 20},
+}
+FAULTS, SHORT_GAP = dict.fromkeys(("torn", "missing"), 0.02), {"gaps": 1, "gap_s": 4}
+STRESSED = ("double", "task_2", "toy")  # the conditions in which every effect acts
+
+
+def planned(name: str, **changes) -> tuple[list, dict]:
+    """The recordings of a small scene, and the logs of two of the conditions STRESSED; changes: of effects."""
+    settings = copy.deepcopy(VALUES[name])
+    scene = settings["simulate"] = settings["simulate"] | SMALL[name]
+    scene["faults"] = scene["faults"] | FAULTS | {key: one for key, one in SHORT_GAP.items() if key in scene["faults"]}
+    scene["effects"] = dict.fromkeys(scene["effects"], True) | changes
+    recordings, logs_of = scenes.plan(name, settings)
+    recordings = list(recordings)
+    chosen = itertools.islice((each for each in recordings if each.condition in STRESSED), 2)
+    return recordings, {(each.condition, each.name): logs_of(each) for each in chosen}
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """`whole(name)`: `planned` with all effects, made once."""
+    known = {}
+
+    def make(name: str) -> tuple[list, dict]:
+        if name not in known:
+            known[name] = planned(name)
+        return known[name]
+
+    return make
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_names_its_recordings_once_and_writes_the_same_logs_again(name, whole):
+    recordings, logs = whole(name)
+    names = [(each.condition, each.name) for each in recordings]
+    assert len(set(names)) == len(names) and len(logs) == 2
+    assert planned(name)[1] == logs
+    first, second = logs.values()
+    assert first != second, "no recording is another's copy"
+    for file, (lines, faults) in first.items():
+        assert lines and all(0 < fault.line <= len(lines) + 1 for fault in faults), file
+
+
+@pytest.mark.parametrize(("name", "effect"), EFFECTS)
+def test_every_effect_of_a_scene_is_on_and_changes_the_logs(name, effect, whole):
+    assert VALUES[name]["simulate"]["effects"][effect]
+    assert planned(name, **{effect: False})[1] != whole(name)[1]
+
+
+@pytest.mark.parametrize("name", twins.MODULES)
+def test_a_twin_says_what_each_of_its_statistics_is(name):
+    module = twins.MODULES[name]
+    assert name in VALUES["experiments"] and callable(module.recorded) and callable(module.simulated)
+    assert len(module.STATISTICS) >= 6 and set(module.NOTES) <= set(module.STATISTICS)
+    assert all(unit and len(meaning) > 20 for unit, meaning in module.STATISTICS.values())
+
+
+RUNNABLE = [
+    f"pipeline.{room}.{path.stem}"
+    for room in ("stages", "studies")
+    for path in sorted((paths.CODE / room).glob("*.py"))
+    if "\ndef main(" in path.read_text(encoding="utf-8")
+]
+
+
+def run_by_dvc() -> set[str]:
+    """The modules that the commands of dvc.yaml name, also by a variable of a stage or the key of its entries."""
+    modules = set()
+    for each in yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"].values():
+        command = each.get("do", each)["cmd"]
+        stages = [block["stage"] for block in each.get("vars", []) if "stage" in block] or [""]
+        keys = [*each.get("foreach", [])] or [""]
+        modules |= {
+            command.replace("${stage}", stage).replace("${key}", key).split()[2] for stage in stages for key in keys
+        }
+    return modules
+
+
+RUN_BY_DVC = run_by_dvc()
+
+
+@pytest.mark.parametrize("name", RUNNABLE)
+def test_a_stage_or_study_says_how_it_is_run_and_dvc_runs_it(name):
+    tree = ast.parse(ROOT.joinpath(*name.split(".")).with_suffix(".py").read_text(encoding="utf-8"))
+    assert f"python -m {name}" in ast.get_docstring(tree)
+    (main,) = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "main"]
+    assert [argument.arg for argument in main.args.args] == ["workspace"]
+    assert name in RUN_BY_DVC

@@ -1,0 +1,179 @@
+"""What stands in reports/ follows from what else stands there: derived files are computed anew, without training."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from builders.project import ROOT
+from builders.prose import faults
+
+from pipeline.base import params
+from pipeline.base.paths import Workspace
+from pipeline.claims import entries, evidence, judge
+from pipeline.reporting import claims, speed
+from pipeline.reporting.verdicts import stability
+from pipeline.reporting.words.labels import FRONTS, SPREAD
+from pipeline.scoring import one_table, results
+from pipeline.stages import metrics
+
+REPOSITORY = Workspace(ROOT)
+VALUES, REPORTS = params.load(REPOSITORY.params), REPOSITORY.reports
+CLAIMS, _ = entries.read(REPOSITORY)
+NUMBERS, WORDS = ["published", "ours", "low", "high", "strict_ours"], ["verdict", "strict", "over", "unit"]
+
+
+def relative(path) -> str:
+    return path.relative_to(REPORTS).as_posix()
+
+
+def same(found, committed) -> bool:
+    return np.allclose(np.asarray(found, float), np.asarray(committed, float), rtol=1e-9, atol=1e-12, equal_nan=True)
+
+
+def read(path) -> pd.DataFrame:
+    """A table whose words are "" where they are missing."""
+    table = pd.read_csv(path)
+    return table.fillna(dict.fromkeys(table.select_dtypes(exclude="number"), ""))
+
+
+def test_claims_follow_from_the_results():
+    """But for what the results do not hold: where claim_inputs.csv is in reports/, they hold everything."""
+    sources = one_table.of_reports(REPORTS)
+    known = evidence.Evidence(REPOSITORY, one_table.read(sources), VALUES, evidence.trainings(REPORTS))
+    found, committed = judge.table(CLAIMS, known).set_index("id"), read(REPORTS / "claims.csv").set_index("id")
+    if not sources["claim_inputs"].exists():
+        found = found[~found["reason"].str.startswith("there is no ")]
+    assert len(found) > 150
+    for claim, row in found.iterrows():
+        assert list(row[WORDS]) == list(committed.loc[claim, WORDS]), claim
+        assert same(row[NUMBERS], committed.loc[claim, NUMBERS]), claim
+
+
+def test_claims_by_scale_follow_from_those_of_both_scales():
+    found = claims.by_scale(read(REPORTS / "claims.csv"), claims.read_paper_scale(REPOSITORY))
+    committed = read(REPORTS / "claims_by_scale.csv")
+    assert list(found) == list(committed)
+    for column in found:
+        numbers = found[column].dtype.kind == "f"
+        ours, theirs = found[column], committed[column]
+        assert same(ours, theirs) if numbers else list(ours.astype(str)) == list(theirs.astype(str)), column
+
+
+@pytest.mark.parametrize("experiment", VALUES["experiments"])
+def test_metrics_follow_from_the_speed_table(experiment):
+    table = REPORTS / experiment / "speed" / "table2.csv"
+    found = metrics.of_experiment(pd.read_csv(table)) if table.exists() else {}
+    assert found == json.loads((REPORTS / "metrics" / f"{experiment}.json").read_text())
+
+
+def test_counts_of_verdicts_follow_from_the_claims():
+    found = metrics.of_claims(read(REPORTS / "claims.csv"))
+    assert found == json.loads((REPORTS / "metrics" / "verdicts.json").read_text())
+
+
+TABLES = [path for path in sorted(REPORTS.glob("*/accuracy/table*.csv")) if "model" in pd.read_csv(path, nrows=0)]
+SPEEDS = sorted(REPORTS.glob("*/speed/table2.csv"))
+
+
+@pytest.fixture(scope="module")
+def scores() -> dict[tuple, pd.Series]:
+    """Values of scores.csv by experiment, protocol, condition, model and metric; of failed runs NaN."""
+    table = one_table.read({"scores": REPORTS / "scores.csv"})
+    key = ["experiment", "protocol", "condition", "model", "metric"]
+    return {name: rows["value"] for name, rows in table.groupby(key)}
+
+
+@pytest.mark.parametrize("path", TABLES, ids=relative)
+def test_a_table_of_accuracy_has_means_and_intervals_of_the_scores(path, scores):
+    columns, experiment = ["mean", "low", "high", "runs", "failed"], path.relative_to(REPORTS).parts[0]
+    for row in read(path).itertuples():
+        values = scores[experiment, row.protocol, row.condition, row.model, row.metric]
+        found = results.estimate(values, results.scale_of(row.metric))
+        assert same(found, [getattr(row, column) for column in columns]), row
+
+
+@pytest.mark.parametrize("path", SPEEDS, ids=relative)
+def test_a_speed_table_has_the_measured_times_and_the_models_on_the_front(path):
+    table, experiment = read(path), path.relative_to(REPORTS).parts[0]
+    latency = pd.read_csv(REPORTS / "latency.csv").set_index(["experiment", "model", "batch"])
+    for row in table.itertuples():
+        one, many = (latency.loc[(experiment, row.model, batch)] for batch in (row.batch, row.large_batch))
+        times = [one["p50_ms"], one["p95_ms"], 1e3 * row.large_batch / many["p50_ms"], one["size_bytes"]]
+        assert same([row.p50_ms, row.p95_ms, row.predictions_per_s, row.size_bytes], times), row
+    for _, panel in table.groupby("panel"):
+        for time, column in FRONTS.items():
+            error = panel["error"].where(panel["failed"] == 0)
+            assert list(speed.pareto(panel[SPREAD[time]], error)) == list(panel[column] == 1), (column, panel)
+
+
+@pytest.mark.parametrize("experiment", list(stability.ERRORS))
+def test_failures_follow_from_the_stress_tests(experiment):
+    stress = pd.read_csv(REPORTS / "stress.csv", dtype={"condition": str})
+    stress = stress[(stress["experiment"] == experiment) & (stress["metric"] == stability.ERRORS[experiment][0])]
+    error = 1 - stress["value"] if stability.ERRORS[experiment][0] == "accuracy" else stress["value"]
+    found = stability.failures(stress.assign(error=error), experiment, VALUES["stress"][experiment]["usable"])
+    committed = read(REPORTS / "stability" / "failures.csv")
+    committed = committed[committed["experiment"] == experiment]
+    key = ["protocol", "condition", "perturbation", "model"]
+    together = found.merge(committed, on=key, suffixes=("", "_committed"), how="outer", indicator=True)
+    assert (together["_merge"] == "both").all() and len(together)
+    assert list(together["verdict"]) == list(together["verdict_committed"])
+    for column in ("fails_at", "clean", "error", "last_error", "relative"):
+        assert same(together[column], together[f"{column}_committed"]), column
+
+
+INTERVALS = [path for path in sorted(REPORTS.rglob("*.csv")) if {"low", "high"} <= set(pd.read_csv(path, nrows=0))]
+BOUNDS = {results.SHARE: (0.0, 1.0), results.R2: (-np.inf, 1.0), results.PLAIN: (-np.inf, np.inf)}
+EXACT = "physics.csv"  # of exact changes: an effect that a model cannot see changes nothing
+
+
+@pytest.mark.parametrize("path", [path for path in INTERVALS if path.name != EXACT], ids=relative)
+def test_an_interval_has_width_and_stays_inside_its_bounds(path):
+    table = pd.read_csv(path).dropna(subset=["low", "high"])
+    assert (table["low"] < table["high"]).all(), table[table["low"] >= table["high"]].to_string()
+    scale = table["metric"].map(results.scale_of) if "metric" in table else pd.Series(results.PLAIN, table.index)
+    bounds = np.array([BOUNDS[each] for each in scale]).reshape(-1, 2)
+    if "claim" in table:  # numbers that are judged say their unit alone
+        percent = (table["kind"] == "number") & (table["unit"] == "%")
+        explained = table["claim"].str.contains("(R2 below", regex=False)
+        assert path.name != "claims.csv" or path.parent != REPORTS or explained.any()
+        bounds[percent], bounds[explained, 1] = (0, 100), 1
+    outside = table[(table["low"] < bounds[:, 0]) | (table["high"] > bounds[:, 1])]
+    assert outside.empty, outside.to_string()
+
+
+# Faults of the committed text that the next run of the pipeline writes anew; a file that is not here has none.
+AWAITED = {
+    "claims.md": ("a count that there is not", "a dash for a number", "one in the plural"),
+    "glove/accuracy/table1.md": ("one in the plural",),
+    "glove/accuracy/table2.md": ("one in the plural",),
+    "glove/speed/table2.md": ("images for errors",),
+    "glove_recorded/speed/table2.md": ("images for errors",),
+    "stability/README.md": ("all of two",),
+    "strain_recorded/accuracy/table.md": ("one in the plural",),
+}
+AWAITED["index.html"] = tuple({fault for found in AWAITED.values() for fault in found})  # which shows all of them
+
+
+@pytest.mark.parametrize("path", sorted([*REPORTS.rglob("*.md"), *REPORTS.glob("*.html")]), ids=relative)
+def test_no_text_has_a_placeholder_or_broken_grammar(path):
+    found = faults(path.read_text(encoding="utf-8"))
+    assert {fault for fault, _ in found} <= set(AWAITED.get(relative(path), ())), found
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("The difference spreads by - points.", True),
+        ("about not counted seeds would be needed", True),
+        ("split by session, 1 seeds", True),
+        ("all 2 models stay usable", True),
+        ("has the smallest images classified incorrectly", True),
+        ("an interval of [nan, nan] kPa", True),
+        ("| LoMP | not counted | - | 21 seeds, 1.1 points, failed (1 of 1 runs) | `nan` | banana |", False),
+        ("<td>not counted</td><td>-</td>", False),
+    ],
+)
+def test_what_a_placeholder_is(text, wrong):
+    assert bool(faults(text)) == wrong
