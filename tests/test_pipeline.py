@@ -204,12 +204,9 @@ def test_strain_report_is_complete(miniature):
     assert names == {
         *(f"accuracy/{name}.png" for name in figures),
         *(f"accuracy/{name}.csv" for name in ("table1", "samples", "strands", "bases", "drift", "capacity")),
-        *("accuracy/README.md", "accuracy/table1.md"),
+        "accuracy/README.md",
         *(f"speed/{name}" for name in ("table1_times.md", "table2.csv", "table2.md", "tradeoff.png", "training.png")),
     }
-    text = (folder / "accuracy" / "README.md").read_text()
-    for words in ("Fewer samples", "Drift-free", "Time since training", "Capacity"):
-        assert f"- {words}, task 1: " in text and f"- {words}, task 2: " in text
 
 
 def test_glove_report_is_complete(miniature):
@@ -226,8 +223,7 @@ def test_glove_report_is_complete(miniature):
     ]
     assert names == {
         *(f"accuracy/{name}.png" for name in (*figures, "learning_curves")),
-        *(f"accuracy/{name}" for name in ("README.md", "figure15.csv")),
-        *(f"accuracy/table{k}.{end}" for k in (1, 2) for end in ("csv", "md")),
+        *(f"accuracy/{name}" for name in ("README.md", "figure15.csv", "table1.csv", "table2.csv")),
         *("speed/table2.csv", "speed/table2.md", "speed/tradeoff.png", "speed/training.png"),
     }
     augmentation = pd.read_csv(miniature.folder / "data" / "glove" / "augmentation.csv")

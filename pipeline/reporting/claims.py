@@ -131,7 +131,8 @@ def sentences_of(workspace: Workspace, experiment: str, settings: Mapping) -> Ca
     results = one_table.read(one_table.of_experiment(workspace, experiment))
     known = evidence.Evidence(workspace, results, {experiment: settings}, evidence.trainings(workspace.reports))
     listed, papers = entries.read(workspace)
-    claims = {claim.id.split("/")[1]: claim for claim in listed if papers[claim.paper].simulated == experiment}
+    of = {name: (paper.simulated, paper.recorded) for name, paper in papers.items()}
+    claims = {claim.id.split("/")[1]: claim for claim in listed if experiment in of[claim.paper]}
 
     def lines(*names: str) -> list[str]:
         rows = judge.table([claims[name] for name in names if name in claims], known)

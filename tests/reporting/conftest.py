@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import pytest
 
-from pipeline.reporting.figures import style
+from pipeline.reporting.figures import common, glove, speed, strain, style, touch
 
 
 @pytest.fixture
@@ -15,3 +15,14 @@ def undrawn(monkeypatch):
         plt.close(figure)
 
     monkeypatch.setattr(style, "save", save)
+
+
+@pytest.fixture
+def unplotted(monkeypatch):
+    """Files of figures are made, figures are not: for tests of what a report says."""
+    for module in (common, glove, speed, strain, touch):
+        for name, function in list(vars(module).items()):
+            if getattr(function, "__module__", "") == module.__name__ and "path" in getattr(
+                function, "__annotations__", {}
+            ):
+                monkeypatch.setattr(module, name, lambda path, *_, **__: path.touch())

@@ -1,31 +1,17 @@
 """Captions state what a figure shows: they follow the numbers that are drawn, with forms for ties and failed runs."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pandas as pd
 import pytest
 from builders.project import ROOT
 
 from pipeline.base import params
-from pipeline.reporting import (
-    glove_captions,
-    material,
-    physics,
-    sentences,
-    sizes,
-    speed,
-    stability,
-    strain_captions,
-    touch_captions,
-    twins,
-)
+from pipeline.reporting import physics, sentences, sizes, speed, stability, twins
 from pipeline.reporting.page import answers, hypertext
 from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, FAILED, UNKNOWN, Change, Judgement
 from pipeline.reporting.verdicts.sizes import JUDGED
 from pipeline.reporting.verdicts.stability import FAILURES
 from pipeline.reporting.words import labels
-from pipeline.scoring import glove_results
 from pipeline.scoring.results import Estimate
 
 
@@ -69,102 +55,6 @@ def test_failed_runs_and_a_single_model_have_a_form_of_their_own():
     assert sentences.best(broken, "error", "kPa") == "no model has error in all runs; runs failed for LoMP"
     assert "none of the models" in sentences.best({}, "error", "kPa")
     assert sentences.caption("lower case", "", "a second part") == "Lower case. A second part."
-
-
-def fit(losses: list[float], best_epoch: int) -> SimpleNamespace:
-    history = pd.DataFrame({"epoch": range(1, len(losses) + 1), "validation_loss": losses})
-    return SimpleNamespace(history=history, best_epoch=best_epoch, epochs=len(losses))
-
-
-def test_learning_curves_say_the_lowest_loss_and_how_often_training_ended_with_it():
-    fits = {"lomp": [fit([9.0, 4.0], 2)], "cnn": [fit([7.0, 3.0, 5.0], 2)], "linear": [fit([1.0], 1)]}
-    text = sentences.learning_caption(fits, "kPa²")
-    assert text.startswith("CNN has the smallest validation loss, 3.00 kPa²; LoMP is next, 4.00 kPa².")
-    assert text.endswith("The last epoch was the best, and kept, in 1 of 2 runs.")
-    assert sentences.learning_caption({"linear": fits["linear"]}, "kPa²") == "No model is trained in epochs."
-
-
-def test_touch_captions_follow_what_is_drawn():
-    peaks = touch_captions.peak_pressure({"lomp": (1.2, 0.8), "cnn": (1.5, 1.1), "rnn": (np.nan, np.nan)})
-    assert "LoMP has the smallest L1 loss, 1.20 kPa" in peaks and "runs failed for RNN" in peaks
-    assert "The mean peak is 0.80 to 1.10 times the label's, too low for 1 of 2 models" in peaks
-    places = touch_captions.press_location({"+0.0 mm": 500.0, "+3.0 mm": 300.0}, 40.0, 3.0)
-    assert "500 counts at +0.0 mm" in places and "300 at +3.0 mm" in places and "3 mm apart" in places
-    assert "too few press locations" in touch_captions.press_location({}, np.nan, np.nan).lower()
-    assert "lower on unloading" in touch_captions.characteristic_curve(9e3, 90.0, 200.0, 150.0)
-    assert "25 % higher on unloading" in touch_captions.characteristic_curve(9e3, 90.0, 200.0, 250.0)
-    maps = touch_captions.pressure_maps({"one touch": {"cnn": 2.0, "lomp": 3.0}, "two touches": {"lomp": 4.0}})
-    assert maps.startswith(
-        "One touch: CNN has the smallest RMSE, 2.0 kPa; LoMP is next, 3.0 kPa. Two touches: the RMSE"
-    )
-    assert "4 presses: LoMP has the smallest" in touch_captions.double_touch({"lomp": 1.0, "cnn": 2.0}, 4)
-
-
-def study(rows: list[tuple], columns: list[str]) -> pd.DataFrame:
-    return pd.DataFrame(rows, columns=["protocol", *columns, "seed", "value"])
-
-
-def test_strain_captions_follow_the_studies():
-    rows = [("task_1", "lstm_direct", 100, seed, 2.0 + 0.1 * seed) for seed in (0, 1)]
-    rows += [("task_1", "lstm_transfer", 100, seed, 1.0 + 0.1 * seed) for seed in (0, 1)]
-    rows += [("task_1", model, 900, 0, error) for model, error in (("lstm_direct", 0.5), ("lstm_transfer", 0.9))]
-    text = strain_captions.samples(study(rows, ["model", "samples"]))
-    assert text.startswith(
-        "Task 1: transfer is ahead at 100 samples, direct training at 900; the two intervals overlap at"
-    )
-
-    rows = [("task_1", "latent of model-0", "true drift", seed, 0.1) for seed in (0, 1)]
-    rows += [("task_1", "raw voltages", "true drift", seed, 0.9) for seed in (0, 1)]
-    text = strain_captions.decoding(study(rows, ["input", "target"]))
-    assert text == "Task 1, true drift: R2 0.10 from the latent space of model-0, 0.90 from the raw voltages."
-
-    rows = [
-        ("task_1", units, seed, error + 0.2 * seed)
-        for units, error in ((5, 9.0), (20, 1.05), (50, 1.0))
-        for seed in (0, 1)
-    ]
-    text = strain_captions.capacity(study(rows, ["units"]))
-    assert text == (
-        "Task 1: 50 units have the smallest mean error, 1.100 mm; 20 are the fewest within one standard error of it, "
-        "1.150 mm."
-    )
-
-    rows = [
-        ("task_2", n, model, 0, n * error)
-        for n in (2, 6)
-        for model, error in (("lstm_direct", 2.0), ("lstm_transfer", 3.0))
-    ]
-    assert "is 1.50 with 2, 1.50 with 6 strands" in strain_captions.strands(study(rows, ["strands", "model"]))
-
-    by_time = {"task_1": {"ridge": np.array([[1.0, 2.0]]), "esn": np.array([[3.0, 1.5]])}}
-    text = strain_captions.error_over_time(by_time)
-    assert "grows for 1 of 2 models; at the end Echo state network has the smallest error, 1.50 mm" in text
-    assert "18.0 to 20.0 mV" in strain_captions.drifting(np.array([18.0, 20.0]), np.array([5.0, 7.0]), 20.0, 150)
-    assert "changes by 0.200 (median of 3 states; 0.900 at most)" in strain_captions.latent_space(
-        np.array([0.1, 0.2, 0.9]), np.array([0.3, 0.3, 0.3])
-    )
-
-
-def test_a_confusion_matrix_says_the_most_confused_pair_and_escapes_its_names():
-    counts = np.array([[[6, 4, 0], [0, 10, 0], [0, 0, 10]]])
-    text = glove_captions.confusion_matrix(counts, ["cup_1", "cup_2", "pen"], "pressure", "SP-ResNet")
-    assert text.startswith("Pressure: SP-ResNet classifies 86.7 % of the images correctly.")
-    assert "most confused are `cup_1` and `cup_2`: 20.0 % of their images" in text.lower()
-    perfect = glove_captions.confusion_matrix(np.array([10 * np.eye(3, dtype=int)]), ["a", "b", "c"], "strain", "CNN")
-    assert perfect == "Strain: CNN classifies 100.0 % of the images correctly, and confuses no pair of objects."
-    assert "every run of CNN failed" in glove_captions.confusion_matrix(np.zeros((0, 3, 3)), [], "strain", "CNN")
-
-
-def test_glove_captions_follow_what_is_drawn():
-    rows = [("mean", "sp_resnet", 0, n, "macro_precision", value) for n, value in ((1, 0.5), (3, 0.7))]
-    rows += [("mean", "resnet3x3", 0, n, "macro_precision", value) for n, value in ((1, 0.9), (3, 0.6))]
-    table = pd.DataFrame(rows, columns=["form", "model", "seed", "frames", "metric", "value"])
-    text = glove_captions.precision_by_frames({"pressure": table})
-    assert "Pressure, 3 input frames, mean prediction of a one-frame network: SP-ResNet has the highest" in text
-    assert "70.0 %; ResNet_3x3 is next, 60.0 %" in text and "answer" not in text
-    sequences = {"empty_hand": np.full((4, 3), 0.1), "bottle": np.full((4, 3), 0.3)}
-    assert "`bottle` presses the palm hardest" in glove_captions.tactile_sequences(sequences, 2)
-    assert set(labels.FORMS) == set(glove_results.FORMS), "every form has words"
 
 
 def judged(verdicts: dict[str, list[str]]) -> pd.DataFrame:
@@ -253,12 +143,6 @@ def test_the_chart_of_printed_errors_counts_those_in_the_band():
     rows = [{"ours": value} for value in (1.0, 1.1, 2.0, 0.5, None)]
     text = answers.compared_caption(rows)
     assert text == "Of 4 errors, ours lie in the band for 2, above it for 1 and below it for 1."
-
-
-def test_the_fit_of_the_film_has_captions():
-    recordings = {"pike1_a": {"places": [0.99, 0.98]}, "pike1_b": {"places": [0.97, 0.9]}, "other": {"places": [0, 0]}}
-    text = material.captions({"recordings": recordings, "fitted_on": ["pike1_a", "pike1_b"]})["fit"]
-    assert "is 0.900 (`pike1_b`) to 0.980 (`pike1_a`)" in text
 
 
 @pytest.mark.parametrize("line", ["- [a.png](a.png): LoMP is best.", "![a](a.png) LoMP is best."])

@@ -6,8 +6,7 @@ import pytest
 from builders.project import ROOT
 
 from pipeline.base import params, paths
-from pipeline.reporting.experiment import amounts, experiment_differences
-from pipeline.reporting.sentences import read_differences
+from pipeline.reporting import differences
 
 MARK = "Differs from " + "paper:"
 VALUES = params.load(ROOT / "params.yaml")
@@ -18,23 +17,25 @@ def test_differences_are_collected(tmp_path):
         f'"""Text.\n\n{MARK} the sum\nis a mean.\n\nMore. {MARK} in the middle\nof a line.\n"""\n'
         f"x = 1  # {MARK} short.\n# {MARK} two\n# lines.\ny = 2\n"
     )
-    differences = read_differences(tmp_path, ["layer.py"])
-    assert [text for _, text in differences] == [
+    found = differences.read(tmp_path, ["layer.py"])
+    assert [text for _, text in found] == [
         "the sum is a mean.",
         "in the middle of a line.",
         "short.",
         "two lines.",
     ]
-    assert differences[0][0] == f"{tmp_path.name}/layer.py"
+    assert found[0][0] == f"{tmp_path.name}/layer.py"
 
 
 def test_every_mark_in_the_code_is_in_a_report(workspace):
     marks = {
         file.relative_to(paths.CODE.parent).as_posix(): len(re.findall(MARK, file.read_text(encoding="utf-8")))
         for file in paths.CODE.rglob("*.py")
-        if file.name != "sentences.py"  # defines the mark
+        if file.name != "differences.py"  # defines the mark
     }
-    listed = {line for name in VALUES["experiments"] for line in experiment_differences(workspace, name, VALUES[name])}
+    listed = {
+        line for name in VALUES["experiments"] for line in differences.of_experiment(workspace, name, VALUES[name])
+    }
     counts = {name: sum(file == name for file, _ in listed) for name in marks}
     assert counts == marks and sum(marks.values()) > 15
 
@@ -44,7 +45,7 @@ def test_every_amount_below_the_papers_scale_is_in_its_report(workspace, experim
     full = {
         k: v for k, v in params.parsed(workspace.scales / "paper.yaml").items() if k.partition(".")[0] == experiment
     }
-    texts = [text for _, text in amounts(workspace, experiment, VALUES[experiment])]
+    texts = [text for _, text in differences.amounts(workspace, experiment, VALUES[experiment])]
     assert texts and all(text.split("`")[1] in full for text in texts)
     block, *keys, last = next(iter(full)).split(".")
     settings = VALUES[experiment]
@@ -53,6 +54,6 @@ def test_every_amount_below_the_papers_scale_is_in_its_report(workspace, experim
     before = settings[last]
     settings[last] = full[next(iter(full))]
     try:
-        assert len(amounts(workspace, experiment, VALUES[experiment])) == len(texts) - 1
+        assert len(differences.amounts(workspace, experiment, VALUES[experiment])) == len(texts) - 1
     finally:
         settings[last] = before

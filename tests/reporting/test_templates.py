@@ -10,7 +10,7 @@ from pipeline.scoring.results import estimate
 
 def test_a_template_is_filled(tmp_path, monkeypatch):
     (tmp_path / "some.md").write_text(
-        "{% if True %}\n# {{ name }}\n{% endif %}\n{{ value | number(1) }}, {{ runs | interval }}\n\n"
+        "{% if True %}\n# {{ name }}\n{% endif %}\n{{ value | number(1) }}, {{ runs | interval }} \n\n\n\n"
         '{{ table(["a", "b"], [["1", "2"]]) }}'
     )
     monkeypatch.setattr(templates, "FOLDER", tmp_path)

@@ -1,23 +1,14 @@
-"""Draw the figures of the glove experiments, those of the SP-ResNet paper first. Every function writes one PNG."""
+"""Draw what the SP-ResNet paper shows of its glove: a pressed cell, a bent joint, a grasp, the frames of sessions."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from matplotlib.colors import LogNorm
-from matplotlib.lines import Line2D
 
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.reporting.figures import style
-from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.words.labels import form_name, model_name
-from pipeline.scoring.results import Fit, estimate
-
-COLOURS = {"pressure": style.BLUE, "strain": style.VERMILION, "combined": style.BLACK}  # of the datasets
-DASHES = {"pressure": "-", "strain": "--", "combined": ":"}
-LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
 
 
 def pressed_cell(path: Path, force: np.ndarray, siemens: np.ndarray, title: str) -> None:
@@ -108,85 +99,5 @@ def tactile_sequences(path: Path, sequences: Mapping[str, np.ndarray], cells: in
         ax.set_xlabel("Frame")
     bar = figure.colorbar(picture, ax=axes, label="Conductance (mS); grey: not wired", fraction=0.02, pad=0.01)
     style.plain_log(bar.ax.yaxis)
-    figure.suptitle(title)
-    style.save(figure, path)
-
-
-def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], title: str) -> None:
-    """Draw figure 14: how often an object (row) is given each name (column), in percent of its images.
-
-    counts: (classes, classes) images; cells from LEAST_PERCENT are labelled.
-    """
-    images = counts.sum(axis=1, keepdims=True)
-    percent = 100 * np.divide(counts, images, out=np.zeros(counts.shape), where=images > 0)
-    names = [style.literal(name.replace("_", " ")) for name in objects]
-    side = (0.4 if len(names) <= 20 else 0.335) * len(names)
-    figure, ax = plt.subplots(figsize=(side + 2, side + 1.6))
-    picture = ax.imshow(percent, cmap="Blues", vmin=0, vmax=100)
-    for row, column in np.argwhere(percent >= LEAST_PERCENT):
-        value = percent[row, column]
-        ax.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=8, color="w" if value > 55 else "k")
-    places = np.arange(len(names))
-    ax.set_xticks(places, names, rotation=90)
-    ax.set_yticks(places, names)
-    ax.set_xticks(places[1:] - 0.5, minor=True)
-    ax.set_yticks(places[1:] - 0.5, minor=True)
-    ax.grid(False)
-    ax.grid(which="minor")
-    ax.tick_params(which="minor", length=0)
-    ax.set(xlabel="Name given by the model", ylabel="Object", title=title)
-    figure.colorbar(picture, ax=ax, label="Share of the object's images (%)", shrink=0.6, aspect=30, pad=0.02)
-    style.save(figure, path)
-
-
-def precision_by_frames(path: Path, panels: Mapping[str, pd.DataFrame], title: str) -> None:
-    """Draw figure 15: macro precision against the number of input frames, one panel per table.
-
-    One line per model and form: of networks trained on all frames, and dotted with open marks of mean predictions.
-    panels: title -> form, model, seed, frames, metric, value (fraction).
-    """
-    figure, axes = style.panels(len(panels), len(panels), 4.8 * len(panels) + 0.4, 4, 0)
-    handles = {}
-    for ax, (name, table) in zip(axes[0], panels.items(), strict=True):
-        precision = table[table["metric"] == "macro_precision"]
-        lines = precision.groupby(["model", "form"], sort=False)
-        count = lines.ngroups
-        for k, ((model, form), runs) in enumerate(lines):
-            look, place = model_style(model), 0.12 * (k - (count - 1) / 2)  # side by side: intervals overlap
-            estimates = {n: estimate(100 * part["value"]) for n, part in runs.groupby("frames")}
-            mean, spread = style.spread(estimates.values())
-            dotted = {"linestyle": ":", "markerfacecolor": "white"} if form == "mean" else {"linestyle": look.linestyle}
-            handles[f"{look.label}, {form_name(form)}"] = ax.errorbar(
-                np.array(list(estimates)) + place, mean, np.nan_to_num(spread), color=look.color, marker=look.marker,
-                capsize=3, markersize=6, **dotted,
-            )  # fmt: skip
-        ax.set(xlabel="Number of input frames", title=name, xticks=sorted(set(precision["frames"])))
-        ax.set_ylim(top=min(ax.get_ylim()[1], 101))  # an interval may pass 100 %
-    axes[0][0].set_ylabel("Macro precision (%), mean and 95 % interval")
-    figure.legend(handles.values(), handles, loc="outside lower center", ncols=2)
-    figure.suptitle(title)
-    style.save(figure, path)
-
-
-def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]], title: str) -> None:
-    """Draw validation loss over the epochs, one panel per network; fits: model -> dataset -> one fit per seed."""
-    columns = min(3, len(fits))
-    figure, axes = style.panels(len(fits), columns, 3.6 * columns, 2.9, 0.7, sharey=True)
-    for ax, (model, datasets) in zip(axes.flat, fits.items(), strict=False):
-        for dataset, runs in datasets.items():
-            for fit in runs:
-                epochs, loss = fit.history["epoch"], fit.history["validation_loss"]
-                ax.plot(epochs, loss, color=COLOURS[dataset], linestyle=DASHES[dataset], linewidth=1.2)
-                kept = fit.history[epochs == fit.best_epoch]
-                ax.plot(kept["epoch"], kept["validation_loss"], "o", color=COLOURS[dataset], markersize=4)
-        ax.set(title=model_name(model), yscale="log", xlabel="Epoch")
-        style.plain_log(ax.yaxis)
-        ax.xaxis.get_major_locator().set_params(integer=True)
-    for ax in axes[:, 0]:
-        ax.set_ylabel("Validation loss: cross-entropy (nats)")
-    names = [name for name in COLOURS if any(name in datasets for datasets in fits.values())]
-    handles = [Line2D([], [], color=COLOURS[name], linestyle=DASHES[name]) for name in names]
-    handles.append(Line2D([], [], color=style.BLACK, marker="o", linestyle=""))
-    figure.legend(handles, [*names, "epoch that was kept"], loc="outside lower center", ncols=len(handles))
     figure.suptitle(title)
     style.save(figure, path)

@@ -1,7 +1,4 @@
-"""Draw the figures of the LoMP paper from our data. Every function writes one PNG; predictions are one run's.
-
-A function returns the numbers of what it draws that the figure's caption states (touch_captions.py).
-"""
+"""Draw the figures of the LoMP paper from our data. Every function writes one PNG; predictions are one run's."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,11 +15,9 @@ from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
 from pipeline.reporting.words.labels import model_name
 from pipeline.scenes import material
-from pipeline.scoring.results import Fit
 
 FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)
 TOUCH_MODELS = ("lomp", "rnn", "cnn", "convlstm")  # of figure 6
-MAP_MODELS = ("rnn", "cnn", "lomp")  # of figure 8
 SHOWN_WINDOWS = 60  # of figure 4
 SHOWN_PRESSES = 4  # of figure 6
 MAP_NAMES = {  # condition -> its name in figure 8
@@ -32,7 +27,6 @@ MAP_NAMES = {  # condition -> its name in figure 8
     "slide": "two sliding touches",
     "tape": "rolled tape",
 }
-SEVERAL_TOUCHES = ("double", "three", "slide", "tape")  # conditions of figure 8
 
 
 class Windows(NamedTuple):
@@ -48,6 +42,7 @@ class Windows(NamedTuple):
     y_mm: np.ndarray
     counts: np.ndarray  # (n, elements)
     truth: np.ndarray  # (n, map_rows, map_cols) in kPa
+    pressed: np.ndarray  # (n,) bool: a touch is pressed above touch.window.contact_threshold_n
 
 
 def windows_of(table: pa.Table, settings: Mapping, protocol: str, seed: int) -> Windows:
@@ -55,30 +50,25 @@ def windows_of(table: pa.Table, settings: Mapping, protocol: str, seed: int) -> 
     label = settings["label"]
     rows = np.flatnonzero(schemas.names(table[schemas.split_column(protocol, seed)]) == "test")
     table = table.take(rows)
+    force, x, y = (schemas.matrix(table[name]) for name in ("force_n", "x_mm", "y_mm"))
     return Windows(
         rows,
         schemas.names(table["condition"]),
         schemas.names(table["recording"]),
         table["press"].to_numpy(),
         table["t_s"].to_numpy(),
-        *(schemas.matrix(table[name]) for name in ("force_n", "x_mm", "y_mm")),
+        force,
+        x,
+        y,
         schemas.matrix(table["x"]).reshape(table.num_rows, settings["window"]["frames"], -1)[:, -1],
         schemas.matrix(table["y"]).reshape(-1, label["map_rows"], label["map_cols"]),
+        (np.nan_to_num(force) > settings["window"]["contact_threshold_n"]).any(axis=1),
     )
 
 
-def in_contact(windows: Windows, settings: Mapping) -> np.ndarray:
-    """Tell of each window, (n,) bool, whether a touch is pressed above touch.window.contact_threshold_n."""
-    return (np.nan_to_num(windows.force_n) > settings["window"]["contact_threshold_n"]).any(axis=1)
-
-
-def characteristic_curve(path: Path, settings: Mapping) -> tuple[float, float, float, float]:
-    """Draw figure 2b: resistance of the fitted film over pressure, without and with its memory.
-
-    Returns the static resistance (ohm) at the lowest and at the highest pressure, and that on loading and on unloading
-    at half the highest pressure.
-    """
-    film, scale = material.load_material(), settings["simulate"]["material"]["resistance_scale_ohm"]
+def characteristic_curve(path: Path, scale: float) -> None:
+    """Draw figure 2b: resistance of the fitted film over pressure, without and with its memory; scale: in ohm."""
+    film = material.load_material()
     dt, kpa_a_newton = 0.001, 1e-3 / FILM_AREA_M2
     kpa = np.geomspace(1, 400, 400)
     static = scale * np.exp(film.rest - material.static_conductance(film, kpa / kpa_a_newton))
@@ -99,19 +89,11 @@ def characteristic_curve(path: Path, settings: Mapping) -> tuple[float, float, f
     )
     figure.legend(loc="outside lower center", ncols=3)
     style.save(figure, path)
-    half = middle // 2
-    return float(static[0]), float(static[-1]), float(looped[half]), float(looped[-1 - half])
 
 
-def peak_pressure(
-    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
-) -> dict[str, tuple[float, float]]:
-    """Draw figure 4: largest value of true and predicted map, and L1 loss, over windows of test presses.
-
-    Returns model -> mean L1 loss (kPa), and mean predicted peak over the mean true one.
-    """
-    chosen = np.flatnonzero((windows.condition == "single") & in_contact(windows, settings))
-    chosen = chosen[:SHOWN_WINDOWS]
+def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray]) -> None:
+    """Draw figure 4: largest value of true and predicted map, and L1 loss, over windows of test presses."""
+    chosen = np.flatnonzero((windows.condition == "single") & windows.pressed)[:SHOWN_WINDOWS]
     truth = windows.truth[chosen]
     models = [model for model in maps if model != "constant"]
     columns = min(3, len(models))
@@ -147,19 +129,10 @@ def peak_pressure(
     figure.legend(handles, names, loc="outside lower center", ncols=2)
     figure.suptitle("Figure 4: single touch, true and predicted peak pressure, and mean L1 loss of the map")
     style.save(figure, path)
-    true_peak = truth.max(axis=(1, 2)).mean()
-    return {
-        model: (float(losses[model].mean()), float(maps[model][chosen].max(axis=(1, 2)).mean() / true_peak))
-        for model in models
-    }
 
 
-def press_location(path: Path, frames: pa.Table, settings: Mapping) -> tuple[dict[str, float], float, float]:
-    """Draw figure 5: counts of an element over pressure for press locations along x within the element.
-
-    Returns press location -> median counts at the median pressure of all points or more, that pressure (kPa), and
-    how far the locations are apart (mm).
-    """
+def press_location(path: Path, frames: pa.Table, settings: Mapping) -> None:
+    """Draw figure 5: counts of an element over pressure for press locations along x within the element."""
     sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]
     frames = frames.filter(pa.array(schemas.names(frames["condition"]) == "single"))
     force, x, y = (schemas.matrix(frames[name])[:, 0] for name in ("force_n", "x_mm", "y_mm"))
@@ -170,7 +143,6 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> tuple[dic
     figure, axes = style.panels(len(elements), len(elements), 3.6 * len(elements), 4, 0, sharex=True, sharey=True)
     colours = (style.BLUE, style.GREEN, style.ORANGE, style.VERMILION, style.PURPLE, style.SKY)
     points: dict[str, list[tuple[plt.Axes, np.ndarray, np.ndarray]]] = {}
-    spacing = np.nan
     for ax, element in zip(axes[0], elements, strict=True):
         centre_y, centre_x = ((place + 0.5) * pitch for place in divmod(element, sensor["cols"]))
         inside = pressed & (np.abs(x - centre_x) < pitch / 2) & (np.abs(y - centre_y) < pitch / 2)
@@ -180,8 +152,6 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> tuple[dic
             inside &= rounded_y == rows[np.abs(rows - centre_y).argmin()]
         places, seen = np.unique(np.round(x[inside], 1), return_counts=True)
         places = places[seen >= 3]  # fewer frames are the CNC on its way
-        if len(places) > 1:
-            spacing = float(np.median(np.diff(places)))
         for place in places:
             rows_here = inside & (np.abs(x - place) < 0.051)
             kpa = labels.pressure_kpa(force[rows_here], settings["label"]["tip_radius_mm"])
@@ -196,13 +166,8 @@ def press_location(path: Path, frames: pa.Table, settings: Mapping) -> tuple[dic
         handles.append([ax.scatter(read, kpa, **look) for ax, read, kpa in points[name]][-1])
     title = "press location along x, from the element's centre"
     figure.legend(handles, order, loc="outside lower center", ncols=min(len(order), 6) or 1, title=title)
-    apart = "" if np.isnan(spacing) else f"\n(locations {spacing:g} mm apart, our grid's pitch; paper: 2.875 mm)"
-    figure.suptitle(f"Figure 5: sensor behaviour for press locations within one element, loading and unloading{apart}")
+    figure.suptitle("Figure 5: sensor behaviour for press locations within one element, loading and unloading")
     style.save(figure, path)
-    reads, pressures = ({name: np.concatenate([part[k] for part in points[name]]) for name in order} for k in (1, 2))
-    middle = float(np.median(np.concatenate(list(pressures.values())))) if order else np.nan
-    above = {name: reads[name][pressures[name] >= middle] for name in order}
-    return {name: float(np.median(read)) for name, read in above.items() if len(read)}, middle, spacing
 
 
 def _block_peak(maps: np.ndarray, x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping) -> np.ndarray:
@@ -220,22 +185,14 @@ def elements_at(x_mm: np.ndarray, y_mm: np.ndarray, sensor: Mapping) -> np.ndarr
     return row * sensor["cols"] + column
 
 
-def double_touch(
-    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
-) -> tuple[dict[str, float], int]:
-    """Draw figure 6: pressure at both pressed elements and their counts over time, for a stretch of presses.
-
-    Returns model -> mean distance (kPa) of the prediction's peak from the label's in both elements, and how many
-    presses are drawn.
-    """
-    sensor = settings["sensor"]
+def double_touch(path: Path, windows: Windows, maps: Mapping[str, np.ndarray], sensor: Mapping) -> None:
+    """Draw figure 6: pressure at both pressed elements and their counts over time, for a stretch of presses."""
     double = np.flatnonzero((windows.condition == "double") & ~np.isnan(windows.x_mm[:, :2]).any(axis=1))
     double = double[windows.recording[double] == windows.recording[double[0]]]
     presses = np.unique(windows.press[double])[:SHOWN_PRESSES]
     chosen = double[np.isin(windows.press[double], presses)]
     time = windows.t_s[chosen] - windows.t_s[chosen[0]]
     drawn = [model for model in TOUCH_MODELS if model in maps]
-    distances: dict[str, list[float]] = {model: [] for model in drawn}
     figure, axes = plt.subplots(3, 1, figsize=(10, 8), sharex=True, height_ratios=[2, 2, 1.4])
     elements = []
     for touch, ax in enumerate(axes[:2]):
@@ -245,7 +202,6 @@ def double_touch(
         for model in drawn:
             look = model_style(model)
             estimated = _block_peak(maps[model][chosen], *place, sensor)
-            distances[model].append(float(np.abs(estimated - truth).mean()))
             ax.plot(time, estimated, color=look.color, linestyle=look.linestyle, marker=look.marker, markersize=4)
         ax.plot(time, truth, **MEASURED)
         ax.set_ylabel(f"Touch {touch + 1} ({('CNC', 'hand')[touch]})\npressure (kPa)")
@@ -269,26 +225,17 @@ def double_touch(
     axes[0].legend(handles, names, loc="upper left", bbox_to_anchor=(1, 1))
     figure.suptitle("Figure 6: double touch, largest value of label and predicted map within each pressed element")
     style.save(figure, path)
-    return {model: float(np.mean(both)) for model, both in distances.items()}, len(presses)
 
 
-def error_distribution(
-    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
-) -> dict[str, dict[str, float]]:
-    """Draw figure 7: mean squared error per window, for one touch and for two, on a logarithmic axis.
-
-    Returns condition -> model -> median over windows (kPa²), NaN where the model failed.
-    """
-    medians: dict[str, dict[str, float]] = {}
-    contact = in_contact(windows, settings)
+def error_distribution(path: Path, windows: Windows, maps: Mapping[str, np.ndarray]) -> None:
+    """Draw figure 7: mean squared error per window, for one touch and for two, on a logarithmic axis."""
     conditions = [name for name in ("single", "double") if (windows.condition == name).any()]
     figure, ax = plt.subplots(figsize=(8, 0.62 * len(maps) + 1.6))
     for k, (model, predicted) in enumerate(maps.items()):
         for condition in conditions:
-            rows = contact & (windows.condition == condition)
+            rows = windows.pressed & (windows.condition == condition)
             mse = np.square(predicted[rows].astype(float) - windows.truth[rows]).mean(axis=(1, 2))
             mse = np.maximum(mse[np.isfinite(mse)], 1e-6)  # an exact prediction has no place on this axis
-            medians.setdefault(condition, {})[model] = float(np.median(mse)) if len(mse) else np.nan
             if not len(mse):
                 ax.text(0.5, k, "failed", transform=ax.get_yaxis_transform(), ha="center", va="center")
                 continue
@@ -312,7 +259,6 @@ def error_distribution(
     handles, names = zip(*(looks[condition] for condition in conditions), strict=True)
     figure.legend(handles, names, loc="outside lower center", ncols=len(conditions))
     style.save(figure, path)
-    return medians
 
 
 def shown_maps(windows: Windows) -> dict[str, int]:
@@ -333,84 +279,6 @@ def shown_maps(windows: Windows) -> dict[str, int]:
         pressed = slide[total[slide] >= total[slide].max() / 2]
         chosen[MAP_NAMES["slide"]] = int(pressed[len(pressed) // 2])
     return chosen
-
-
-def pressure_maps(
-    path: Path, windows: Windows, maps: Mapping[str, np.ndarray], settings: Mapping
-) -> dict[str, dict[str, float]]:
-    """Draw figure 8: one column per kind of touch; reading, label and predicted maps below each other.
-
-    Every column has the colours of its label, up to its largest pressure, and the reading those of its largest count.
-    Returns kind of touch -> model -> RMSE of the map (kPa), NaN where the model failed.
-    """
-    columns, sensor = shown_maps(windows), settings["sensor"]
-    extent = (0, sensor["cols"] * sensor["pitch_mm"], 0, sensor["rows"] * sensor["pitch_mm"])
-    readings = windows.counts.reshape(-1, sensor["rows"], sensor["cols"])
-    sources = {"Reading": readings, "Label": windows.truth}
-    sources |= {model_name(model): maps[model] for model in MAP_MODELS if model in maps}
-    errors = {
-        kind: {
-            model: float(np.sqrt(np.square(maps[model][window].astype(float) - windows.truth[window]).mean()))
-            for model in MAP_MODELS
-            if model in maps
-        }
-        for kind, window in columns.items()
-    }
-    by_name = {kind: {model_name(model): error for model, error in of.items()} for kind, of in errors.items()}
-    size = {"figsize": (2.2 * len(columns) + 1.2, 2.35 * len(sources) + 0.6)}
-    figure, axes = plt.subplots(len(sources), len(columns), squeeze=False, sharex=True, sharey=True, **size)
-    image = None
-    for line, (name, source) in zip(axes, sources.items(), strict=True):
-        for ax, (kind, window) in zip(line, columns.items(), strict=True):
-            truth, values = windows.truth[window], source[window]
-            top = values.max() if name == "Reading" else truth.max()
-            share = values / max(top, np.finfo(float).tiny)
-            image = ax.imshow(share, origin="lower", extent=extent, vmin=0, vmax=1, cmap="viridis")
-            if name == "Reading":
-                ax.set_title(f"{kind}\nlargest count {values.max():.0f}")
-            elif name == "Label":
-                ax.set_title(f"peak {truth.max():.0f} kPa")
-            else:
-                error = by_name[kind][name]
-                ax.set_title(f"RMSE {error:.1f} kPa" if np.isfinite(error) else "failed")
-            ax.set_xticks(np.arange(sensor["cols"] + 1) * sensor["pitch_mm"])
-            ax.set_yticks(np.arange(sensor["rows"] + 1) * sensor["pitch_mm"])
-            ax.grid(color="white", alpha=0.3, linewidth=0.6)
-            ax.set_axisbelow(False)
-        line[0].set_ylabel(f"{name}\ny (mm)")
-    for ax in axes[-1]:
-        ax.set_xlabel("x (mm)")
-    words = "Pressure, share of the label's peak (reading: of its largest count)"
-    figure.colorbar(image, ax=axes, label=words, extend="max", shrink=0.6)
-    figure.suptitle("Figure 8: from 25 readings to a pressure map; grid lines are the borders of the elements")
-    style.save(figure, path)
-    return errors
-
-
-def learning_curves(path: Path, fits: Mapping[str, list[Fit]], protocol: str) -> None:
-    """Draw the loss of every model trained in epochs, one line per seed, the kept epoch marked."""
-    trained = {model: runs for model, runs in fits.items() if any(len(run.history) > 1 for run in runs)}
-    columns = max(1, min(3, len(trained)))
-    figure, axes = style.panels(len(trained), columns, 3.7 * columns, 2.7, 0.8)
-    for ax, (model, runs) in zip(axes.flat, trained.items(), strict=False):
-        look = model_style(model)
-        for run in runs:
-            epoch = run.history["epoch"].to_numpy()
-            ax.plot(epoch, run.history["train_loss"], color=style.GREY, linestyle=":", linewidth=1)
-            ax.plot(epoch, run.history["validation_loss"], color=look.color, linewidth=1.2)
-            kept = run.history[run.history["epoch"] == run.best_epoch]
-            ax.plot(kept["epoch"], kept["validation_loss"], "o", color=look.color, markersize=5)
-        ax.set(title=look.label, yscale="log", xlabel="Epoch")
-        style.plain_log(ax.yaxis)
-        ax.xaxis.get_major_locator().set_params(integer=True)
-    for ax in axes[:, 0]:
-        ax.set_ylabel("Loss: mean squared error (kPa²)")
-    handles = [Line2D([], [], color=style.GREY, linestyle=":"), Line2D([], [], color=style.BLACK)]
-    handles.append(Line2D([], [], color=style.BLACK, marker="o", linestyle=""))
-    names = ["training", "validation (coloured)", "epoch that was kept"]
-    figure.legend(handles, names, loc="outside lower center", ncols=3)
-    figure.suptitle(f"Learning curves, {protocol} split, one line per seed (lower is better)")
-    style.save(figure, path)
 
 
 def _failure(values: np.ndarray) -> str:

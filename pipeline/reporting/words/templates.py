@@ -1,19 +1,24 @@
 """Fill the Markdown templates in pipeline/reporting/templates: fixed text, with numbers and tables in their places."""
 
+import re
 from functools import cache
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pipeline.base import paths
-from pipeline.reporting.words import markdown
+from pipeline.reporting.words import labels, markdown
 
 FOLDER = paths.CODE / "reporting" / "templates"
 
 
 def render(name: str, /, **values: Any) -> str:
-    """Return templates/<name>.md with these values in it. Raises jinja2.UndefinedError for one that is missing."""
-    return _environment().get_template(f"{name}.md").render(values)
+    """Return templates/<name>.md with these values in it. Raises jinja2.UndefinedError for one that is missing.
+
+    Lines have no spaces at their ends, and no two empty ones follow each other: tags of the template leave some.
+    """
+    lines = map(str.rstrip, _environment().get_template(f"{name}.md").render(values).splitlines())
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
 
 
 @cache
@@ -23,8 +28,8 @@ def _environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        keep_trailing_newline=True,
     )
-    environment.filters |= {"number": markdown.number, "interval": markdown.interval}
-    environment.globals["table"] = markdown.table
+    environment.filters |= {"number": markdown.number, "interval": markdown.interval, "size": markdown.size}
+    environment.filters |= {"model_name": labels.model_name, "literal": markdown.literal, "plain": labels.plain}
+    environment.globals |= {"table": markdown.table, "zip": zip}
     return environment

@@ -1,0 +1,77 @@
+"""Collect where the code and its amounts differ from the papers: the comments that say so, and settings."""
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+
+from pipeline import experiments
+from pipeline.base import params, paths
+from pipeline.base.paths import Workspace
+
+MARK = re.compile(r"Differs from paper:\s*(.*)")
+FITTING = {
+    "windows": ["regressors"],
+    "series": ["lstm", "series_regressors"],
+    "images": ["image_classifier"],
+}  # by kind of input
+SCENES = {
+    "touch": ["scenes/touch", "scenes/touch_contact", "scenes/touch_motion"],
+    "strain": ["scenes/strain"],
+    "glove": ["scenes/glove", "reporting/glove"],
+    "glove_recorded": ["reporting/glove_recorded"],
+}  # the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open
+
+
+def of_experiment(workspace: Workspace, experiment: str, settings: Mapping) -> list[tuple[str, str]]:
+    """Read the differences of one experiment from its paper: (file, text), first those in code, then amounts."""
+    names = [
+        *(f"learning/{name}" for name in FITTING[experiments.module(experiment).KIND]),
+        f"experiments/{experiment}",
+        *SCENES.get(experiment, []),
+        *(f"models/{model}" for model in settings["models"]),
+    ]
+    return read(paths.CODE, (f"{name}.py" for name in names)) + amounts(workspace, experiment, settings)
+
+
+def amounts(workspace: Workspace, experiment: str, settings: Mapping) -> list[tuple[str, str]]:
+    """Return the values of params.yaml that are not the papers': (file, text); settings: the experiment's block.
+
+    The papers' amounts of data, epochs and runs are the values of scales/paper.yaml.
+    """
+    differences = []
+    for keys, papers in params.scale_settings(workspace.scales, "paper", experiment, settings):
+        ours = reduce(getitem, keys, settings)
+        if ours != papers:
+            name = ".".join([experiment, *keys])
+            text = f"`{name}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
+            differences.append((params.file_of(experiment), text))
+    return differences
+
+
+def read(folder: Path, names: Iterable[str]) -> list[tuple[str, str]]:
+    """Read (file, text) of every mark, anywhere in a line, by file and line; names: files in `folder`.
+
+    A comment goes on over following lines that are comments; in a docstring, up to an empty line or the end.
+    """
+    differences = []
+    for path in sorted(folder / name for name in names):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for k, line in enumerate(lines):
+            match = MARK.search(line)
+            if not match:
+                continue
+            text = [match[1]]
+            comment = "#" in line[: match.start(1)]
+            for following in lines[k + 1 :]:
+                following = following.strip()
+                if '"""' in text[-1] or not following or following.startswith('"""') or MARK.search(following):
+                    break
+                if comment and not following.startswith("#"):
+                    break
+                text.append(following.lstrip("# "))
+            joined = re.split(r'"""| Raises ', " ".join(text))[0].strip()
+            differences.append((path.relative_to(folder.parent).as_posix(), joined))
+    return differences

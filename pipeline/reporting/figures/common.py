@@ -1,0 +1,271 @@
+"""Draw what several experiments show alike: curves, bars, courses over time, maps, confusions. Each writes one PNG."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.lines import Line2D
+
+from pipeline.reporting.figures import style
+from pipeline.reporting.figures.style import MEASURED, model_style
+from pipeline.reporting.words.labels import model_name
+from pipeline.scoring.results import Estimate, Fit
+
+LOOKS = ((style.BLUE, "-"), (style.VERMILION, "--"), (style.BLACK, ":"))  # of groups of runs
+GAP = 3.0  # median intervals; no line is drawn over a longer one
+LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
+MARGIN = 0.3  # of the range of true values, by which predicted ones may leave it in a cloud of points
+
+
+def legend_below(figure: plt.Figure, handles: Mapping[str, Any], columns: int) -> None:
+    """Put one legend of all panels below them; handles: name -> what was drawn."""
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=max(1, min(columns, len(handles))))
+
+
+def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]], title: str, unit: str) -> None:
+    """Draw validation loss over the epochs, one panel per model, one line per seed, the kept epoch marked.
+
+    fits: model -> group of runs -> one fit per seed; models without epochs are left out. Where there is one group, its
+    training loss is drawn, too.
+    """
+    trained = {
+        model: of for model, of in fits.items() if any(len(run.history) > 1 for runs in of.values() for run in runs)
+    }
+    groups = list(dict.fromkeys(name for of in trained.values() for name in of))
+    columns = max(1, min(3, len(trained)))
+    figure, axes = style.panels(len(trained), columns, 3.7 * columns, 2.8, 0.8)
+    for ax, (model, by_group) in zip(axes.flat, trained.items(), strict=False):
+        for (colour, dashes), group in zip(LOOKS, groups, strict=False):
+            for run in by_group.get(group, ()):
+                epochs, loss = run.history["epoch"], run.history["validation_loss"]
+                if len(groups) == 1:
+                    ax.plot(epochs, run.history["train_loss"], color=style.GREY, linestyle=":", linewidth=1)
+                ax.plot(epochs, loss, color=colour, linestyle=dashes, linewidth=1.2)
+                kept = epochs == run.best_epoch
+                ax.plot(epochs[kept], loss[kept], "o", color=colour, markersize=4)
+        ax.set(title=model_name(model), yscale="log", xlabel="Epoch")
+        style.plain_log(ax.yaxis)
+        ax.xaxis.get_major_locator().set_params(integer=True)
+    for ax in axes[:, 0]:
+        ax.set_ylabel(f"Loss ({unit})")
+    handles = {
+        name if len(groups) > 1 else "validation": Line2D([], [], color=colour, linestyle=dashes)
+        for name, (colour, dashes) in zip(groups, LOOKS, strict=False)
+    }
+    if len(groups) == 1:
+        handles["training"] = Line2D([], [], color=style.GREY, linestyle=":")
+    handles["epoch that was kept"] = Line2D([], [], color=style.BLACK, marker="o", linestyle="")
+    legend_below(figure, handles, 5)
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+class Line(NamedTuple):
+    """A line of `curves`: an estimate at every x, and how it is drawn."""
+
+    label: str
+    x: Sequence[float]
+    values: Sequence[Estimate]
+    look: Mapping[str, Any]
+
+
+def line(model: str, values: Mapping[float, Estimate], **look: Any) -> Line:
+    """Return the line of a model in its own style; values: x -> estimate; look: what differs from that style."""
+    label, colour, marker, dashes = model_style(model)
+    own = {"color": colour, "marker": marker, "linestyle": dashes}
+    return Line(look.pop("label", label), list(values), list(values.values()), own | look)
+
+
+def curves(
+    path: Path,
+    panels: Mapping[str, Sequence[Line]],
+    title: str,
+    names: tuple[str, str],
+    log: bool = False,
+    limits: tuple[float | None, float | None] = (None, None),
+    ticks: Sequence[float] = (),
+) -> None:
+    """Draw lines with intervals, one panel per title; names: of both axes; limits: of y; ticks: of x."""
+    figure, axes = style.panels(len(panels), len(panels), 4.7 * len(panels), 3.9, 0)
+    handles = {}
+    for ax, (panel, lines) in zip(axes[0], panels.items(), strict=True):
+        for label, x, values, look in lines:
+            mean, spread = style.spread(values)
+            spread = np.nan_to_num(np.minimum(spread, 0.98 * mean) if log else spread)
+            handles[label] = ax.errorbar(x, mean, spread, capsize=2.5, markersize=5, **look)
+        ax.set(xlabel=names[0], title=panel)
+        if log:
+            ax.set(xscale="log", yscale="log")
+            style.plain_log(ax.xaxis, ticks)
+            style.plain_log(ax.yaxis)
+        elif len(ticks):
+            ax.set_xticks(ticks)
+        (low, high), (least, most) = ax.get_ylim(), limits
+        ax.set_ylim(low if least is None else least, high if most is None else min(high, most))
+    axes[0][0].set_ylabel(names[1])
+    legend_below(figure, handles, 4 if len(panels) > 1 else 2)
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+def bars(
+    path: Path, panels: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: str, name: str, limits: tuple
+) -> None:
+    """Draw bars with intervals; panels: title -> group along x -> bar -> estimate; name, limits: of y.
+
+    A value below the axis ends just above its lower edge.
+    """
+    figure, axes = style.panels(len(panels), len(panels), 4.6 * len(panels), 3.7, 0, sharey=True)
+    for ax, (panel, groups) in zip(axes[0], panels.items(), strict=True):
+        kinds = list(dict.fromkeys(bar for of in groups.values() for bar in of))
+        width = 0.8 / len(kinds)
+        for k, (bar, colour) in enumerate(zip(kinds, (style.GREY, style.BLUE, style.VERMILION), strict=False)):
+            mean, spread = style.spread(of[bar] for of in groups.values())
+            place = np.arange(len(groups)) + (k - (len(kinds) - 1) / 2) * width
+            look = {"yerr": np.nan_to_num(spread), "capsize": 3, "color": colour, "label": bar}
+            ax.bar(place, np.maximum(mean, 0.8 * limits[0]), width, **look)
+        ax.axhline(0, color=style.BLACK, linewidth=0.8)
+        ax.set_xticks(np.arange(len(groups)), list(groups))
+        ax.set(title=panel, ylim=limits)
+    axes[0][0].set_ylabel(name)
+    bars_drawn, labels = axes[0][0].get_legend_handles_labels()
+    legend_below(figure, dict(zip(labels, bars_drawn, strict=True)), 3)
+    figure.suptitle(title)
+    style.save(figure, path)
+
+
+class Course(NamedTuple):
+    """A panel of `courses`: arrays of shape (n,) by time."""
+
+    name: str  # of its vertical axis
+    time_s: np.ndarray
+    truth: np.ndarray | None
+    predicted: Mapping[str, np.ndarray]  # model -> values
+    title: str = ""
+    readings: np.ndarray | None = None  # (n, channels), drawn instead
+
+
+def courses(path: Path, title: str, panels: Sequence[Course], xlabel: str) -> None:
+    """Draw readings, true and predicted values over time, one panel below the other; long gaps stay open."""
+    figure, axes = style.panels(len(panels), 1, 9, 2.2, 0.8)
+    handles = {}
+    for ax, (name, time_s, truth, predicted, heading, readings) in zip(axes[:, 0], panels, strict=True):
+        steps = np.diff(time_s)
+        breaks = np.flatnonzero(steps > GAP * np.median(steps)) + 1 if len(steps) else []
+        at = np.insert(time_s.astype(float), breaks, np.nan)
+        if readings is not None:
+            shades = plt.get_cmap("viridis")(np.linspace(0, 0.9, readings.shape[1]))
+            for channel, colour in zip(readings.T, shades, strict=True):
+                ax.plot(at, np.insert(channel.astype(float), breaks, np.nan), color=colour, linewidth=0.9)
+        for model, values in predicted.items():
+            look = model_style(model)
+            drawn = {"color": look.color, "linestyle": look.linestyle, "linewidth": 1.2}
+            (handles[look.label],) = ax.plot(at, np.insert(values.astype(float), breaks, np.nan), **drawn)
+        if truth is not None:
+            drawn = MEASURED | {"linewidth": 1.1}
+            (handles["measured"],) = ax.plot(at, np.insert(truth.astype(float), breaks, np.nan), **drawn)
+        ax.set(ylabel=name, title=heading)
+    axes[-1, 0].set_xlabel(xlabel)
+    legend_below(figure, handles, 5)
+    figure.suptitle(style.literal(title))
+    style.save(figure, path)
+
+
+class Cloud(NamedTuple):
+    """A panel of `agreement`: true and predicted values, (n,)."""
+
+    title: str
+    truth: np.ndarray
+    predicted: np.ndarray
+    model: str
+
+
+def agreement(path: Path, title: str, rows: Mapping[str, Sequence[Cloud]], unit: str) -> None:
+    """Draw predicted against true values, one row of panels per name, all on the same axes; unit: of both."""
+    truth = np.concatenate([cloud.truth for clouds in rows.values() for cloud in clouds])
+    low, high = truth.min(initial=0), max(truth.max(initial=0), 1e-9)
+    columns, room = max(map(len, rows.values())), high - low
+    figure, axes = style.panels(len(rows) * columns, columns, 2.1 * columns + 0.6, 2.2, 0.7, sharex=True, sharey=True)
+    for line_of_axes, (name, clouds) in zip(axes, rows.items(), strict=True):
+        for ax, cloud in zip(line_of_axes, clouds, strict=True):
+            ax.plot([low, high], [low, high], color=style.GREY, linewidth=0.8)
+            ax.plot(cloud.truth, cloud.predicted, ".", color=model_style(cloud.model).color, markersize=2.5)
+            ax.set(xlim=(low - 0.05 * room, high + 0.05 * room), ylim=(low - MARGIN * room, high + MARGIN * room))
+            if ax.get_subplotspec().is_first_row():
+                ax.set_title("\n".join([textwrap.fill(model_name(cloud.model), 20), cloud.title]).rstrip())
+            if ax.get_subplotspec().is_last_row():
+                ax.set_xlabel(f"true ({unit})")
+        line_of_axes[0].set_ylabel("\n".join(filter(None, [name, f"predicted ({unit})"])))
+    figure.suptitle(style.literal(title))
+    style.save(figure, path)
+
+
+def maps(
+    path: Path,
+    title: str,
+    windows: Mapping[str, int],
+    counts: np.ndarray,
+    truth: np.ndarray,
+    predicted: Mapping[str, np.ndarray],
+    sensor: Mapping,
+) -> None:
+    """Draw reading, label and predicted maps below each other, one column per window, by name.
+
+    counts: (n, elements); truth and each of `predicted`, by model: (n, map_rows, map_cols) in kPa. Every column has the
+    colours of its label, up to its largest pressure, and the reading those of its largest count.
+    """
+    extent = (0, sensor["cols"] * sensor["pitch_mm"], 0, sensor["rows"] * sensor["pitch_mm"])
+    sources = {"Reading": counts.reshape(-1, sensor["rows"], sensor["cols"]), "Label": truth}
+    sources |= {model_name(model): values for model, values in predicted.items()}
+    size = {"figsize": (2.2 * len(windows) + 1.2, 2.35 * len(sources) + 0.6)}
+    figure, axes = plt.subplots(len(sources), len(windows), squeeze=False, sharex=True, sharey=True, **size)
+    for row, (name, source) in zip(axes, sources.items(), strict=True):
+        for ax, (kind, window) in zip(row, windows.items(), strict=True):
+            label, values = truth[window], source[window].astype(float)
+            top = values.max() if name == "Reading" else label.max()
+            share = values / max(top, np.finfo(float).tiny)
+            image = ax.imshow(share, origin="lower", extent=extent, vmin=0, vmax=1, cmap="viridis")
+            error = np.sqrt(np.square(values - label).mean()) if name not in ("Reading", "Label") else np.nan
+            said = {"Reading": f"{kind}\nlargest count {values.max():.0f}", "Label": f"peak {label.max():.0f} kPa"}
+            ax.set_title(said.get(name, f"RMSE {error:.1f} kPa" if np.isfinite(error) else "failed"))
+            ax.set_xticks(np.arange(sensor["cols"] + 1) * sensor["pitch_mm"])
+            ax.set_yticks(np.arange(sensor["rows"] + 1) * sensor["pitch_mm"])
+            ax.grid(color="white", alpha=0.3, linewidth=0.6)
+            ax.set_axisbelow(False)
+        row[0].set_ylabel(f"{name}\ny (mm)")
+    for ax in axes[-1]:
+        ax.set_xlabel("x (mm)")
+    words = "Pressure, share of the label's peak (reading: of its largest count)"
+    figure.colorbar(image, ax=axes, label=words, extend="max", shrink=0.6)
+    figure.suptitle(style.literal(title))
+    style.save(figure, path)
+
+
+def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], title: str) -> None:
+    """Draw how often an object (row) is given each name (column), in percent of its images.
+
+    counts: (classes, classes) images; cells from LEAST_PERCENT are labelled.
+    """
+    images = counts.sum(axis=1, keepdims=True)
+    percent = 100 * np.divide(counts, images, out=np.zeros(counts.shape), where=images > 0)
+    names = [style.literal(name.replace("_", " ")) for name in objects]
+    side = (0.4 if len(names) <= 20 else 0.335) * len(names)
+    figure, ax = plt.subplots(figsize=(side + 2, side + 1.6))
+    picture = ax.imshow(percent, cmap="Blues", vmin=0, vmax=100)
+    for row, column in np.argwhere(percent >= LEAST_PERCENT):
+        value = percent[row, column]
+        ax.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=8, color="w" if value > 55 else "k")
+    places = np.arange(len(names))
+    ax.set_xticks(places, names, rotation=90)
+    ax.set_yticks(places, names)
+    ax.set_xticks(places[1:] - 0.5, minor=True)
+    ax.set_yticks(places[1:] - 0.5, minor=True)
+    ax.grid(False)
+    ax.grid(which="minor")
+    ax.tick_params(which="minor", length=0)
+    ax.set(xlabel="Name given by the model", ylabel="Object", title=style.literal(title))
+    figure.colorbar(picture, ax=ax, label="Share of the object's images (%)", shrink=0.6, aspect=30, pad=0.02)
+    style.save(figure, path)

@@ -1,0 +1,152 @@
+"""What a template may say of an experiment: tables and numbers of the one table of results, verdicts, differences."""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import files
+from pipeline.base.paths import Workspace
+from pipeline.reporting import differences
+from pipeline.reporting.claims import sentences_of
+from pipeline.reporting.words import templates
+from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.markdown import interval, number, size, table
+from pipeline.scoring import one_table, published
+from pipeline.scoring.published import ANY
+from pipeline.scoring.results import SHARE, Estimate, estimate, scale_of
+
+COUNTS = ("params", "macs")  # metrics that are whole numbers
+FIGURE = re.compile(r"^- \[.*?\]\((\S+\.png)\)")
+Place = tuple[str, ...]  # protocol, condition, metric and, of what is not the model itself, variant
+
+
+class Report:
+    """The results of one experiment beside what its paper prints, as the templates ask for them."""
+
+    def __init__(self, workspace: Workspace, experiment: str, settings: Mapping):
+        """Read the one table and judge the claims; settings: the experiment's block of settings."""
+        self.experiment, self.models = experiment, list(settings["models"])
+        self.simulated = settings.get("source", "simulated") == "simulated"
+        self.seeds = {name: len(block["seeds"]) for name, block in settings["protocols"].items()}
+        self.results = one_table.Results(one_table.read(one_table.of_experiment(workspace, experiment)))
+        paper, *_ = published.SCORES.get(experiment, ("",)) if self.simulated else ("",)
+        rows = published.table(paper).itertuples()
+        self._printed = {(row.condition, row.model, row.variant, row.metric): (row.value, row.step) for row in rows}
+        self._claims: Callable[..., list[str]] = sentences_of(workspace, experiment, settings)
+        self._differences = differences.of_experiment(workspace, experiment, settings)
+
+    def estimate(self, protocol: str, condition: str, model: str, metric: str, variant: str = "") -> Estimate:
+        """Return mean and interval over the seeds of one protocol."""
+        return self.results.estimate(self.experiment, protocol, condition, model, metric, variant=variant)
+
+    def scored(self) -> dict[tuple[str, str], list[str]]:
+        """Return (protocol, condition) -> the metrics that the models were scored by, in the order of scores.csv."""
+        rows = self.results.rows(experiment=self.experiment, whole=True)
+        groups = rows.groupby(["protocol", "condition"], sort=False)["metric"]
+        return {place: list(dict.fromkeys(metrics)) for place, metrics in groups}
+
+    def conditions(self, protocol: str) -> list[str]:
+        """Return the conditions of a protocol that the models were scored on."""
+        return [condition for name, condition in self.scored() if name == protocol]
+
+    def score(self, protocol: str, condition: str, model: str, metric: str, variant: str = "", **how: Any) -> str:
+        """Return `mean [low, high]` of a model; how: see `text`."""
+        return self.text(self.estimate(protocol, condition, model, metric, variant), metric, **how)
+
+    def text(self, value: Estimate, metric: str, digits: int = 2, percent: bool = False, runs: int = 0) -> str:
+        """Return an estimate as words; a failed run is said, and where fewer than `runs` were made, how many."""
+        if not value.runs + value.failed:
+            return "not run"
+        if metric in COUNTS and value.runs:
+            return size(value.mean)
+        digits = digits if percent or not scale_of(metric) else 3
+        said = interval(value.percent() if percent else value, digits)
+        return said if value.runs + value.failed >= runs else f"{said}, of {value.runs + value.failed}"
+
+    def printed(self, condition: str, model: str, metric: str, variant: str = "", percent: bool = False) -> str:
+        """Return the number that the paper prints, with its digits; a dash where it prints none."""
+        places = [(where, model, variant, metric) for where in (condition, ANY)]
+        value, step = next((self._printed[place] for place in places if place in self._printed), (np.nan, 1.0))
+        if metric in COUNTS:
+            return "-" if np.isnan(value) else size(value)
+        factor = 100 if percent else 1
+        return number(factor * value, max(0, -round(np.log10(factor * step))))
+
+    def table(
+        self,
+        columns: Mapping[str, Place],
+        rows: Mapping[str, tuple[str, str]] | None = None,
+        corner: str = "Model",
+        across: bool = False,
+        **how: Any,
+    ) -> str:
+        """Return a Markdown table of results, every one beside what the paper prints where it prints any in its column.
+
+        columns: heading -> see Place; rows: heading -> (model, variant), by default the models; across: models run
+        along the top, places down; how: digits, percent.
+        """
+        named = {model_name(model): (model, "") for model in self.models} if rows is None else rows
+        lines = [[corner, *named]]
+        for heading, (protocol, condition, metric, *further) in columns.items():
+            found = [(model, variant or "".join(further)) for model, variant in named.values()]
+            values = [self.estimate(protocol, condition, model, metric, variant) for model, variant in found]
+            paper = [
+                self.printed(condition, model, metric, variant, how.get("percent", False)) for model, variant in found
+            ]
+            if set(paper) != {"-"}:
+                lines.append([f"{heading}: published", *paper])
+            runs = max(value.runs + value.failed for value in values)
+            name = heading if set(paper) == {"-"} else f"{heading}: ours"
+            lines.append([name, *(self.text(value, metric, runs=runs, **how) for value in values)])
+        header, *body = lines if across else [list(line) for line in zip(*lines, strict=True)]
+        return table(header, body)
+
+    def verdicts(self, *names: str) -> str:
+        """Return one line per claim, by the last part of its id: our number, the published one, the verdict."""
+        return "\n".join(self._claims(*names))
+
+    def ratio(self, one: Place, other: Place) -> Estimate:
+        """Return the ratio of two errors, paired by seed, each of (protocol, condition, model, metric[, variant]).
+
+        Of a share, such as accuracy, the error is what is missing to 1. None of a run where either was not run.
+        """
+        first, second = (
+            1 - runs if scale_of(place[3]) == SHARE else runs
+            for place in (one, other)
+            for runs in [self.results.runs(self.experiment, *place)]
+        )
+        both = first.index.intersection(second.index)
+        return estimate(first[both] / second[both])
+
+    def differences(self) -> str:
+        """Return where the code differs from the paper, one line each."""
+        return "\n".join(f"- `{file}`: {text}" for file, text in self._differences) or "- Nowhere."
+
+    def scores(
+        self,
+        runs: Iterable[tuple[str, str, str, str]],
+        units: Mapping[str, str] | None = None,
+        with_published: bool = False,
+    ) -> pd.DataFrame:
+        """Return a row per (protocol, condition, model, metric) of `runs`, mean and interval in full precision.
+
+        units: metric -> unit. Without them, or without published numbers, there is no such column.
+        """
+        rows = []
+        for protocol, condition, model, metric in runs:
+            row = {"protocol": protocol, "condition": condition, "model": model, "metric": metric}
+            row |= {"unit": units[metric]} if units else {}
+            if with_published:
+                row["published"] = published.score(self.experiment, model, condition, metric)
+            rows.append(row | self.estimate(protocol, condition, model, metric)._asdict())
+        return pd.DataFrame(rows)
+
+    def write(self, path: Path, template: str, **values: Any) -> None:
+        """Write a filled template; a line of a figure that was not drawn beside it is left out."""
+        lines = templates.render(template, r=self, **values).splitlines(keepends=True)
+        drawn = (line for line in lines if not (of := FIGURE.match(line)) or (path.parent / of[1]).exists())
+        files.write_text(path, "".join(drawn))

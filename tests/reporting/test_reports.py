@@ -1,0 +1,366 @@
+"""The reports of all experiments show what the files say: every model, failed runs, printed numbers, verdicts."""
+
+import inspect
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet
+import pytest
+from builders import made_reports
+from builders.project import ROOT
+from scipy.stats import t as student
+
+from pipeline.base.errors import InputError
+from pipeline.base.params import load
+from pipeline.claims import entries, evidence, judge
+from pipeline.datasets import images, schemas
+from pipeline.reporting import glove as glove_report
+from pipeline.reporting.claims import claim_sentence
+from pipeline.reporting.report import Report
+from pipeline.reporting.words.labels import model_name
+from pipeline.scoring import classification, glove_results, one_table, published, results, strain_results
+from pipeline.stages import render
+
+SPEED = {f"speed/{name}" for name in ("table2.csv", "table2.md", "tradeoff.png", "training.png")}
+FILES = {  # of accuracy/, beside README.md
+    "touch": {"table1.csv", "learning_curves.png", *(f"figure{k}.png" for k in ("2b", 4, 5, 6, 7, 8))},
+    "velostat_recorded": {"table.csv", "figure.png"},
+    "strain": {f"{name}.csv" for name in ("table1", "samples", "drift", "capacity", "strands", "bases")}
+    | {f"{name}.png" for name in ("figure5", "figure5_drift", "figure6", "figure7", "figure8_task_1", "figure8_task_2")}
+    | {f"{name}.png" for name in ("samples", "drift", "capacity", "strands", "time")},
+    "strain_recorded": {"table.csv", "figure.png"},
+    "glove": {"table1.csv", "table2.csv", "figure15.csv"}
+    | {f"figure{k}.png" for k in (7, 9, 10, 13, "14_pressure", "14_strain", "14_combined", 15)}
+    | {"learning_curves.png"},
+    "glove_recorded": {"table.csv", "learning_curves.png", *(f"confusion_{d}.png" for d in images.MODALITIES)},
+}
+NEVER = r"\bnan\b|- points|not counted|\b1 seeds|\{\{|\{%|\bNone\b|<built-in|jinja"
+JUDGED = re.compile(": (reproduced|contradicted|undecided|not testable)")
+HALF = student.ppf(0.975, 1) / 2  # of the interval of two runs, of their difference
+
+
+def cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip().strip("|").split(" | ")]
+
+
+@pytest.mark.parametrize("experiment", made_reports.DATA)
+def test_every_report_has_every_model_says_failed_runs_and_reads_as_text(workspace, unplotted, monkeypatch, experiment):
+    settings = made_reports.settings_of(experiment)
+    failed = list(settings["models"])[-1]
+    made_reports.write(workspace, experiment, settings, failed)
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    found = {path.relative_to(target).as_posix() for path in target.rglob("*.*")}
+    further = {"speed/table1_times.md"} if experiment == "strain" else set()
+    assert found == SPEED | further | {f"accuracy/{name}" for name in FILES[experiment] | {"README.md"}}
+
+    text = (target / "accuracy" / "README.md").read_text()
+    assert not (bad := re.search(NEVER, text)), bad
+    prose = [line for line in text.splitlines() if not line.startswith("|")]
+    assert not [line for line in prose if "  " in line.strip() or line != line.rstrip()] and "\n\n\n" not in text
+    assert len(JUDGED.findall(text)) > 3 and "## Findings\n\n- " in text and text.startswith("# ")
+    assert set(re.findall(r"\]\((\w+\.png)\)", text)) == {name for name in FILES[experiment] if name.endswith(".png")}
+    assert all((target / "accuracy" / link).exists() for link in re.findall(r"\]\(([^)]+)\)", text))
+
+    names = {model_name(model) for model in settings["models"]}
+    of_models = 0
+    for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
+        header, _, *rows = [cells(line) for line in block.splitlines()]
+        shown = {row[0] for row in rows} if header[0] == "Model" else set(header[1:])
+        if header[0] in ("Model", "Recording"):
+            of_models += 1
+            assert shown == names, block
+            assert "failed (1 of" in block, block
+    assert of_models > 1
+
+
+@pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
+def test_the_report_of_an_own_sensor_has_every_model_and_nothing_of_a_paper(
+    workspace, unplotted, monkeypatch, experiment
+):
+    settings = made_reports.settings_of(experiment)
+    made_reports.write(workspace, experiment, settings, "constant")
+    settings["source"] = "data/own/my*sensor"
+    if experiment == "touch":  # as the scorer of own logs writes it
+        scores = pd.read_csv(workspace.scores("touch"))
+        gain = scores[scores["metric"] == "rmse"].assign(metric="force_gain", unit="1", value=1.0)
+        pd.concat([scores, gain]).to_csv(workspace.scores("touch"), index=False)
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy"
+    text = (target / "README.md").read_text()
+    assert text.startswith("# `my*sensor`: ") and not re.search(NEVER + "|published|simulated|reproduced", text)
+    figures = re.findall(r"\]\((\w+\.png)\)", text)
+    assert set(figures) == {path.name for path in target.glob("*.png")} and len(figures) > 2
+    assert "fewer than 50 test" in text or experiment == "touch"
+    blocks = [block for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE) if block.startswith("| Model")]
+    assert len(blocks) > 2
+    for block in blocks:
+        assert {cells(line)[0] for line in block.splitlines()[2:]} == {
+            model_name(model) for model in settings["models"]
+        }
+        assert "failed (1 of" in block
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("experiment", made_reports.DATA)
+def test_figures_are_drawn_and_measured_times_are_in_speed_alone(workspace, monkeypatch, experiment):
+    settings = made_reports.settings_of(experiment)
+    made_reports.write(workspace, experiment, settings, "constant")
+    (workspace.reports / experiment).mkdir(parents=True)
+    (workspace.reports / experiment / "stale.md").write_text("of a model that was removed")
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
+    assert "stale.md" not in first and min(len(first[name]) for name in first if name.endswith(".png")) > 5_000
+    latency = pd.read_csv(workspace.latency(experiment))
+    latency[["p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms"]] *= 1.5
+    latency.to_csv(workspace.latency(experiment), index=False)
+    made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    assert {name for name in first if (target / name).read_bytes() != first[name]} == SPEED - {"speed/training.png"}
+
+
+def test_numbers_of_touch(workspace, unplotted, monkeypatch):
+    settings = made_reports.settings_of("touch")
+    made_reports.write(workspace, "touch", settings)
+    target = made_reports.rendered(workspace, "touch", settings, monkeypatch)
+    text = (target / "accuracy" / "README.md").read_text()
+    linear = next(line for line in text.splitlines() if line.startswith("| Linear"))
+    half = HALF * 1.0  # the runs have 30 and 31 kPa
+    assert cells(linear)[1:3] == ["8.68", f"30.50 [{30.5 - half:.2f}, {30.5 + half:.2f}]"]
+    csv = pd.read_csv(target / "accuracy" / "table1.csv").set_index(["protocol", "condition", "model", "metric"])
+    assert csv.loc[("press", "double", "lomp", "rmse"), "published"] == 7.49
+    assert csv.loc[("press", "double", "lomp", "rmse"), "mean"] == 105.0
+    assert csv.loc[("random_window", "single", "rnn", "rmse"), "runs"] == 1
+    rows = {cells(line)[0]: cells(line) for line in text.splitlines() if line.startswith("| l")}
+    ratios = np.array([30 / 20, 32 / 21])
+    low, high = ratios.mean() - HALF * np.ptp(ratios), ratios.mean() + HALF * np.ptp(ratios)
+    wanted = f"{ratios.mean():.2f} [{low:.2f}, {high:.2f}]"
+    assert rows["lomp_alpha_0"][1:5] == ["LoMP", "alpha 0.0", "2", "lomp_half"] and rows["lomp_alpha_0"][6] == wanted
+    assert rows["linear_1_frame"][4:7] == ["Linear, Table I", "95.00", f"{95 / 31:.2f}"]
+    assert "Ours is 0.672 [" in text and "published 0.250. `simulate" in text
+    speed = (target / "speed" / "table2.md").read_text()
+    assert ["LoMP", "1.45", "0.500"] in [cells(line) for line in speed.splitlines()]  # Table II: 1.45 ms
+
+
+def test_numbers_of_strain_stand_beside_the_printed_ones(workspace, unplotted, monkeypatch):
+    settings = made_reports.settings_of("strain")
+    made_reports.write(workspace, "strain", settings)
+    target = made_reports.rendered(workspace, "strain", settings, monkeypatch)
+    text = (target / "accuracy" / "README.md").read_text()
+    rows = [cells(line) for line in text.splitlines() if line.startswith("| LSTM, direct ")]
+    assert [row[:4] for row in rows[:2]] == [
+        ["LSTM, direct", "11,450", "17", "0.43"],
+        ["LSTM, direct", "11,500", "17", "27"],
+    ]
+    assert rows[0][4].startswith("30.500 [") and len(rows[2]) == 4  # the paper has no task 0
+    times = (target / "speed" / "table1_times.md").read_text()
+    assert ["LSTM, transfer (Adam)", "93", "9.5"] in [cells(line) for line in times.splitlines()]
+
+
+def test_numbers_of_glove(workspace, unplotted, monkeypatch):
+    settings = made_reports.settings_of("glove")
+    made_reports.write(workspace, "glove", settings)
+    target = made_reports.rendered(workspace, "glove", settings, monkeypatch)
+    text = (target / "accuracy" / "README.md").read_text()
+    own = results.estimate([0.82, 0.83], results.SHARE).percent()
+    rows = [cells(line) for line in text.splitlines() if line.startswith("| SP-ResNet  ")]
+    assert rows[0][3:5] == ["88.39", f"82.50 [{own.low:.2f}, {own.high:.2f}]"]
+    assert [row[4] for row in rows if len(row) == 7] == [rows[0][4], "82.00"]  # by session, on random frames
+    counted = [row for row in map(cells, text.splitlines()) if row[0].startswith("SP-ResNet (reduction")]
+    assert [row[-2:] for row in counted] == [["30", "300"], ["", ""]]  # like with like only as trained
+    assert "1,824,033,792" in text and "no file of it is named" in text and "pipeline/models/lomp.py" not in text
+
+    table = pd.read_csv(target / "accuracy" / "table1.csv").set_index(["protocol", "model", "metric"])
+    assert table.loc[("session_strain", "sp_resnet", "macro_precision"), "mean"] == pytest.approx(0.825)
+    assert table.loc[("session_strain", "sp_resnet", "macro_precision"), "published"] == pytest.approx(0.8839)
+    assert set(table[["runs", "failed"]].itertuples(index=False, name=None)) == {(2, 0), (1, 0)}
+    table = pd.read_csv(target / "accuracy" / "table2.csv").set_index(["method", "condition", "metric"])
+    assert table.loc[("all", "strain", "macro_precision"), "mean"] == pytest.approx(0.825)
+    assert table.loc[("A", "pressure", "macro_precision"), "gain"] == pytest.approx(0.105)  # of 0.1 and 0.11
+    assert table.loc[("A", "pressure", "macro_precision"), "gain_low"] == pytest.approx(0.105 - HALF * 0.01)
+    assert table.loc[("A", "pressure", "macro_precision"), "published_gain"] == pytest.approx(0.0011)
+
+
+@pytest.mark.parametrize("experiment", ["touch", "glove"])
+def test_verdicts_of_a_report_are_those_of_the_claims(workspace, unplotted, monkeypatch, experiment):
+    settings = made_reports.settings_of(experiment)
+    made_reports.write(workspace, experiment, settings)
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    claims = [claim for claim in entries.read(workspace)[0] if claim.experiment == experiment]
+    known = evidence.Evidence(
+        workspace, one_table.read(one_table.of_experiment(workspace, experiment)), {experiment: settings}
+    )
+    lines = {claim_sentence(row) for row in judge.table(claims, known).itertuples()}
+    text = (target / "accuracy" / "README.md").read_text()
+    judged = {line for line in text.splitlines() if line.startswith("- ") and JUDGED.search(line)}
+    assert judged <= lines and len(judged) > 8
+    assert len({JUDGED.search(line)[0] for line in judged}) > 1
+
+
+@pytest.mark.slow
+def test_stag_is_drawn_where_there_is_a_file(workspace, unplotted, monkeypatch):
+    settings = made_reports.settings_of("glove")
+    levels = {"sp_resnet": np.linspace(0.6, 0.74, 8), "resnet3x3": np.linspace(0.5, 0.64, 8)}
+    made_reports.write(workspace, "glove", settings)
+    made_reports.by_frames(levels, 1).to_csv(workspace.experiment_folder("glove") / "stag.csv", index=False)
+    text = (made_reports.rendered(workspace, "glove", settings, monkeypatch) / "accuracy" / "README.md").read_text()
+    assert "(figure15_stag.png)" in text and "above ResNet_3x3 at every number of input frames, STAG data set" in text
+
+
+def test_a_run_that_is_not_there_is_said(workspace):
+    settings = made_reports.settings_of("touch")
+    made_reports.write(workspace, "touch", settings)
+    scores = pd.read_csv(workspace.scores("touch"))
+    gone = (scores["model"] == "rnn") | (scores["model"] == "lomp") & (scores["seed"] == 1)
+    scores[~gone].to_csv(workspace.scores("touch"), index=False)
+    report = Report(workspace, "touch", settings)
+    rows = {cells(line)[0]: cells(line) for line in report.table({"single": ("press", "single", "rmse")}).splitlines()}
+    assert rows["RNN"][1:] == ["2.16", "not run"] and rows["LoMP"][1:] == ["2.17", "10.00, of 1"]
+    assert report.score("press", "single", "cnn", "rmse") == "not run"
+    nothing = report.ratio(("press", "single", "rnn", "rmse"), ("press", "single", "lomp", "rmse"))
+    assert report.text(nothing, "") == "not run"
+
+
+def test_the_ratio_of_shares_is_that_of_what_is_missing(workspace):
+    settings = made_reports.settings_of("glove")
+    made_reports.write(workspace, "glove", settings)
+    report = Report(workspace, "glove", settings)
+    place = ("session_strain", "strain")
+    ratio = report.ratio((*place, "sp_resnet", "accuracy"), (*place, "constant", "accuracy"))
+    assert ratio.mean == pytest.approx(np.mean([0.18 / 0.6, 0.17 / 0.59]))
+    printed = [100 - published.precision(model, "combined") for model in ("tree", "naive_bayes")]
+    assert settings["yardstick"]["published"] == pytest.approx(printed[0] / printed[1], abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("experiment", "missing"),
+    [
+        ("touch", "scores.csv"),
+        ("touch", "frames.parquet"),
+        ("touch", "dataset.parquet"),
+        ("touch", "speed/latency.csv"),
+        ("touch", "predictions/rnn.parquet"),
+        ("touch", "models/rnn/press-1/fit.json"),
+        ("touch", "models/rnn/press-1/history.csv"),
+        ("glove", "stag.csv"),
+        ("glove", "input_frames.csv"),
+        ("glove_recorded", "probe.csv"),
+        ("strain", "study/samples.csv"),
+    ],
+)
+def test_a_missing_file_is_named(workspace, unplotted, monkeypatch, experiment, missing):
+    settings = made_reports.settings_of(experiment)
+    made_reports.write(workspace, experiment, settings)
+    (workspace.experiment_folder(experiment) / missing).unlink()
+    with pytest.raises(InputError, match=f"data/{experiment}/{missing}: not found"):
+        made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    assert not (workspace.reports / experiment).exists()
+
+
+@pytest.mark.parametrize("experiment", ["touch", "glove"])
+def test_models_and_conditions_can_be_left_out(workspace, unplotted, monkeypatch, experiment):
+    settings = made_reports.settings_of(experiment)
+    settings["models"] = {"constant": {}, "poly_powers": {}} if experiment == "touch" else {"constant": {}, "tree": {}}
+    monkeypatch.setattr(made_reports, "TOUCHES", {"single": 1})
+    monkeypatch.setattr(made_reports, "OBJECTS", ["cup", "pen", "a_and_b"])
+    if experiment == "glove":
+        settings["augmentation"]["model"] = "tree"
+    made_reports.write(workspace, experiment, settings)
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy"
+    text = (target / "README.md").read_text()
+    assert not re.search(NEVER, text)
+    assert set(re.findall(r"\]\((\w+\.png)\)", text)) == {path.name for path in target.glob("*.png")}
+    if experiment == "touch":
+        assert "no recordings of double touch" in text and not (target / "figure6.png").exists()
+
+
+def test_predictions_must_cover_the_test_windows(workspace):
+    settings = made_reports.settings_of("touch")
+    made_reports.write(workspace, "touch", settings)
+    path = workspace.predictions("touch") / "rnn.parquet"
+    data = pyarrow.parquet.read_table(path)
+    schemas.write(path, data.schema, [data.slice(1)])
+    windows = results.read_windows(workspace, "touch")
+    with pytest.raises(InputError, match="do not match the 56 test windows"):
+        results.read_predictions(workspace, "touch", "rnn", "press", 0, windows)
+    whole = results.read_predictions(workspace, "touch", "rnn", "press", 1, windows)
+    assert np.isnan(whole[:4]).all() and np.isfinite(whole[4:]).all()
+
+
+def test_figure_15_has_both_forms_and_networks_of_several_frames_begin_with_one(workspace):
+    settings = made_reports.settings_of("glove")
+    made_reports.write(workspace, "glove", settings)
+    table = results.read_windows(workspace, "glove")
+    both = glove_results.read_frames(workspace, table, "combined", settings, ["sp_resnet"])
+    assert set(both["model"]) == {"sp_resnet"}
+    trained, mean = (both[both["form"] == form].drop(columns="form") for form in ("trained", "mean"))
+    assert sorted(set(trained["frames"])) == sorted(set(mean["frames"])) == [1, 2, 3]
+    key = ["model", "seed", "frames", "metric"]
+    first = [rows[rows["frames"] == 1].set_index(key)["value"].sort_index() for rows in (trained, mean)]
+    assert len(first[0]) == 4 and first[0].equals(first[1])
+    assert trained.set_index(key)["value"]["sp_resnet", 1, 3, "macro_precision"] == pytest.approx(0.81)
+    assert set(glove_results.read_frames(workspace, table, "pressure", settings, ["sp_resnet"])["form"]) == {"mean"}
+    # A network of one frame that was trained for the figure stands there itself, and nobody else's seeds do.
+    own = made_reports.by_frames({"sp_resnet": [0.4, 0.7]}, 1).query("seed == 0")
+    own.to_csv(workspace.input_frames("glove"), index=False)
+    both = glove_results.read_frames(workspace, table, "combined", settings, ["sp_resnet"])
+    own = both[(both["form"] == "trained") & (both["metric"] == "accuracy")]
+    assert own[["seed", "frames", "value"]].values.tolist() == [[0, 1, 0.4], [0, 2, 0.7]]
+
+
+def test_scores_by_frames_are_those_of_the_mean_answer(workspace):
+    settings = made_reports.settings_of("glove")
+    made_reports.write(workspace, "glove", settings)
+    table = results.read_windows(workspace, "glove")
+    found = glove_results.scores_by_frames(workspace, table, "session_combined", settings, ["sp_resnet"])
+    predicted = results.read_predictions(workspace, "glove", "sp_resnet", "session_combined", 1, table)
+    test = np.isfinite(predicted).all(axis=1)
+    means = predicted[test].reshape(-1, made_reports.PICTURES, len(made_reports.OBJECTS)).mean(axis=1)
+    truth = np.eye(len(made_reports.OBJECTS))[table["label"].to_numpy()[test][:: made_reports.PICTURES]]
+    wanted = {metric: value for metric, _, value, _ in classification.scores(truth, means)}
+    own = found[(found["seed"] == 1) & (found["frames"] == 3)].set_index("metric")["value"]
+    assert own["accuracy"] == wanted["accuracy"] and own["macro_precision"] == wanted["macro_precision"]
+
+
+def test_error_is_over_the_outputs_that_were_asked_for():
+    truth = np.array([[3.0, 4.0, 7.0]])
+    assert strain_results.mean_error(truth, np.array([[0.0, 0.0, np.nan]])) == pytest.approx(5.0)
+    assert strain_results.mean_error(truth, np.array([[np.nan, np.nan, 5.0]])) == pytest.approx(2.0)
+
+
+def test_published_tables_are_read():
+    assert published.precision("sp_resnet", "combined") == 95.5 and published.precision("none", "strain") == 88.25
+    models = (*published.PRINTED["sp_resnet"], *published.METHODS)
+    assert np.isfinite([published.precision(model, dataset) for model in models for dataset in images.MODALITIES]).all()
+    assert np.isnan(published.precision("constant", "strain"))
+    assert published.latent("lstm_direct", "task_1", "parameters") == 11450
+    assert published.latent("lstm_transfer", "task_2", "test error") == 26
+
+
+def test_velostat_without_recordings_says_why(workspace, monkeypatch):
+    reason = {"run": False, "reason": "recordings not downloaded; run `tactile fetch velostat_recorded`"}
+    workspace.ingest_report("velostat_recorded").parent.mkdir(parents=True)
+    workspace.ingest_report("velostat_recorded").write_text(json.dumps(reason))
+    settings = made_reports.settings_of("velostat_recorded")
+    target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
+    assert "tactile fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
+    assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
+
+
+def test_every_experiment_has_a_report_of_its_name_with_one_contract():
+    assert set(render.REPORTS) == set(load(ROOT / "params.yaml")["experiments"])
+    for report in render.REPORTS.values():
+        assert list(inspect.signature(report.write).parameters) == ["workspace", "target", "settings"]
+    assert glove_report.METRICS == ("macro_precision", "accuracy")
+
+
+@pytest.mark.slow
+def test_render_needs_neither_torch_nor_scikit_learn(workspace):
+    code = (
+        "import sys, pipeline.stages.render, pipeline.stages.judge\n"
+        "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.learning.regressors', 'pipeline.models'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=workspace.root, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
