@@ -250,8 +250,8 @@ def findings(
         lines.append(
             f"- In {100 * share['double']:.0f} % of double-touch windows (single-touch test windows: "
             f"{100 * share['single']:.0f} %) two elements that are not neighbours respond together as they never "
-            "did in training: a model that multiplies elements, like the polynomial, has weights there that no "
-            "training window determined."
+            "did in training: a model that multiplies elements, like the polynomial of the whole array, "
+            "has weights there that no training window determined."
         )
     lines += optimism_sentences(scores, settings, protocol)
     lines.append(sentences.yardstick(scores, settings, SCENE, other_ratios(settings)))

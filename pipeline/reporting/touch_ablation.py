@@ -51,4 +51,4 @@ def text(ablation: pd.DataFrame, scores: Scores, settings: Mapping, conditions: 
 
 def frames_seen(model: str, settings: Mapping) -> int:
     """Return how many frames of a window a model of the tables sees; a stream has its state besides."""
-    return 1 if model in ("poly", "lomp_stream") else settings["window"]["frames"]
+    return 1 if model in ("linear", "poly", "poly_array", "lomp_stream") else settings["window"]["frames"]

@@ -354,7 +354,7 @@ def test_predictions_must_cover_the_test_windows(workspace, root, settings):
 @pytest.mark.slow
 def test_a_new_model_is_a_row_and_absent_conditions_are_said(workspace, root, settings, undrawn, monkeypatch):
     del settings["models"]["linear"], settings["ablation"]["linear_1_frame"]
-    settings["models"]["poly_powers"] = {}  # of no paper
+    settings["models"]["poly_array"] = {}  # of no paper
     write_touch(workspace, settings)
     data = pyarrow.parquet.read_table(workspace.dataset("touch"))
     single = data.filter(pa.array(schemas.names(data["condition"]) == "single"))
