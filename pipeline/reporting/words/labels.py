@@ -87,6 +87,7 @@ EFFECTS = {  # of the simulated scenes
     "load_sharing": "sharing of the load among elements",
     "contact_growth": "growth of the contact area with force",
     "places": "differences between places of the film",
+    "repeats": "differences between repeats of a press",
     "creep": "creep",
     "slow_creep": "slow creep",
     "hysteresis": "hysteresis",
