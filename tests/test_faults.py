@@ -716,7 +716,7 @@ def check_json(folder: Path, content: bytes) -> bool:
 SPEC = Spec(2, 2, 2, 4, 4)
 SAVED = {
     "linear": {},
-    "tree": {"min_samples_leaf": 2, "max_features": 1.0},
+    "tree": {"each": "element", "min_samples_leaf": 2, "max_features": 1.0},
     "rnn": {"layers": 1, "hidden": 3, "training": WHOLE["touch"]["models"]["rnn"]["training"] | {"epochs": 1}},
     "esn": {"units": 5, "spectral_radius": 0.9, "leak": 0.3, "input_scale": 0.5, "ridge": 1e-6},
     "lstm_direct": {"units": 4, "training": WHOLE["strain"]["models"]["lstm_direct"]["training"] | {"epochs": 1}},

@@ -1,6 +1,6 @@
 """Build torch modules of regressions that scikit-learn fitted, so that they can be written as ONNX.
 
-They compute in float64, as scikit-learn does: products of `poly` cancel each other.
+They compute in float64, as scikit-learn does: products of `poly_array` cancel each other.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 from torch import nn
 
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.models.poly_powers import Powers
+from pipeline.learning.per_element import Blocks, ElementPolynomials
 from pipeline.models.rbf import GaussianFeatures
 
 
@@ -46,15 +46,20 @@ class Products(nn.Module):
         return products
 
 
-class PowersOf(nn.Module):
-    """Powers (n, degree * inputs) of each input."""
+class Polynomials(nn.Module):
+    """Maps (n, outputs) of a polynomial for each element (n, elements)."""
 
-    def __init__(self, step: Powers):
+    def __init__(self, step: ElementPolynomials):
         super().__init__()
-        self.degree = step.degree
+        self.blocks = Blocks(*step.blocks)
+        self.register_buffer("weights", torch.from_numpy(step.coef_.transpose(1, 0, 2).copy()))
+        self.register_buffer("bias", torch.from_numpy(step.intercept_))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return torch.cat([x**power for power in range(1, self.degree + 1)], 1)
+        x = x[:, :, None]
+        parts = self.bias + sum(weights * x ** (power + 1) for power, weights in enumerate(self.weights))
+        rows, cols, height, width = self.blocks
+        return parts.reshape(-1, rows, cols, height, width).transpose(2, 3).flatten(1)
 
 
 class Gaussians(nn.Module):
@@ -85,7 +90,7 @@ class ReadOut(nn.Module):
 MODULES = {
     StandardScaler: Scaled,
     PolynomialFeatures: Products,
-    Powers: PowersOf,
+    ElementPolynomials: Polynomials,
     GaussianFeatures: Gaussians,
     LinearRegression: ReadOut,
     Ridge: ReadOut,
@@ -93,7 +98,7 @@ MODULES = {
 
 
 class Regression(nn.Module):
-    """Windows (n, frames, elements) to maps (n, rows, cols): linear, poly, poly_powers or rbf."""
+    """Windows (n, frames, elements) to maps (n, rows, cols): polynomials of elements or of the array, or rbf."""
 
     def __init__(self, model: SklearnRegressor, shape: tuple[int, ...]):
         super().__init__()

@@ -1,34 +1,36 @@
-"""Build decision tree regression (LoMP paper, Table I): one tree, a whole map in every leaf."""
+"""Build decision trees (LoMP paper, Table I, one per element; SP-ResNet paper, Table 1, one for the image)."""
+
+from typing import Literal
 
 from pydantic import Field
-from sklearn.tree import DecisionTreeRegressor
 
+from pipeline.learning import per_element
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Spec
+from pipeline.models import tree_array
 from pipeline.settings.shared import Block, Share
 
 
 class Settings(Block):
     """Settings of a model `tree` in params.yaml."""
 
-    min_samples_leaf: int = Field(ge=1, le=100_000, description="Fewest windows of a leaf")
+    each: Literal["element", "input"] = Field(
+        description="What has a tree: `element`, each one from its own readings to its block of the map; `input`, the "
+        "whole window or image, as in `tree_array`"
+    )
+    min_samples_leaf: int = Field(ge=1, le=100_000, description="Fewest windows or images of a leaf")
     max_features: Share = Field(description="Share of the inputs, drawn anew, that a split tries")
 
 
-def build(spec: Spec, *, min_samples_leaf: int, max_features: float) -> SklearnRegressor:
-    """Return a tree that tries the share `max_features` of the inputs (drawn by the seed) at every split.
+def build(spec: Spec, *, each: str, min_samples_leaf: int, max_features: float) -> SklearnRegressor:
+    """Return trees that try the share `max_features` of their inputs (drawn by the seed) at every split.
 
-    Fitted numbers: one threshold per inner node and one map per leaf, so a tree of one leaf counts as much as
-    the constant model. No multiply-accumulates: a tree only compares. No scaling: it would change nothing.
+    Fitted numbers: one threshold per inner node and the block of the map of every leaf. Raises InputError, with `each`
+    element, for a map that does not divide into one block per element.
 
-    Differs from paper: the size of the tree is not given there; here leaves hold at least `min_samples_leaf` windows.
+    Differs from paper: neither says how large its tree is; here leaves hold at least `min_samples_leaf` windows or
+    images, and those of the tables are grown in full.
     """
-    return SklearnRegressor(
-        lambda seed: DecisionTreeRegressor(
-            min_samples_leaf=min_samples_leaf, max_features=float(max_features), random_state=seed
-        ),
-        spec,
-        count=lambda fitted: fitted.tree_.node_count - fitted.tree_.n_leaves + fitted.tree_.n_leaves * spec.outputs,
-        macs=None,
-        trusted=("sklearn.tree._tree.Tree",),  # node indices are not checked on loading: load your own files only
-    )
+    if each == "input":
+        return tree_array.build(spec, min_samples_leaf=min_samples_leaf, max_features=max_features)
+    return per_element.trees(spec, "tree", min_samples_leaf, max_features)

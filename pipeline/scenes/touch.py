@@ -119,7 +119,8 @@ def logs_of(
     rng = generator(settings["seed"], recording.condition, recording.name)
     devices, effects = settings["devices"], settings["effects"]
     circuit, rates = settings["circuit"], settings["faults"]
-    voltage = array_voltage(element_loads(recording.touches, settings, sensor), settings, sensor)
+    repeats = generator(settings["seed"], recording.condition, recording.name, "repeats")
+    voltage = array_voltage(element_loads(recording.touches, settings, sensor, repeats), settings, sensor)
     duration = (len(voltage) - 1) * STEP_S
     logs: dict[str, tuple[list[str], list[Fault]]] = {}
 

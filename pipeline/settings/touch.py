@@ -109,6 +109,9 @@ class Material(Block):
 
     resistance_scale_ohm: Positive = Field(description="Factor of the recorded taxel's resistances")
     correlation_mm: Positive = Field(description="Correlation length of gain and exponent over the film (mm)")
+    repeat_spread: NotNegative = Field(
+        description="Standard deviation of the log gain between presses at one place, under each element by itself"
+    )
 
 
 class Circuit(Block):
@@ -145,6 +148,7 @@ class Effects(Block):
     load_sharing: bool = Field(description="Contact pressure spreads over neighbouring elements")
     contact_growth: bool = Field(description="The contact widens with force")
     places: bool = Field(description="Gain and exponent of the film differ from place to place")
+    repeats: bool = Field(description="Gain of the film differs from press to press")
     creep: bool = Field(description="Fading memory of the Velostat, below a second")
     slow_creep: bool = Field(description="Fading memory of the Velostat, over seconds")
     hysteresis: bool = Field(description="Hysteresis of the Velostat (play operators)")

@@ -62,8 +62,6 @@ NOTES: dict[str, str] = {
     "height is right and what is left after 2 s is less than a tenth in log resistance",
     "noise": "the array's converter has 10 bits, which at rest is about 40 counts with a noise of 0.7, and the "
     "recorder's about 1645 counts across taxel and reference: kept, as the paper describes this circuit",
-    "repeatability": "the simulated tip comes back to exactly the same places, and the film is the same when it does; "
-    "kept, as each place of the paper's raster is told by its coordinates",
 }
 
 
@@ -132,11 +130,14 @@ def twin(course: Course, number: int, name: str, settings: Mapping) -> Course:
     grid = np.arange(0, course.time_s[-1], touch_motion.STEP_S)
     force = np.interp(grid, course.time_s, course.force_n)
     gain, exponent = np.ones((2, len(grid), elements))
+    middles = [(a.stop + b.first) / 2 for a, b in itertools.pairwise(presses(course))]
+    press = np.searchsorted(np.interp(middles, np.arange(len(course.time_s)), course.time_s), grid)
     if effects["places"]:
-        middles = [(a.stop + b.first) / 2 for a, b in itertools.pairwise(presses(course))]
-        press = np.searchsorted(np.interp(middles, np.arange(len(course.time_s)), course.time_s), grid)
         fields = places_of(number, scene, sensor)[:, np.minimum(press, PRESSES - 1)]
         gain[:, number], exponent[:, number] = touch_contact.film_at(fields, scene["material"]["correlation_mm"])
+    if effects["repeats"]:
+        draws = generator(scene["seed"], "twin", name, "repeats").normal(size=len(middles) + 1)
+        gain[:, number] *= np.exp(scene["material"]["repeat_spread"] * draws[press])
     loads = np.zeros_like(gain)
     loads[:, number] = force
     volts = touch.array_voltage(touch_contact.Loads(loads, gain, exponent), scene, sensor)[:, number]

@@ -117,7 +117,7 @@ def test_a_change_of_code_trains_what_imports_it(workspace, train, file, again):
 def test_a_change_of_one_models_settings_trains_that_model_alone(workspace, values, train):
     train()
     before = written(workspace)
-    values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+    values["touch"]["models"]["tree"] = {"each": "element", "min_samples_leaf": 7, "max_features": 1.0}
     assert train() == OF_TREE
     changed = {path for path, content in written(workspace).items() if before[path] != content}
     assert changed == {f"data/touch/models/tree/{p}-{s}/network.safetensors" for p, s in RUNS} | {
@@ -177,7 +177,7 @@ def test_a_model_that_is_no_longer_listed_is_removed(workspace, values, train):
 def test_a_stopped_training_goes_on_from_its_finished_runs(workspace, values, train):
     train()
     before = written(workspace)
-    values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+    values["touch"]["models"]["tree"] = {"each": "element", "min_samples_leaf": 7, "max_features": 1.0}
     values["touch"]["models"]["cnn"] = values["touch"]["models"]["cnn"] | {"hidden": [8]}
     assert train(stop_at=("tree", "press", 1)) == ALL[:4]
     assert written(workspace) == before  # the earlier training stays until this one is whole
@@ -190,7 +190,7 @@ def test_a_stopped_training_goes_on_from_its_finished_runs(workspace, values, tr
 def test_a_stopped_training_of_settings_that_are_taken_back_is_forgotten(workspace, values, train):
     train()
     before, tree = written(workspace), values["touch"]["models"]["tree"]
-    values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+    values["touch"]["models"]["tree"] = {"each": "element", "min_samples_leaf": 7, "max_features": 1.0}
     train(stop_at=("tree", "press", 1))
     values["touch"]["models"]["tree"] = tree
     assert train() == [] and written(workspace) == before and not workspace.model_draft("touch", "tree").exists()
@@ -200,7 +200,7 @@ def test_a_stopped_training_of_settings_that_are_taken_back_is_forgotten(workspa
 def test_finished_runs_of_other_settings_data_or_code_are_not_taken(workspace, values, train, change):
     train(stop_at=("constant", "press", 0))
     if change == "settings":
-        values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+        values["touch"]["models"]["tree"] = {"each": "element", "min_samples_leaf": 7, "max_features": 1.0}
     elif change == "data":
         files.write_text(workspace.dataset("touch"), "other data")
     else:
@@ -249,7 +249,7 @@ def test_a_wrong_model_leaves_the_trained_ones(workspace, values, train, monkeyp
     def refuses(*arguments):
         raise InputError("a setting that does not go with the data")
 
-    values["touch"]["models"]["tree"] = {"min_samples_leaf": 7, "max_features": 1.0}
+    values["touch"]["models"]["tree"] = {"each": "element", "min_samples_leaf": 7, "max_features": 1.0}
     monkeypatch.setattr(stage, "train_run", refuses)
     with pytest.raises(InputError, match="does not go with"):
         stage.train(workspace, values, "touch")

@@ -52,12 +52,13 @@ CASES = {
     "sp_resnet": Case("glove", IMAGES, dict(reduction=16, training=IMAGE_TRAINING)),
     "linear": Case("touch", MAPS, {}),
     "poly": Case("touch", MAPS, dict(degree=3, ridge=1.0)),
-    "poly_powers": Case("touch", MAPS, dict(degree=3, ridge=1.0)),
+    "linear_array": Case("touch", MAPS, {}),
+    "poly_array": Case("touch", MAPS, dict(degree=3, ridge=1.0)),
     "rbf": Case("touch", MAPS, dict(centres=5, width=2.0, ridge=1e-3)),
-    "tree": Case("touch", MAPS, dict(min_samples_leaf=1, max_features=1.0)),
+    "tree": Case("touch", MAPS, dict(each="element", min_samples_leaf=1, max_features=1.0)),
     "ridge": Case("strain", SERIES, dict(ridge=1.0)),
 }
-REGRESSIONS = ("linear", "poly", "poly_powers", "rbf")
+REGRESSIONS = ("linear", "poly", "linear_array", "poly_array", "rbf")
 REFUSED = ("tree", "ridge")
 NO_NETWORKS = (*REGRESSIONS, *REFUSED)
 KINDS = {"touch": ("windows", "counts", "kPa"), "strain": ("series", "V", "mm"), "glove": ("images", "levels", None)}

@@ -27,10 +27,12 @@ STRETCHES = {"learning_rate": 2e-2, "epochs": 12, "batch": 8, "length": 40, "war
 MODELS = {
     "windows": {
         "constant": (NEITHER, {}),
-        "linear": (BOTH, {}),
-        "poly": (LAST, dict(degree=2, ridge=1.0)),  # as in its paper, products of the last frame
-        "poly_powers": (BOTH, dict(degree=2, ridge=1.0)),
-        "tree": (BOTH, dict(min_samples_leaf=5, max_features=1.0)),
+        "linear": (LAST, {}),
+        "poly": (LAST, dict(degree=2, ridge=1.0)),
+        "tree": (BOTH, dict(each="element", min_samples_leaf=5, max_features=1.0)),
+        "linear_array": (BOTH, {}),
+        "poly_array": (LAST, dict(degree=2, ridge=1.0)),  # products of the last frame
+        "tree_array": (BOTH, dict(min_samples_leaf=5, max_features=1.0)),
         "rbf": (BOTH, dict(centres=20, width=2.0, ridge=1e-3)),
         "rnn": (BOTH, dict(layers=2, hidden=16) | WINDOWED),
         "cnn": (BOTH, dict(channels=[4, 8], hidden=[16]) | WINDOWED),

@@ -1,4 +1,4 @@
-"""The ten touch models: size, shapes, files, repeatability, and that each of them learns."""
+"""The touch models: size, shapes, files, repeatability, and that each of them learns."""
 
 import numpy as np
 import pytest
@@ -22,9 +22,11 @@ PAPER_SETTINGS = params.load(ROOT / "params.yaml")["touch"]["models"]
 SMALL_SETTINGS = {
     "constant": {},
     "linear": {},
-    "poly": dict(degree=2, ridge=1.0),
-    "poly_powers": dict(degree=2, ridge=1.0),
-    "tree": dict(min_samples_leaf=5, max_features=0.5),
+    "poly": dict(degree=3, ridge=1e-3),
+    "tree": dict(each="element", min_samples_leaf=5, max_features=1.0),
+    "linear_array": {},
+    "poly_array": dict(degree=2, ridge=1.0),
+    "tree_array": dict(min_samples_leaf=5, max_features=0.5),
     "rbf": dict(centres=20, width=2.0, ridge=1e-3),
     "rnn": dict(layers=2, hidden=16, training=training()),
     "cnn": dict(channels=[4, 8], hidden=[16], training=training()),
@@ -33,7 +35,16 @@ SMALL_SETTINGS = {
     "lomp": dict(hidden=16, readout=[8], neighbours=4, alpha=0.1, training=training()),
 }  # lomp_stream: tests/models/test_lomp_stream.py
 NETWORKS = [key for key, settings in SMALL_SETTINGS.items() if "training" in settings]
-ONE_ELEMENT = ["constant", "linear", "poly", "tree", "rbf", "rnn"]  # rows of the recorded single-element task
+ONE_ELEMENT = [
+    "constant",
+    "linear",
+    "poly",
+    "tree",
+    "linear_array",
+    "tree_array",
+    "rbf",
+    "rnn",
+]  # rows of the recorded single-element task
 
 
 @pytest.fixture(autouse=True)
@@ -66,9 +77,10 @@ def windows(spec, n, seed=0):
     "key, count",
     [
         ("constant", 400),
-        ("linear", 80_400),
-        ("poly", 140_400),
-        ("poly_powers", 160_400),
+        ("linear", 800),
+        ("poly", 1_600),
+        ("linear_array", 80_400),
+        ("poly_array", 140_400),
         ("rbf", 300_400),
         ("rnn", 263_056),
         ("cnn", 636_208),
@@ -87,22 +99,25 @@ def test_number_of_parameters(key, count):
 
 def test_number_of_parameters_of_a_tree():
     part = windows(SMALL, 60)
-    one_leaf = build("tree", SMALL, dict(min_samples_leaf=60, max_features=1.0))
-    one_leaf.fit(part, part, seed=0)
-    assert one_leaf.parameters() == SMALL.outputs
-    two_leaves = build("tree", SMALL, dict(min_samples_leaf=30, max_features=1.0))
-    two_leaves.fit(part, part, seed=0)
-    assert two_leaves.parameters() == 1 + 2 * SMALL.outputs
+    for each, trees in (("input", 1), ("element", SMALL.elements)):
+        one_leaf = build("tree", SMALL, dict(each=each, min_samples_leaf=60, max_features=1.0))
+        one_leaf.fit(part, part, seed=0)
+        assert one_leaf.parameters() == SMALL.outputs
+        two_leaves = build("tree", SMALL, dict(each=each, min_samples_leaf=30, max_features=1.0))
+        two_leaves.fit(part, part, seed=0)
+        assert two_leaves.parameters() == trees + 2 * SMALL.outputs
 
 
 @pytest.mark.parametrize(
     "key, macs",
     [
         ("constant", 0),
-        ("linear", 200 * 400),
-        ("poly", 325 + 350 * 400),
-        ("poly_powers", 200 + 400 * 400),
+        ("linear", 400),
+        ("poly", 25 * 2 + 3 * 400),
         ("tree", None),
+        ("linear_array", 200 * 400),
+        ("poly_array", 325 + 350 * 400),
+        ("tree_array", None),
         ("rbf", 500 * 200 + 500 * 400),
         ("rnn", 8 * 4 * 128 * (25 + 3 * 128) + 128 * 400),
         ("cnn", 25 * 9 * (8 * 32 + 32 * 64 + 64 * 64) + 1600 * 256 + 256 * 256 + 256 * 400),
@@ -114,7 +129,7 @@ def test_multiply_accumulates(key, macs):
     assert build(key, PAPER, PAPER_SETTINGS[key]).macs() == macs
 
 
-@pytest.mark.parametrize(("key", "others"), [("tree", {"max_features": 0.5}), ("rbf", {})])
+@pytest.mark.parametrize(("key", "others"), [("tree_array", {}), ("rbf", {})])
 def test_the_seed_draws_what_a_model_in_closed_form_draws(key, others):
     part = windows(SMALL, 40)
     models = [build(key, SMALL, SMALL_SETTINGS[key] | others) for _ in range(2)]
@@ -165,16 +180,32 @@ def test_vgg_with_a_wrong_number_of_stages_is_refused():
         build("vgg", SMALL, SMALL_SETTINGS["vgg"] | {"channels": [8, 8]})
 
 
-def test_powers_of_two_touches_add_up():
-    """Without products, what two elements far apart do together is the sum of what each does alone."""
-    rng = np.random.default_rng(0)
-    x = rng.uniform(0, 500, (80, SMALL.frames, SMALL.elements)).astype(np.float32)
-    y = (x[:, -1] ** 2 @ rng.normal(0, 1e-4, (SMALL.elements, SMALL.outputs))).astype(np.float32)
-    model = build("poly_powers", SMALL, dict(degree=2, ridge=1e-6))
-    model.fit((x, y), (x, y), seed=0)
-    rest, first, second = np.full((3, 1, *x.shape[1:]), 100, np.float32)
-    first[0, :, 0] = 400
-    second[0, :, -1] = 400
-    both = np.maximum(first, second)
-    zero, one, other, together = (model.predict(windows) for windows in (rest, first, second, both))
-    np.testing.assert_allclose(together - zero, (one - zero) + (other - zero), atol=1e-2)
+@pytest.mark.parametrize("key", ["linear", "poly", "tree"])
+def test_an_element_answers_for_its_own_block_alone(key):
+    """Conventional calibration: the map over an element depends on that element's reading and on nothing else."""
+    spec = Spec(3, 2, 3, 4, 6)
+    part = windows(spec, 120)
+    model = build(key, spec, SMALL_SETTINGS[key])
+    model.fit(part, part, seed=0)
+    x = part[0][:1]
+    pressed = x.copy()
+    pressed[:, :, 4] = 950  # row 1, column 1
+    rows, cols = np.nonzero((model.predict(pressed) != model.predict(x)).reshape(4, 6))
+    assert set(rows) == {2, 3} and set(cols) == {2, 3}
+
+
+@pytest.mark.parametrize("key", ["linear", "poly"])
+def test_the_polynomial_of_an_element_is_that_of_least_squares(key):
+    part = windows(SMALL, 60)
+    model = build(key, SMALL, SMALL_SETTINGS[key] | ({"ridge": 0.0} if key == "poly" else {}))
+    model.fit(part, part, seed=0)
+    degree = SMALL_SETTINGS[key].get("degree", 1)
+    own, cell = part[0][:, -1, 1].astype(float), part[1].reshape(-1, 4, 4)[:, 1, 2]  # element 1, one of its cells
+    expected = np.polyval(np.polyfit(own / 500, cell, degree), own / 500)
+    np.testing.assert_allclose(model.predict(part[0]).reshape(-1, 4, 4)[:, 1, 2], expected, rtol=1e-4, atol=1e-2)
+
+
+@pytest.mark.parametrize("key", ["linear", "poly", "tree"])
+def test_a_map_that_does_not_divide_into_blocks_is_refused(key):
+    with pytest.raises(InputError, match=f"{key}: a map of 5x4 does not divide into equal blocks over 2x2"):
+        build(key, SMALL._replace(map_rows=5), SMALL_SETTINGS[key])

@@ -261,7 +261,7 @@ def test_a_missing_file_is_named(workspace, unplotted, monkeypatch, experiment, 
 @pytest.mark.parametrize("experiment", ["touch", "glove"])
 def test_models_and_conditions_can_be_left_out(workspace, unplotted, monkeypatch, experiment):
     settings = made_reports.settings_of(experiment)
-    settings["models"] = {"constant": {}, "poly_powers": {}} if experiment == "touch" else {"constant": {}, "tree": {}}
+    settings["models"] = {"constant": {}, "poly_array": {}} if experiment == "touch" else {"constant": {}, "tree": {}}
     monkeypatch.setattr(made_reports, "TOUCHES", {"single": 1})
     monkeypatch.setattr(made_reports, "OBJECTS", ["cup", "pen", "a_and_b"])
     if experiment == "glove":

@@ -23,7 +23,8 @@ def recordings(settings):
 
 
 def loads(settings, *touches):
-    return touch_contact.element_loads(touches, settings["simulate"], settings["sensor"])
+    rng = np.random.default_rng(0)
+    return touch_contact.element_loads(touches, settings["simulate"], settings["sensor"], rng)
 
 
 def steady(settings, force, x, y):
@@ -136,9 +137,23 @@ def test_places_have_the_recorded_spread_and_correlation(settings):
     assert abs((first * second).mean()) < 0.03  # gain and exponent are independent
 
 
+def test_presses_at_one_place_differ_by_the_repeat_spread(settings):
+    """Within a press nothing changes, and elements differ by themselves."""
+    settings["simulate"]["material"]["repeat_spread"] = 0.03
+    settings["simulate"]["effects"]["places"] = False
+    force = np.tile([0.0, 0.0, 5.0, 9.0, 5.0], 400)
+    gain = np.log(loads(settings, steady(settings, force, 30.0, 30.0)).gain).reshape(400, 5, 25)
+    assert np.ptp(gain[:, 2:], axis=1).max() < 1e-9
+    again = gain[:, 3]
+    assert again.std() == pytest.approx(0.03, rel=0.03) and abs(again.mean()) < 0.002
+    assert abs(np.corrcoef(again[:, 12], again[:, 13])[0, 1]) < 0.2
+    settings["simulate"]["effects"]["repeats"] = False
+    assert (loads(settings, steady(settings, force, 30.0, 30.0)).gain == 1).all()
+
+
 def test_an_element_has_the_gain_of_where_it_is_loaded(settings):
     scene, sensor = settings["simulate"], settings["sensor"]
-    scene["material"]["correlation_mm"] = 2.5
+    scene["material"] |= {"correlation_mm": 2.5, "repeat_spread": 0.0}
     field = touch_contact.places(scene, sensor, 2.5)[0]
     x, y = 29.0, 31.5
     at = [round((z + touch_contact.EDGE_MM) / touch_contact.GRID_MM) for z in (y, x)]

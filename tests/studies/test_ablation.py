@@ -66,7 +66,7 @@ def test_a_row_sees_its_frames_and_is_scored_on_the_test_part(workspace, values,
         }
     )
     schemas.write(workspace.dataset("touch"), table.schema, [table])
-    tree = {"of": "tree", "seeds": [0], "settings": {"min_samples_leaf": 1, "max_features": 1.0}}
+    tree = {"of": "tree", "seeds": [0], "settings": {"each": "input", "min_samples_leaf": 1, "max_features": 1.0}}
     values["touch"]["ablation"] = {"one": tree | {"frames": 1}, "two": tree | {"frames": 2}}
     errors = {}
     for name in ("one", "two"):

@@ -82,6 +82,16 @@ def test_statistics_are_named_and_come_per_recording():
     assert set(table.recording) == {"made", "made/exp1", "made/exp2"}
 
 
+def test_two_repetitions_of_the_twin_differ_by_the_repeat_spread():
+    block, course, found = params.load(ROOT / "params.yaml")["touch"], made(), {}
+    for on in (False, True):
+        block["simulate"]["effects"] |= {"noise": False, "repeats": on}
+        pairs = [[twins.twin(course, 12, f"made{k}/exp{n}", block) for n in (1, 2)] for k in range(20)]
+        found[on] = np.sqrt(np.mean([twins.of_pair(*pair)["repeatability"] ** 2 for pair in pairs]))
+    assert found[False] < 1e-9
+    assert found[True] == pytest.approx(np.sqrt(2) * block["simulate"]["material"]["repeat_spread"], rel=0.2)
+
+
 def test_the_twin_presses_the_places_of_its_element():
     block = params.load(ROOT / "params.yaml")["touch"]
     block["simulate"]["effects"] |= {"noise": False}

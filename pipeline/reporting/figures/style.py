@@ -1,4 +1,4 @@
-"""Give all figures one look: nine colours and grey, one fixed style per model, and files that never carry a date."""
+"""Give all figures one look: a dozen colours and grey, one fixed style per model, and files that never carry a date."""
 
 import zlib
 from collections.abc import Iterable, Sequence
@@ -20,7 +20,7 @@ BLACK, GREY = "#000000", "#777777"
 # Each has a contrast of at least 3 to 1 with white.
 ORANGE, SKY, GREEN, BROWN = "#C77700", "#2E8FCB", "#009E73", "#6B3E00"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-WINE, OLIVE, INDIGO, TEAL = "#882255", "#999933", "#332288", "#2F9A8A"  # of Tol's muted scheme: touch has 12 models
+WINE, OLIVE, INDIGO, TEAL, ROSE = "#882255", "#999933", "#332288", "#2F9A8A", "#CC6677"  # of Tol's muted scheme
 MEASURED = {"color": BLACK, "linestyle": "--", "linewidth": 1.5}
 
 
@@ -37,8 +37,10 @@ STYLES = {  # colour, marker, line
     "constant": (GREY, "x", ":"),
     "linear": (ORANGE, "o", "-"),
     "poly": (WINE, "^", "--"),
-    "poly_powers": (TEAL, ">", "--"),
     "tree": (BROWN, "s", "-"),
+    "linear_array": (ROSE, "X", "-"),
+    "poly_array": (TEAL, ">", "--"),
+    "tree_array": (BLACK, "p", "-"),
     "rbf": (OLIVE, "D", (0, (1, 1))),
     "cnn": (GREEN, "v", "-."),
     "vgg": (SKY, "P", "-"),
