@@ -4,6 +4,7 @@ A killed stage leaves a draft beside them, `<name>.unfinished`, which the next c
 """
 
 import csv
+import hashlib
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
@@ -59,6 +60,12 @@ def write_text(path: Path, text: str) -> None:
     """Write text in UTF-8 with Unix line ends on every machine."""
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8", newline="\n")
+
+
+def sha256(path: Path) -> str:
+    """Return the digest of a file."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _shortest(value: float) -> str:

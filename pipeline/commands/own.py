@@ -11,14 +11,12 @@ follows changes: what the stages write is in build/own/NAME, with every trained 
 import argparse
 import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.base import files, params, paths, processes
+from pipeline.base import files, modules, params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
@@ -111,8 +109,8 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     if problem := check.check(checkout, experiment, folder, values):
         raise InputError(f"fix first: {problem}")
     for stage in STAGES[experiment]:
-        _python(workspace, f"pipeline.stages.{stage}", experiment)
-    _python(workspace, "pipeline.stages.render", experiment)
+        modules.run(workspace.root, f"pipeline.stages.{stage}", experiment)
+    modules.run(workspace.root, "pipeline.stages.render", experiment)
     target = checkout.reports / "own" / name
     with files.replacing_folder(target) as draft:
         shutil.copytree(workspace.reports / experiment / "accuracy", draft, dirs_exist_ok=True)
@@ -121,7 +119,7 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     for model in values[experiment]["models"]:
         if model != "constant":
             package = [f"{experiment}/{model}", str(trained / model)]
-            _python(workspace, "pipeline.commands.command_line", "export", *package, quiet=True)
+            modules.run(workspace.root, "pipeline.commands.command_line", "export", *package, quiet=True)
     print(f"\n{target}/README.md: what they score")
     names = ", ".join(sorted(path.name for path in trained.glob("*")))
     print(f"{trained}: {names}, for `tactile predict MODEL LOGS`")
@@ -175,15 +173,3 @@ def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict
         changed["glove.models"] = models
         print(f"fewer than {SMALLEST_IMAGE} pixels on a side: {', '.join(models)}, no networks of images")
     return {key: value for key, value in changed.items() if key not in of_sensor}
-
-
-def _python(workspace: Workspace, module: str, *arguments: str, quiet: bool = False) -> None:
-    """Run a module of this code in a workspace; InputError where it fails: its message is on the screen."""
-    environment = os.environ | {"PYTHONPATH": str(paths.CODE.parent)}
-    command = [sys.executable, "-P", "-m", module, *arguments, "--root", str(workspace.root)]
-    out = subprocess.DEVNULL if quiet else None
-    # A killed `own` frees its lock: no stage of it may go on.
-    ended = processes.die_with_parent if os.name == "posix" else None
-    done = subprocess.run(command, env=environment, stdout=out, preexec_fn=ended)
-    if done.returncode:
-        raise InputError(f"{workspace.root}: `{module} {' '.join(arguments)}` failed; its message is above")

@@ -1,0 +1,77 @@
+"""Name the shards of the evidence, and read what is committed of them.
+
+A shard is one seed of an experiment at one budget of training, of all models. evidence/shards.yaml has one entry, a
+set, for each amount of data; its shards are called `<set>-<seed>-<budget>`. The files of the evidence:
+
+* results/<shard>.csv: rows of the one table of results.
+* curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
+* index.csv: of each shard its digest, costs, machine and commit; times.csv: core-seconds of each training.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
+from pipeline.scoring.one_table import FULL, HALF
+from pipeline.settings.shards import ShardSet
+
+BUDGETS = (HALF, FULL)
+INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
+TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
+MADE_BY = "tactile evidence"
+
+
+class Shard(NamedTuple):
+    """One shard of the evidence."""
+
+    set: str
+    seed: int
+    budget: str
+
+    @property
+    def name(self) -> str:
+        """Return the name of its files and of its stage."""
+        return f"{self.set}-{self.seed}-{self.budget}"
+
+
+def folder(workspace: Workspace) -> Path:
+    """Return the folder of the evidence."""
+    return workspace.root / "evidence"
+
+
+def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
+    """Return name -> set, in the order in which shards are computed. Raises InputError for a wrong key or value."""
+    path = paths.require(folder(workspace) / "shards.yaml", "git checkout evidence/shards.yaml")
+    return {
+        name: params.check_block(block, ShardSet, name, {name: "evidence/shards.yaml"})
+        for name, block in params.parsed(path).items()
+    }
+
+
+def shards(sets: dict[str, ShardSet]) -> list[Shard]:
+    """Return all shards: of each set first the seeds at both budgets, so that a verdict grows seed by seed."""
+    return [Shard(name, seed, at) for name, each in sets.items() for seed in range(each.seeds) for at in BUDGETS]
+
+
+def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None:
+    """Put the rows of one shard into a table, in place of those that it had; the table stays in order of shards."""
+    table = pd.read_csv(path, dtype=str, keep_default_na=False) if path.exists() else pd.DataFrame(columns=columns)
+    new = pd.DataFrame(rows, columns=columns).astype(str)
+    together = pd.concat([table[table["shard"] != shard], new])
+    files.write_table(path, together.sort_values("shard", kind="stable"))
+
+
+def read(workspace: Workspace) -> pd.DataFrame:
+    """Return the rows of all committed shards. Raises InputError where a file is not as index.csv says."""
+    tables = []
+    index = folder(workspace) / "index.csv"
+    for row in pd.read_csv(paths.require(index, MADE_BY), dtype=str).itertuples():
+        path = paths.require(folder(workspace) / "results" / f"{row.shard}.csv", MADE_BY)
+        if files.sha256(path) != row.sha256:
+            raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
+        tables.append(pd.read_csv(path, keep_default_na=False, na_values={"value": ["nan"]}))
+    return pd.concat(tables, ignore_index=True).drop_duplicates()

@@ -1,0 +1,19 @@
+"""Settings of the evidence: what evidence/shards.yaml may say."""
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from pipeline.settings.shared import Block, Count, Distinct, Listed, Text
+
+
+class ShardSet(Block):
+    """Shards of one experiment on one amount of data: one for each seed and budget."""
+
+    experiment: Text = Field(description="Experiment that is run")
+    protocols: Distinct[Text] = Field(description="How its data are divided; a shard runs all of these")
+    seeds: Annotated[int, Field(ge=1, le=1000)] = Field(description="Seeds from 0 on")
+    models: Listed[Text] = Field(default=[], description="Models that are run; without this key all of the settings")
+    variant: str = Field(default="", description="Variant of the rows, where another set has the same protocols")
+    minutes: Count = Field(description="Of a `full` shard on two cores, about; the next shards are chosen by it")
+    set: dict[str, Any] = Field(default={}, description="Dotted settings that differ from params/<experiment>.yaml")

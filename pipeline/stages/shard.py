@@ -1,0 +1,173 @@
+"""Compute one shard of the evidence: train the models of one seed at one budget, and keep what they score.
+
+The data of a set are made once per machine, in build/evidence/<set>, and made anew where their settings or code
+changed. The shard's own folder, build/evidence/<shard>, goes when its results are written; interrupted, the same call
+goes on where it stopped.
+Usage: python -m pipeline.stages.shard SET SEED half|full
+"""
+
+import math
+import os
+import platform
+import shutil
+from collections.abc import Mapping
+
+import pandas as pd
+
+from pipeline import experiments, scenes
+from pipeline.base import arguments, files, modules, params, paths, provenance, runs
+from pipeline.base.availability import why_not_run
+from pipeline.base.errors import InputError
+from pipeline.base.params_file import copied, set_values
+from pipeline.base.paths import Workspace
+from pipeline.datasets import fits
+from pipeline.scoring import claim_inputs, shards
+from pipeline.scoring.one_table import HALF
+from pipeline.scoring.results import read_csv
+from pipeline.scoring.shards import Shard
+from pipeline.settings.shards import ShardSet
+
+CURVE_POINTS = 20
+EPOCHS = ("epochs", "drop_epoch")  # settings of a training that a budget is a share of
+UNMADE = ("models", "ablation", "augmentation", "input_frames", "latency", "study", "yardstick")  # no data from these
+ROOMS = ("datasets", "experiments", "logs", "scenes", "tasks")  # code that makes data
+MEASURED = "train_s"  # metric: goes to times.csv, for results are the same in every run
+
+
+def settings_of(workspace: Workspace, each: ShardSet, target: Workspace, further: Mapping) -> dict:
+    """Write the settings of a set to a folder, with `further` dotted ones, and return them."""
+    target.root.mkdir(parents=True, exist_ok=True)
+    settings = copied(workspace.params, target.root)
+    values = params.read(settings)[each.experiment]
+    kept = {name: dict(values["protocols"][name]) for name in each.protocols}
+    models = {name: values["models"][name] for name in each.models or values["models"]}
+    name = each.experiment
+    set_values({f"{name}.protocols": kept, f"{name}.models": models}, settings)
+    set_values({key: value for key, value in each.set.items()}, settings, "evidence/shards.yaml")
+    set_values(dict(further), settings)
+    return params.load(settings)
+
+
+def at_budget(block: Mapping, budget: str) -> dict:
+    """Return the settings of a model whose training has the epochs of a budget: half of them, or all."""
+    if "training" not in block or budget != HALF:
+        return dict(block)
+    halved = {key: math.ceil(block["training"][key] / 2) for key in EPOCHS if key in block["training"]}
+    return {**block, "training": {**block["training"], **halved}}
+
+
+def make_data(workspace: Workspace, name: str, each: ShardSet) -> Workspace:
+    """Return the folder in which the data of a set are, made anew where they are not of these settings and code."""
+    data = Workspace(workspace.root / "build" / "evidence" / name)
+    every = {f"{each.experiment}.protocols.{one}.seeds": list(range(each.seeds)) for one in each.protocols}
+    values = settings_of(workspace, each, data, every)
+    block = {key: value for key, value in values[each.experiment].items() if key not in UNMADE}
+    code = sorted(path for room in ROOMS for path in (paths.CODE / room).rglob("*.py"))
+    made_from, mark = runs.origin(block, code), data.root / "made_from.txt"
+    if mark.is_file() and mark.read_text(encoding="utf-8") == made_from:
+        return data
+    link = data.sources
+    link.parent.mkdir(parents=True, exist_ok=True)
+    if not link.exists():
+        link.symlink_to(workspace.sources.resolve())
+    windows = experiments.module(each.experiment).KIND == "windows"
+    for stage in (*(["simulate"] if each.experiment in scenes.NAMES else []), "ingest"):
+        modules.run(data.root, f"pipeline.stages.{stage}", each.experiment)
+    if reason := why_not_run(data, each.experiment):
+        raise InputError(f"{name}: {reason}")
+    for stage in (*(["window"] if windows else []), "dataset"):
+        modules.run(data.root, f"pipeline.stages.{stage}", each.experiment)
+    shutil.rmtree(data.logs(each.experiment), ignore_errors=True)
+    files.write_text(mark, made_from)
+    return data
+
+
+def compute(workspace: Workspace, shard: Shard, each: ShardSet) -> None:
+    """Compute a shard and write its results."""
+    data = make_data(workspace, shard.set, each)
+    started = sum(os.times()[:4])
+    own = Workspace(workspace.root / "build" / "evidence" / shard.name)
+    values = params.read(data.params)[each.experiment]
+    further = {f"{each.experiment}.protocols.{name}.seeds": [shard.seed] for name in each.protocols}
+    further[f"{each.experiment}.models"] = {
+        name: at_budget(block, shard.budget) for name, block in values["models"].items()
+    }
+    values = settings_of(workspace, each, own, further)
+    folder = own.experiment_folder(each.experiment)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("dataset.parquet", "frames.parquet", "ingest.json"):
+        link = folder / name
+        link.unlink(missing_ok=True)
+        link.symlink_to((data.experiment_folder(each.experiment) / name).resolve())
+    for stage in ("train", "evaluate"):
+        modules.run(own.root, f"pipeline.stages.{stage}", each.experiment)
+    write(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
+    files.remove_folder(own.root, inside=own.root.parent)
+
+
+def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, values: Mapping, core_s: float) -> None:
+    """Write the files of a shard, and its line of the index last: what the index does not tell of is not there."""
+    experiment, target = each.experiment, shards.folder(workspace)
+    scores = read_csv(own.scores(experiment), ["model", "value"], f"python -m pipeline.stages.evaluate {experiment}")
+    tables = [scores]
+    if experiment in claim_inputs.EXPERIMENTS:
+        tables.append(claim_inputs.rows(own, experiment, values[experiment]))
+    rows = pd.concat(tables).reindex(columns=claim_inputs.COLUMNS).astype({"variant": object})
+    rows = rows[rows["metric"] != MEASURED]
+    models = values[experiment]["models"]
+    rows["budget"] = [shard.budget if "training" in models.get(model, {}) else "" for model in rows["model"]]
+    rows["variant"] = rows["variant"].fillna(each.variant)
+    result = target / "results" / f"{shard.name}.csv"
+    files.write_table(result, rows.astype({"seed": "Int64"}), missing="nan")
+    curves, times = trainings(own, experiment, values)
+    files.write_table(target / "curves" / f"{shard.name}.csv", curves)
+    shards.upsert(target / "times.csv", shards.TIMES, shard.name, [{"shard": shard.name, **row} for row in times])
+    line = {
+        "shard": shard.name, "experiment": experiment, "protocol": "+".join(each.protocols), "seed": shard.seed,
+        "budget": shard.budget, "sha256": files.sha256(result), "core_s": round(core_s), "machine": machine(),
+        "commit": provenance.git_state(workspace)[0],
+        "data_sha256": files.sha256(own.dataset(experiment)),
+    }  # fmt: skip
+    shards.upsert(target / "index.csv", shards.INDEX, shard.name, [line])
+    print(f"{shard.name}: {len(rows)} numbers, {core_s / 60:.1f} core-minutes")
+
+
+def trainings(own: Workspace, experiment: str, values: Mapping) -> tuple[pd.DataFrame, list[dict]]:
+    """Return the learning curves of all trainings, thinned, and the costs of each."""
+    made_by, curves, times = params.training_command(experiment), [], []
+    for model in values[experiment]["models"]:
+        seconds = read_csv(own.training_times(experiment, model), ["protocol", "seed", "train_s"], made_by)
+        for run in seconds.itertuples():
+            place = {"model": model, "protocol": run.protocol, "seed": int(run.seed)}
+            folder = own.run_folder(experiment, model, run.protocol, int(run.seed))
+            epochs = fits.read(folder, made_by)["epochs"]
+            times.append(place | {"epochs": epochs, "train_s": round(run.train_s, 3)})
+            history = read_csv(folder / "history.csv", ["epoch", "train_loss", "validation_loss"], made_by)
+            if len(history) > 1:
+                step = math.ceil(len(history) / CURVE_POINTS)
+                curves.append(history[::-1][::step][::-1][["epoch", "train_loss", "validation_loss"]].assign(**place))
+    columns = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
+    return pd.concat([*curves, pd.DataFrame(columns=columns)])[columns], times
+
+
+def machine() -> str:
+    """Return the make of the processor, on which the last digits of results depend."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            names = [line.partition(":")[2].strip() for line in file if line.startswith("model name")]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def main(workspace: Workspace) -> None:
+    """Compute the shard named on the command line."""
+    sets = shards.read_sets(workspace)
+    given = arguments.parse(__doc__, set=tuple(sets), seed=None, budget=shards.BUDGETS)
+    known = [str(seed) for seed in range(sets[given.set].seeds)]
+    params.check_known([given.seed], known, f"evidence/shards.yaml, {given.set}")
+    compute(workspace, Shard(given.set, int(given.seed), given.budget), sets[given.set])
+
+
+if __name__ == "__main__":
+    arguments.run(main)
