@@ -140,7 +140,9 @@ def test_a_failed_model_is_at_the_top_and_an_error_of_zero_on_the_chart(workspac
         assert {"CNN", "Decision tree", "Constant (mean)"} < names
         for ax in figure.axes:
             marks = {
-                line.get_color(): line for line in ax.lines if line.get_marker() in "xs" and len(line.get_xdata()) == 1
+                line.get_markeredgecolor(): line
+                for line in ax.lines
+                if line.get_marker() in "xs" and len(line.get_xdata()) == 1
             }
             low, high = ax.get_ylim()
             assert marks[style.GREEN].get_ydata()[0] == speed_figures.TOP, "share of the axis"
