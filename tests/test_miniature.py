@@ -9,6 +9,7 @@ Where a number has changed for a reason, make the file anew, from the root, and 
     python tests/test_miniature.py
 """
 
+import re
 import tempfile
 from pathlib import Path
 
@@ -80,6 +81,17 @@ def test_every_setting_is_read_by_something(miniature):
     unread = [name for name in leaves(values) if name not in read and "_recorded." not in name]
     unread = [name for name in unread if not name.startswith(("touch.yardstick.", "glove.stag."))]
     assert not unread, f"nobody reads {', '.join(unread)}"
+
+
+PLACEHOLDERS = r"\bnan\b|\bNone\b|- points|not counted|\b1 seeds|\ball 2 models|\{\{|\{%|<built-in"
+
+
+def test_no_report_has_a_placeholder_or_broken_grammar(miniature):
+    texts = {path: path.read_text(encoding="utf-8") for path in (miniature.folder / "reports").rglob("*.md")}
+    page = miniature.folder / "reports" / "index.html"
+    texts[page] = re.sub("<(script|style).*?</\1>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    found = [f"{path}: {match[0]}" for path, text in texts.items() for match in re.finditer(PLACEHOLDERS, text)]
+    assert len(texts) > 15 and not found, found
 
 
 @pytest.mark.parametrize("added", ["strain.sensor.rows", "touch.label.sigma"])

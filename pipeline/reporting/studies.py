@@ -64,7 +64,7 @@ def stability(workspace: Workspace, folder: Path) -> None:
         parts += stability_figures_of(runs, judged[-1], experiment, folder)
     failures = pd.concat(judged or [pd.DataFrame(columns=stability_verdicts.FAILURES)], ignore_index=True)
     files.write_table(folder / "failures.csv", failures)
-    files.write_text(folder / "README.md", render("stability", parts=parts, severities=tables.severities(failures)))
+    files.write_text(folder / "README.md", render("stability", parts=parts))
 
 
 def stability_figures_of(runs: pd.DataFrame, judged: pd.DataFrame, experiment: str, folder: Path) -> list[dict]:
@@ -81,7 +81,7 @@ def stability_figures_of(runs: pd.DataFrame, judged: pd.DataFrame, experiment: s
         panels.setdefault(figure, []).append((capitalised(label + where), axis, models))
     for (file, title), drawn in panels.items():
         stability_figures.small_multiples(folder / f"{file}.png", drawn, title, ylabel)
-    parts = []
+    parts, severities = [], tables.severities(judged)
     for (protocol, condition), rows in judged.groupby(["protocol", "condition"], sort=False):
         name = condition_name(experiment, protocol, condition)
         file, title = stability_file(experiment, protocol, condition), f"{experiment_name(experiment)}: {name}"
@@ -89,6 +89,7 @@ def stability_figures_of(runs: pd.DataFrame, judged: pd.DataFrame, experiment: s
         curves = f"{file}.png" if (folder / f"{file}.png").is_file() else ""
         figures = {"heat_map": f"{file}_heat_map.png" if drawn else "", "curves": curves}
         parts.append({"title": title, "reason": "", "table": tables.stability(rows), **figures})
+        parts[-1]["severities"], severities = severities, None
     return parts
 
 

@@ -6,7 +6,7 @@ from html import escape, unescape
 import pytest
 from builders import own_logs
 
-from pipeline.reporting.page.hypertext import Pages
+from pipeline.reporting.page import hypertext
 from pipeline.reporting.words import markdown
 
 NAMES = (*own_logs.NAMES, "``x`", "&amp;", "~~a~~ **b** __c__", "<script>alert(1)</script>", "a\\|b|", "$x$")
@@ -14,10 +14,10 @@ NAMES = (*own_logs.NAMES, "``x`", "&amp;", "~~a~~ **b** __c__", "<script>alert(1
 
 @pytest.mark.parametrize("name", NAMES, ids=ascii)
 @pytest.mark.parametrize("shown", [markdown.literal, markdown.code])
-def test_a_name_in_a_table_is_shown_as_it_is(workspace, shown, name):
+def test_a_name_in_a_table_is_shown_as_it_is(shown, name):
     text = markdown.table(["Model", shown(name), "other"], [["LoMP", "1", "2"], [shown(name), "3", "4"]])
     assert len({len(line) for line in text.splitlines()}) == 1
-    html = Pages(workspace, ()).render(text, "", 1, "Table")
+    html = hypertext.markdown(text, "Table")
     assert html.count("<table") == 1 and "<script" not in html
     head = re.findall("<th[^>]*>(.*?)</th>", html)
     first = re.findall("<tr>\\s*<td[^>]*>(.*?)</td>", html)
@@ -26,6 +26,6 @@ def test_a_name_in_a_table_is_shown_as_it_is(workspace, shown, name):
 
 
 @pytest.mark.parametrize("name", NAMES, ids=ascii)
-def test_a_name_in_a_sentence_is_shown_as_it_is(workspace, name):
-    html = Pages(workspace, ()).render(f"- Object {markdown.literal(name)} and {markdown.code(name)}.", "", 1, "")
+def test_a_name_in_a_sentence_is_shown_as_it_is(name):
+    html = hypertext.markdown(f"- Object {markdown.literal(name)} and {markdown.code(name)}.", "")
     assert f"Object {escape(name)} and <code>{escape(name)}</code>." in html

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from pipeline.base.errors import InputError
-from pipeline.reporting import twins
+from pipeline.reporting import studies, tables
 from pipeline.stages import twins as twins_stage
 
 
@@ -16,7 +16,12 @@ def made(values: dict[tuple[str, str], list[float]], note: str = "") -> pd.DataF
         for (statistic, source), numbers in values.items()
         for k, value in enumerate(numbers)
     ]
-    return pd.DataFrame(rows, columns=twins.COLUMNS)
+    return pd.DataFrame(rows, columns=studies.TWINS)
+
+
+def summarised(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of reports/twins.csv, of which there are none yet."""
+    return studies.summarised("touch", table, pd.DataFrame(columns=["experiment"]))
 
 
 LIKE = {("noise", "recorded"): [1.0, 2.0, 4.0], ("noise", "simulated"): [0.5, 3.0, 9.0]}
@@ -24,49 +29,41 @@ UNLIKE = {("loop", "recorded"): [1.0, 2.0], ("loop", "simulated"): [2.5, 2.6]}
 
 
 def test_a_median_within_the_recorded_range_is_inside():
-    table = twins.summarised("touch", made(LIKE | UNLIKE)).set_index("statistic")
+    table = summarised(made(LIKE | UNLIKE)).set_index("statistic")
     assert table.loc["noise", ["recorded", "recorded_low", "recorded_high"]].tolist() == [2.0, 1.0, 4.0]
     assert table.loc["noise", ["simulated", "simulated_low", "simulated_high"]].tolist() == [3.0, 0.5, 9.0]
     assert table["inside"].tolist() == [True, False]
     on_the_end = made({("loop", "recorded"): [1.0, 2.0], ("loop", "simulated"): [2.0]})
-    assert twins.summarised("touch", on_the_end)["inside"].tolist() == [True]
+    assert summarised(on_the_end)["inside"].tolist() == [True]
 
 
-def test_what_is_out_of_range_is_said_with_what_is_done():
-    table = twins.summarised("touch", made(LIKE | UNLIKE, note="The film is thinner."))
-    text = twins.readme({"touch": table})
-    assert "1 of 2 simulated values lie in the recorded range" in text
-    assert "- Loop: The film is thinner." in text and "- Noise: The film" not in text
-    assert text.count("**no**") == 1
+def test_what_is_out_of_range_is_said_with_its_reason():
+    rows = tables.twins(summarised(made(LIKE | UNLIKE, note="The film is thinner."))).rows
+    assert {row[0]: (row[3], row[4], row[6]) for row in rows} == {
+        "Noise": ("3 (0.5 to 9)", "yes", "-"),
+        "Loop": ("2.55 (2.5 to 2.6)", "no", "The film is thinner."),
+    }
 
 
-@pytest.mark.parametrize(
-    ("source", "reason"), [("simulated", "The recordings were not fetched"), ("recorded", "The data are your own logs")]
-)
-def test_one_side_alone_is_no_comparison(source, reason):
-    table = made({key: numbers for key, numbers in (LIKE | UNLIKE).items() if key[1] == source})
-    summary = twins.summarised("touch", table)
-    assert summary["inside"].isna().all() and reason in twins.readme({"touch": summary})
-
-
-def test_no_statistic_at_all_is_said():
-    summary = twins.summarised("touch", made({}))
-    assert list(summary.columns) == twins.SUMMARY
-    assert "The recordings were not fetched" in twins.readme({"touch": summary})
-
-
-def test_files_are_written_and_read(workspace, tmp_path, monkeypatch):
-    for experiment in twins.TITLES:
+def test_files_are_written_and_one_side_alone_is_no_comparison(workspace, undrawn, tmp_path):
+    sides = {"touch": ("recorded", "simulated"), "strain": ("recorded",), "glove": ("simulated",)}
+    for experiment in studies.TWIN_TITLES:
         workspace.twins(experiment).parent.mkdir(parents=True)
-        made(LIKE | UNLIKE).to_csv(workspace.twins(experiment), index=False)
-    target = tmp_path / "twins"
+        table = made({key: numbers for key, numbers in (LIKE | UNLIKE).items() if key[1] in sides[experiment]})
+        table.to_csv(workspace.twins(experiment), index=False)
+    target = tmp_path / "new"
     target.mkdir()
-    summary = twins.write(workspace, target, tmp_path / "former")
-    assert summary["experiment"].tolist() == [name for name in twins.TITLES for _ in range(2)]
-    assert {path.name for path in target.iterdir()} == {"README.md", *(f"{name}.png" for name in twins.TITLES)}
+    summary = studies.twins(workspace, target)
+    assert summary["experiment"].tolist() == [name for name in studies.TWIN_TITLES for _ in range(2)]
+    assert summary["inside"].notna().tolist() == [True, True, False, False, False, False]
+    assert {path.name for path in target.iterdir()} == {"README.md", "touch.png"}
+    text = (target / "README.md").read_text()
+    assert (
+        "The recordings were not fetched: there" in text and "The data are your own logs, not simulated: there" in text
+    )
     workspace.twins("glove").unlink()
     with pytest.raises(InputError, match="python -m pipeline.stages.twins glove"):
-        twins.write(workspace, target, tmp_path / "former")
+        studies.twins(workspace, target)
 
 
 @pytest.mark.parametrize("experiment", twins_stage.MODULES)

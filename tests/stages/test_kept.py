@@ -8,8 +8,8 @@ import pytest
 from builders.project import ROOT
 
 from pipeline.base import availability, params
-from pipeline.reporting import twins
-from pipeline.stages import collect, evaluate, latency, render, render_stability, stress
+from pipeline.reporting import studies
+from pipeline.stages import collect, evaluate, latency, render, render_study, stress
 
 RECORDED = ("velostat_recorded", "strain_recorded", "glove_recorded")
 REASON = "recordings not downloaded; run `tactile fetch`"
@@ -47,12 +47,12 @@ def test_committed_results_on_recordings_stay(workspace, clone, monkeypatch, cap
     run(workspace, monkeypatch, collect)
     for name in RECORDED:
         run(workspace, monkeypatch, render, name)
-    run(workspace, monkeypatch, render_stability)
+    run(workspace, monkeypatch, render_study, "stability")
     for name in RECORDED:
-        for table in ("scores.csv", "latency.csv", "stress.csv", "stability/failures.csv", "stability/training.csv"):
+        for table in ("scores.csv", "latency.csv", "stress.csv", "stability/failures.csv"):
             kept = rows(workspace.reports / table, name)
             assert kept == rows(clone / table, name) and kept, table
-        for path in [*(clone / name).rglob("*.*"), *(clone / "stability").glob(f"{name}_*.png")]:
+        for path in (clone / name).rglob("*.*"):
             assert (workspace.reports / path.relative_to(clone)).read_bytes() == path.read_bytes()
         assert (
             workspace.predictions(name) / "not_run.txt"
@@ -66,7 +66,7 @@ def test_without_committed_results_an_experiment_is_not_run(workspace, clone, mo
     shutil.rmtree(workspace.reports)
     run(workspace, monkeypatch, collect)
     run(workspace, monkeypatch, render, "strain_recorded")
-    run(workspace, monkeypatch, render_stability)
+    run(workspace, monkeypatch, render_study, "stability")
     assert (workspace.reports / "scores.csv").read_text().count("\n") == 1
     for place in ("strain_recorded/accuracy", "strain_recorded/speed", "stability"):
         assert ": not run\n\nRecordings not downloaded" in (workspace.reports / place / "README.md").read_text()
@@ -74,18 +74,20 @@ def test_without_committed_results_an_experiment_is_not_run(workspace, clone, mo
 
 
 def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path, monkeypatch):
-    table = pd.DataFrame([("noise", "1", "simulated", "r", 2.0, "What it is.", "")], columns=twins.COLUMNS)
-    for experiment in twins.TITLES:
+    table = pd.DataFrame([("noise", "1", "simulated", "r", 2.0, "What it is.", "")], columns=studies.TWINS)
+    for experiment in studies.TWIN_TITLES:
         workspace.twins(experiment).parent.mkdir(parents=True)
         table.to_csv(workspace.twins(experiment), index=False)
-    former, folder = tmp_path / "twins", tmp_path / "new"
-    former.mkdir()
+    former, folder = workspace.reports / "twins", tmp_path / "new"
+    former.mkdir(parents=True)
     folder.mkdir()
     (former / "touch.png").touch()
-    kept = pd.DataFrame([("touch", "noise", "1", 1 / 3, 0.1, 3.0, 9.0, 9.0, 9.0, False, "", "")], columns=twins.SUMMARY)
-    kept.to_csv(tmp_path / "twins.csv", index=False)
-    touch, strain, glove = twins.write(workspace, folder, former).to_dict("records")
+    kept = pd.DataFrame(
+        [("touch", "noise", "1", 1 / 3, 0.1, 3.0, 9.0, 9.0, 9.0, False, "", "")], columns=studies.SUMMARY
+    )
+    kept.to_csv(workspace.reports / "twins.csv", index=False)
+    touch, strain, glove = studies.twins(workspace, folder).to_dict("records")
     assert (touch["recorded"], touch["recorded_high"], touch["simulated"], touch["inside"]) == (1 / 3, 3.0, 2.0, True)
     assert pd.isna(strain["recorded"]) and pd.isna(glove["inside"])
     assert [path.name for path in folder.glob("*.png")] == ["touch.png"]
-    assert "1 of 1 simulated values lie in the recorded range" in (folder / "README.md").read_text()
+    assert "0.333 (0.1 to 3)" in (folder / "README.md").read_text()

@@ -9,8 +9,10 @@ from builders.project import ROOT
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.models import sp_resnet
-from pipeline.reporting import sizes as sizes_report
+from pipeline.reporting import tables
+from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
+from pipeline.reporting.verdicts.sizes import Reference
 from pipeline.scoring import ladders
 from pipeline.studies import sizes
 from pipeline.studies.ablation import COLUMNS
@@ -61,7 +63,7 @@ def test_of_a_fraction_more_is_better():
     fractions = runs("sp_resnet", "macro_precision", "1", {0.25: [0.5, 0.51], 0.5: [0.89, 0.9], 1: [0.8, 0.9]})
     judged = sizes_verdicts.judge(fractions)
     assert list(judged["chosen"]) == [0, 1, 0]
-    assert sizes_report.shown_error(judged.iloc[1]) == "10.50 [5.62, 18.73]"
+    assert tables.ladder_cells(judged.iloc[1])[0] == "10.50 [5.62, 18.73]"
 
 
 def test_conditions_are_judged_apart():
@@ -74,6 +76,20 @@ def test_conditions_are_judged_apart():
         ("single", 8),
         ("double", 16),
     }
+
+
+def test_failed_runs_are_said_in_table_and_figure(tmp_path):
+    judged = sizes_verdicts.judge(runs("lomp", "rmse", "kPa", {8: [NAN, NAN], 32: [NAN, 4.0], 128: [5, 6]}))
+    assert [[row[0], *row[3:]] for row in tables.rightsize(judged).rows] == [
+        ["8", "failed (2 of 2 runs)", "failed"],
+        ["32", "failed (1 of 2 runs); others 4.00", "failed"],
+        ["128 (published)", "5.50 [-0.85, 11.85]", "best*"],
+    ]
+    pictures = []
+    for name in ("one.png", "two.png"):
+        sizes_figures.curves(tmp_path / name, "Touch", judged, {("lomp", "single"): Reference(11.0, 3.4)})
+        pictures.append((tmp_path / name).read_bytes())
+    assert pictures[0] == pictures[1]
 
 
 def test_full_width_is_the_published_network():
@@ -139,13 +155,12 @@ def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(workspac
     path.parent.mkdir(parents=True)
     rows = [runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})]
     pd.concat(rows).to_csv(path, index=False)
-    blocks = {"lomp": {"sizes": [8], "seeds": seeds}, "window": {"sizes": frames, "seeds": [0, 1]}}
-    values = {"rightsize": {"touch": blocks}}
+    wanted = {"lomp": ([8], seeds), "window": (frames, [0, 1])}
     if words is None:
-        assert len(sizes_verdicts.read(workspace, "touch", values)) == 4
+        assert len(sizes_verdicts.read(workspace, "touch", wanted)) == 4
     else:
         with pytest.raises(InputError, match=words):
-            sizes_verdicts.read(workspace, "touch", values)
+            sizes_verdicts.read(workspace, "touch", wanted)
 
 
 def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):
@@ -166,3 +181,6 @@ def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):
     full = found["glove", "strain", "sp_resnet"].iloc[1]
     assert full["value"] == pytest.approx(table[table.metric == "macro_precision"]["value"].mean())
     assert full["params"] == 99_224
+    assert {path.name for path in (folder / "reports" / "rightsize").iterdir()} == {
+        *("README.md", "touch.png", "strain.png", "glove.png")
+    }

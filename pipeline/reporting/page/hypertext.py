@@ -22,7 +22,7 @@ FOLDER = paths.CODE / "reporting" / "page"
 # Verdict -> a class of page.css, and a sign for those who do not see colours.
 SIGNS = {REPRODUCED: ("yes", "✓"), CONTRADICTED: ("no", "✗"), UNDECIDED: ("unclear", "?")}
 SIGNS |= {NOT_TESTABLE: ("open", "–"), CALIBRATED: ("open", "=")}
-NUMBER = re.compile(r"[-+]?[\d.]+\b|-$")
+NUMBER = re.compile(r"[-+]?[\d.]+\b|-$|holds$|failed$")
 
 
 class Figure(NamedTuple):

@@ -209,17 +209,19 @@ def study(workspace: Workspace, title: str, source: str, caption: str, listed: l
 
 def stability_parts(workspace: Workspace, failures: pd.DataFrame) -> list[dict]:
     """Return the parts of the chapter on stability, one for each experiment and condition."""
-    parts = []
+    parts, seen = [], set()
     for (name, protocol, condition), rows in failures.groupby(["experiment", "protocol", "condition"], sort=False):
         title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
         file, caption = (
             f"stability/{stability_file(name, protocol, condition)}",
             f"{title}, relative error of each model",
         )
-        tried = (f"Severities, {title}", tables.severities(rows))
-        part = study(
-            workspace, title, f"{file}_heat_map.png", caption, [(f"Stability, {title}", tables.stability(rows)), tried]
-        )
+        listed = [(f"Stability, {title}", tables.stability(rows))]
+        if name not in seen:
+            seen.add(name)
+            own = failures[failures["experiment"] == name]
+            listed.insert(0, (f"Severities, {experiment_name(name)}", tables.severities(own)))
+        part = study(workspace, title, f"{file}_heat_map.png", caption, listed)
         if (workspace.reports / f"{file}.png").is_file():
             part["folded"] = [figure(workspace, f"{file}.png", f"{title}, error by severity")]
         parts.append(part)

@@ -10,7 +10,7 @@ from scipy.stats import ttest_1samp
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.reporting import physics as physics_report
+from pipeline.reporting import tables
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
 from pipeline.scoring.variants import COLUMNS, variants
@@ -97,9 +97,19 @@ def test_a_failed_run_is_no_verdict():
     scores.loc[(scores.effect == "creep") & (scores.seed == 0) & (scores.model == "lomp"), "value"] = np.nan
     (judgement,) = assess(scores)
     assert judgement.verdict == FAILED
-    values = {"physics": {"touch": {"seeds": SEEDS, "scene": {}}}, "touch": {"simulate": {"effects": {"creep": True}}}}
-    text = physics_report.readme({"touch": [judgement]}, {"touch": scores}, values)
-    assert text.split("| Creep")[1].split("\n")[0].count("failed") >= 2
+    rows = pd.DataFrame(physics_verdicts.report_rows("touch", [judgement], {"creep": True}))
+    assert tables.physics(rows).rows == [
+        ["Creep", "failed", "LoMP, single touch", "0", FAILED, "kept: recorded (gain from past)"]
+    ]
+
+
+def test_the_table_shows_the_change_that_reaches_farthest():
+    rows = pd.DataFrame(physics_verdicts.report_rows("touch", [judged({("tree", "single"): 1.3})], {"creep": True}))
+    (row,) = tables.physics(rows).rows
+    assert row[1].startswith("+30 % [+2") and row[2:5] == ["Decision tree, single touch", "1", CHANGES]
+    errors = tables.physics_errors(rows)
+    assert errors.header == ["Model", "Single touch (kPa)", "Double touch (kPa)"] and errors.rows[0][0] == "Linear"
+    assert float(errors.rows[0][1]) == pytest.approx(9.0 * np.exp(np.log(1 + 0.3 * np.array(SEEDS)).mean()), abs=0.005)
 
 
 def test_accuracy_counts_as_an_error():
@@ -180,13 +190,13 @@ def test_a_missing_run_is_named(workspace, tmp_path, monkeypatch):
     target.parent.mkdir(parents=True)
     scores = touch_scores()
     scores.to_csv(target, index=False)
-    assert len(physics_verdicts.read(workspace, "touch", values)) == len(scores)
+    assert len(physics_verdicts.read(workspace, "touch", variants(values, "touch"), ERRORS["single"])) == len(scores)
     scores.drop(scores[(scores.effect == "creep") & (scores.model == "lomp")].index[0]).to_csv(target, index=False)
     with pytest.raises(InputError, match="no row for effect creep, seed 0, condition single, model lomp"):
-        physics_verdicts.read(workspace, "touch", values)
+        physics_verdicts.read(workspace, "touch", variants(values, "touch"), ERRORS["single"])
     pd.concat([scores, scores.tail(1)]).to_csv(target, index=False)
     with pytest.raises(InputError, match="two rows for effect creep, seed 4, condition double, model lomp"):
-        physics_verdicts.read(workspace, "touch", values)
+        physics_verdicts.read(workspace, "touch", variants(values, "touch"), ERRORS["single"])
 
 
 def test_miniature_judges_every_effect_and_condition(miniature):
