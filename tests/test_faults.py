@@ -640,7 +640,7 @@ VALUES += [[], [1, [2]], [{}], {}, {"a": 1}]
 VALUES += [{1: 2}, {None: 1}, [None], ["a", "a"], b"bytes", "x" * 100_000, [0] * 100_000]
 
 
-@fuzz(100)
+@fuzz(300)
 @given(data=st.data())
 def test_a_setting_of_another_kind_is_one_sentence_or_taken(data):
     values = copy.deepcopy(WHOLE)
