@@ -187,7 +187,7 @@ def main():
         list(workers.run(slow, {key: (Path(sys.argv[1]),) for key in "ab"}, bar))
 
 if __name__ == "__main__":
-    run_stage(main)
+    run_stage(main, Path("params.yaml"))
 elif len(sys.argv) == 3:  # a process that starts, which imports the stage for seconds
     Path(sys.argv[1], str(os.getpid())).touch()
     time.sleep(float(sys.argv[2]))

@@ -1,14 +1,10 @@
-"""Write the results of touch that the stages before `track` leave behind, with made-up numbers.
-
-`python made_results.py` does so as a stage.
-"""
+"""Write the results of touch that the stages before `track` leave behind, with made-up numbers."""
 
 import json
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from pipeline.datasets import schemas
 from pipeline.experiments.touch import frames_schema
@@ -71,7 +67,3 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
         y_mm=nowhere,
     )
     schemas.write(touch / "frames.parquet", frames.schema, [frames])
-
-
-if __name__ == "__main__":
-    write_results(Path.cwd(), yaml.safe_load(Path("params.yaml").read_text()))
