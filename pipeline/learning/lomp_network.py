@@ -16,7 +16,7 @@ windows, against 2.0 s for the same products under autograd and 1.1 s for the pr
 """
 
 from collections.abc import Callable
-from math import sqrt
+from math import isfinite, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,10 +102,13 @@ class Lomp(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         return self.go_on(x, None)[0]
 
-    def go_on(self, x: torch.Tensor, state: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
+    def go_on(
+        self, x: torch.Tensor, state: torch.Tensor | None, largest: float = float("inf")
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return maps (n, outputs) and the state (elements, n, hidden) after the last frame of x (n, frames, elements).
 
-        state: the state before the first frame, None for zero; no gradient goes into `state`.
+        state: the state before the first frame, None for zero; no gradient goes into `state`. largest: what the state
+        is cut to before each next frame, for predictions alone, as the gradient does not know of it.
         """
         place = x.device.type
         precision = torch.get_autocast_dtype(place) if torch.is_autocast_enabled(place) else x.dtype
@@ -130,6 +133,7 @@ class Lomp(nn.Module):
             *(weight.to(precision) for weight in weights),
             self.alpha,
             self._buffers_for(elements_first),
+            largest,
         )  # (cells, n, 2 hidden)
         p, last = both, len(self.readout) - 1
         for layer, (weight, bias) in enumerate(zip(self.readout, self.readout_bias, strict=True)):
@@ -194,7 +198,7 @@ class _Recurrence(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx, x, state, gi, gb, gs, ci, cb, cs, vb, u, ub, p, pb, neighbours, alpha, keep):
+    def forward(ctx, x, state, gi, gb, gs, ci, cb, cs, vb, u, ub, p, pb, neighbours, alpha, keep, largest):
         frames, cells, _, _ = x.shape
         hidden = len(u)
         if state is None:
@@ -203,6 +207,8 @@ class _Recurrence(torch.autograd.Function):
             keep.h[0].copy_(state)
         for t in range(frames):
             h, rz, c, v, h1, s, q = (a[t] for a in (keep.h, keep.rz, keep.c, keep.v, keep.h1, keep.s, keep.q))
+            if t and isfinite(largest):
+                h.clamp_(max=largest)
             torch.addcmul(gb, x[t], gi, out=rz)
             torch.addcmul(cb, x[t], ci, out=c)
             if t or state is not None:
@@ -270,7 +276,7 @@ class _Recurrence(torch.autograd.Function):
                 d_h.baddbmm_(d_rz, gs.transpose(1, 2)).baddbmm_(d_v, cs.transpose(1, 2))
         d_gi, d_gb = d_gate.split(1, 1)
         d_ci, d_cb = d_candidate.split(1, 1)
-        return None, None, d_gi, d_gb, d_gs, d_ci, d_cb, d_cs, d_vb, d_u, d_ub, d_p, d_pb, None, None, None
+        return None, None, d_gi, d_gb, d_gs, d_ci, d_cb, d_cs, d_vb, d_u, d_ub, d_p, d_pb, None, None, None, None
 
 
 class LompRegressor(TorchRegressor):

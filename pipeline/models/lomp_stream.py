@@ -6,8 +6,10 @@ side, with an update after each window and no gradient through the state that th
 
 Messages can make states grow from frame to frame without end where more is pressed than in any training press: of 400
 sums of two validation presses, four times as slow, 1 to 3, in each of three trained networks. So a trained network's
-state is cut to LARGEST_STATE where it is carried on: after a window, or after a frame that came alone. Cut in training,
-too, the validation error is 1 to 4 % larger in each of three seeds.
+state is cut to LARGEST_STATE after every frame. Cut after every window alone it grows within one: of 200 validation
+presses that last sixteen times as long, one trained network has an RMSE of 7.25 kPa without a cut, 6.77 with one after
+a window (the worst press 28) and 6.55 with one after a frame (15.5, as at their own length); at their own length the
+error is the same, 6.57. Cut in training, too, the validation error is 1 to 4 % larger in each of three seeds.
 """
 
 from collections.abc import Callable, Iterator
@@ -137,10 +139,12 @@ class StreamingLomp(LompRegressor):
         longest_first, state = sorted(chains, key=len, reverse=True), None
         for turn in range(len(longest_first[0])):
             windows = torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn], device=x.device)
+            largest = float("inf") if self.network.training else LARGEST_STATE
             with products_in(self.precision if self.network.training else "float32", x.device):
-                maps, state = self.network.go_on(x[windows], None if state is None else state[:, : len(windows)])
+                before = None if state is None else state[:, : len(windows)]
+                maps, state = self.network.go_on(x[windows], before, largest)
             yield windows, maps
-            state = state if self.network.training else state.clamp(max=LARGEST_STATE)
+            state = state.clamp(max=largest)
 
 
 def streams(previous: np.ndarray) -> list[list[int]]:
