@@ -344,7 +344,7 @@ def test_browser_answers_ten_questions_by_one_click_each(tab, width):
 def test_browser_sorts_and_filters_the_claims(tab, address):
     tab.open(address)
     table = "document.querySelector('#verdicts form + .scroll table')"
-    column = f"[...{table}.tBodies[0].rows].map((row) => parseFloat(row.cells[6].textContent))"
+    column = f"[...{table}.tBodies[0].rows].map((row) => parseFloat(row.cells[6].textContent.replaceAll(',', '')))"
     before = tab.run(column)
     for direction in (1, -1):
         tab.run(f"{table}.tHead.rows[0].cells[6].querySelector('button').click()")
