@@ -89,7 +89,7 @@ PLACEHOLDERS = r"\bnan\b|\bNone\b|- points|not counted|\b1 seeds|\ball 2 models|
 def test_no_report_has_a_placeholder_or_broken_grammar(miniature):
     texts = {path: path.read_text(encoding="utf-8") for path in (miniature.folder / "reports").rglob("*.md")}
     page = miniature.folder / "reports" / "index.html"
-    texts[page] = re.sub("<(script|style).*?</\1>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    texts[page] = re.sub(r"<(script|style).*?</\1>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     found = [f"{path}: {match[0]}" for path, text in texts.items() for match in re.finditer(PLACEHOLDERS, text)]
     assert len(texts) > 15 and not found, found
 
