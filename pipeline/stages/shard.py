@@ -45,7 +45,9 @@ def settings_of(workspace: Workspace, each: ShardSet, target: Workspace, further
     set_values({f"{name}.protocols": kept, f"{name}.models": models}, settings)
     set_values({key: value for key, value in each.set.items()}, settings, "evidence/shards.yaml")
     set_values(dict(further), settings)
-    return params.load(settings)
+    values = params.read(settings)  # of a folder of its own: params.load is for what this stage itself was called with
+    params.check(values, dict.fromkeys(each.set, "evidence/shards.yaml"))
+    return values
 
 
 def at_budget(block: Mapping, budget: str) -> dict:

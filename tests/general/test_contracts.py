@@ -112,9 +112,9 @@ RUNNABLE = [
 
 
 def run_by_dvc() -> set[str]:
-    """The modules that the commands of dvc.yaml name, also by a variable of a stage or the key of its entries."""
-    modules = set()
-    for each in yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"].values():
+    """The modules that the commands of both dvc.yaml name, also by a variable of a stage or the key of its entries."""
+    modules, files = set(), [ROOT / "dvc.yaml", ROOT / "evidence" / "dvc.yaml"]
+    for each in [each for file in files for each in yaml.safe_load(file.read_text())["stages"].values()]:
         command = each.get("do", each)["cmd"]
         stages = [block["stage"] for block in each.get("vars", []) if "stage" in block] or [""]
         keys = [*each.get("foreach", [])] or [""]

@@ -40,10 +40,10 @@ SCALES |= {"laptop": "laptop", "paper": "that of the papers"}
 PHYSICS = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "verdict", "consequence"]
 
 
-def build(workspace: Workspace) -> str:
-    """Return the whole page."""
+def build(workspace: Workspace, values: Mapping) -> str:
+    """Return the whole page; values: all settings."""
     content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
-    values, captions, judged = params.load(workspace.params), content["figures"], claims.read(workspace)
+    captions, judged = content["figures"], claims.read(workspace)
     shown = {name: why_not_shown(workspace, name) for name in values["experiments"]}
     data = {name: data_of(name, block, workspace) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}

@@ -50,6 +50,11 @@ CLAIMS = [  # id, claim, paper, data, published, ours, low, high, verdict, reaso
 ]
 
 
+def built(workspace) -> str:
+    """The page of a workspace."""
+    return sections.build(workspace, params.load(workspace.params))
+
+
 def png(path: Path, width: int = 40, height: int = 30) -> None:
     """A grey picture."""
 
@@ -186,8 +191,8 @@ class Reader(HTMLParser):
 
 
 def test_every_file_link_and_claim_is_there(workspace, reports):
-    html = sections.build(workspace)
-    assert html == sections.build(workspace)
+    html = built(workspace)
+    assert html == built(workspace)
     found = Reader(html)
     assert len(found.ids) == len(set(found.ids)) and not found.open
     for target in found.references:
@@ -209,7 +214,7 @@ def test_every_file_link_and_claim_is_there(workspace, reports):
 
 
 def test_the_page_says_what_the_tables_say(workspace, reports):
-    html = sections.build(workspace)
+    html = built(workspace)
     (lomp,) = re.findall("<tr><td>LoMP</td>.*?</tr>", html.split('id="compared"')[1].split("</table>")[0])
     assert re.findall(">([^<]+)</td>", lomp) == ["LoMP", "2.17", "5.00 [-7.71, 17.71]"], "published, ours of two seeds"
     single, double = re.findall(
@@ -222,26 +227,26 @@ def test_the_page_says_what_the_tables_say(workspace, reports):
     )
     assert 'aria-label="simulated: 1 reproduced, 1 contradicted, 0 undecided, 0 not testable"' in html
     write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:8], "not testable", "runs failed", "sentence", "kPa")])
-    after = sections.build(workspace)
+    after = built(workspace)
     assert 'aria-label="simulated: 0 reproduced, 1 contradicted, 0 undecided, 1 not testable"' in after
     write_claims(reports, [(*CLAIMS[0][:8], "proved", "", "sentence", "kPa")])
     with pytest.raises(InputError, match="verdict 'proved' is unknown"):
-        sections.build(workspace)
+        built(workspace)
 
 
 def test_what_is_missing_is_said(workspace, reports):
-    section = sections.build(workspace).split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
+    section = built(workspace).split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
     assert f"no recordings of {ABSENT}" in section and "charts" not in section
     with open(reports / "longer" / "touch.md", "a") as file:
         file.write("\n[More](more.md)\n")
     with pytest.raises(InputError, match="longer/more.md"):
-        sections.build(workspace)
+        built(workspace)
     (workspace.root / "constraints.txt").write_text("torch==1\n")
     with pytest.raises(InputError, match="numpy"):
-        sections.build(workspace)
+        built(workspace)
     shutil.rmtree(reports / "touch" / "speed")
     with pytest.raises(InputError, match="touch/speed/table2.csv"):
-        sections.build(workspace)
+        built(workspace)
 
 
 def test_every_verdict_has_a_look_of_its_own():
