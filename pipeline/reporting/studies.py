@@ -6,12 +6,13 @@ there is one beside the folder.
 
 import json
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files, params
+from pipeline.base import files
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.reporting import tables
@@ -42,12 +43,12 @@ SUMMARY = ["experiment", "statistic", "unit", *(f"{side}{end}" for side in SIDES
 SUMMARY += ["inside", "meaning", "note"]  # columns of reports/twins.csv
 
 
-def stability(workspace: Workspace, folder: Path) -> None:
+def stability(workspace: Workspace, folder: Path, values: Mapping) -> None:
     """Write failures.csv, heat maps and curves of every experiment in reports/stress.csv.
 
     Raises InputError where an experiment ran here and a run of the settings is missing.
     """
-    values, path = params.load(workspace.params), workspace.reports / "stress.csv"
+    path = workspace.reports / "stress.csv"
     stress = results.read_csv(path, STRESS, "python -m pipeline.stages.collect")
     parts, judged = [], []
     for experiment in values["experiments"]:
@@ -99,9 +100,9 @@ def stability_file(experiment: str, protocol: str, condition: str) -> str:
     return "_".join([experiment, protocol, *([] if said else [condition])])
 
 
-def rightsize(workspace: Workspace, folder: Path) -> pd.DataFrame:
+def rightsize(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFrame:
     """Judge the ladders of all experiments; the table is verdicts.sizes.JUDGED."""
-    values, parts, together = params.load(workspace.params), [], []
+    parts, together = [], []
     wanted = {name: {key: (block["sizes"], block["seeds"]) for key, block in ladder.items()}
               for name, ladder in values["rightsize"].items()}  # fmt: skip
     study = values["strain"]["study"]
@@ -130,9 +131,9 @@ def trained(family: str, known: dict[tuple[str, str], sizes_verdicts.Reference])
     return "; ".join(f"{task_name(at)} {number(error, 3 if error < 1 else 2)}" for at, error in errors)
 
 
-def physics(workspace: Workspace, folder: Path) -> pd.DataFrame:
+def physics(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFrame:
     """Judge the effects of all scenes; the table has one row per effect, condition and model."""
-    values, parts, rows = params.load(workspace.params), [], []
+    parts, rows = [], []
     for experiment, block in values["physics"].items():
         scores = physics_verdicts.read(workspace, experiment, variants(values, experiment), block["models"])
         switches = values[experiment]["simulate"]["effects"]

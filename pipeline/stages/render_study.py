@@ -4,19 +4,20 @@ Of stability the table is in the folder.
 Usage: python -m pipeline.stages.render_study NAME
 """
 
-from pipeline.base import arguments, files
+from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
 from pipeline.reporting import studies
 
-STUDIES = {study.__name__: study for study in (studies.physics, studies.rightsize, studies.stability, studies.twins)}
+STUDIES = {study.__name__: study for study in (studies.physics, studies.rightsize, studies.stability)}
 
 
 def main(workspace: Workspace) -> None:
     """Render the study named on the command line; its folder in reports/ is replaced whole."""
-    name = arguments.parse(__doc__, name=STUDIES).name
-    target = workspace.reports / name
+    name = arguments.parse(__doc__, name=(*STUDIES, "twins")).name
+    values, target = params.load(workspace.params), workspace.reports / name
     with files.replacing_folder(target) as draft:
-        table = STUDIES[name](workspace, draft)
+        twins = name == "twins"  # of the recordings and scenes as they are
+        table = studies.twins(workspace, draft) if twins else STUDIES[name](workspace, draft, values)
     if table is not None:
         # As in scores.csv, a mean that does not exist is `nan`.
         files.write_table(target.with_suffix(".csv"), table, missing="nan" if name == "rightsize" else "")

@@ -108,7 +108,7 @@ def written(workspace, table: pd.DataFrame) -> dict[str, bytes]:
     """Render the report of a table of stress tests; return its files."""
     table.to_csv(workspace.reports / "stress.csv", index=False)
     with files.replacing_folder(workspace.reports / "stability") as draft:
-        studies.stability(workspace, draft)
+        studies.stability(workspace, draft, params.load(workspace.params))
     return {path.name: path.read_bytes() for path in (workspace.reports / "stability").iterdir()}
 
 
