@@ -1,0 +1,101 @@
+"""The evidence: every set is valid and has its stages; a shard comes out the same twice and says what it is of."""
+
+import shutil
+
+import pandas as pd
+import pytest
+import yaml
+from builders.project import ROOT
+
+from pipeline.base import files
+from pipeline.base.errors import InputError
+from pipeline.base.params_file import copied, set_values
+from pipeline.base.paths import Workspace
+from pipeline.scoring import shards
+from pipeline.scoring.shards import Shard
+from pipeline.stages import shard
+
+SETS = shards.read_sets(Workspace(ROOT))
+
+
+def test_every_shard_has_its_stage():
+    stages = yaml.safe_load((ROOT / "evidence" / "dvc.yaml").read_text())["stages"]
+    assert list(stages) == list(SETS)
+    for name, each in SETS.items():
+        matrix = stages[name]["matrix"]
+        assert matrix == {"seed": list(range(each.seeds)), "budget": list(shards.BUDGETS)}, name
+        assert {"set": name} in stages[name]["vars"] and {"experiment": each.experiment} in stages[name]["vars"]
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_set_is_of_settings_that_there_are(name, tmp_path):
+    each = SETS[name]
+    values = shard.settings_of(Workspace(ROOT), each, Workspace(tmp_path), {})
+    assert list(values[each.experiment]["protocols"]) == each.protocols
+    assert set(each.by_unit) <= set(each.protocols)
+    simulated = values[each.experiment].get("simulate")
+    assert simulated is None or simulated["specimens"] >= each.seeds  # each seed has a specimen of its own
+
+
+def test_half_of_the_budget_is_half_of_the_epochs():
+    block = {"units": 50, "training": {"learning_rate": 0.1, "epochs": 15, "drop_epoch": 8}}
+    assert shard.at_budget(block, "full") == block
+    assert shard.at_budget(block, "half")["training"] == {"learning_rate": 0.1, "epochs": 8, "drop_epoch": 4}
+    assert shard.at_budget({"ridge": 1.0}, "half") == {"ridge": 1.0}
+
+
+@pytest.fixture(scope="module")
+def strain(tmp_path_factory):
+    """A checkout in miniature with one shard computed, and the call that computes it again."""
+    workspace = Workspace(tmp_path_factory.mktemp("checkout"))
+    set_values(
+        yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), copied(ROOT / "params.yaml", workspace.root)
+    )
+    each = SETS["strain"].model_copy(update={"seeds": 1, "set": {}})
+
+    def compute():
+        shard.compute(workspace, Shard("strain", 0, "half"), each)
+
+    compute()
+    return workspace, compute
+
+
+@pytest.mark.slow
+def test_a_shard_says_what_it_is_of_and_comes_out_the_same(strain):
+    workspace, compute = strain
+    folder = shards.folder(workspace)
+    result = folder / "results" / "strain-0-half.csv"
+    first = result.read_bytes()
+    table = shards.read(workspace)
+    trained = set(table[table["budget"] == "half"]["model"])
+    assert {"lstm_direct", "lstm_transfer"} <= trained and "ridge" not in trained
+    table = table[table["model"] != "data"]  # of all recordings, the same in every shard
+    assert set(table["seed"]) == {0} and not table.duplicated(["protocol", "condition", "model", "metric"]).any()
+    assert {"error", "r2", "params"} <= set(table["metric"]) and "train_s" not in set(table["metric"])
+    (line,) = pd.read_csv(folder / "index.csv").to_dict("records")
+    assert (line["shard"], line["experiment"], line["budget"]) == ("strain-0-half", "strain", "half")
+    assert line["sha256"] == files.sha256(result) and line["core_s"] > 0 and line["machine"]
+    times = pd.read_csv(folder / "times.csv")
+    assert (times["train_s"] >= 0).all() and set(times["model"]) == set(table["model"])
+    assert not (workspace.root / "build" / "evidence" / "strain-0-half").exists()
+    result.unlink()
+    compute()
+    assert result.read_bytes() == first and len(pd.read_csv(folder / "index.csv")) == 1
+
+
+@pytest.mark.slow
+def test_a_result_that_the_index_does_not_know_is_refused(strain, tmp_path):
+    workspace, _ = strain
+    copy = Workspace(tmp_path)
+    shutil.copytree(shards.folder(workspace), shards.folder(copy))
+    with open(shards.folder(copy) / "results" / "strain-0-half.csv", "a") as file:
+        file.write("strain,task_1,task_1,ridge,,error,0,,mm,0.0,1\n")
+    with pytest.raises(InputError, match="strain-0-half.csv: not the file that .*index.csv tells of"):
+        shards.read(copy)
+
+
+def test_a_wrong_key_of_a_set_names_its_file(tmp_path):
+    workspace = Workspace(tmp_path)
+    files.write_text(shards.folder(workspace) / "shards.yaml", "strain: {experiment: strain, protocol: [task_1]}\n")
+    with pytest.raises(InputError, match="evidence/shards.yaml, strain: unknown key 'protocol'; did you mean"):
+        shards.read_sets(workspace)
