@@ -15,6 +15,8 @@ from dvc.repo import Repo
 from pipeline.base import params
 from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, imports, room
 from pipeline.base.params_file import copied, set_values
+from pipeline.base.paths import Workspace
+from pipeline.scoring import shards
 from pipeline.stages import train
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -49,6 +51,7 @@ ARROWS = {
 BY_NAME = {f"pipeline/{name}/__init__.py" for name in DOORS} | {"pipeline/base/cluster.py"}  # a task's function
 RUN = 'if __name__ == "__main__":'
 VALUES = params.load(ROOT / "params.yaml")
+SETS = shards.read_sets(Workspace(ROOT))
 
 
 def reachable(name: str) -> set[str]:
@@ -119,7 +122,10 @@ def stage_entries() -> Iterator[Entry]:
         for stage in repo.index.stages:
             settings = [name for dep in stage.deps if isinstance(dep, ParamsDependency) for name in dep.params]
             deps = {dep.def_path for dep in stage.deps if not isinstance(dep, ParamsDependency)}
-            yield Entry(stage.name, stage.cmd.split(), deps, settings, stage.always_changed)
+            python, option, module, *given = stage.cmd.split()
+            if module == "pipeline.stages.shard":
+                given[0] = SETS[given[0]].experiment
+            yield Entry(stage.name, [python, option, module, *given], deps, settings, stage.always_changed)
 
 
 def at(values, dotted: str):
