@@ -120,7 +120,8 @@ def stage_entries() -> Iterator[Entry]:
     """Yield every stage of dvc.yaml, as DVC fills it in."""
     with Repo(str(ROOT)) as repo:
         for stage in repo.index.stages:
-            settings = [name for dep in stage.deps if isinstance(dep, ParamsDependency) for name in dep.params]
+            read = [dep for dep in stage.deps if isinstance(dep, ParamsDependency) and "shards" not in dep.def_path]
+            settings = [name for dep in read for name in dep.params]
             deps = {dep.def_path for dep in stage.deps if not isinstance(dep, ParamsDependency)}
             python, option, module, *given = stage.cmd.split()
             if module == "pipeline.stages.shard":
