@@ -13,7 +13,12 @@ class ShardSet(Block):
     experiment: Text = Field(description="Experiment that is run")
     protocols: Distinct[Text] = Field(description="How its data are divided; a shard runs all of these")
     seeds: Annotated[int, Field(ge=1, le=1000)] = Field(description="Seeds from 0 on")
-    models: Listed[Text] = Field(default=[], description="Models that are run; without this key all of the settings")
+    models: Listed[Text] = Field(
+        default_factory=list, description="Models that are run; without this key all of the settings"
+    )
+    by_unit: Listed[Text] = Field(
+        default_factory=list, description="Protocols of recordings that are scored press by press, too"
+    )
     variant: str = Field(default="", description="Variant of the rows, where another set has the same protocols")
     minutes: Count = Field(description="Of a `full` shard on two cores, about; the next shards are chosen by it")
-    set: dict[str, Any] = Field(default={}, description="Dotted settings that differ from params/<experiment>.yaml")
+    set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")

@@ -21,7 +21,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
-from pipeline.scoring import claim_inputs, shards
+from pipeline.scoring import claim_inputs, shards, units
 from pipeline.scoring.one_table import HALF
 from pipeline.scoring.results import read_csv
 from pipeline.scoring.shards import Shard
@@ -112,6 +112,8 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     tables = [scores]
     if experiment in claim_inputs.EXPERIMENTS:
         tables.append(claim_inputs.rows(own, experiment, values[experiment]))
+    if each.by_unit:
+        tables.append(pd.DataFrame(units.rows(own, experiment, values[experiment], each.by_unit)))
     rows = pd.concat(tables).reindex(columns=claim_inputs.COLUMNS).astype({"variant": object})
     rows = rows[rows["metric"] != MEASURED]
     models = values[experiment]["models"]

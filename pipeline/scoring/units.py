@@ -1,0 +1,87 @@
+"""Score recordings press by press, or grasp by grasp: what intervals of recorded data are over.
+
+Seeds of a recorded experiment are starts of networks on the same recordings; how far a number would differ with other
+presses is told by drawing the presses anew, with repetition (bootstrap; Efron 1979), the same ones for every model.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from pipeline.base.paths import Workspace
+from pipeline.datasets import schemas
+from pipeline.scoring import metrics
+from pipeline.scoring.results import read_predictions, read_windows
+
+MOST_UNITS = 100  # of a condition: presses in a row are one where there are more
+SUFFIX = "_of_unit"  # of the metric's name; the variant is the unit
+METRIC = {"velostat_recorded": "rmse", "strain_recorded": "error", "glove_recorded": "accuracy"}  # that claims read
+DRAWS = 1000
+DRAW = "draw"  # name of the index of values that are draws, not runs
+
+
+def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Sequence[str]) -> Iterator[Mapping]:
+    """Yield a row of the one table for every unit of the test part; value: mean squared error (of `rmse`), mean, share.
+
+    settings: the experiment's block; protocols: those that are scored so.
+    """
+    table = read_windows(workspace, experiment)
+    condition, unit = schemas.names(table["condition"]), _numbers(table)
+    for protocol in protocols:
+        for seed in settings["protocols"][protocol]["seeds"]:
+            for model in settings["models"]:
+                predicted = read_predictions(workspace, experiment, model, protocol, seed, table)
+                wrong = _loss(experiment, table, predicted)
+                known = np.isfinite(wrong) & (unit >= 0)
+                for name in metrics.POOLED.get(experiment, np.unique(condition[known])):
+                    chosen = known & ((condition == name) | (experiment in metrics.POOLED))
+                    block = _blocks(unit[chosen])
+                    losses = pd.Series(wrong[chosen]).groupby(block).agg(["mean", "size"])
+                    for number, loss in losses.iterrows():
+                        yield {
+                            "experiment": experiment, "protocol": protocol, "condition": name, "model": model,
+                            "variant": f"unit_{number}", "metric": METRIC[experiment] + SUFFIX, "seed": seed,
+                            "unit": "", "value": float(f"{loss['mean']:.6g}"), "n": int(loss["size"]),
+                        }  # fmt: skip
+
+
+def _numbers(table: pa.Table) -> np.ndarray:
+    """Return the number of the press, or of the grasp, of each row of a dataset, (n,); -1 where it has none."""
+    name = np.char.add(np.char.add(schemas.names(table["condition"]), "/"), schemas.names(table["recording"]))
+    press = table["press"].to_numpy() if "press" in table.column_names else np.zeros(len(name), int)
+    recording = np.unique(name, return_inverse=True)[1]
+    number = np.unique(np.stack([recording, press]), axis=1, return_inverse=True)[1].reshape(-1)
+    return np.where(press >= 0, number, -1)
+
+
+def _blocks(unit: np.ndarray) -> np.ndarray:
+    """Return units numbered from 0 on, several in a row as one where there are more than MOST_UNITS."""
+    number = np.unique(unit, return_inverse=True)[1]
+    return number // -(-(number.max(initial=0) + 1) // MOST_UNITS)
+
+
+def _loss(experiment: str, table: pa.Table, predicted: np.ndarray) -> np.ndarray:
+    """Return squared error, distance in mm, or whether it is right, (n,); NaN where nothing is predicted."""
+    if METRIC[experiment] == "accuracy":
+        right = (predicted.argmax(axis=1) == table["label"].to_numpy()).astype(float)
+        return np.where(np.isfinite(predicted).all(axis=1), right, np.nan)
+    gap = predicted.astype(float) - schemas.matrix(table["y"])
+    asked = np.isfinite(gap).any(axis=0)
+    gap = gap[:, asked]
+    return np.square(gap).mean(axis=1) if METRIC[experiment] == "rmse" else np.linalg.norm(gap, axis=1)
+
+
+def drawn(table: pd.DataFrame, metric: str) -> pd.Series:
+    """Return the metric over units drawn anew, (DRAWS,), each unit averaged over seeds; table: its rows of one model.
+
+    The same number of units gives the same draws, so that models are paired.
+    """
+    mean = table.groupby("variant")["value"].mean()
+    weight = table.groupby("variant")["n"].first().astype(float)
+    order = sorted(mean.index, key=lambda name: int(name.rpartition("_")[2]))
+    value, weight = mean[order].to_numpy(), weight[order].to_numpy()
+    picked = np.random.default_rng(len(value)).integers(len(value), size=(DRAWS, len(value)))
+    result = (weight * value)[picked].sum(axis=1) / weight[picked].sum(axis=1)
+    return pd.Series(np.sqrt(result) if metric == "rmse" else result, index=pd.RangeIndex(DRAWS, name=DRAW))
