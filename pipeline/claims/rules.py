@@ -82,7 +82,7 @@ def only(values: Mapping[str, object]):
 
 
 def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
-    """Return the p value of a mean that is not on the side of a limit, `less` or `greater` (t test, or share of draws)."""
+    """Return the p value of a mean not on the side of a limit, `less` or `greater` (t test, or share of draws)."""
     if values.index.name == DRAW:
         return float(((values >= limit) if side == "less" else (values <= limit)).mean())
     there, _ = results.SCALES[scale]
@@ -180,6 +180,9 @@ def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgemen
     frame = pd.DataFrame(values).dropna()
     printed_ranks = stats.rankdata([printed[name] for name in frame])
     correlation = frame.rank(axis=1).apply(lambda ranks: np.corrcoef(ranks, printed_ranks)[0, 1], axis=1)
+    if len(correlation) > 1 and np.ptp(correlation) < results.SAME:  # one order in every run
+        verdict = REPRODUCED if correlation.iloc[0] > limit else CONTRADICTED
+        return Judgement(correlation.iloc[0], np.nan, np.nan, verdict, "in every run", len(correlation))
     mean = interval(correlation)
     verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit else UNDECIDED
     reason = f"rank correlation with the printed order; limit {limit:g}"
@@ -231,8 +234,8 @@ def calibrated(values: Values, printed: Printed) -> Judgement:
 def _power(values: Values, printed: Printed, goal: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> float:
     """Return the chance that intervals reach a goal if the paper is exactly right; NaN where it prints no number.
 
-    goal: (low, high), each (draws, names), -> truth of each draw. Around each published value the values spread, together
-    with one another, as ours do over seeds or over draws of recordings.
+    goal: (low, high), each (draws, names), -> truth of each draw. Around each published value the values spread,
+    together with one another, as ours do over seeds or over draws of recordings.
     """
     frame = pd.DataFrame(values).dropna()
     centre = np.array([printed[name] for name in frame])
