@@ -9,10 +9,9 @@ A file names its paper and where the results of its claims are, on simulated and
     name               what each of these is called in a reason
     published          the published value, where it is not the same expression over the paper's own tables
     data, kind, unit, protocol, metric   where they are not those of the file
-    strict             the protocol on which a printed number is judged once more
     over               what the interval is over, where that is not seeds
     measured           true where it rests on measured times, which differ between runs and machines
-    absent             why there may be no results, in words
+    absent             why there may be no results: then the claim is outside of what our data can test
     tried              what was tried to find the reason, where the claim is not reproduced
 
 A family is `for` (axis -> values) and `claims`: its entries once for every combination. In every text `{axis}` is the
@@ -40,7 +39,7 @@ SENTENCE, NUMBER, COUNT = "sentence", "number", "count"  # kinds of claims; the 
 CONSTRUCTION, CALIBRATION = "by construction", "calibration"
 KINDS = {"near": NUMBER, "measured_near": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
 UNTESTABLE = "untestable"
-KEYS = {"id", "text", "source", "each", "name", "published", "data", "kind", "unit", "protocol", "metric", "strict"}
+KEYS = {"id", "text", "source", "each", "name", "published", "data", "kind", "unit", "protocol", "metric"}
 KEYS |= {"over", "measured", "absent", "tried"}
 HEAD = {"paper", "title", "names", "simulated", "recorded", "claims", "lists"}
 
@@ -56,7 +55,7 @@ class Source:
     experiment: str
     metric: str
     unit: str
-    protocol: object  # a name, condition -> name, or several names: the first that has results
+    protocol: object  # a name, or condition -> name
     printed: str = ""  # the metric that the paper prints in place of it
 
 
@@ -80,7 +79,6 @@ class Claim:
     published: float
     printed: Mapping[str, float]  # of each of `values`
     names: Mapping[str, str]  # of models, in sentences
-    strict: object = None
     over: str = "seeds"
     measured: bool = False
     reason: str = ""  # of an untestable claim
@@ -209,9 +207,9 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
     expressions = {} if rule == UNTESTABLE else dict(_expressions(entry, entry[rule], words, names))
     on_paper = {name: paper_says(expression) for name, expression in expressions.items()}
     given = entry.get("published")
-    if given is None:  # several directions: the weakest; an order, and a rank beside a value, have no number
+    if given is None:  # several directions: the weakest; an order has no number
         weakest = np.max if rule == "below" else np.min
-        value = np.nan if rule in ("order", "ranked", UNTESTABLE) else float(weakest(list(on_paper.values())))
+        value = np.nan if rule in ("order", UNTESTABLE) else float(weakest(list(on_paper.values())))
     else:
         value = paper_says(given.format_map(words)) if isinstance(given, str) else float(given)
         on_paper = dict.fromkeys(on_paper, value)
@@ -238,7 +236,6 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         published=value,
         printed=on_paper,
         names=names,
-        strict=_filled(entry.get("strict"), words),
         over=entry.get("over", "seeds"),
         measured=entry.get("measured", False),
         reason=entry[rule].format_map(words) if rule == UNTESTABLE else "",
@@ -263,6 +260,4 @@ def _filled(protocol: object, words: Mapping) -> object:
     kept = {**words, "condition": "{condition}"}
     if isinstance(protocol, str):
         return protocol.format_map(kept)
-    if isinstance(protocol, Mapping):
-        return {condition: _filled(name, words) for condition, name in protocol.items()}
-    return protocol if protocol is None else [_filled(name, words) for name in protocol]
+    return {condition: _filled(name, words) for condition, name in protocol.items()}

@@ -1,14 +1,8 @@
 """Judge claims by the results: claims.csv.
 
-A claim on a network that was not trained to the end, of which a longer training lowers the validation error by 1 % or
-more, is not testable. At the papers' scale it has a verdict all the same where a longer training would not change it:
-where the rule says the same of test errors that are lower by what the longer training takes from the validation error,
-once and twice, for all of these networks at once and for each alone. Twice is what ever longer trainings take together,
-where each takes half of what the one before took.
-
-A printed number is judged on the split that the paper used, as far as its text says; beside it stands the verdict on
-the stricter one, where nothing is on two sides. A paper printed single numbers, so besides its sign a difference is
-`compatible` where our interval includes the printed one.
+A verdict is of a budget of training, `full`, and says so. Where half of it gives the opposite verdict the claim moves
+with training, and is undecided. A sentence is judged on the protocol in which nothing is on two sides, a printed number
+on the one that the paper used, as far as its text says.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,66 +11,47 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from pipeline.claims import longer
-from pipeline.claims.entries import SENTENCE, UNTESTABLE, Claim
+from pipeline.claims.entries import UNTESTABLE, Claim
 from pipeline.claims.evidence import Evidence
 from pipeline.claims.expressions import evaluate
-from pipeline.claims.rules import CALIBRATED, NOT_TESTABLE, RULES, SHOWN, Judgement, NotTestable
+from pipeline.claims.rules import BAD, GOOD, OUTSIDE, RULES, UNDECIDED, Judgement, Open
+from pipeline.scoring.one_table import FULL, HALF, Results
+from pipeline.scoring.units import DRAWS
+
+ANY = "any"  # budget of what no training changes
+COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "protocol", "published", "ours", "low", "high", "unit"]
+COLUMNS += ["verdict", "reason", "power", "seeds", "budget", "over", "measured"]
 
 
-def judged(claim: Claim, evidence: Evidence, protocol: object = None) -> Judgement:
-    """Return the verdict on a claim on its own protocol or on another one.
-
-    It is `not testable` where results are missing or failed, and where a network was not trained to the end.
-    """
-    evidence.start()
-    try:
-        found = _ruled(claim, evidence, protocol)
-    except NotTestable as error:
-        return Judgement(error.ours, np.nan, np.nan, NOT_TESTABLE, str(error))
-    unended = evidence.unended()
-    if found.verdict == CALIBRATED or not unended:
-        return found
-    changes = {
-        claim.names.get(model, model): f"{100 * share:.0f} % with more epochs" for (*_, model), share in unended.items()
-    }
-    said = [f"{name} ({change})" for name, change in changes.items()]
-    falling = ", ".join(said[:SHOWN]) + (f" and {len(said) - SHOWN} more" if len(said) > SHOWN else "")
-    at_papers = all(evidence.scale(experiment) != "laptop" for experiment, _, _ in unended)
-    if at_papers and evidence.whole and _stays(claim, found.verdict, evidence, protocol, unended):
-        reason = f"stays where test errors fall as validation errors still do, or by twice as much: {falling}"
-        return replace(found, reason="; ".join(filter(None, [found.reason, reason])))
-    reason = f"validation errors still fall: {falling}; so far {found.verdict}"
-    return replace(found, verdict=NOT_TESTABLE, reason=": ".join(filter(None, [reason, found.reason])))
-
-
-def _ruled(claim: Claim, evidence: Evidence, protocol: object) -> Judgement:
-    """Return what the rule of a claim says of the results as they are."""
+def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
+    """Return the verdict on a claim and its budget: `full`, or `half` where no more was run."""
     if claim.rule == UNTESTABLE:
-        raise NotTestable(claim.reason)
-    place = protocol or claim.protocol
-    runs = {
-        name: evaluate(expression, lambda result: evidence.runs(claim, result, place))
-        for name, expression in claim.values.items()
-    }
-    return RULES[claim.rule](runs, claim.printed, **claim.options)
+        return Judgement(np.nan, np.nan, np.nan, OUTSIDE, claim.reason), ""
+    full, trained = _ruled(claim, results, FULL)
+    half, _ = _ruled(claim, results, HALF)
+    if full.runs == 0 and claim.absent:
+        return replace(full, verdict=OUTSIDE, reason=claim.absent), ""
+    if not trained:
+        return full, ANY if full.runs else ""
+    if full.runs == 0 and half.runs:
+        return replace(half, verdict=UNDECIDED, reason=f"waits for the budget {FULL}; at half {half.verdict}"), HALF
+    if {half.verdict in GOOD, full.verdict in GOOD} == {half.verdict in BAD, full.verdict in BAD} == {True, False}:
+        moves = f"moves with training: {half.verdict} at half of the budget, {full.verdict} at all of it"
+        return replace(full, verdict=UNDECIDED, reason="; ".join(filter(None, [moves, full.reason]))), FULL
+    return full, FULL
 
 
-def _stays(
-    claim: Claim, verdict: str, evidence: Evidence, protocol: object, unended: Mapping[longer.Network, float]
-) -> bool:
-    """Tell whether a verdict is the same after longer trainings of these networks, of all at once and of each alone."""
+def _ruled(claim: Claim, results: Results, budget: str) -> tuple[Judgement, bool]:
+    """Return what the rule of a claim says at a budget, and whether the budget matters; no runs where it is open."""
+    evidence = Evidence(results, budget)
     try:
-        for networks in (unended, *([network] for network in unended)):
-            for gains in (1, 2):
-                evidence.factors = {network: (1 + unended[network]) ** gains for network in networks}
-                if _ruled(claim, evidence, protocol).verdict != verdict:
-                    return False
-    except NotTestable:
-        return False
-    finally:
-        evidence.factors = {}
-    return True
+        runs = {
+            name: evaluate(expression, lambda result: evidence.runs(claim, result))
+            for name, expression in claim.values.items()
+        }
+        return RULES[claim.rule](runs, claim.printed, **claim.options), evidence.trained
+    except Open as error:
+        return Judgement(error.ours, np.nan, np.nan, UNDECIDED, str(error), error.runs), evidence.trained
 
 
 def on_own_logs(claim: Claim, values: Mapping) -> Claim:
@@ -86,25 +61,16 @@ def on_own_logs(claim: Claim, values: Mapping) -> Claim:
     return replace(claim, data="recorded", id=f"{claim.id}/recorded", tried="")  # what was tried was on the scene
 
 
-COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "unit", "verdict"]
-COLUMNS += ["strict", "strict_ours", "compatible", "reason", "over", "measured", "scale"]
-
-
-def table(claims: Iterable[Claim], evidence: Evidence) -> pd.DataFrame:
+def table(claims: Iterable[Claim], results: Results) -> pd.DataFrame:
     """Return claims.csv, one row per claim in full precision."""
-    return pd.DataFrame([_row(claim, evidence) for claim in claims], columns=COLUMNS)
+    return pd.DataFrame([_row(claim, results) for claim in claims], columns=COLUMNS)
 
 
-def _row(claim: Claim, evidence: Evidence) -> list:
-    found, compatible = judged(claim, evidence), ""
-    strict = judged(claim, evidence, claim.strict) if claim.strict else None
-    numbers = np.isfinite([claim.published, found.low, found.high]).all()
-    if claim.kind == SENTENCE and found.verdict != NOT_TESTABLE and numbers:
-        compatible = "yes" if found.low <= claim.published <= found.high else "no"
+def _row(claim: Claim, results: Results) -> list:
+    found, budget = judged(claim, results)
+    protocol = claim.protocol if isinstance(claim.protocol, str) else "+".join(dict.fromkeys(claim.protocol.values()))
     return [
-        claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, claim.published,
-        found.ours, found.low, found.high, claim.unit, found.verdict,
-        strict.verdict if strict else "", strict.ours if strict else np.nan, compatible, found.reason,
-        f"{found.runs} {claim.over}" if found.runs else "", int(claim.measured),
-        evidence.scale(claim.experiment),
+        claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, protocol, claim.published,
+        found.ours, found.low, found.high, claim.unit, found.verdict, found.reason, found.power,
+        found.runs, budget, "draws of presses or grasps" if found.runs == DRAWS else claim.over, int(claim.measured),
     ]  # fmt: skip

@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.scoring import units
 from pipeline.scoring.claim_inputs import COLUMNS, KEY
 from pipeline.scoring.published import ANY
 from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
@@ -36,9 +37,34 @@ class Results:
         if len(repeated := rows[rows.duplicated([*KEY, "seed", "budget"])]):
             raise InputError(f"two results for {', '.join(map(str, repeated.iloc[0][[*KEY, 'seed']]))}")
         self.table = rows
+        by_unit = rows["metric"].str.endswith(units.SUFFIX)
+        place = ["experiment", "protocol", "condition", "model", "metric", "budget"]
+        self._by_unit = dict(list(rows[by_unit].groupby(place)))
+        rows = rows[~by_unit]
         groups = rows.groupby([*KEY, "budget"]).indices
         seeds, numbers = rows["seed"].to_numpy(), rows["value"].to_numpy(float)
         self._runs = {key: pd.Series(numbers[at], index=seeds[at]).sort_index() for key, at in groups.items()}
+
+    def found(
+        self, experiment: str, protocol: str, condition: str, model: str, metric: str, variant: str, budget: str
+    ) -> tuple[pd.Series, str]:
+        """Return seed -> value, NaN for a failed run, and the budget that it hangs on; no value where there is no run.
+
+        A row without a budget, of a model without epochs, is of every budget; one without a protocol of every protocol.
+        """
+        for name in (protocol, ""):
+            for at in (budget, ""):
+                if (key := (experiment, name, condition, model, variant, metric, at)) in self._runs:
+                    return self._runs[key], at
+        return pd.Series(dtype=float), ""
+
+    def draws(self, experiment: str, protocol: str, condition: str, model: str, metric: str, budget: str) -> pd.Series:
+        """Return a metric over presses or grasps drawn anew (`units.drawn`); empty where it has no rows by unit."""
+        for at in (budget, ""):
+            rows = self._by_unit.get((experiment, protocol, condition, model, metric + units.SUFFIX, at))
+            if rows is not None:
+                return units.drawn(rows, metric)
+        return pd.Series(dtype=float)
 
     def runs(
         self,
@@ -50,16 +76,8 @@ class Results:
         variant: str = "",
         budget: str = FULL,
     ) -> pd.Series:
-        """Return seed -> value, NaN for a failed run; empty where there is no run.
-
-        A row without a budget, of a model without epochs, is of every budget.
-        """
-        for key in (
-            (experiment, name, condition, model, variant, metric, at) for name in (protocol, "") for at in (budget, "")
-        ):
-            if key in self._runs:
-                return self._runs[key]
-        return pd.Series(dtype=float)
+        """Return the values of `found`."""
+        return self.found(experiment, protocol, condition, model, metric, variant, budget)[0]
 
     def estimate(self, *where: str, **further: str) -> Estimate:
         """Return mean and 95 % interval over the seeds; arguments: see `runs`. NaN, of no run, where it was not run."""

@@ -19,13 +19,14 @@ from pipeline.datasets import fits, schemas
 
 CONFIDENCE = 0.95
 SAME = 1e-12  # relative: runs closer to one another have one value
-PLAIN, SHARE, R2 = "", "share", "r2"  # scales of values
+PLAIN, SHARE, R2, LOG = "", "share", "r2", "log"  # scales of values
 EDGE = 1e-3  # a share nearer to a bound counts as this far from it: one test item in a thousand
 SHARES = ("accuracy", "macro_precision", "touches_found")  # metrics from 0 to 1
 # Scale -> the function that its values are near a normal distribution by, and its inverse.
 SCALES: dict[str, tuple[Callable, Callable]] = {
     PLAIN: (np.asarray, float),
     SHARE: (lambda share: logit(np.clip(share, EDGE, 1 - EDGE)), expit),
+    LOG: (np.log, np.exp),  # of errors and their ratios, which are above 0
     R2: (lambda r2: np.log(np.maximum(1 - r2, EDGE)), lambda missing: 1 - np.exp(missing)),
 }
 MISSING = ("", "nan")  # how the stages write a value that there is not

@@ -10,14 +10,12 @@ import pytest
 from builders.project import ROOT
 from scipy import stats
 
-from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, expressions, judge, rules
-from pipeline.claims.rules import CALIBRATED, CONTRADICTED, NOT_TESTABLE, REPRODUCED, UNDECIDED
+from pipeline.claims.rules import CALIBRATED, CONTRADICTED, MATCHES, NEAR, OFF, OUTSIDE, REPRODUCED, UNDECIDED
 from pipeline.scoring import claim_inputs, one_table, published
 
-VALUES = params.load(ROOT / "params.yaml")
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
 BY_ID = {claim.id: claim for claim in CLAIMS}
 SEEDS = (0, 1, 2)
@@ -25,7 +23,7 @@ SEEDS = (0, 1, 2)
 
 def table(rows) -> pd.DataFrame:
     """Rows of dictionaries as the one table of results."""
-    return pd.DataFrame(list(rows)).reindex(columns=claim_inputs.COLUMNS).assign(**{one_table.WHOLE: True})
+    return pd.DataFrame(list(rows)).reindex(columns=claim_inputs.COLUMNS)
 
 
 def spread(key: tuple, value: float, size: float = 1e-9) -> list[float]:
@@ -35,7 +33,7 @@ def spread(key: tuple, value: float, size: float = 1e-9) -> list[float]:
 
 
 @cache
-def of_the_paper(workspace, paper: str) -> evidence.Evidence:
+def of_the_paper(paper: str) -> one_table.Results:
     """The paper's own numbers as the results of three runs, on every protocol of its experiments."""
     rows = []
     printed = published.table(paper)
@@ -44,50 +42,45 @@ def of_the_paper(workspace, paper: str) -> evidence.Evidence:
         for row in printed.itertuples():
             metric = claim.metric if row.metric == "macro_precision" else row.metric
             given = claim.protocol
-            listed = given.values() if isinstance(given, dict) else [given] if isinstance(given, str) else given
-            for protocol in [name.format(condition=row.condition) for name in listed]:
-                key = (claim.experiment, protocol, row.condition, row.model, row.variant, metric)
-                alone = metric in evidence.COSTS and metric != "train_s"
-                values = [row.value] if alone else spread(key, row.value)
+            for name in given.values() if isinstance(given, dict) else [given]:
+                key = (claim.experiment, name.format(condition=row.condition), row.condition, row.model)
+                key += (row.variant, metric)
+                values = [row.value] if metric in evidence.COSTS else spread(key, row.value)
                 rows += [(*key, seed, value) for seed, value in zip(SEEDS, values, strict=False)]
     frame = pd.DataFrame(rows, columns=[*claim_inputs.KEY, "seed", "value"]).drop_duplicates()
-    return evidence.Evidence(workspace, table(frame.to_dict("records")), VALUES)
+    return one_table.Results(table(frame.to_dict("records")))
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_the_papers_own_numbers_reproduce_its_claims(workspace, paper):
+def test_the_papers_own_numbers_reproduce_its_claims(paper):
     tested = 0
     for claim in (claim for claim in CLAIMS if claim.paper == paper):
-        found = judge.judged(claim, of_the_paper(workspace, paper))
-        assert found.verdict in (REPRODUCED, CALIBRATED, NOT_TESTABLE), f"{claim.id}: {found}"
-        if found.verdict == NOT_TESTABLE:  # what the paper does not print
-            assert found.reason.startswith("there ") or claim.rule == entries.UNTESTABLE, f"{claim.id}: {found.reason}"
+        found, _ = judge.judged(claim, of_the_paper(paper))
+        if found.verdict == OUTSIDE or found.reason.startswith("waits for"):  # what the paper does not print
             continue
+        assert found.verdict in (REPRODUCED, MATCHES, CALIBRATED), f"{claim.id}: {found}"
         tested += 1
         if np.isfinite(claim.published):
             assert found.ours == pytest.approx(claim.published, rel=1e-3, abs=1e-2), claim.id
-    assert tested == {"lomp": 41, "latent": 17, "sp_resnet": 71}[paper]
+            assert np.isnan(found.power) or found.power > 0.95, claim.id  # ours hardly spread there
+    assert tested == {"lomp": 40, "latent": 17, "sp_resnet": 63}[paper]
 
 
-def test_committed_results_have_the_committed_verdicts():
-    """reports/claims.csv follows from the other files of reports, but for what they do not hold."""
-    workspace = Workspace(ROOT)
-    results = one_table.read(one_table.of_reports(workspace.reports))
-    found = judge.table(
-        CLAIMS, evidence.Evidence(workspace, results, VALUES, evidence.trainings(workspace.reports))
-    ).set_index("id")
-    committed = pd.read_csv(workspace.reports / "claims.csv").set_index("id").fillna({"strict": "", "over": ""})
-    if not (workspace.reports / "claim_inputs.csv").exists():
-        found = found[~found["reason"].str.startswith("there is no ")]
-    assert len(found) > 150
-    for claim, row in found.iterrows():
-        numbers, words = ["published", "ours", "low", "high", "strict_ours"], ["verdict", "strict", "over", "unit"]
-        assert list(row[words]) == list(committed.loc[claim, words]), claim
-        ours, theirs = row[numbers].astype(float), committed.loc[claim, numbers].astype(float)
-        assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-12, equal_nan=True), claim
+def test_sentences_and_numbers_are_judged_on_their_own_protocol():
+    """What nothing is on two sides of decides a sentence; a printed number is of the paper's own split."""
+    strict = {"lomp": {"press", "repetition"}, "sp_resnet": {"session_{condition}", "grasp_{condition}", "stag"}}
+    papers = {"lomp": {"random_window"}, "sp_resnet": {"random_frames_{condition}"}}
+    kinds = {}
+    for claim in CLAIMS:
+        if claim.paper in strict and claim.rule in ("above", "below", "near", "order", "within"):
+            kinds.setdefault((claim.paper, claim.kind), set()).add(claim.protocol)
+    for (paper, kind), protocols in kinds.items():
+        assert protocols <= strict[paper] | papers[paper]
+        assert kind == entries.NUMBER or not protocols & papers[paper], (paper, kind)
+    assert kinds["lomp", entries.NUMBER] >= papers["lomp"]
 
 
-def judged(workspace, claim: str, **changes) -> rules.Judgement:
+def judged(claim: str, **changes) -> rules.Judgement:
     """The verdict on a claim of LoMP, or on its entry, by errors of three seeds: `model_condition=level`."""
     levels = {f"{row.model}_{row.condition}": row.value for row in published.table("lomp").itertuples()} | changes
     rows = [
@@ -96,34 +89,34 @@ def judged(workspace, claim: str, **changes) -> rules.Judgement:
         for name, level in levels.items()
         for seed, value in zip(SEEDS, np.ravel(level) if np.ndim(level) else spread((name,), level, 1e-6), strict=False)
     ]
-    return judge.judged(BY_ID[f"lomp/{claim}"], evidence.Evidence(workspace, table(rows), VALUES))
+    return judge.judged(BY_ID[f"lomp/{claim}"], one_table.Results(table(rows)))[0]
 
 
 @pytest.mark.parametrize(
     ("claim", "changes", "verdict", "words"),
     [
         ("lomp-conventional-single", {"poly_single": 3.0}, REPRODUCED, "weakest: LoMP below Polynomial"),
-        ("lomp-best-double", {"poly_double": 3.0}, CONTRADICTED, "7 of 8 hold; contradicted: LoMP below Polynomial"),
-        ("lomp-best-double", {"rbf_double": [5.0, 7.0, 11.0]}, UNDECIDED, "undecided: LoMP below RBF-Net"),
-        ("nonlinear-single", {"poly_single": 9.0}, CONTRADICTED, "the interval is below 0"),
-        ("nonlinear-single", {"poly_single": [8.0, 9.0, 8.7]}, UNDECIDED, "the interval includes 0"),
+        ("lomp-best-double", {"poly_double": 3.0}, CONTRADICTED, "7 of 8 hold; decided by: LoMP below Polynomial"),
+        ("lomp-best-double", {"rbf_double": [5.0, 7.0, 11.0]}, UNDECIDED, "least certain: LoMP below RBF-Net"),
+        ("nonlinear-single", {"poly_single": 9.0}, CONTRADICTED, ""),
+        ("nonlinear-single", {"poly_single": [8.0, 9.0, 8.7]}, UNDECIDED, ""),
         ("lomp-like-rnn", {"lomp_single": 2.4}, CONTRADICTED, "margin 0.1 around 1"),
         ("lomp-like-rnn", {"lomp_single": [2.3, 2.4, 2.35]}, UNDECIDED, "margin 0.1 around 1"),
-        ("lomp-margin-double", {"poly_double": 20.0, "linear_double": 30.0}, CONTRADICTED, "the band is 15 %"),
-        ("lomp-margin-double", {"poly_double": [15.0, 17.0, 19.0]}, UNDECIDED, "the band is 15 %"),
+        ("lomp-margin-double", {"poly_double": 20.0, "linear_double": 30.0}, OFF, "% from the published one"),
+        ("lomp-margin-double", {"poly_double": [9.0, 14.0, 19.0]}, UNDECIDED, "% from the published one"),
         (
             "lomp-best-double",
             {"poly_double": [np.nan, 15.0, 16.0]},
-            NOT_TESTABLE,
-            "failed runs: Polynomial (press, double)",
+            UNDECIDED,
+            "1 of 3 runs failed: Polynomial (press, double)",
         ),
-        ("nonlinear-single", {"poly_single": [6.0], "linear_single": [8.0]}, NOT_TESTABLE, "one run has no interval"),
-        ("nonlinear-single", {"poly_single": [6.0] * 3, "linear_single": [8.0] * 3}, NOT_TESTABLE, "one value, 2,"),
+        ("nonlinear-single", {"poly_single": [6.0], "linear_single": [8.0]}, UNDECIDED, "one run has no interval"),
+        ("nonlinear-single", {"poly_single": [6.0] * 3, "linear_single": [8.0] * 3}, UNDECIDED, "one value, 2,"),
     ],
 )
-def test_verdicts_turn_with_the_numbers(workspace, claim, changes, verdict, words):
-    assert judged(workspace, claim).verdict == REPRODUCED
-    turned = judged(workspace, claim, **changes)
+def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
+    assert judged(claim).verdict in (REPRODUCED, MATCHES)
+    turned = judged(claim, **changes)
     assert turned.verdict == verdict and words in turned.reason
 
 
@@ -143,9 +136,15 @@ def test_verdicts_turn_with_the_numbers(workspace, claim, changes, verdict, word
         ("slower", [1.09], {}, UNDECIDED),
         ("slower", [0.89], {}, CONTRADICTED),
         ("slower", [1.09], {"tolerance": 0.05}, REPRODUCED),
-        ("measured_near", [2.29], {}, REPRODUCED),
-        ("measured_near", [2.31], {}, CONTRADICTED),
-        ("near", [10.9, 10.91, 10.92], {"best": 12.0}, REPRODUCED),  # error 1.1 where the paper's is 10: see printed
+        ("measured_near", [2.29], {}, MATCHES),
+        ("measured_near", [2.31], {}, NEAR),
+        ("measured_near", [2.61], {}, OFF),
+        ("near", [2.4, 2.41, 2.42], {}, NEAR),
+        ("near", [2.7, 2.71, 2.72], {}, OFF),
+        ("near", [1.9, 2.0, 3.0], {}, UNDECIDED),
+        ("about", [2.4, 2.41, 2.42], {}, REPRODUCED),
+        ("about", [2.7, 2.71, 2.72], {}, CONTRADICTED),
+        ("near", [10.9, 10.91, 10.92], {"best": 12.0}, MATCHES),  # error 1.1 where the paper's is 10: see printed
         ("calibrated", [9.0, 9.0], {}, CALIBRATED),
     ],
 )
@@ -154,20 +153,63 @@ def test_rules(rule, values, options, verdict):
     assert rules.RULES[rule]({"a": pd.Series(values)}, printed, **options).verdict == verdict
 
 
-@pytest.mark.parametrize(("rank", "verdict"), [(3, REPRODUCED), (4, CONTRADICTED)])
-def test_a_pair_is_confused_where_it_is_among_the_worst_three(workspace, rank, verdict):
-    claim = BY_ID["sp_resnet/confused-pressure-paper_roll-toy"]
-    place = {"experiment": "glove", "protocol": "session_pressure", "condition": "pressure", "model": "sp_resnet"}
-    pair, both = place | {"variant": "paper_roll_and_toy"}, place | {"metric": "confusion"}
-    rows = [pair | both | {"seed": seed, "value": value} for seed, value in enumerate((0.2, 0.25, 0.3))]
-    rows += [both | {"variant": "mean_pair", "seed": seed, "value": 0.01} for seed in SEEDS]
-    rows += [pair | {"metric": "confusion_rank", "value": rank}]
-    assert claim.text.endswith("among the worst three.")
-    found = judge.judged(claim, evidence.Evidence(workspace, table(rows), VALUES))
-    assert found.verdict == verdict and found.ours == pytest.approx(24.0)
+def test_one_direction_of_many_contradicts_only_beyond_chance():
+    """Of 20 directions one fails at 2 %: alone that contradicts, among 20 it is what chance gives (Holm)."""
+    holds = {f"m{k}": pd.Series([1.0, 1.1, 0.9]) for k in range(19)}
+    fails = pd.Series([-0.06, -0.1, -0.14])
+    printed = dict.fromkeys([*holds, "fails"], 1.0)
+    assert rules.above({"fails": fails}, {"fails": 1.0}).verdict == CONTRADICTED
+    found = rules.above({**holds, "fails": fails}, printed)
+    assert found.verdict == UNDECIDED and "19 of 20 hold; least certain: fails" in found.reason
 
 
-def test_models_are_paired_by_seed_through_the_reader_of_results(workspace, tmp_path):
+def test_power_is_the_chance_of_the_good_verdict_if_the_paper_is_right():
+    """A gain of one standard deviation is seen with three runs in 11 % of cases (noncentral t), with ten in 80 %."""
+    rng = np.random.default_rng(1)
+    for n in (3, 10):
+        runs = pd.Series(rng.standard_normal(n))
+        runs = (runs - runs.mean()) / runs.std()
+        found = rules.above({"a": runs}, {"a": 1.0})
+        known = stats.nct.sf(stats.t.ppf(0.975, n - 1), n - 1, np.sqrt(n))
+        assert found.power == pytest.approx(known, abs=0.05)
+    assert np.isnan(rules.above({"a": runs}, {"a": np.nan}).power)
+
+
+@pytest.mark.parametrize(
+    ("half", "full", "verdict"), [(1.0, 1.0, REPRODUCED), (-1.0, 1.0, UNDECIDED), (None, 1.0, REPRODUCED)]
+)
+def test_a_claim_that_half_the_training_turns_is_undecided(half, full, verdict):
+    place = {"experiment": "touch", "protocol": "press", "condition": "single", "metric": "rmse"}
+    rows = [
+        place | {"model": model, "seed": seed, "budget": budget, "value": level + 0.01 * seed * (model == "poly")}
+        for budget, gap in (("half", half), ("full", full)) if gap is not None
+        for model, level in (("linear", 5 + gap), ("poly", 5.0)) for seed in SEEDS
+    ]  # fmt: skip
+    found, budget = judge.judged(BY_ID["lomp/nonlinear-single"], one_table.Results(table(rows)))
+    assert found.verdict == verdict and budget == "full"
+    assert ("moves with training" in found.reason) == (verdict == UNDECIDED)
+
+
+def test_recordings_are_judged_over_presses_drawn_anew():
+    """Starts of a network on the same presses agree to a percent; the presses themselves do not."""
+    rng = np.random.default_rng(2)
+    place = {"experiment": "velostat_recorded", "protocol": "repetition", "condition": "all"}
+    rows = []
+    for model, level in (("linear", 4.0), ("poly", 3.8), ("constant", 9.0)):
+        unit = level * (1 + 0.5 * rng.standard_normal(60)) ** 2
+        rows += [
+            place | {"model": model, "metric": "rmse", "seed": seed, "value": np.sqrt(unit.mean())} for seed in SEEDS
+        ]
+        rows += [place | {"model": model, "metric": "rmse_of_unit", "variant": f"unit_{k}", "seed": seed}
+                 | {"value": value, "n": 10} for seed in SEEDS for k, value in enumerate(unit)]  # fmt: skip
+    results = one_table.Results(table(rows))
+    draws = results.draws("velostat_recorded", "repetition", "all", "linear", "rmse", "full")
+    assert draws.mean() == pytest.approx(float(rows[0]["value"]), rel=0.02) and draws.std() > 0.05
+    found, _ = judge.judged(BY_ID["lomp/nonlinear-taxel/recorded"], results)
+    assert found.verdict == UNDECIDED and found.low < 0 < found.high
+
+
+def test_models_are_paired_by_seed_through_the_reader_of_results(tmp_path):
     """Three seeds in another order for each model: the interval is that of the differences of the same seed."""
     levels = {"linear": {0: 9.0, 1: 5.0, 2: 7.0}, "poly": {2: 5.9, 0: 8.0, 1: 3.8}}
     lines = [
@@ -177,8 +219,8 @@ def test_models_are_paired_by_seed_through_the_reader_of_results(workspace, tmp_
     ]
     header = "experiment,protocol,condition,model,seed,metric,unit,value,n"
     (tmp_path / "scores.csv").write_text("\n".join([header, *lines]) + "\n")
-    results = evidence.Evidence(workspace, one_table.read(one_table.of_reports(tmp_path)), VALUES)
-    found = judge.judged(BY_ID["lomp/nonlinear-single"], results)
+    results = one_table.Results(one_table.read(one_table.of_reports(tmp_path)))
+    found, _ = judge.judged(BY_ID["lomp/nonlinear-single"], results)
     known = stats.ttest_rel([9.0, 5.0, 7.0], [8.0, 3.8, 5.9]).confidence_interval(0.95)
     assert (found.low, found.high) == pytest.approx(tuple(known)) and found.ours == pytest.approx(1.1)
     assert found.verdict == REPRODUCED and found.runs == 3  # unpaired, the interval would include 0
@@ -206,10 +248,9 @@ def test_a_claim_of_five_lines_in_a_workspace_is_judged(workspace, tmp_path, mon
         "    above: double.tree - double.lomp\n"
     )
     *_, claim = entries.read(workspace)[0]
-    results = evidence.Evidence(workspace, one_table.read(one_table.of_reports(tmp_path)), VALUES)
-    row = judge.table([claim], results).iloc[0]
+    row = judge.table([claim], one_table.Results(one_table.read(one_table.of_reports(tmp_path)))).iloc[0]
     assert row.id == "lomp/tree-double" and row.claim == "On double touch 14.9 kPa lie between the tree and LoMP."
-    assert row.published == pytest.approx(22.35 - 7.49) and row.verdict == REPRODUCED and row.compatible == "no"
+    assert row.published == pytest.approx(22.35 - 7.49) and row.verdict == REPRODUCED
 
 
 @pytest.mark.parametrize(
