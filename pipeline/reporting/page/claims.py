@@ -8,22 +8,22 @@ from markupsafe import Markup
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
-from pipeline.claims.rules import NOT_TESTABLE, VERDICTS
+from pipeline.claims.rules import UNDECIDED, VERDICTS
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page.hypertext import SIGNS, anchor, figure, fill, markdown
 from pipeline.scoring.results import read_csv
 
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason"]
-COLUMNS += ["unit", "measured", "scale", *claim_text.BY_SCALE]
-HEADER = ["Verdict", "Claim", "Paper", "Section", "Data", "Published", "Ours [95 % interval]", "Unit"]
-HEADER += [*claim_text.BY_SCALE.values(), "Reason"]
+COLUMNS += ["unit", "measured", "protocol", "power", "seeds", "budget"]
+HEADER = ["Verdict", "Claim", "Paper", "Section", "Data", "Protocol", "Published", "Ours [95 % interval]", "Unit"]
+HEADER += ["Power", "Runs", "Budget", "Reason"]
 
 
 def read(workspace: Workspace) -> pd.DataFrame:
-    """Read claims_by_scale.csv, recorded data first. Raises InputError for a paper or a verdict that nobody knows."""
-    path, made_by = workspace.reports / "claims_by_scale.csv", "python -m pipeline.stages.judge"
+    """Read claims.csv, recorded data first. Raises InputError for a paper or a verdict that nobody knows."""
+    path, made_by = workspace.reports / "claims.csv", "python -m pipeline.stages.judge"
     claims = read_csv(path, COLUMNS, made_by)
-    for column in ("reason", *claim_text.BY_SCALE):
+    for column in ("reason", "budget"):
         claims[column] = claims[column].astype(object).where(claims[column].notna(), "")
     for column, known in (("paper", entries.papers(workspace)), ("verdict", SIGNS)):
         unknown = sorted(set(claims[column].astype(str)) - set(known))
@@ -45,7 +45,7 @@ def cards(workspace: Workspace, claims: pd.DataFrame, answers: Mapping[str, Mapp
         row, own = by_id.loc[asked["claim"]], claims[claims["paper"] == paper]
         unit = "" if row["unit"] == "1" else f" {row['unit']}"
         published = claim_text.value_text(row["published"], row["unit"])
-        counted = own[own["kind"].isin(claim_text.COUNTED)]
+        counted = claim_text.counted(own)
         bars = [
             (data, [(verdict, int((rows["verdict"] == verdict).sum())) for verdict in VERDICTS])
             for data, rows in counted.groupby("data")
@@ -54,7 +54,7 @@ def cards(workspace: Workspace, claims: pd.DataFrame, answers: Mapping[str, Mapp
             {"paper": paper, "title": titles[paper], "verdict": row["verdict"], "question": asked["question"]}
             | {"number": claim_text.ours_text(row["ours"], row["low"], row["high"], row["unit"]) + unit}
             | {"what": asked["number"], "published": "" if published == "-" else published + unit, "counts": bars}
-            | {"why": row["reason"].partition(":")[0] if row["verdict"] == NOT_TESTABLE else "", "claims": len(own)}
+            | {"why": row["reason"] if row["verdict"] == UNDECIDED else "", "claims": len(own)}
             | {"figure": figure(workspace, asked["figure"], captions.get(asked["figure"], asked["question"]))}
         )
     return made
@@ -68,10 +68,13 @@ def row_of(row, paper: entries.Paper) -> dict:
         Markup('<a href="#{}">{}</a>').format(experiment, paper.title),
         str(row.section),
         row.data,
+        row.protocol,
         claim_text.value_text(row.published, row.unit),
         claim_text.ours_text(row.ours, row.low, row.high, row.unit),
         "" if row.unit == "1" else row.unit,
-        *(getattr(row, column) or "-" for column in claim_text.BY_SCALE),
+        claim_text.power_text(row.power),
+        str(row.seeds),
+        row.budget or "-",
         row.reason,
     ]
     asked = {f"data-{key}": getattr(row, key) for key in ("paper", "verdict", "data", "kind")}
