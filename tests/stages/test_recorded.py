@@ -14,7 +14,7 @@ from pipeline.logs import sources
 from pipeline.stages import agreement, dataset, evaluate, ingest, latency, stress, train, window
 
 # A model in closed form of each, which every processor fits to the same digits but the last, and its protocols.
-MODEL = {"velostat_recorded": "linear", "strain_recorded": "ridge", "glove_recorded": "naive_bayes"}
+MODEL = {"velostat_recorded": "rbf", "strain_recorded": "ridge", "glove_recorded": "naive_bayes"}
 PROTOCOLS = {
     "velostat_recorded": ("repetition", "pike1_force_20"),
     "strain_recorded": ("within_day_xy", "across_days_xy", "new_places_xy"),
