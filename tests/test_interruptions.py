@@ -23,14 +23,14 @@ LIMITED = """
 import importlib, json, os, resource, sys
 from pipeline.base import arguments
 import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
-for number, (limit, stage, *arguments) in enumerate(json.loads(sys.argv[1])):
+for number, (limit, stage, *given) in enumerate(json.loads(sys.argv[1])):
     heard, said = os.pipe()  # a file's size is limited, a pipe's is not
     child = os.fork()
     if not child:
         os.close(heard)
         os.dup2(said, 2)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-        sys.argv = [stage, *arguments]
+        sys.argv = [stage, *given]
         arguments.run(importlib.import_module(f"pipeline.{stage}").main)
         os._exit(0)
     os.close(said)

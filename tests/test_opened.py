@@ -20,6 +20,7 @@ WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")
 ALWAYS = {
     "track": re.compile(
         r"dvc\.lock|mlruns(/.*)?|data/\w+/(dataset\.parquet|frames\.parquet|ingest\.json|latency|models)(/.*)?"
+        r"|pipeline/scoring/published\.csv"
     ),
     "agreement": re.compile(r"reports/agreement\.md(\..*)?|data/\w+/scores\.csv"),
 }

@@ -10,7 +10,7 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 from torch import nn
 
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.per_element import Blocks, ElementPolynomials
+from pipeline.learning.per_element import ElementPolynomials
 from pipeline.models.rbf import GaussianFeatures
 
 
@@ -51,15 +51,13 @@ class Polynomials(nn.Module):
 
     def __init__(self, step: ElementPolynomials):
         super().__init__()
-        self.blocks = Blocks(*step.blocks)
-        self.register_buffer("weights", torch.from_numpy(step.coef_.transpose(1, 0, 2).copy()))
+        self.register_buffer("owner", torch.tensor(step.owner))
+        self.register_buffer("weights", torch.from_numpy(step.coef_.copy()))
         self.register_buffer("bias", torch.from_numpy(step.intercept_))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        x = x[:, :, None]
-        parts = self.bias + sum(weights * x ** (power + 1) for power, weights in enumerate(self.weights))
-        rows, cols, height, width = self.blocks
-        return parts.reshape(-1, rows, cols, height, width).transpose(2, 3).flatten(1)
+        own = x.index_select(1, self.owner)
+        return self.bias + sum(weights * own ** (power + 1) for power, weights in enumerate(self.weights))
 
 
 class Gaussians(nn.Module):

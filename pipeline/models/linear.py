@@ -13,8 +13,6 @@ class Settings(Block):
 def build(spec: Spec) -> SklearnRegressor:
     """Return the unfitted model; a weight and a constant for each of 400 outputs are 800 fitted numbers.
 
-    Raises InputError for a map that does not divide into one block per element.
-
     Differs from paper: the paper does not say which frames its regressions see; here the last one.
     """
-    return per_element.polynomials(spec, "linear", degree=1, ridge=0.0)
+    return per_element.polynomials(spec, degree=1, ridge=0.0)

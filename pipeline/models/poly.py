@@ -20,8 +20,6 @@ class Settings(Block):
 def build(spec: Spec, *, degree: int, ridge: float) -> SklearnRegressor:
     """Return the unfitted model; degree 3 and a constant for each of 400 outputs are 1,600 fitted numbers.
 
-    Raises InputError for a map that does not divide into one block per element.
-
     Differs from paper: degree and regularisation are not given there; here 3 and a ridge, on the last frame alone.
     """
-    return per_element.polynomials(spec, "poly", degree, ridge)
+    return per_element.polynomials(spec, degree, ridge)

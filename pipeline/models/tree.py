@@ -25,12 +25,11 @@ class Settings(Block):
 def build(spec: Spec, *, each: str, min_samples_leaf: int, max_features: float) -> SklearnRegressor:
     """Return trees that try the share `max_features` of their inputs (drawn by the seed) at every split.
 
-    Fitted numbers: one threshold per inner node and the block of the map of every leaf. Raises InputError, with `each`
-    element, for a map that does not divide into one block per element.
+    Fitted numbers: one threshold per inner node and the block of the map of every leaf.
 
     Differs from paper: neither says how large its tree is; here leaves hold at least `min_samples_leaf` windows or
     images, and those of the tables are grown in full.
     """
     if each == "input":
         return tree_array.build(spec, min_samples_leaf=min_samples_leaf, max_features=max_features)
-    return per_element.trees(spec, "tree", min_samples_leaf, max_features)
+    return per_element.trees(spec, min_samples_leaf, max_features)

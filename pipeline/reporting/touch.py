@@ -47,7 +47,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
         main=main,
         conditions=conditions,
         touch_kpa=metrics.touch_threshold_kpa(settings),
-        ablation=ablation(report, settings["ablation"], main),
+        ablation=ablation(report, settings["ablation"], settings["models"], main),
         yardstick=settings["yardstick"],
     )
     panels = {f"{name} touch": (main, name) for name in ("single", "double") if name in conditions}
@@ -55,8 +55,11 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     experiment.write_speed(workspace, "touch", target, settings, panels, ("rmse", "RMSE (kPa)"), end=end)
 
 
-def ablation(report: Report, rows: Mapping[str, Mapping], protocol: str) -> list[dict]:
-    """Return what is changed in each row of `touch.ablation`, and its errors over those it is compared with."""
+def ablation(report: Report, rows: Mapping[str, Mapping], models: Mapping[str, Mapping], protocol: str) -> list[dict]:
+    """Return what is changed in each row of `touch.ablation`, and its errors over those it is compared with.
+
+    models: settings of the models of Table I, which a row without another one beside it is compared with.
+    """
     found = []
     for name, row in rows.items():
         if row["of"] in report.models:
@@ -67,7 +70,8 @@ def ablation(report: Report, rows: Mapping[str, Mapping], protocol: str) -> list
                 )
                 for condition in ("single", "double")
             }
-            changed = ", ".join(f"{key} {value}" for key, value in row["settings"].items()) if beside else ""
+            known = rows[beside]["settings"] if beside else models[row["of"]]
+            changed = ", ".join(f"{key} {value}" for key, value in row["settings"].items() if known.get(key) != value)
             compared = beside or f"{model_name(row['of'])}, Table I"
             found.append({"name": name, "of": row["of"], "changed": changed, "frames": row["frames"]})
             found[-1] |= {"beside": compared, "ratios": ratios}

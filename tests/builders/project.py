@@ -93,7 +93,7 @@ def copy_code(folder: Path) -> None:
 
 
 # Two halves of the pipeline that share no stage but that of SHARED: run side by side, they take half as long.
-SHARED = ("ingest_recorded@velostat_recorded",)  # of seconds
+SHARED = ("ingest_recorded@velostat_recorded", "count")  # of seconds
 HALVES = (
     ["render@touch", "render_recorded@velostat_recorded", "render_recorded@strain_recorded", "rightsize@touch"]
     + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded", "physics@touch", "physics@strain"],

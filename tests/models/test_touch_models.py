@@ -8,6 +8,7 @@ from builders.project import ROOT
 from pipeline import models
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.learning import per_element
 from pipeline.learning.regressors import Spec
 
 PAPER = Spec(8, 5, 5, 20, 20)
@@ -205,7 +206,13 @@ def test_the_polynomial_of_an_element_is_that_of_least_squares(key):
     np.testing.assert_allclose(model.predict(part[0]).reshape(-1, 4, 4)[:, 1, 2], expected, rtol=1e-4, atol=1e-2)
 
 
-@pytest.mark.parametrize("key", ["linear", "poly", "tree"])
-def test_a_map_that_does_not_divide_into_blocks_is_refused(key):
-    with pytest.raises(InputError, match=f"{key}: a map of 5x4 does not divide into equal blocks over 2x2"):
-        build(key, SMALL._replace(map_rows=5), SMALL_SETTINGS[key])
+def test_cells_are_of_the_element_that_their_centre_lies_above():
+    """5 cells over 2 elements: the one in the middle is the second's; each cell sees its own element alone."""
+    spec = Spec(1, 1, 2, 1, 5)
+    assert per_element.owners(spec) == (0, 0, 1, 1, 1)
+    assert set(per_element.owners(Spec(1, 3, 3, 20, 20))) == set(range(9))
+    x = np.random.default_rng(0).normal(size=(60, 1, 2)).astype(np.float32)
+    y = np.concatenate([x[:, 0, [0, 0]], x[:, 0, [1, 1, 1]]], axis=1) * np.arange(1, 6, dtype=np.float32)
+    model = build("linear", spec, {})
+    model.fit((x, y), (x, y), seed=0)
+    np.testing.assert_allclose(model.predict(x), y, atol=1e-5)

@@ -13,8 +13,9 @@ from pipeline.base import params
 from pipeline.logs import sources
 from pipeline.stages import agreement, dataset, evaluate, ingest, latency, stress, train, window
 
-# A model in closed form of each, which every processor fits to the same digits but the last, and its protocols.
-MODEL = {"velostat_recorded": "linear", "strain_recorded": "ridge", "glove_recorded": "naive_bayes"}
+# A model in closed form of each, which every processor fits to the same digits but the last (RBF-Net is none: of six
+# k-means fits on another processor one ends 0.25 % off), and its protocols.
+MODEL = {"velostat_recorded": "constant", "strain_recorded": "ridge", "glove_recorded": "naive_bayes"}
 PROTOCOLS = {
     "velostat_recorded": ("repetition", "pike1_force_20"),
     "strain_recorded": ("within_day_xy", "across_days_xy", "new_places_xy"),
