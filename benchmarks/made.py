@@ -120,10 +120,10 @@ def glove_frames(objects: int, sessions: int, frames: int) -> pa.Table:
     return pa.table(columns).select(schema.names).cast(schema)
 
 
-def at_paper_scale(folder: Path) -> dict:
-    """Return the settings with scales/paper.yaml applied; a copy in `folder` is what is changed."""
+def at_papers_amount(folder: Path) -> dict:
+    """Return the settings with the amounts of touch of the paper; a copy in `folder` is what is changed."""
     copy = copied(ROOT / "params.yaml", folder)
-    set_values(params.parsed(ROOT / "scales" / "paper.yaml"), copy)
+    set_values(params.parsed(ROOT / "evidence" / "shards.yaml")["touch_random_window"]["set"], copy)
     return params.load(copy)
 
 

@@ -65,11 +65,11 @@ def ingest(folder: Path, _):
 
 def dataset(folder: Path, _):
     """Frames to windows to a dataset: both stages, with the papers' amounts of windows and splits."""
-    from benchmarks.made import at_paper_scale
+    from benchmarks.made import at_papers_amount
     from pipeline.base import params
     from pipeline.stages import dataset, window
 
-    values = at_paper_scale(folder)
+    values = at_papers_amount(folder)
     params.load = lambda *_: values  # in this process, which ends with the task
     workspace = Workspace(folder)
 

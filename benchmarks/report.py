@@ -10,7 +10,6 @@ from pipeline.reporting.words.markdown import table
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
 TABLES = {  # in the folder of this report, each written by its benchmark
     "inference.csv": "what one prediction takes of torch, of the predictor and of ONNX Runtime",
-    "scale_cost.csv": "what the papers' scale would cost, by network",
     "repro_stages.csv": "what each stage of a full run takes",
 }
 NO_BREAK = "\N{NO-BREAK SPACE}"  # a number stays with its unit

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks import growth, made, peers, report, repro_stages, rows, scale_cost
+from benchmarks import growth, made, peers, report, repro_stages, rows
 from benchmarks.made import ROOT
 from benchmarks.test_benchmark_repro import FORBIDDEN
 from pipeline.experiments import touch
@@ -102,7 +102,6 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
     large = rows.row("large", what="a large thing", ours=1.5, most=2, **shared)
     rows.merge(tmp_path / "benchmarks.csv", [slow, large, rows.failed("broken", "full")])
     growth.write(tmp_path, [growth.Point("ingest", growth.DATA, n, "MB of log", 0.1 * n, 50.0) for n in (1, 4, 16)])
-    scale_cost.write(tmp_path / "benchmarks" / "scale_cost.csv", [])
     report.write(tmp_path)
     text = (tmp_path / "benchmarks" / "README.md").read_text().replace("\N{NO-BREAK SPACE}", " ")
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
@@ -111,7 +110,7 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
     assert any(line[0] == "broken" and "**failed**" in line for line in cells)
     assert ["ingest", "1, 4, 16 MB of log", "0.1, 0.4, 1.6", "50, 50, 50", "1.00", "0.00"] in cells
     assert "- [data.png](data.png): With more data, the time of " in text
-    assert "[scale_cost.csv](scale_cost.csv)\n\n" in text and "speedruns.csv" not in text
+    assert "speedruns.csv" not in text
     assert all(f"- {name}: " in text for name in ("machine", "versions", "date"))
 
 
@@ -125,22 +124,6 @@ def test_what_one_setting_must_not_run():
     for stages, expected in ((allowed, False), (forbidden, True)):
         for stage in stages.split():
             assert bool(re.search(FORBIDDEN, stage)) == expected, stage
-
-
-def test_the_papers_scale_costs_what_its_amounts_say(tmp_path):
-    before = (ROOT / "params.yaml").read_bytes()
-    values = made.at_paper_scale(tmp_path)
-    assert scale_cost.training_rows(values, "touch", "lomp_stream") == round(0.8 * 331_000)
-    assert scale_cost.training_rows(values, "glove", "sp_resnet") == round(0.8 * 16 * 950)
-    values["touch"]["models"]["cnn"]["training"]["rest_share"] = 0.5
-    seen = scale_cost.training_rows(values, "touch", "cnn")
-    assert seen == pytest.approx(264_800 * (0.753 + 0.5 * 0.247), abs=1)
-    values["touch"]["models"]["cnn"]["training"]["epochs"] = 3
-    values["touch"]["protocols"]["random_window"]["passes"] = 2
-    cost = scale_cost.cost(values, "touch", "cnn", seconds=1e-3)
-    assert cost.runs == 10 and cost.epochs == 5 * 3 + 5 * 2 * 3
-    assert cost.core_hours == pytest.approx(1e-3 * seen * 45 / 3600)
-    assert (ROOT / "params.yaml").read_bytes() == before
 
 
 STAT = """cpu  1000 200 300 9000 50 0 7 0 0 0

@@ -60,7 +60,6 @@ def workspace(tmp_path) -> Workspace:
     """Return a workspace with the repository's settings, and nothing else."""
     made = Workspace(tmp_path)
     copied(ROOT / "params.yaml", made.root)
-    shutil.copytree(ROOT / "scales", made.scales)
     return made
 
 

@@ -257,24 +257,6 @@ def test_every_model_block_fits_its_build():
             models.build(model, spec or windows.spec(VALUES[experiment]), block, f"{experiment}.models.{model}")
 
 
-@pytest.mark.parametrize("scale", ["laptop", "paper"])
-def test_scales_set_values_that_params_yaml_accepts(scale, tmp_path):
-    copy = copied(ROOT / "params.yaml", tmp_path)
-    values = yaml.safe_load((ROOT / "scales" / f"{scale}.yaml").read_text())
-    set_values(values, copy)
-    loaded = params.load(copy)
-    for dotted, value in values.items():
-        block = loaded
-        for key in dotted.split("."):
-            block = block[key]
-        assert block == value
-    if scale == "laptop":  # the settings are the laptop scale, to the letter
-        for file in params.settings_files(copy):
-            assert file.read_text() == (ROOT / file.relative_to(tmp_path)).read_text()
-    laptop = yaml.safe_load((ROOT / "scales" / "laptop.yaml").read_text())
-    assert set(values) == set(laptop), "every scale sets the same keys, so that one undoes the other"
-
-
 def test_numbers_in_documents_are_those_of_the_reports():
     reports = "\n".join(path.read_text() for path in (ROOT / "reports").rglob("*.md"))
     results = (ROOT / "docs" / "results.md").read_text()
@@ -285,12 +267,6 @@ def test_numbers_in_documents_are_those_of_the_reports():
     assert len(rows) > 40 and len(findings) > 10
     for line in rows + findings:
         assert line.replace("](../reports/", "](").replace("](reports/", "](") in reports, f"no report has: {line}"
-
-
-def test_the_readme_says_what_the_papers_scale_changes():
-    text = " ".join((ROOT / "README.md").read_text().split())
-    said = re.search(r"Another verdict at the papers' scale than here: .*? judged at both\.", text)
-    assert said and said[0] in (ROOT / "reports" / "claims.md").read_text()
 
 
 def test_links_of_documents_lead_somewhere():

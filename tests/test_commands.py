@@ -212,7 +212,7 @@ def test_the_installed_command_is_that_of_the_room():
         "`python -m pipeline.stages.ingest tuch`",
         "`python -m pipeline.stages.train touch esn`",
         "`python -m pipeline.commands.fetch velostat_recorded`",
-        "tactile paper-scale tuch && dvc repro",
+        "tactile calibrate tuch && dvc repro",
         "run `dvc repro train@touch@lomp` again",
         "dvc repro render@touch && dvc repro rendr",
         "run `tactile fecth velostat_recorded`",

@@ -1,11 +1,10 @@
 """Load the settings, params.yaml and params/<experiment>.yaml, and refuse wrong keys and values.
 
-A key has the same dotted name in messages, files of scales/ and settings.yaml of own logs: `touch.window.stride` is in
+A key has the same dotted name in messages, in evidence/shards.yaml and in settings.yaml of own logs: `touch.window.stride` is in
 the block `touch` of params/touch.yaml.
 """
 
 import difflib
-import functools
 import reprlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -23,7 +22,6 @@ from pipeline.settings.models import Models
 from pipeline.settings.shared import Block
 
 DEEPEST = 20  # blocks and lists inside each other; the settings have 8. The parser in C crashes at some 30,000
-SCALES = ("laptop", "paper")  # files of scales/
 
 
 def load(path: Path, sources: Mapping[str, str] | None = None) -> dict:
@@ -209,36 +207,6 @@ def check_model(key: str, settings, where: str) -> Block:
             f"{file_of(where)}, {where}: there is no pipeline/models/{key}.py; {hint(key, Models.model_fields)}"
         )
     return check_block(settings, Models.model_fields[key].annotation, where)
-
-
-def scale_settings(scales: Path, name: str, experiment: str, settings: Mapping) -> list[tuple[list[str], object]]:
-    """Return (keys, value) of every setting of a scale (a file of scales/) below an experiment, of what it has.
-
-    A model or protocol that is not among its own has no settings.
-
-    scales: the folder of scales; settings: the experiment's block of settings.
-    """
-    scale = [(dotted.split("."), value) for dotted, value in parsed(scales / f"{name}.yaml").items()]
-    below = [(keys, value) for (block, *keys), value in scale if block == experiment]
-    chosen = ("models", "protocols")
-    return [(keys, value) for keys, value in below if keys[0] not in chosen or keys[1] in settings[keys[0]]]
-
-
-def scale_of(scales: Path, experiment: str, settings: Mapping) -> str:
-    """Return the scale that an experiment's settings are of: laptop, paper, both where they are the same, or other.
-
-    scales: the folder of scales; settings: the experiment's block of settings. What only a study of it reads is not
-    looked at.
-    """
-    names = [
-        name
-        for name in SCALES
-        if all(
-            functools.reduce(lambda block, key: block[key], keys, settings) == value
-            for keys, value in scale_settings(scales, name, experiment, settings)
-        )
-    ]
-    return "both" if len(names) > 1 else names[0] if names else "other"
 
 
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:

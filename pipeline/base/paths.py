@@ -26,11 +26,6 @@ class Workspace:
         return self.root / "params.yaml"
 
     @property
-    def scales(self) -> Path:
-        """Return the folder of amounts of data, epochs and runs: laptop.yaml, paper.yaml."""
-        return self.root / "scales"
-
-    @property
     def sources(self) -> Path:
         """Return the folder of public recordings that the user downloaded."""
         return self.root / "data" / "sources"

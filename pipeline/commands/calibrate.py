@@ -1,8 +1,8 @@
 """Try values of the one setting that a scene's difficulty is set by, and compare its yardstick with the published one.
 
 The yardstick of an experiment (setting `<experiment>.yardstick`) is the error of one model over that of another,
-which does not depend on the scale of errors. For every value of the knob the scene is simulated at the scale of
-params.yaml (`--paper-scale`: the papers'), both models are trained, and the ratio is taken on the validation part; test
+which does not depend on the scale of errors. For every value of the knob the scene is simulated with the amounts of
+params/ (`--set`: of a set of evidence/shards.yaml), both models are trained, and the ratio is taken on the validation part; test
 parts are not read. Nothing is changed: write the value you choose into params/<experiment>.yaml.
 """
 
@@ -19,7 +19,7 @@ from pipeline import experiments
 from pipeline.base import params, workers
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import classification
+from pipeline.scoring import classification, shards
 from pipeline.stability import changed_scene
 
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the present value, where no values are given
@@ -30,15 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("experiment", choices=["touch", "strain", "glove"])
     parser.add_argument("values", nargs="*", type=float, help="values of the knob (0.5 to 2 times the present one)")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0], help="of scene, split and training (0)")
-    parser.add_argument(
-        "--paper-scale", action="store_true", help="with the papers' amounts of data, those of scales/paper.yaml"
-    )
+    parser.add_argument("--set", help="with the amounts of data of this set of evidence/shards.yaml")
 
 
-def at_paper_scale(workspace: Workspace, values: Mapping, experiment: str) -> None:
-    """Set the experiment's block of settings, in place, to the values of scales/paper.yaml."""
-    for (*keys, last), value in params.scale_settings(workspace.scales, "paper", experiment, values[experiment]):
-        reduce(getitem, keys, values[experiment])[last] = value
+def with_amounts_of(workspace: Workspace, values: Mapping, name: str, experiment: str) -> None:
+    """Change settings, in place, to those of a set of the evidence. Raises InputError for one of another experiment."""
+    sets = shards.read_sets(workspace)
+    known = [key for key, each in sets.items() if each.experiment == experiment]
+    params.check_known([name], known, "evidence/shards.yaml")
+    for dotted, value in sets[name].set.items():
+        *keys, last = dotted.split(".")
+        reduce(getitem, keys, values)[last] = value
 
 
 def changes_of(knob: str, value: float) -> dict:
@@ -88,8 +90,8 @@ def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Print one line per value of the knob and seed, and the value whose mean ratio is nearest to the published one."""
     values = params.load(workspace.params)
-    if given.paper_scale:
-        at_paper_scale(workspace, values, given.experiment)
+    if given.set:
+        with_amounts_of(workspace, values, given.set, given.experiment)
     settings = values[given.experiment]
     chosen, file = settings["yardstick"], params.file_of(given.experiment)
     if settings["source"] != "simulated":

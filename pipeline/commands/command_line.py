@@ -18,9 +18,7 @@ from pipeline.commands import (
     fit_material,
     fit_strain,
     live,
-    longer,
     own,
-    paper_scale,
     predict,
     quick_look,
     rates,
@@ -41,8 +39,6 @@ COMMANDS = {
     "evidence": evidence,
     "calibrate": calibrate,
     "rates": rates,
-    "longer": longer,
-    "paper-scale": paper_scale,
     "bundle": bundle,
 }
 

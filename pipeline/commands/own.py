@@ -126,13 +126,12 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
 
 
 def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) -> None:
-    """Make or renew a workspace: the settings with this sensor's settings, the scales, its logs.
+    """Make or renew a workspace: the settings with this sensor's settings, its logs.
 
     The logs are links to the files of its folder. What the stages have written there stays. seeds: of every protocol;
     models: keys of the settings, None: all that there are.
     """
     experiment, folder, name, workspace = sensor
-    shutil.copytree(checkout.scales, workspace.scales, dirs_exist_ok=True)
     settings = copied(checkout.params, workspace.root)
     block = params.read(settings)[experiment]
     kept = {key: dict(value) for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)}

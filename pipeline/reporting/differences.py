@@ -1,15 +1,11 @@
-"""Collect where the code and its amounts differ from the papers: the comments that say so, and settings."""
+"""Collect where the code differs from the papers: the comments that say so."""
 
-import json
 import re
 from collections.abc import Iterable, Mapping
-from functools import reduce
-from operator import getitem
 from pathlib import Path
 
 from pipeline import experiments
-from pipeline.base import params, paths
-from pipeline.base.paths import Workspace
+from pipeline.base import paths
 
 MARK = re.compile(r"Differs from paper:\s*(.*)")
 FITTING = {
@@ -25,30 +21,15 @@ SCENES = {
 }  # the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open
 
 
-def of_experiment(workspace: Workspace, experiment: str, settings: Mapping) -> list[tuple[str, str]]:
-    """Read the differences of one experiment from its paper: (file, text), first those in code, then amounts."""
+def of_experiment(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
+    """Read the differences of one experiment from its paper: (file, text)."""
     names = [
         *(f"learning/{name}" for name in FITTING[experiments.module(experiment).KIND]),
         f"experiments/{experiment}",
         *SCENES.get(experiment, []),
         *(f"models/{model}" for model in settings["models"]),
     ]
-    return read(paths.CODE, (f"{name}.py" for name in names)) + amounts(workspace, experiment, settings)
-
-
-def amounts(workspace: Workspace, experiment: str, settings: Mapping) -> list[tuple[str, str]]:
-    """Return the values of params.yaml that are not the papers': (file, text); settings: the experiment's block.
-
-    The papers' amounts of data, epochs and runs are the values of scales/paper.yaml.
-    """
-    differences = []
-    for keys, papers in params.scale_settings(workspace.scales, "paper", experiment, settings):
-        ours = reduce(getitem, keys, settings)
-        if ours != papers:
-            name = ".".join([experiment, *keys])
-            text = f"`{name}` is {json.dumps(ours)}; at the paper's scale {json.dumps(papers)}."
-            differences.append((params.file_of(experiment), text))
-    return differences
+    return read(paths.CODE, (f"{name}.py" for name in names))
 
 
 def read(folder: Path, names: Iterable[str]) -> list[tuple[str, str]]:

@@ -37,7 +37,7 @@ class Report:
         rows = published.table(paper).itertuples()
         self._printed = {(row.condition, row.model, row.variant, row.metric): (row.value, row.step) for row in rows}
         self._claims: Callable[..., list[str]] = sentences_of(workspace, experiment)
-        self._differences = differences.of_experiment(workspace, experiment, settings)
+        self._differences = differences.of_experiment(experiment, settings)
 
     def estimate(self, protocol: str, condition: str, model: str, metric: str, variant: str = "") -> Estimate:
         """Return mean and interval over the seeds of one protocol."""

@@ -46,9 +46,12 @@ def folder(workspace: Workspace) -> Path:
 def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     """Return name -> set, in the order in which shards are computed. Raises InputError for a wrong key or value."""
     path = paths.require(folder(workspace) / "shards.yaml", "git checkout evidence/shards.yaml")
+    blocks = params.parsed(path)
     return {
-        name: params.check_block(block, ShardSet, name, {name: "evidence/shards.yaml"})
-        for name, block in params.parsed(path).items()
+        name: params.check_block(
+            {**blocks.get(block.get("like"), {}), **block}, ShardSet, name, {name: "evidence/shards.yaml"}
+        )
+        for name, block in blocks.items()
     }
 
 

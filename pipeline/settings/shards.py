@@ -21,4 +21,5 @@ class ShardSet(Block):
     )
     variant: str = Field(default="", description="Variant of the rows, where another set has the same protocols")
     minutes: Count = Field(description="Of a `full` shard on two cores, about; the next shards are chosen by it")
+    like: str = Field(default="", description="Set whose data it shares, and whose keys it has where it names no own")
     set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")

@@ -38,12 +38,12 @@ def settings_of(workspace: Workspace, each: ShardSet, target: Workspace, further
     """Write the settings of a set to a folder, with `further` dotted ones, and return them."""
     target.root.mkdir(parents=True, exist_ok=True)
     settings = copied(workspace.params, target.root)
+    set_values(dict(each.set), settings, "evidence/shards.yaml")
     values = params.read(settings)[each.experiment]
     kept = {name: dict(values["protocols"][name]) for name in each.protocols}
     models = {name: values["models"][name] for name in each.models or values["models"]}
     name = each.experiment
     set_values({f"{name}.protocols": kept, f"{name}.models": models}, settings)
-    set_values({key: value for key, value in each.set.items()}, settings, "evidence/shards.yaml")
     set_values(dict(further), settings)
     values = params.read(settings)  # of a folder of its own: params.load is for what this stage itself was called with
     params.check(values, dict.fromkeys(each.set, "evidence/shards.yaml"))
@@ -58,10 +58,18 @@ def at_budget(block: Mapping, budget: str) -> dict:
     return {**block, "training": {**block["training"], **halved}}
 
 
-def make_data(workspace: Workspace, name: str, each: ShardSet) -> Workspace:
-    """Return the folder in which the data of a set are, made anew where they are not of these settings and code."""
+def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> Workspace:
+    """Return the folder in which the data of a set are, made anew where they are not of these settings and code.
+
+    Sets that share data are made at once: with the protocols of all of them, of as many seeds as the most have.
+    """
+    sharing = [one for key, one in sets.items() if name in (key, one.like)]
+    each = sets[name].model_copy(update={"models": [], "protocols": sorted({p for one in sharing for p in one.protocols})})
     data = Workspace(workspace.root / "build" / "evidence" / name)
-    every = {f"{each.experiment}.protocols.{one}.seeds": list(range(each.seeds)) for one in each.protocols}
+    every = {
+        f"{each.experiment}.protocols.{one}.seeds": list(range(max(other.seeds for other in sharing)))
+        for one in each.protocols
+    }
     values = settings_of(workspace, each, data, every)
     block = {key: value for key, value in values[each.experiment].items() if key not in UNMADE}
     code = sorted(path for room in ROOMS for path in (paths.CODE / room).rglob("*.py"))
@@ -84,12 +92,13 @@ def make_data(workspace: Workspace, name: str, each: ShardSet) -> Workspace:
     return data
 
 
-def compute(workspace: Workspace, shard: Shard, each: ShardSet) -> None:
+def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) -> None:
     """Compute a shard and write its results."""
-    data = make_data(workspace, shard.set, each)
+    each = sets[shard.set]
+    data = make_data(workspace, sets, each.like or shard.set)
     started = sum(os.times()[:4])
     own = Workspace(workspace.root / "build" / "evidence" / shard.name)
-    values = params.read(data.params)[each.experiment]
+    values = settings_of(workspace, each, own, {})[each.experiment]
     further = {f"{each.experiment}.protocols.{name}.seeds": [shard.seed] for name in each.protocols}
     further[f"{each.experiment}.models"] = {
         name: at_budget(block, shard.budget) for name, block in values["models"].items()
@@ -170,7 +179,7 @@ def main(workspace: Workspace) -> None:
     given = arguments.parse(__doc__, set=tuple(sets), seed=None, budget=shards.BUDGETS)
     known = [str(seed) for seed in range(sets[given.set].seeds)]
     params.check_known([given.seed], known, f"evidence/shards.yaml, {given.set}")
-    compute(workspace, Shard(given.set, int(given.seed), given.budget), sets[given.set])
+    compute(workspace, Shard(given.set, int(given.seed), given.budget), sets)
 
 
 if __name__ == "__main__":

@@ -16,8 +16,8 @@ from pipeline.base.params_file import set_values
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
-PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params", "params.yaml", "scales")
-PARTS += ("reports/material", "reports/longer/README.md", "reports/paper_scale/README.md")
+PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params", "params.yaml")
+PARTS += ("reports/material",)
 
 
 def leaves(block: dict, path: str = "") -> Iterator[str]:

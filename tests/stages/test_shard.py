@@ -37,6 +37,13 @@ def test_a_set_is_of_settings_that_there_are(name, tmp_path):
     assert simulated is None or simulated["specimens"] >= each.seeds  # each seed has a specimen of its own
 
 
+def test_sets_that_share_data_ask_for_the_same():
+    for name, each in SETS.items():
+        if each.like:
+            other = SETS[each.like]
+            assert (each.experiment, each.set, other.like) == (other.experiment, other.set, ""), name
+
+
 def test_half_of_the_budget_is_half_of_the_epochs():
     block = {"units": 50, "training": {"learning_rate": 0.1, "epochs": 15, "drop_epoch": 8}}
     assert shard.at_budget(block, "full") == block
@@ -54,7 +61,7 @@ def strain(tmp_path_factory):
     each = SETS["strain"].model_copy(update={"seeds": 1, "set": {}})
 
     def compute():
-        shard.compute(workspace, Shard("strain", 0, "half"), each)
+        shard.compute(workspace, Shard("strain", 0, "half"), {"strain": each})
 
     compute()
     return workspace, compute
