@@ -7,6 +7,7 @@ from pydantic import Field
 from pipeline.settings.models import Models
 from pipeline.settings.shared import (
     Block,
+    Budget,
     Count,
     Distinct,
     Fraction,
@@ -157,6 +158,7 @@ class Glove(Block):
     window: Thinning = Field(description="Which frames become images")
     split: SplitInThree = Field(description="How sessions or frames are divided")
     protocols: dict[Text, Protocol] = Field(description="<split>_<dataset of images>, and their seeds")
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     augmentation: Augmentation = Field(description="Table 2: a model with single augmentation methods on")
     input_frames: InputFrames = Field(description="Figure 15: networks that see several frames at once")

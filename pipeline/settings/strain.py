@@ -8,6 +8,7 @@ from pipeline.settings.models import Models
 from pipeline.settings.shared import (
     AlignedIngest,
     Block,
+    Budget,
     Count,
     CountOrNone,
     Distinct,
@@ -226,6 +227,7 @@ class Strain(Block):
     window: LookBack = Field(description="How far models of windows look back")
     model_zero: Text = Field(description="Model that is trained on task 0, for transfer")
     protocols: Annotated[dict[Text, Protocol], Field(min_length=1)] = Field(description="Tasks that are run")
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     study: Study = Field(description="What the paper asserts and does not test")
     latency: Latency = Field(description="How the time of a prediction is measured")

@@ -8,6 +8,7 @@ from pipeline.settings.models import Models
 from pipeline.settings.shared import (
     AlignedIngest,
     Block,
+    Budget,
     Count,
     CountOrNone,
     Distinct,
@@ -256,6 +257,7 @@ class Touch(Block):
     label: Label = Field(description="The pressure maps that models are asked for")
     split: TouchSplit = Field(description="How single touches are divided")
     protocols: Protocols = Field(description="Ways of dividing the data, and their seeds")
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     ablation: dict[Text, AblationRow] = Field(description="Rows beside those of Table I, by name")
     latency: Latency = Field(description="How the time of a prediction is measured")

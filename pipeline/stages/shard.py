@@ -22,14 +22,14 @@ from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
 from pipeline.scoring import claim_inputs, shards, units
-from pipeline.scoring.one_table import HALF
+from pipeline.scoring.one_table import FULL, HALF
 from pipeline.scoring.results import read_csv
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import ShardSet
 
 CURVE_POINTS = 20
-EPOCHS = ("epochs", "drop_epoch")  # settings of a training that a budget is a share of
-UNMADE = ("models", "ablation", "augmentation", "input_frames", "latency", "study", "yardstick")  # no data from these
+SHARES = {HALF: 0.5, FULL: 1.0}  # of the epochs of a recipe, by budget
+UNMADE = ("budget", "models", "ablation", "augmentation", "input_frames", "latency", "study", "yardstick")  # no data from these
 ROOMS = ("datasets", "experiments", "logs", "scenes", "tasks")  # code that makes data
 MEASURED = "train_s"  # metric: goes to times.csv, for results are the same in every run
 
@@ -50,12 +50,10 @@ def settings_of(workspace: Workspace, each: ShardSet, target: Workspace, further
     return values
 
 
-def at_budget(block: Mapping, budget: str) -> dict:
-    """Return the settings of a model whose training has the epochs of a budget: half of them, or all."""
-    if "training" not in block or budget != HALF:
-        return dict(block)
-    halved = {key: math.ceil(block["training"][key] / 2) for key in EPOCHS if key in block["training"]}
-    return {**block, "training": {**block["training"], **halved}}
+def further_of(shard: Shard, each: ShardSet) -> dict:
+    """Return the dotted settings in which a shard differs from its set: one seed, and a share of every training."""
+    budget = {f"{each.experiment}.budget": SHARES[shard.budget]}
+    return budget | {f"{each.experiment}.protocols.{name}.seeds": [shard.seed] for name in each.protocols}
 
 
 def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> Workspace:
@@ -98,12 +96,7 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
     data = make_data(workspace, sets, each.like or shard.set)
     started = sum(os.times()[:4])
     own = Workspace(workspace.root / "build" / "evidence" / shard.name)
-    values = settings_of(workspace, each, own, {})[each.experiment]
-    further = {f"{each.experiment}.protocols.{name}.seeds": [shard.seed] for name in each.protocols}
-    further[f"{each.experiment}.models"] = {
-        name: at_budget(block, shard.budget) for name, block in values["models"].items()
-    }
-    values = settings_of(workspace, each, own, further)
+    values = settings_of(workspace, each, own, further_of(shard, each))
     folder = own.experiment_folder(each.experiment)
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("dataset.parquet", "frames.parquet", "ingest.json"):
