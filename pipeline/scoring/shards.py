@@ -4,6 +4,7 @@ A shard is one seed of an experiment at one budget of training, of all models. e
 set, for each amount of data; its shards are called `<set>-<seed>-<budget>`. The files of the evidence:
 
 * results/<shard>.csv: rows of the one table of results.
+* studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
 * index.csv: of each shard its digest, costs, machine and commit; times.csv: core-seconds of each training.
 """
@@ -16,12 +17,14 @@ import pandas as pd
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.scoring.claim_inputs import COLUMNS
 from pipeline.scoring.one_table import FULL, HALF
 from pipeline.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
+STUDY = "study"  # in the column `protocol` of index.csv, for a study
 MADE_BY = "tactile evidence"
 
 
@@ -57,7 +60,17 @@ def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
 
 def shards(sets: dict[str, ShardSet]) -> list[Shard]:
     """Return all shards: of each set first the seeds at both budgets, so that a verdict grows seed by seed."""
-    return [Shard(name, seed, at) for name, each in sets.items() for seed in range(each.seeds) for at in BUDGETS]
+    return [Shard(name, seed, at) for name, each in sets.items() for seed in range(each.seeds) for at in budgets(each)]
+
+
+def budgets(each: ShardSet) -> tuple[str, ...]:
+    """Return the budgets of a set; a study has its own recipe, which is run whole."""
+    return (FULL,) if each.study else BUDGETS
+
+
+def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> Path:
+    """Return the file that keeps one seed of a table of a study; `Workspace.study` finds those of all seeds."""
+    return folder(workspace) / "studies" / experiment / f"{table}-{seed}.csv"
 
 
 def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None:
@@ -70,11 +83,13 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 
 def read(workspace: Workspace) -> pd.DataFrame:
     """Return the rows of all committed shards. Raises InputError where a file is not as index.csv says."""
-    tables = []
+    tables = [pd.DataFrame(columns=COLUMNS)]
     index = folder(workspace) / "index.csv"
     for row in pd.read_csv(paths.require(index, MADE_BY), dtype=str).itertuples():
+        if row.protocol == STUDY:
+            continue
         path = paths.require(folder(workspace) / "results" / f"{row.shard}.csv", MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         tables.append(pd.read_csv(path, keep_default_na=False, na_values={"value": ["nan"]}))
-    return pd.concat(tables, ignore_index=True).drop_duplicates()
+    return pd.concat(tables[1:] or tables, ignore_index=True).drop_duplicates()

@@ -127,7 +127,6 @@ class Augmentation(Block):
 
     model: Text = Field(description="Model that is trained")
     split: Text = Field(description="How data are divided, `session` or `random_frames`")
-    seeds: Seeds = Field(description="Seeds of every run")
 
 
 class InputFrames(Block):
@@ -136,7 +135,6 @@ class InputFrames(Block):
     dataset: Literal["pressure", "combined"] = Field(description="Dataset of images, one with claims on figure 15")
     split: Text = Field(description="How data are divided, `session` or `random_frames`")
     numbers: Distinct[Annotated[int, Field(ge=1, le=8)]] = Field(description="Numbers of frames that a network sees")
-    seeds: Seeds = Field(description="Seeds of every run")
 
 
 class Stag(Block):

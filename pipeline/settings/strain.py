@@ -22,7 +22,6 @@ from pipeline.settings.shared import (
     Protocol,
     RateHz,
     SceneNumber,
-    Seeds,
     Specimens,
     Split,
     Text,
@@ -203,7 +202,6 @@ class Study(Block):
     """What the paper asserts and does not test."""
 
     tasks: Distinct[TaskOfTables] = Field(description="Tasks that are studied")
-    seeds: Seeds = Field(description="Seeds of every run")
     samples: Distinct[Annotated[int, Field(ge=2, le=1_000_000)]] = Field(description="Numbers of training samples")
     models: Distinct[Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]] = Field(
         description="Models that are trained on them"

@@ -232,7 +232,7 @@ class Protocols(SomeOf):
     random_window: RandomWindow = Field(default=None, description="By window, as the paper: windows overlap")
 
 
-class AblationRow(Protocol):
+class AblationRow(Block):
     """A row beside those of Table I: a model with one thing changed."""
 
     of: Text = Field(description="Model of the row")
