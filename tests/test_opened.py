@@ -15,6 +15,7 @@ OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|p
 DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
 WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")
+EVIDENCE = re.compile(r"evidence/(results|studies)(/.*)?")  # whatever of it changes, so does its index
 # These stages always run, so that what they read is never stale; what they write is no output of DVC's. Their deps say
 # after which stages they run: those that make the last of what they read.
 ALWAYS = {
@@ -43,6 +44,8 @@ def undeclared(project: Path, opened: set[tuple[str, str]], deps: Sequence[str],
     for how, path in sorted(opened):
         finished = DRAFT.sub("", path)
         if not finished or OWN.fullmatch(path) or covered(finished, outs if how == "write" else [*deps, *outs]):
+            continue
+        if how != "write" and EVIDENCE.fullmatch(path) and "evidence/index.csv" in deps:
             continue
         ran = WHETHER_RUN.fullmatch(path)
         if ran and {f"data/{ran[1]}/frames.parquet", f"data/{ran[1]}/dataset.parquet"} & set(deps):

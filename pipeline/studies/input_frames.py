@@ -64,11 +64,12 @@ def main(workspace: Workspace) -> None:
     values = params.load(workspace.params)
     experiment, seed = arguments.of_study(__doc__, ["glove"])
     settings, blocks = values[experiment]["input_frames"], values[experiment]["models"]
-    numbers = {name: {1, *(settings["numbers"] if name == settings["dataset"] else ())} for name in DATASETS}
+    datasets = [name for name in DATASETS if f"{settings['split']}_{name}" in values[experiment]["protocols"]]
+    numbers = {name: {1, *(settings["numbers"] if name == settings["dataset"] else ())} for name in datasets}
     trained = [model for model in MODELS if model in blocks]
     runs = [
         (experiment, dataset, model, frames, seed)
-        for dataset in DATASETS
+        for dataset in datasets
         for model in trained
         for frames in sorted(numbers[dataset])
     ]

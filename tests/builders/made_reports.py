@@ -285,7 +285,9 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
     (workspace.experiment_folder("glove") / "stag.csv").write_text("form,model,seed,frames,metric,unit,value,n\n")
     several = by_frames({"sp_resnet": [0.7, 0.8], "resnet3x3": [0.6, 0.75]})
     one = by_frames({"sp_resnet": [0.65, 0.68, 0.72], "resnet3x3": [0.5, 0.6, 0.65]}, 1, "mean")
-    together = pd.concat([several.assign(condition="combined"), *(one.assign(condition=d) for d in ("combined", "pressure"))])
+    together = pd.concat(
+        [several.assign(condition="combined"), *(one.assign(condition=d) for d in ("combined", "pressure"))]
+    )
     studied(workspace, "glove", "input_frames", together)
     workspace.reports.mkdir(exist_ok=True)
     rows = [

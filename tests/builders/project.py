@@ -12,6 +12,8 @@ from pathlib import Path
 import yaml
 
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
+from pipeline.scoring import shards
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
@@ -43,6 +45,9 @@ class Project:
                 shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
             else:
                 shutil.copy(source, target)
+        index = self.folder / "evidence" / "index.csv"  # of no shard
+        index.parent.mkdir()
+        index.write_text(",".join(shards.INDEX) + "\n")
         (self.folder / "pipeline").symlink_to(ROOT / "pipeline")  # DVC hashes what is behind it
         self.environment = os.environ | {
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
@@ -95,10 +100,10 @@ def copy_code(folder: Path) -> None:
 # Two halves of the pipeline that share no stage but that of SHARED: run side by side, they take half as long.
 SHARED = ("ingest_recorded@velostat_recorded", "count")  # of seconds
 HALVES = (
-    ["render@touch", "render_recorded@velostat_recorded", "render_recorded@strain_recorded", "rightsize@touch"]
-    + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded", "physics@touch", "physics@strain"],
-    ["render@strain", "render@glove", "render_recorded@glove_recorded", "rightsize@strain", "rightsize@glove"]
-    + ["stress@strain", "stress@glove", "stress@glove_recorded", "physics@glove"],
+    ["claim_inputs@touch", "latency@touch", "render_recorded@velostat_recorded", "render_recorded@strain_recorded"]
+    + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded"],
+    ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "render_recorded@glove_recorded"]
+    + ["stress@strain", "stress@glove", "stress@glove_recorded"],
 )
 
 
@@ -113,9 +118,25 @@ def run_miniature(folder: Path) -> Project:
     project.dvc("repro", *SHARED)
     with ThreadPoolExecutor() as pool:
         list(pool.map(lambda targets: run_half(project, targets), HALVES))
+    run_studies(project)
     project.dvc("repro")
     project.environment = quiet
     return project
+
+
+def run_studies(project: Project) -> None:
+    """Compute all studies of the evidence with two seeds, on the data and models of the miniature itself."""
+    workspace = Workspace(project.folder)
+    computed = {(each.study, each.experiment) for each in shards.read_sets(Workspace(ROOT)).values() if each.study}
+    for seed in (0, 1):
+        project.stages(*(f"studies.{study} {experiment} {seed}" for study, experiment in sorted(computed)))
+        for experiment in ("touch", "strain", "glove"):
+            for table in workspace.study_result(experiment, "any").parent.glob("*.csv"):
+                kept = shards.study_file(workspace, experiment, table.stem, seed)
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                table.rename(kept)
+    index = shards.folder(workspace) / "index.csv"
+    index.write_text(index.read_text() + "\n")  # tells DVC that there is something new
 
 
 # Prints the stages that the targets need, one per line, in an order in which they can run. In a process of its own:

@@ -14,7 +14,7 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, evidence, judge
 from pipeline.claims.rules import REPRODUCED
 from pipeline.reporting.verdicts import physics, sizes
-from pipeline.scoring import ablation, glove_results, ladders, one_table, results, variants
+from pipeline.scoring import glove_results, ladders, one_table, results, variants
 
 LEVELS = {"linear": {0: 9.0, 1: 5.0, 2: 7.0}, "poly": {2: 5.9, 0: 8.0, 1: 3.8}}
 ONE, OTHER = (np.array([LEVELS[model][seed] for seed in range(3)]) for model in LEVELS)
@@ -72,19 +72,6 @@ def test_gains_of_the_glove(workspace):
     both = scores(workspace, "glove", places, "macro_precision", 0.01)
     found = glove_results.gain(both, ("session_strain", "linear"), ("session_pressure", "poly"))
     assert found[:3] == pytest.approx((1.1, *interval(ONE - OTHER)))
-
-
-@pytest.mark.parametrize("beside", ["", "plain"])
-def test_rows_of_the_ablation(workspace, beside):
-    """Beside another row, and beside the model of the tables, whose seeds stand in the order of params.yaml."""
-    table = pd.DataFrame(rows({"linear": "plain", "poly": "changed"}), columns=["row", "seed", "value"])
-    table = table.assign(condition="single", metric="rmse")
-    row = {"of": "linear", "seeds": [0, 1, 2], "settings": {}} | ({"beside": beside} if beside else {})
-    settings = {"protocols": {"press": {"seeds": [1, 2, 0]}}, "ablation": {"plain": row, "changed": row}}
-    of_tables = scores(workspace, "touch", SINGLE, "rmse")
-    pair = ablation.paired(table, of_tables, settings, "changed", "single")
-    assert interval(pair["reference"] - pair["error"]) == pytest.approx(interval(ONE - OTHER))
-    assert list(pair.index) == [0, 1, 2] and ablation.paired(table, of_tables, settings, "changed", "double").empty
 
 
 def test_effects_of_a_scene():

@@ -39,7 +39,6 @@ def test_the_committed_rows_can_be_trained(values):
     [
         ({"of": "lompp"}, "did you mean 'lomp'"),
         ({"beside": "lomp_hald"}, "did you mean 'lomp_half'"),
-        ({"seeds": [7]}, "has seeds"),
         ({"frames": 9}, "a window has 8 frames"),
         ({"settings": {"alpha": "none"}}, "alpha"),
         ({"settings": {"alfa": 0.0}}, "did you mean 'alpha'"),
@@ -66,7 +65,7 @@ def test_a_row_sees_its_frames_and_is_scored_on_the_test_part(workspace, values,
         }
     )
     schemas.write(workspace.dataset("touch"), table.schema, [table])
-    tree = {"of": "tree", "seeds": [0], "settings": {"each": "input", "min_samples_leaf": 1, "max_features": 1.0}}
+    tree = {"of": "tree", "settings": {"each": "input", "min_samples_leaf": 1, "max_features": 1.0}}
     values["touch"]["ablation"] = {"one": tree | {"frames": 1}, "two": tree | {"frames": 2}}
     errors = {}
     for name in ("one", "two"):

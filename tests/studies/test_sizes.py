@@ -4,18 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from builders.project import ROOT
 
-from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.models import sp_resnet
 from pipeline.reporting import tables
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.reporting.verdicts.sizes import Reference
-from pipeline.scoring import ladders
+from pipeline.scoring import ladders, shards
 from pipeline.studies import sizes
-from pipeline.studies.ablation import COLUMNS
 
 NAN = float("nan")
 
@@ -115,52 +112,37 @@ def test_narrow_networks_shrink_and_impossible_widths_are_refused():
 
 
 def test_settings_that_cannot_be_are_refused(workspace):
-    with pytest.raises(InputError, match="there is no split of seed 7"):
-        sizes._check_seeds("rightsize.touch.lomp.seeds", [0, 7], [0, 1])
-    values = {
-        "touch": {"window": {"frames": 8}, "protocols": {"press": {"seeds": [0]}}, "models": {"lomp": {"hidden": 128}}},
-        "rightsize": {"touch": {"lomp": {"seeds": [0]}, "window": {"seeds": [0], "sizes": [4, 9]}}},
-    }
+    values = {"touch": {"window": {"frames": 8}}, "rightsize": {"touch": {"lomp": {}, "window": {"sizes": [4, 9]}}}}
     with pytest.raises(InputError, match="a window has 8 frames"):
-        sizes.touch(workspace, values)
-
-
-def test_a_lomp_that_the_ablation_has_is_not_trained_again(workspace, tmp_path, monkeypatch):
-    """There is no dataset here: a training would fail for want of it, and does for a seed that the row has not."""
-    values = params.read(ROOT / "params.yaml")
-    row = values["touch"]["ablation"]["lomp_half"]
-    row["seeds"] = [1]
-    file = workspace.ablation("touch")
-    file.parent.mkdir(parents=True)
-    line = "lomp_half,press,{},1,rmse,kPa,{},9\n"
-    file.write_text(",".join(COLUMNS) + "\n" + line.format("single", 5.5) + line.format("double", 8.5))
-    rows = sizes.touch_run(workspace, values, "lomp", row["settings"]["hidden"], 1, lambda: None)
-    assert [(*found[:4], found[8]) for found in rows] == [
-        ("touch", "single", "lomp", 64, 5.5),
-        ("touch", "double", "lomp", 64, 8.5),
-    ]
-    with pytest.raises(InputError, match="dataset.parquet"):
-        sizes.touch_run(workspace, values, "lomp", row["settings"]["hidden"], 0, lambda: None)
-    values["touch"]["models"]["lomp"]["training"]["epochs"] += 1
-    with pytest.raises(InputError, match="dataset.parquet"):
-        sizes.touch_run(workspace, values, "lomp", row["settings"]["hidden"], 1, lambda: None)
+        sizes.touch(workspace, values, 0)
 
 
 @pytest.mark.parametrize(
-    ("seeds", "frames", "words"),
-    [([0, 1], [1], None), ([0, 1, 2], [1], "lomp, condition single, size 8, seed 2"), ([0], [1, 4], "window.*size 4")],
+    ("sizes_wanted", "frames", "words"),
+    [([8], [1], None), ([8, 16], [1], "lomp, condition single, size 16, seed 0"), ([8], [1, 4], "window.*size 4")],
 )
-def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(workspace, seeds, frames, words):
-    path = ladders.path(workspace, "touch")
-    path.parent.mkdir(parents=True)
-    rows = [runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})]
-    pd.concat(rows).to_csv(path, index=False)
-    wanted = {"lomp": ([8], seeds), "window": (frames, [0, 1])}
+def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(workspace, sizes_wanted, frames, words):
+    wanted = {"lomp": sizes_wanted, "window": frames}
+    assert sizes_verdicts.read(workspace, "touch", wanted).empty
+    table = pd.concat([runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})])
+    for seed, own in table.groupby("seed"):
+        path = shards.study_file(workspace, "touch", "sizes", seed)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        own.to_csv(path, index=False)
     if words is None:
         assert len(sizes_verdicts.read(workspace, "touch", wanted)) == 4
     else:
         with pytest.raises(InputError, match=words):
             sizes_verdicts.read(workspace, "touch", wanted)
+
+
+def test_the_ladder_of_strain_is_the_capacity_of_its_study(workspace):
+    path = shards.study_file(workspace, "strain", "capacity", 0)
+    path.parent.mkdir(parents=True)
+    path.write_text("protocol,units,params,macs,seed,metric,unit,value\ntask_1,5,70,60,0,error,mm,0.5\n")
+    (row,) = ladders.read(workspace, "strain").to_dict("records")
+    wanted = {"experiment": "strain", "condition": "task_1", "family": "lstm", "size": 5, "params": 70, "macs": 60}
+    assert row == wanted | {"metric": "error", "unit": "mm", "seed": 0, "value": 0.5}
 
 
 def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):
@@ -178,7 +160,7 @@ def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):
         assert (own["low"] <= own["value"]).all() and (own["value"] <= own["high"]).all()
     scores = pd.read_csv(folder / "data" / "glove" / "scores.csv")
     table = scores[(scores.protocol == "session_strain") & (scores.model == "sp_resnet")]
-    full = found["glove", "strain", "sp_resnet"].iloc[1]
+    full = found["glove", "strain", "sp_resnet"].iloc[1]  # trained for itself, and the same
     assert full["value"] == pytest.approx(table[table.metric == "macro_precision"]["value"].mean())
     assert full["params"] == 99_224
     assert {path.name for path in (folder / "reports" / "rightsize").iterdir()} == {

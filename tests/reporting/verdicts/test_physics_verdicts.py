@@ -1,7 +1,5 @@
 """Judging effects of a scene: paired seeds, an equivalence test, and every run of the settings is asked for."""
 
-import csv
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,10 +8,12 @@ from scipy.stats import ttest_1samp
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
 from pipeline.reporting import tables
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
-from pipeline.scoring.variants import COLUMNS, variants
+from pipeline.scoring import shards, studies
+from pipeline.scoring.variants import COLUMNS, effects
 from pipeline.stages import twins as twins_stage
 from pipeline.studies import physics as physics_study
 
@@ -147,15 +147,6 @@ def test_every_recorded_effect_is_shown_by_a_statistic_of_the_twins():
         assert statistic in twins_stage.MODULES[experiment].STATISTICS, effect
 
 
-def test_every_effect_runs_in_three_pairs():
-    values = params.load(ROOT / "params.yaml")
-    for experiment in values["physics"]:
-        runs = variants(values, experiment)
-        effects = [NONE, *values[experiment]["simulate"]["effects"]]
-        assert sorted(runs) == sorted((effect, seed) for effect in effects for seed in {seed for _, seed in runs})
-        assert len({seed for _, seed in runs}) >= 3
-
-
 def test_settings_switch_one_effect_and_move_the_seed():
     values = params.load(ROOT / "params.yaml")
     whole, without = (physics_study.settings_of(values, "touch", effect, 3) for effect in (NONE, "crosstalk"))
@@ -174,28 +165,26 @@ def test_a_misspelt_scene_setting_is_refused():
         physics_study.settings_of(values, "strain", NONE, 0)
 
 
-def test_a_single_seed_is_refused():
-    values = params.load(ROOT / "params.yaml")
-    values["physics"]["glove"]["seeds"] = [0]
-    with pytest.raises(InputError, match="physics.glove.seeds"):
-        variants(values, "glove")
+def test_one_seed_has_no_interval_and_tells_nothing():
+    (judged,) = assess(touch_scores().query("seed == 0"))
+    assert judged.verdict == UNKNOWN and all(np.isnan(change.low) for change in judged.changes)
+    assert all(np.isfinite(change.relative) for change in judged.changes)
 
 
-def test_a_missing_run_is_named(workspace, tmp_path, monkeypatch):
-    values = params.load(ROOT / "params.yaml")
-    values["physics"]["touch"] |= {"seeds": list(SEEDS), "models": dict.fromkeys(ERRORS["single"], {})}
-    values["touch"]["simulate"]["effects"] = {"creep": True}
-    target = workspace.physics("touch")
-    target.parent.mkdir(parents=True)
+def test_a_missing_run_is_named(workspace):
+    def read(scores):
+        for seed, own in scores.groupby("seed"):
+            target = shards.study_file(workspace, "touch", "physics", seed)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            own.to_csv(target, index=False)
+        return physics_verdicts.read(workspace, "touch", [NONE, "creep"], ERRORS["single"])
+
     scores = touch_scores()
-    scores.to_csv(target, index=False)
-    assert len(physics_verdicts.read(workspace, "touch", variants(values, "touch"), ERRORS["single"])) == len(scores)
-    scores.drop(scores[(scores.effect == "creep") & (scores.model == "lomp")].index[0]).to_csv(target, index=False)
+    assert read(scores.iloc[:0]).empty and len(read(scores)) == len(scores)
     with pytest.raises(InputError, match="no row for effect creep, seed 0, condition single, model lomp"):
-        physics_verdicts.read(workspace, "touch", variants(values, "touch"), ERRORS["single"])
-    pd.concat([scores, scores.tail(1)]).to_csv(target, index=False)
+        read(scores.drop(scores[(scores.effect == "creep") & (scores.model == "lomp")].index[0]))
     with pytest.raises(InputError, match="two rows for effect creep, seed 4, condition double, model lomp"):
-        physics_verdicts.read(workspace, "touch", variants(values, "touch"), ERRORS["single"])
+        read(pd.concat([scores, scores.tail(1)]))
 
 
 def test_miniature_judges_every_effect_and_condition(miniature):
@@ -205,10 +194,9 @@ def test_miniature_judges_every_effect_and_condition(miniature):
         judged_effects = table[table.experiment == experiment]
         assert set(judged_effects.effect) == set(values[experiment]["simulate"]["effects"])
         assert judged_effects.groupby("effect")["condition"].nunique().eq(conditions).all()
-        with open(miniature.folder / "data" / experiment / "physics.csv", newline="") as file:
-            rows = list(csv.DictReader(file))
-        runs = len(variants(values, experiment)) * conditions * len(values["physics"][experiment]["models"])
-        assert len(rows) == runs and all(np.isfinite(float(row["value"])) for row in rows)
+        rows = studies.read(Workspace(miniature.folder), experiment, "physics", COLUMNS)
+        runs = 2 * len(effects(values, experiment)) * conditions * len(values["physics"][experiment]["models"])
+        assert len(rows) == runs and np.isfinite(rows["value"]).all()
     assert table.verdict.isin([EQUIVALENT, CHANGES, UNKNOWN]).all()
     names = {path.name for path in (miniature.folder / "reports" / "physics").iterdir()}
     assert names == {"README.md", "touch.png", "strain.png", "glove.png"}
