@@ -11,10 +11,11 @@ from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards
+from pipeline.scoring import shards, studies
 from pipeline.scoring.shards import Shard
 from pipeline.stages import shard
 
+LATENT = ("bases", "capacity", "drift", "latents", "samples", "strands")
 SETS = shards.read_sets(Workspace(ROOT))
 
 
@@ -93,6 +94,28 @@ def test_a_shard_says_what_it_is_of_and_comes_out_the_same(strain):
     result.unlink()
     compute()
     assert result.read_bytes() == first and len(pd.read_csv(folder / "index.csv")) == 1
+
+
+@pytest.mark.slow
+def test_a_study_keeps_its_tables_and_comes_out_the_same(strain, tmp_path):
+    checkout, _ = strain
+    workspace = Workspace(tmp_path)
+    copied(checkout.params, workspace.root)
+    shutil.copytree(checkout.root / "build", workspace.root / "build", symlinks=True)
+    few = {"seeds": 1, "set": {}}
+    sets = {name: SETS[name].model_copy(update=few) for name in ("strain", "latent_strain")}
+    tables = []
+    for _ in range(2):
+        shard.compute(workspace, Shard("latent_strain", 0, "full"), sets)
+        kept = sorted((shards.folder(workspace) / "studies" / "strain").glob("*.csv"))
+        assert [path.name for path in kept] == [f"{name}-0.csv" for name in LATENT]
+        tables.append([path.read_bytes() for path in kept])
+    assert tables[0] == tables[1]
+    (line,) = pd.read_csv(shards.folder(workspace) / "index.csv").to_dict("records")
+    assert (line["shard"], line["protocol"], line["seed"]) == ("latent_strain-0-full", "study", 0)
+    assert shards.read(workspace).empty  # its tables are no rows of the one table
+    drift = studies.read(workspace, "strain", "drift", ["target", "value"])
+    assert "true drift" in set(drift["target"]) and drift["value"].notna().all()
 
 
 @pytest.mark.slow
