@@ -117,10 +117,10 @@ def test_the_report_shows_every_row_and_exponent(tmp_path):
 def test_what_one_setting_must_not_run():
     allowed = (
         "train@touch evaluate@touch latency@touch stress@touch render@touch collect render_stability"
-        " render_rightsize judge page"
+        " render_studies judge page"
     )
     forbidden = "simulate@touch ingest@touch window@touch dataset@touch train@strain train@glove evaluate@strain"
-    forbidden += " rightsize@touch render@strain physics@touch train@velostat_recorded ablate_touch study@input_frames"
+    forbidden += " render@strain train@velostat_recorded probe"
     for stages, expected in ((allowed, False), (forbidden, True)):
         for stage in stages.split():
             assert bool(re.search(FORBIDDEN, stage)) == expected, stage
