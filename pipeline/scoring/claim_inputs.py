@@ -21,6 +21,7 @@ from pipeline.scoring.results import read_csv, read_predictions, read_windows
 
 KEY = ["experiment", "protocol", "condition", "model", "variant", "metric"]
 COLUMNS = [*KEY, "seed", "budget", "unit", "value", "n"]
+LOOK, HALF, FULL = "look", "half", "full"  # budgets of training, from the smallest
 DATA = "data"  # the model of a number that is of the data alone
 HIGH_KPA = 200.0  # "when a high pressure is applied": the upper half of the paper's 30 to 400 kPa
 KPA_BINS = np.arange(50.0, 401.0, 50.0)
@@ -28,8 +29,13 @@ Row = Mapping[str, object]
 
 
 def rows(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFrame:
-    """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of settings."""
-    derived = [{"experiment": experiment, "n": 1, **row} for row in EXPERIMENTS[experiment](workspace, settings)]
+    """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of settings.
+
+    What is derived from predictions is of the look; a study has no budget but its own.
+    """
+    derived = [{"budget": LOOK, **row} for row in EXPERIMENTS[experiment](workspace, settings)]
+    derived += STUDIES[experiment](workspace, settings) if experiment in STUDIES else []
+    derived = [{"experiment": experiment, "n": 1, **row} for row in derived]
     return pd.DataFrame(derived, columns=COLUMNS).astype({"seed": "Int64"})
 
 
@@ -57,6 +63,10 @@ def touch(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
         yield {"condition": "single", "model": DATA, "metric": "off_centre_shift", "seed": element} | {
             "unit": "counts", "value": shift,
         }  # fmt: skip
+
+
+def touch_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
+    """Yield the scores of models of the array with one thing changed."""
     for row in ablation.read(workspace, "touch").itertuples() if workspace.ablation("touch").exists() else ():
         if row.row in settings["ablation"]:
             model = settings["ablation"][row.row]["of"]
@@ -152,12 +162,18 @@ def glove(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     table, protocols = read_windows(workspace, "glove"), glove_results.main_protocols(settings)
     if "sp_resnet" in settings["models"]:
         yield from confusions(workspace, settings, table, protocols)
+
+
+def glove_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
+    """Yield the scores of the glove's studies: augmentation, input frames, and the STAG data set."""
+    protocols = glove_results.main_protocols(settings)
     compared = [model for model in glove_results.COMPARED if model in settings["models"]]
     augmented, by_number, stag = (path.exists() for path in studies(workspace, "glove"))
     if augmented:
         yield from augmentation(workspace, settings)
     for dataset in ("combined", "pressure") if by_number else ():
         if protocols.get(dataset) == f"{settings['input_frames']['split']}_{dataset}":
+            table = read_windows(workspace, "glove")
             frames = glove_results.read_frames(workspace, table, dataset, settings, compared)
             yield from ({"protocol": protocols[dataset], "condition": dataset, **row} for row in by_frames(frames))
     recorded = by_frames(glove_results.read_stag(workspace)) if stag else ()
@@ -216,3 +232,4 @@ def by_frames(table: pd.DataFrame) -> Iterator[Row]:
 
 
 EXPERIMENTS = {"touch": touch, "strain": strain, "glove": glove}
+STUDIES = {"touch": touch_studies, "glove": glove_studies}

@@ -11,6 +11,7 @@ class ShardSet(Block):
     """Shards of one experiment on one amount of data: one for each seed and budget."""
 
     experiment: Text = Field(description="Experiment that is run")
+    data: Text = Field(description="How much of what the paper has it has, as reports say it")
     protocols: Distinct[Text] = Field(description="How its data are divided; a shard runs all of these")
     seeds: Annotated[int, Field(ge=1, le=1000)] = Field(description="Seeds from 0 on")
     models: Listed[Text] = Field(
