@@ -35,6 +35,7 @@ class Results:
         rows = table.astype(dict.fromkeys([*KEY, "budget"], object)).fillna(
             {**dict.fromkeys([*KEY, "budget"], ""), "seed": -1}
         )
+        rows = rows.astype({"seed": int, "value": float})
         if len(repeated := rows[rows.duplicated([*KEY, "seed", "budget"])]):
             raise InputError(f"two results for {', '.join(map(str, repeated.iloc[0][[*KEY, 'seed']]))}")
         self.table = rows

@@ -17,6 +17,7 @@ from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring.claim_inputs import COLUMNS, FULL, HALF
+from pipeline.scoring.results import read_csv
 from pipeline.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)
@@ -76,5 +77,5 @@ def read(workspace: Workspace) -> pd.DataFrame:
         path = paths.require(folder(workspace) / "results" / f"{row.shard}.csv", MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
-        tables.append(pd.read_csv(path, keep_default_na=False, na_values={"value": ["nan"], "seed": [""]}))
+        tables.append(read_csv(path, COLUMNS, MADE_BY))
     return pd.concat(tables, ignore_index=True).drop_duplicates()

@@ -13,7 +13,7 @@ from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import text
 from pipeline.scoring import one_table
 
-NEEDED = ("scores", "latency", "counts", "claim_inputs")  # without an experiment; the results of studies may be missing
+NEEDED = ("latency", "counts")  # without an experiment; the results of studies may be missing
 
 
 def main(workspace: Workspace) -> None:
