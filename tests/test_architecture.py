@@ -124,7 +124,11 @@ def stage_entries() -> Iterator[Entry]:
             deps = {dep.def_path for dep in stage.deps if not isinstance(dep, ParamsDependency)}
             python, option, module, *given = stage.cmd.split()
             if module == "pipeline.stages.shard":
-                given[0] = SETS[given[0]].experiment
+                computed = SETS[given[0]]
+                given[0] = computed.experiment
+                if computed.study:  # the shard runs it
+                    study = f"pipeline.studies.{computed.study}"
+                    yield Entry(f"{stage.name} study", [python, option, study, *given], deps, settings, False)
             yield Entry(stage.name, [python, option, module, *given], deps, settings, stage.always_changed)
 
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from pipeline.base.errors import run_stage
+from pipeline.base.errors import InputError, run_stage
 from pipeline.base.paths import Workspace
 
 
@@ -20,6 +20,14 @@ def _workspace(text: str) -> Workspace:
     if not Path(text).is_dir():
         raise argparse.ArgumentTypeError(f"there is no folder {text}")
     return Workspace(Path(text))
+
+
+def of_study(doc: str, experiments: Sequence[str]) -> tuple[str, int]:
+    """Return the experiment and the seed that the command line of a study names."""
+    given = parse(doc, experiment=experiments, seed=None)
+    if not given.seed.isdecimal():
+        raise InputError(f"seed '{given.seed}': expected a whole number")
+    return given.experiment, int(given.seed)
 
 
 def run(main: Callable[[Workspace], None]) -> None:

@@ -5,6 +5,7 @@ A key has the same dotted name in messages, in evidence/shards.yaml and in setti
 """
 
 import difflib
+import math
 import reprlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -231,9 +232,20 @@ def epochs(block: Mapping) -> int:
     return block.get("training", {}).get("epochs", 1)
 
 
-def run_settings(values: Mapping, experiment: str, model: str, protocol: str) -> dict:
-    """Return a model's block for one protocol: where this asks for more `passes`, a training has more epochs."""
-    block = model_settings(values, experiment, model)
+def at_budget(block: Mapping, budget: float) -> Mapping:
+    """Return the settings of a model whose training has a share of its epochs, and its rate drops as much earlier."""
+    if "training" not in block:
+        return block
+    of_epochs = [key for key in ("epochs", "drop_epoch") if key in block["training"]]
+    return block | {"training": block["training"] | {k: math.ceil(budget * block["training"][k]) for k in of_epochs}}
+
+
+def run_settings(values: Mapping, experiment: str, model: str, protocol: str) -> Mapping:
+    """Return a model's block as it is trained for one protocol.
+
+    A training has the share `budget` of the epochs of its recipe, and more where the protocol asks for more `passes`.
+    """
+    block = at_budget(model_settings(values, experiment, model), values[experiment]["budget"])
     passes = values[experiment]["protocols"][protocol].get("passes", 1)
     if passes == 1 or "training" not in block:
         return block

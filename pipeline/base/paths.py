@@ -102,17 +102,13 @@ class Workspace:
         """Return the table with one row per metric, in full precision (output of evaluate)."""
         return self.experiment_folder(experiment) / "scores.csv"
 
-    def augmentation(self, experiment: str) -> Path:
-        """Return the scores of one model with each augmentation method alone (output of augmentation)."""
-        return self.experiment_folder(experiment) / "augmentation.csv"
+    def study_result(self, experiment: str, table: str) -> Path:
+        """Return the file of one table of a study, of the seed that it was called with (output of pipeline/studies)."""
+        return self.experiment_folder(experiment) / "studies" / f"{table}.csv"
 
-    def input_frames(self, experiment: str) -> Path:
-        """Return the scores of networks that are trained on several input frames (output of input_frames)."""
-        return self.experiment_folder(experiment) / "input_frames.csv"
-
-    def ablation(self, experiment: str) -> Path:
-        """Return the scores of models with one thing changed (output of ablation)."""
-        return self.experiment_folder(experiment) / "ablation.csv"
+    def study(self, experiment: str, table: str) -> list[Path]:
+        """Return the files of the evidence that hold a table of a study, one a seed; none where none was computed."""
+        return sorted((self.root / "evidence" / "studies" / experiment).glob(f"{table}-*.csv"))
 
     def probe(self, experiment: str) -> Path:
         """Return the scores of naming the object from recorded joint angles alone (output of joint_angles)."""
@@ -133,10 +129,6 @@ class Workspace:
     def stress_scenes(self, experiment: str) -> Path:
         """Return the folder of datasets of perturbed scenes, which exists while `stress` runs."""
         return self.experiment_folder(experiment) / "unfinished" / "stress"
-
-    def physics(self, experiment: str) -> Path:
-        """Return the scores of small models on the scene without one of its effects (output of physics)."""
-        return self.experiment_folder(experiment) / "physics.csv"
 
     def twins(self, experiment: str) -> Path:
         """Return the model-free statistics of a scene and of its recordings (output of twins)."""

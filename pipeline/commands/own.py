@@ -137,6 +137,7 @@ def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: S
     kept = {key: dict(value) for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)}
     changed = {
         f"{experiment}.source": f"data/own/{name}",
+        f"{experiment}.budget": 1.0,
         f"{experiment}.protocols": {key: value | {"seeds": list(seeds)} for key, value in kept.items()},
     }
     of_sensor, known = check.own_settings(folder), dict(block["models"])

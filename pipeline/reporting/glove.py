@@ -52,9 +52,10 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     counts, stag = glove_results.read_counts(workspace), glove_results.read_stag(workspace)
     method_of = settings["augmentation"]
     files.write_table(accuracy / "table1.csv", score_table(report, with_published=True))
-    files.write_table(accuracy / "table2.csv", augmentation_table(report, method_of["model"], method_of["split"]))
-    frames = draw_frames(workspace, accuracy, settings, table)
-    files.write_table(accuracy / "figure15.csv", frames)
+    augmented = bool(workspace.study("glove", "augmentation"))
+    if augmented:
+        files.write_table(accuracy / "table2.csv", augmentation_table(report, method_of["model"], method_of["split"]))
+    by_number = draw_frames(workspace, accuracy, settings)
     if len(stag):
         draw_by_frames(accuracy / "figure15_stag.png", {"STAG": stag}, "Figure 15: the STAG data set")
     if settings["source"] == "simulated":
@@ -70,6 +71,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
         splits=glove_results.splits(settings),
         methods={printed: (method_of["model"], f"augmentation_{method}") for method, printed in METHODS.items()},
         augmented=method_of,
+        absent={"augmentation": not augmented, "input_frames": not by_number},
         alike=glove_results.like_with_like(counts),
         counts=counts[counts["published_macs"].notna()].fillna({"note": ""}),
         confused={dataset: list(most_confused(report, dataset, protocols[dataset])) for dataset in asked},
@@ -118,16 +120,16 @@ def most_confused(report: Report, dataset: str, protocol: str) -> Iterator[tuple
         yield pair, report.score(protocol, dataset, "sp_resnet", "confusion", pair, percent=True)
 
 
-def draw_frames(workspace: Workspace, folder: Path, settings: Mapping, table: pa.Table) -> pd.DataFrame:
-    """Draw figure 15 on the simulated glove, and return its numbers."""
+def draw_frames(workspace: Workspace, folder: Path, settings: Mapping) -> bool:
+    """Draw figure 15 on the simulated glove and write its numbers; return whether there are any."""
     compared = [model for model in COMPARED if model in settings["models"]]
-    frames = {
-        dataset: glove_results.read_frames(workspace, table, dataset, settings, compared) for dataset in FRAMES_OF
-    }
-    if compared:
-        title = "Figure 15 on the simulated glove: several frames of a session"
-        draw_by_frames(folder / "figure15.png", frames, title)
-    return pd.concat([rows.assign(condition=dataset) for dataset, rows in frames.items()])
+    frames = {dataset: glove_results.read_frames(workspace, dataset, compared) for dataset in FRAMES_OF}
+    frames = {dataset: rows for dataset, rows in frames.items() if len(rows)}
+    if frames:
+        draw_by_frames(folder / "figure15.png", frames, "Figure 15 on the simulated glove: several frames of a session")
+        together = pd.concat([rows.assign(condition=dataset) for dataset, rows in frames.items()])
+        files.write_table(folder / "figure15.csv", together)
+    return bool(frames)
 
 
 def draw_by_frames(path: Path, tables: Mapping[str, pd.DataFrame], title: str) -> None:

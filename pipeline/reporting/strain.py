@@ -35,17 +35,19 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     accuracy, report = target / "accuracy", Report(workspace, "strain", settings)
     files.write_table(accuracy / "table1.csv", score_table(report))
     studies = {name: read_study(workspace, name) for name in STUDIES}
-    for name, study in studies.items():
+    known = {name: study for name, study in studies.items() if len(study)}
+    for name, study in known.items():
         files.write_table(accuracy / f"{name}.csv", study)
     dataset = read_windows(workspace, "strain")
     for task in FIGURES:
         if task in settings["protocols"]:
             draw_task(workspace, accuracy, settings, dataset, task)
-    figures.latent_space(accuracy / "figure7.png", read_latents(workspace))
+    if len(latents := read_latents(workspace)):
+        figures.latent_space(accuracy / "figure7.png", latents)
     draw_time(workspace, accuracy / "time.png", settings, dataset)
-    draw_studies(accuracy, report, studies)
-    bases = settings["study"]["bases"]
-    report.write(accuracy / "README.md", "strain", bases=bases, yardstick=settings["yardstick"])
+    draw_studies(accuracy, report, known)
+    absent, bases = [name for name in STUDIES if name not in known], settings["study"]["bases"]
+    report.write(accuracy / "README.md", "strain", bases=bases, yardstick=settings["yardstick"], absent=absent)
     report.write(target / "speed" / "table1_times.md", "strain_times")
     panels = {plain(task): (task, task) for task in settings["protocols"]}
     experiment.write_speed(workspace, report, target, settings, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
@@ -108,12 +110,14 @@ def draw_time(workspace: Workspace, path: Path, settings: Mapping, dataset: pa.T
 
 
 def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFrame]) -> None:
-    """Draw samples.png, capacity.png, strands.png and drift.png."""
+    """Draw samples.png, capacity.png, strands.png and drift.png, of the studies that there are."""
     for name, column, title, xlabel in (
         ("samples", "samples", "Fewer samples: error against the size of the training set", "Training samples"),
         ("capacity", "units", "Capacity: error of direct training against the size of the LSTM", "Units of the LSTM"),
         ("strands", "strands", "Strands: error against how many of them all models see", "Strands"),
     ):
+        if name not in studies:
+            continue
         table, panels = studies[name], {}
         table = table if "model" in table else table.assign(model="lstm_direct")
         ticks = sorted(table[column].unique())
@@ -127,6 +131,8 @@ def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFram
                 lines.append(common.line("constant", dict.fromkeys(ticks, floor), marker=""))
             panels[plain(task)] = lines
         common.curves(folder / f"{name}.png", panels, title, (xlabel, ERROR), log=True, ticks=ticks)
+    if "drift" not in studies:
+        return
     decoders: dict[str, dict[str, dict[str, Estimate]]] = {}
     grouped = studies["drift"].groupby(["protocol", "target", "input"], sort=False)["value"]
     for (task, target, seen), values in sorted(grouped, key=lambda part: not part[0][2].startswith("raw")):

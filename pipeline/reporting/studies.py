@@ -26,9 +26,9 @@ from pipeline.reporting.verdicts import stability as stability_verdicts
 from pipeline.reporting.words.labels import capitalised, condition_name, experiment_name, perturbation, task_name
 from pipeline.reporting.words.markdown import number
 from pipeline.reporting.words.templates import render
-from pipeline.scoring import ladders, one_table, results
+from pipeline.scoring import ladders, one_table, results, shards
 from pipeline.scoring.kept import kept_rows
-from pipeline.scoring.variants import variants
+from pipeline.scoring.variants import effects
 
 JOINED = {"single_anew": "single", "several": "double"}  # conditions that are drawn in the figure of another one
 STRESS = ["experiment", *stability_verdicts.KEY, "metric", "value"]  # of reports/stress.csv
@@ -102,22 +102,30 @@ def stability_file(experiment: str, protocol: str, condition: str) -> str:
 
 def rightsize(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFrame:
     """Judge the ladders of all experiments; the table is verdicts.sizes.JUDGED."""
-    parts, together = [], []
-    wanted = {name: {key: (block["sizes"], block["seeds"]) for key, block in ladder.items()}
+    parts, together = [], [pd.DataFrame(columns=sizes_verdicts.JUDGED)]
+    wanted = {name: {key: block["sizes"] for key, block in ladder.items()}
               for name, ladder in values["rightsize"].items()}  # fmt: skip
-    study = values["strain"]["study"]
-    wanted["strain"] = {"lstm": (study["capacity"]["units"], study["seeds"])}
+    wanted["strain"] = {"lstm": values["strain"]["study"]["capacity"]["units"]}
+    evidence = one_table.Results(shards.read(workspace))
     for experiment in ladders.METRIC:
-        judged = sizes_verdicts.judge(sizes_verdicts.read(workspace, experiment, wanted[experiment]))
-        scores = one_table.Results(one_table.read({"scores": workspace.scores(experiment)}))
-        known = sizes_verdicts.references(scores, judged)
+        runs = sizes_verdicts.read(workspace, experiment, wanted[experiment])
+        if runs.empty:
+            parts.append({"experiment": experiment, "missing": True})
+            continue
+        judged = sizes_verdicts.judge(runs)
+        known = sizes_verdicts.references(evidence, judged)
         sizes_figures.curves(folder / f"{experiment}.png", experiment_name(experiment), judged, known)
         for family, rows in judged.groupby("family", sort=False):
             part = {"experiment": experiment, "title": sizes_title(family), "table": tables.rightsize(rows)}
-            parts.append(part | {"trained": trained(family, known)})
+            parts.append(part | {"trained": trained(family, known), "missing": False})
         together.append(judged)
     files.write_text(folder / "README.md", render("rightsize", parts=parts))
-    return pd.concat(together, ignore_index=True).assign(size=lambda table: table["size"].map("{:g}".format))
+    return _joined(together).assign(size=lambda table: table["size"].map("{:g}".format))
+
+
+def _joined(tables: list[pd.DataFrame]) -> pd.DataFrame:
+    """Return the rows of all tables; the first is empty and has the columns, for where it is the only one."""
+    return pd.concat(tables[1:] or tables, ignore_index=True)
 
 
 def sizes_title(family: str) -> str:
@@ -133,27 +141,33 @@ def trained(family: str, known: dict[tuple[str, str], sizes_verdicts.Reference])
 
 def physics(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFrame:
     """Judge the effects of all scenes; the table has one row per effect, condition and model."""
-    parts, rows = [], []
+    parts, rows = [], [pd.DataFrame(columns=physics_verdicts.REPORTED)]
     for experiment, block in values["physics"].items():
-        scores = physics_verdicts.read(workspace, experiment, variants(values, experiment), block["models"])
+        title = experiment_name(experiment)
+        scores = physics_verdicts.read(workspace, experiment, effects(values, experiment), block["models"])
+        if scores.empty:
+            parts.append({"experiment": experiment, "title": title, "missing": True})
+            continue
         switches = values[experiment]["simulate"]["effects"]
         own = pd.DataFrame(physics_verdicts.report_rows(experiment, physics_verdicts.assess(scores), switches))
         error, unit, _ = tables.PHYSICS[experiment]
-        title = f"{experiment_name(experiment)}: an effect of the scene left out"
-        physics_figures.matrices(folder / f"{experiment}.png", title, own, f"{error} in {unit}")
+        drawn = f"{title}: an effect of the scene left out"
+        physics_figures.matrices(folder / f"{experiment}.png", drawn, own, f"{error} in {unit}")
         parts.append(
-            {"experiment": experiment, "title": experiment_name(experiment), "error": error, "unit": unit}
-            | {"seeds": len(block["seeds"]), "scene": json.dumps(block["scene"]).replace('"', "")}
+            {"experiment": experiment, "title": title, "missing": False, "error": error, "unit": unit}
+            | {"seeds": scores["seed"].nunique(), "scene": json.dumps(block["scene"]).replace('"', "")}
             | {"table": tables.physics(own), "errors": tables.physics_errors(own)}
         )
         rows.append(own)
     margin = f"{100 * physics_verdicts.MARGIN:.0f}"
     files.write_text(folder / "README.md", render("physics", parts=parts, margin=margin))
-    return pd.concat(rows, ignore_index=True)
+    return _joined(rows)
 
 
-def twins(workspace: Workspace, folder: Path) -> pd.DataFrame:
+def twins(workspace: Workspace, folder: Path, _: Mapping) -> pd.DataFrame:
     """Compare all scenes with their recordings; the table is SUMMARY.
+
+    Settings are not read: the recordings and scenes are as they are.
 
     Where recordings are absent, their side of the former reports/twins.csv and the former figure stay.
     """

@@ -41,13 +41,14 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     files.write_table(accuracy / "table1.csv", report.scores(runs, UNITS, with_published=True))
     draw(workspace, accuracy, settings, main)
     experiment.learning_curves(workspace, accuracy / "learning_curves.png", "touch", settings, {main: main}, "kPa²")
+    studied = workspace.study("touch", "ablation")
     report.write(
         accuracy / "README.md",
         "touch",
         main=main,
         conditions=conditions,
         touch_kpa=metrics.touch_threshold_kpa(settings),
-        ablation=ablation(report, settings["ablation"], settings["models"], main),
+        ablation=ablation(report, settings["ablation"], settings["models"], main) if studied else [],
         yardstick=settings["yardstick"],
     )
     panels = {f"{name} touch": (main, name) for name in ("single", "double") if name in conditions}

@@ -6,7 +6,6 @@ or a pair of objects; what is no model's is of the model `data`.
 """
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,7 +15,7 @@ from pipeline.base import params, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, labels, schemas
 from pipeline.datasets.images import classes
-from pipeline.scoring import ablation, glove_results, metrics
+from pipeline.scoring import glove_results, metrics, studies
 from pipeline.scoring.results import read_csv, read_predictions, read_windows
 
 KEY = ["experiment", "protocol", "condition", "model", "variant", "metric"]
@@ -37,12 +36,6 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFra
     derived += STUDIES[experiment](workspace, settings) if experiment in STUDIES else []
     derived = [{"experiment": experiment, "n": 1, **row} for row in derived]
     return pd.DataFrame(derived, columns=COLUMNS).astype({"seed": "Int64"})
-
-
-def studies(workspace: Workspace, experiment: str) -> list[Path]:
-    """Return the files of studies that the rows of an experiment are derived from, where they are there."""
-    of_glove = [workspace.augmentation("glove"), workspace.input_frames("glove"), workspace.stag("glove")]
-    return {"touch": [workspace.ablation("touch")], "glove": of_glove}.get(experiment, [])
 
 
 def touch(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
@@ -67,7 +60,8 @@ def touch(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
 
 def touch_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     """Yield the scores of models of the array with one thing changed."""
-    for row in ablation.read(workspace, "touch").itertuples() if workspace.ablation("touch").exists() else ():
+    columns = ["row", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
+    for row in studies.read(workspace, "touch", "ablation", columns).itertuples():
         if row.row in settings["ablation"]:
             model = settings["ablation"][row.row]["of"]
             place = {"protocol": row.protocol, "condition": row.condition, "model": model, "variant": row.row}
@@ -166,17 +160,13 @@ def glove(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
 
 def glove_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     """Yield the scores of the glove's studies: augmentation, input frames, and the STAG data set."""
-    protocols = glove_results.main_protocols(settings)
     compared = [model for model in glove_results.COMPARED if model in settings["models"]]
-    augmented, by_number, stag = (path.exists() for path in studies(workspace, "glove"))
-    if augmented:
-        yield from augmentation(workspace, settings)
-    for dataset in ("combined", "pressure") if by_number else ():
-        if protocols.get(dataset) == f"{settings['input_frames']['split']}_{dataset}":
-            table = read_windows(workspace, "glove")
-            frames = glove_results.read_frames(workspace, table, dataset, settings, compared)
-            yield from ({"protocol": protocols[dataset], "condition": dataset, **row} for row in by_frames(frames))
-    recorded = by_frames(glove_results.read_stag(workspace)) if stag else ()
+    yield from augmentation(workspace, settings)
+    for dataset in ("combined", "pressure"):
+        frames = glove_results.read_frames(workspace, dataset, compared)
+        place = {"protocol": f"{settings['input_frames']['split']}_{dataset}", "condition": dataset}
+        yield from (place | row for row in by_frames(frames))
+    recorded = by_frames(glove_results.read_stag(workspace)) if workspace.stag("glove").exists() else ()
     yield from ({"experiment": "glove_recorded", "condition": "stag", **row} for row in recorded)
 
 
@@ -211,14 +201,13 @@ def confusions(workspace: Workspace, settings: Mapping, table: pa.Table, protoco
 
 
 def augmentation(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
-    """Yield the scores of one network with each augmentation method alone, and with all."""
-    block = settings["augmentation"]
-    for metric in ("accuracy", "macro_precision"):
-        for (method, dataset), scores in glove_results.read_augmentation(workspace, settings, metric).items():
-            place = {"protocol": f"{block['split']}_{dataset}", "condition": dataset, "model": block["model"]}
-            place |= {"variant": f"augmentation_{method}", "metric": metric, "unit": "1"}
-            for seed, value in zip(block["seeds"], scores, strict=True):
-                yield place | {"seed": seed, "value": value}
+    """Yield the scores of one network with each augmentation method alone, with none and with all."""
+    columns = ["method", "protocol", "condition", "seed", "metric", "unit", "value"]
+    for row in studies.read(workspace, "glove", "augmentation", columns).itertuples():
+        place = {"protocol": row.protocol, "condition": row.condition, "model": settings["augmentation"]["model"]}
+        yield place | {"variant": f"augmentation_{row.method}", "metric": row.metric, "unit": row.unit} | {
+            "seed": row.seed, "value": row.value,
+        }  # fmt: skip
 
 
 def by_frames(table: pd.DataFrame) -> Iterator[Row]:

@@ -1,4 +1,4 @@
-"""Read and derive the results on tactile images: counts, augmentation, confusions, scores by number of frames.
+"""Read and derive the results on tactile images: counts, confusions, scores by number of frames.
 
 Scores are fractions in files; a difference of two of them is in points.
 """
@@ -9,11 +9,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.datasets.images import MODALITIES, classes, modality, split_name
-from pipeline.scoring import classification, frame_sets
-from pipeline.scoring.published import METHODS
+from pipeline.datasets.images import classes, modality, split_name
+from pipeline.scoring import classification, studies
 from pipeline.scoring.results import Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions
 
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
@@ -38,55 +36,19 @@ def like_with_like(counts: pd.DataFrame) -> pd.DataFrame:
     return counts[counts["published_macs"].isna()].set_index("model")
 
 
-def read_augmentation(workspace: Workspace, settings: Mapping, metric: str) -> dict[tuple[str, str], list[float]]:
-    """Read (method, dataset) -> one fraction per seed of `augmentation.seeds`; settings: the block `glove`.
-
-    `all` is the model as Table 1 has it. Raises InputError that names a missing row.
-    """
-    block, made_by = settings["augmentation"], "python -m pipeline.studies.augmentation glove"
-    protocols = {dataset: f"{block['split']}_{dataset}" for dataset in MODALITIES}
-    path = workspace.augmentation("glove")
-    table = read_csv(path, ["method", "protocol", "seed", "metric", "value"], made_by)
-    written = {(row.method, row.protocol, int(row.seed), row.metric): row.value for row in table.itertuples()}
-    same_seeds = {protocol: {"seeds": block["seeds"]} for protocol in protocols.values()}
-    complete = Scores(workspace, "glove", {"protocols": same_seeds})
-    values = {}
-    for dataset, protocol in protocols.items():
-        for method in METHODS:
-            if method == "all":
-                values[method, dataset] = complete.runs(protocol, dataset, block["model"], metric)
-                continue
-            for seed in block["seeds"]:
-                if (method, protocol, seed, metric) not in written:
-                    raise InputError(
-                        f"{path}: no row for method {method}, protocol {protocol}, seed {seed}, metric "
-                        f"{metric}; run `{made_by}` again"
-                    )
-            values[method, dataset] = [written[method, protocol, seed, metric] for seed in block["seeds"]]
-    return values
-
-
 def read_stag(workspace: Workspace) -> pd.DataFrame:
     """Read scores on the STAG data set, as `read_frames` does; no row where the user has named no file."""
     return with_one_frame(read_csv(workspace.stag("glove"), FRAMES_COLUMNS, "python -m pipeline.studies.stag glove"))
 
 
-def read_frames(
-    workspace: Workspace, table: pa.Table, dataset: str, settings: Mapping, models: Sequence[str]
-) -> pd.DataFrame:
+def read_frames(workspace: Workspace, dataset: str, models: Sequence[str]) -> pd.DataFrame:
     """Return the scores by number of input frames on one dataset of the glove, in both FORMS; columns as in stag.csv.
 
-    Networks are trained on several frames of `input_frames.dataset` only; table: the dataset's.
+    No row where the study was not computed, or of another dataset than it trained on.
     """
-    block, protocol = settings["input_frames"], main_protocols(settings)[dataset]
-    if dataset == block["dataset"]:
-        protocol = f"{block['split']}_{dataset}"
-    rows = scores_by_frames(workspace, table, protocol, settings, models).assign(form="mean")
-    if dataset == block["dataset"]:
-        made_by = "python -m pipeline.studies.input_frames glove"
-        trained = read_csv(workspace.input_frames("glove"), FRAMES_COLUMNS, made_by)
-        rows = pd.concat([trained[trained["model"].isin(models)], rows]) if len(trained) else rows
-    return with_one_frame(rows)
+    rows = studies.read(workspace, "glove", "input_frames", ["condition", *FRAMES_COLUMNS])
+    rows = rows[(rows["condition"] == dataset) & rows["model"].isin(models)]
+    return with_one_frame(rows.drop(columns="condition"))
 
 
 def with_one_frame(rows: pd.DataFrame) -> pd.DataFrame:
@@ -155,28 +117,6 @@ def ranked_pairs(counts: np.ndarray) -> list[tuple[int, int]]:
     return [(int(first[k]), int(second[k])) for k in np.argsort(-shares[first, second], kind="stable")]
 
 
-def scores_by_frames(
-    workspace: Workspace, table: pa.Table, protocol: str, settings: Mapping, models: Sequence[str]
-) -> pd.DataFrame:
-    """Score the mean prediction of 1 .. `most` images of a test session (see `compared_images`).
-
-    Columns as in stag.csv. table: the dataset's.
-    """
-    label, session = table["label"].to_numpy(), frame_sets.sessions(table)
-    most, tests = frame_sets.compared_images(table, protocol, settings["protocols"][protocol]["seeds"])
-    rows = []
-    for model in models:
-        for seed, used in tests.items():
-            predicted = read_predictions(workspace, "glove", model, protocol, seed, table)
-            failed = not np.isfinite(predicted[used]).all()
-            for frames in range(1, most + 1):
-                first, mean = classification.by_frames(predicted[used], session[used], frames)
-                truth = np.eye(predicted.shape[1])[label[used[first]]]
-                for metric, unit, value, n in classification.scores(truth, mean):
-                    rows.append((model, seed, frames, metric, unit, np.nan if failed else value, n))
-    return pd.DataFrame(rows, columns=["model", "seed", "frames", "metric", "unit", "value", "n"])
-
-
 def splits(settings: Mapping) -> dict[str, list[str]]:
     """Return split -> its protocols, the first being the main one."""
     by_split = {}
@@ -209,8 +149,3 @@ def ranked(scores: Scores, settings: Mapping, protocol: str, metric: str = "macr
     estimates = {model: score(scores, protocol, model, metric) for model in settings["models"]}
     good = [model for model, value in estimates.items() if value.runs and not value.failed]
     return {model: estimates[model] for model in sorted(good, key=lambda model: -estimates[model].mean)}
-
-
-def augmentation_gain(values: Mapping[tuple[str, str], list[float]], method: str, dataset: str) -> Estimate:
-    """Return what a method adds to training without any, in points, paired by seed; values: see read_augmentation."""
-    return estimate(100 * (np.array(values[method, dataset]) - np.array(values["none", dataset])))

@@ -1,9 +1,11 @@
-"""Name the size ladders, and the table of their runs that one stage writes and another judges."""
+"""Name the size ladders, and read the table of their runs that studies write; strain's is that of its latent space."""
 
-from pathlib import Path
 from typing import NamedTuple
 
+import pandas as pd
+
 from pipeline.base.paths import Workspace
+from pipeline.scoring import studies
 
 COLUMNS = ("experiment", "condition", "family", "size", "params", "metric", "unit", "seed", "value", "macs")
 METRIC = {"touch": "rmse", "strain": "error", "glove": "macro_precision"}  # of each experiment's ladders
@@ -24,9 +26,15 @@ FAMILIES = {
 }
 
 
-def path(workspace: Workspace, experiment: str) -> Path:
-    """Return the file of all runs of an experiment's ladders (output of pipeline/studies/sizes.py)."""
-    return workspace.experiment_folder(experiment) / "rightsize.csv"
+def read(workspace: Workspace, experiment: str) -> pd.DataFrame:
+    """Return the runs of an experiment's ladders, columns COLUMNS; without a row where none was computed."""
+    if experiment != "strain":
+        return studies.read(workspace, experiment, "sizes", COLUMNS)
+    columns = ["protocol", "units", "params", "macs", "seed", "metric", "unit", "value"]
+    table = studies.read(workspace, experiment, "capacity", columns).rename(
+        columns={"protocol": "condition", "units": "size"}
+    )
+    return table.assign(experiment=experiment, family="lstm")[list(COLUMNS)]
 
 
 def protocol(experiment: str, condition: str) -> str:

@@ -106,13 +106,12 @@ def of_reports(folder: Path) -> dict[str, Path]:
     return {name: folder / f"{name}.csv" for name in names} | studies
 
 
-def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path]:
+def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | list[Path]]:
     """Return the files of results that the stages of one experiment write, and of the glove the counts."""
     files = {"scores": workspace.scores(experiment), "latency": workspace.latency(experiment)}
     files |= {"claim_inputs": workspace.claim_inputs(experiment)}
-    study = workspace.experiment_folder("strain") / "study"
     further = {"glove": {"counts": workspace.reports / "counts.csv"}}
-    further |= {"strain": {name: study / f"{name}.csv" for name in STUDIES}}
+    further |= {"strain": {name: workspace.study("strain", name) for name in STUDIES}}
     return files | further.get(experiment, {})
 
 
@@ -133,13 +132,13 @@ def results(workspace: Workspace, own: Collection[str], experiment: str = "") ->
     return Results(pd.concat([table, kept[wanted].assign(**{WHOLE: False})], ignore_index=True))
 
 
-def read(files: Mapping[str, Path]) -> pd.DataFrame:
+def read(files: Mapping[str, Path | list[Path]]) -> pd.DataFrame:
     """Return the results in files, columns COLUMNS of claim_inputs and WHOLE; a file that is missing has no rows.
 
     files: see `of_reports`. Raises InputError for a file without the columns that are read.
     """
-    present = {name: path for name, path in files.items() if path.exists()}
-    tables = [TABLES[name](path) for name, path in present.items()] or [pd.DataFrame(columns=COLUMNS)]
+    parts = [(name, path) for name, at in files.items() for path in ([at] if isinstance(at, Path) else at)]
+    tables = [TABLES[name](path) for name, path in parts if path.exists()] or [pd.DataFrame(columns=COLUMNS)]
     together = pd.concat([table.reindex(columns=[*COLUMNS, WHOLE]).astype(object) for table in tables])
     return together.infer_objects().fillna({WHOLE: False}).astype({WHOLE: bool, "value": float})
 

@@ -4,6 +4,7 @@ A shard is one seed of an experiment at one budget of training, of all models. e
 set, for each amount of data; its shards are called `<set>-<seed>-<budget>`. The files of the evidence:
 
 * results/<shard>.csv: rows of the one table of results.
+* studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
 * index.csv: of each shard its digest, costs, machine and commit; times.csv: core-seconds of each training.
 """
@@ -23,6 +24,7 @@ from pipeline.settings.shards import ShardSet
 BUDGETS = (HALF, FULL)
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
+STUDY = "study"  # in the column `protocol` of index.csv, for a study
 MADE_BY = "tactile evidence"
 
 
@@ -58,7 +60,17 @@ def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
 
 def shards(sets: dict[str, ShardSet]) -> list[Shard]:
     """Return all shards: of each set first the seeds at both budgets, so that a verdict grows seed by seed."""
-    return [Shard(name, seed, at) for name, each in sets.items() for seed in range(each.seeds) for at in BUDGETS]
+    return [Shard(name, seed, at) for name, each in sets.items() for seed in range(each.seeds) for at in budgets(each)]
+
+
+def budgets(each: ShardSet) -> tuple[str, ...]:
+    """Return the budgets of a set; a study has its own recipe, which is run whole."""
+    return (FULL,) if each.study else BUDGETS
+
+
+def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> Path:
+    """Return the file that keeps one seed of a table of a study; `Workspace.study` finds those of all seeds."""
+    return folder(workspace) / "studies" / experiment / f"{table}-{seed}.csv"
 
 
 def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None:
@@ -74,6 +86,8 @@ def read(workspace: Workspace) -> pd.DataFrame:
     tables = [pd.DataFrame(columns=COLUMNS)]
     index = folder(workspace) / "index.csv"
     for row in pd.read_csv(index, dtype=str).itertuples() if index.exists() else ():
+        if row.protocol == STUDY:
+            continue
         path = paths.require(folder(workspace) / "results" / f"{row.shard}.csv", MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")

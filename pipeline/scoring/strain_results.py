@@ -8,23 +8,23 @@ import pyarrow as pa
 
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
+from pipeline.scoring import studies
 from pipeline.scoring.results import read_csv, read_predictions
 
-STUDY = "python -m pipeline.studies.latent strain"
 TASKS = ("task_1", "task_2")  # of the paper's table
 LATENT = "latent of model-0"  # an input of the decoders, in drift.csv
 TIME_BINS = 10  # of the test part
 
 
 def read_study(workspace: Workspace, name: str) -> pd.DataFrame:
-    """Read a table of the study of the latent space: samples, drift or capacity."""
-    path = workspace.experiment_folder("strain") / "study" / f"{name}.csv"
-    return read_csv(path, ["protocol", "seed", "value"], STUDY)
+    """Read a table of the study of the latent space, such as samples; without a row where it was not computed."""
+    return studies.read(workspace, "strain", name, ["protocol", "seed", "value"])
 
 
 def read_latents(workspace: Workspace) -> pd.DataFrame:
-    """Read t_s and the states of model-0 on task 2."""
-    return read_csv(workspace.experiment_folder("strain") / "study" / "latents.csv", ["t_s"], STUDY)
+    """Read t_s and the states of the first model-0 on task 2; without a row where they were not computed."""
+    first = workspace.study("strain", "latents")[:1]
+    return read_csv(first[0], ["t_s"], studies.MADE_BY) if first else pd.DataFrame(columns=["t_s"])
 
 
 def mean_error(truth: np.ndarray, guess: np.ndarray) -> float:

@@ -7,6 +7,7 @@ from pydantic import Field
 from pipeline.settings.models import Models
 from pipeline.settings.shared import (
     Block,
+    Budget,
     Count,
     Distinct,
     Fraction,
@@ -126,7 +127,6 @@ class Augmentation(Block):
 
     model: Text = Field(description="Model that is trained")
     split: Text = Field(description="How data are divided, `session` or `random_frames`")
-    seeds: Seeds = Field(description="Seeds of every run")
 
 
 class InputFrames(Block):
@@ -135,7 +135,6 @@ class InputFrames(Block):
     dataset: Literal["pressure", "combined"] = Field(description="Dataset of images, one with claims on figure 15")
     split: Text = Field(description="How data are divided, `session` or `random_frames`")
     numbers: Distinct[Annotated[int, Field(ge=1, le=8)]] = Field(description="Numbers of frames that a network sees")
-    seeds: Seeds = Field(description="Seeds of every run")
 
 
 class Stag(Block):
@@ -157,6 +156,7 @@ class Glove(Block):
     window: Thinning = Field(description="Which frames become images")
     split: SplitInThree = Field(description="How sessions or frames are divided")
     protocols: dict[Text, Protocol] = Field(description="<split>_<dataset of images>, and their seeds")
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     augmentation: Augmentation = Field(description="Table 2: a model with single augmentation methods on")
     input_frames: InputFrames = Field(description="Figure 15: networks that see several frames at once")

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from pipeline.settings.models import Models
-from pipeline.settings.shared import Block, Count, Ingest, Latency, Protocol, SplitInThree, Text
+from pipeline.settings.shared import Block, Budget, Count, Ingest, Latency, Protocol, SplitInThree, Text
 
 
 class GraspWindow(Block):
@@ -20,5 +20,6 @@ class GloveRecorded(Block):
     window: GraspWindow = Field(description="Which frames become images")
     split: SplitInThree = Field(description="How grasps are divided")
     protocols: dict[Text, Protocol] = Field(description="<split>_<dataset of images>, and their seeds")
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     latency: Latency = Field(description="How the time of a prediction is measured")

@@ -5,13 +5,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from pipeline.settings.models import Models
-from pipeline.settings.shared import Block, Distinct, Seeds
+from pipeline.settings.shared import Block, Distinct
 
 
 class Ablation(Block):
     """What is trained on the scenes of an experiment."""
 
-    seeds: Seeds = Field(description="Pairs of scenes, with all effects and without each of them")
     scene: Annotated[dict[Any, Any], Field(min_length=1)] = Field(
         description="What differs from the experiment's own settings, as a part of its block"
     )

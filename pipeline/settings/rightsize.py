@@ -4,10 +4,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pipeline.settings.shared import Block, Count, Distinct, Protocol, Width
+from pipeline.settings.shared import Block, Count, Distinct, Width
 
 
-class LompSizes(Protocol):
+class LompSizes(Block):
     """LoMP with fewer hidden units."""
 
     sizes: Distinct[Width] = Field(description="Hidden units; the widths of the read-out scale with them")
@@ -19,7 +19,7 @@ class WindowTraining(Block):
     epochs: Count = Field(description="Passes through the training part")
 
 
-class WindowSizes(Protocol):
+class WindowSizes(Block):
     """A CNN that sees fewer frames."""
 
     sizes: Distinct[Count] = Field(description="Last frames of a window that the CNN sees")
@@ -33,7 +33,7 @@ class TouchLadders(Block):
     window: WindowSizes = Field(description="A CNN that sees fewer frames")
 
 
-class SpResnetSizes(Protocol):
+class SpResnetSizes(Block):
     """SP-ResNet with fewer channels."""
 
     sizes: Distinct[Annotated[float, Field(ge=1 / 64, le=1)]] = Field(description="Factor of the published channels")

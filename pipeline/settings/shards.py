@@ -15,12 +15,15 @@ class ShardSet(Block):
     protocols: Distinct[Text] = Field(description="How its data are divided; a shard runs all of these")
     seeds: Annotated[int, Field(ge=1, le=1000)] = Field(description="Seeds from 0 on")
     models: Listed[Text] = Field(
-        default_factory=list, description="Models that are run; without this key all of the settings"
+        default_factory=list,
+        description="Models that are run; without this key all of the settings; with `study` those that it looks into",
     )
     by_unit: Listed[Text] = Field(
         default_factory=list, description="Protocols of recordings that are scored press by press, too"
     )
     variant: str = Field(default="", description="Variant of the rows, where another set has the same protocols")
     minutes: Count = Field(description="Of a `full` shard on two cores, about; the next shards are chosen by it")
+    study: str = Field(default="", description="Module of pipeline/studies that is run, in place of the protocols")
+    data: bool = Field(default=True, description="Whether the study reads the set's data, or makes its own")
     like: str = Field(default="", description="Set whose data it shares, and whose keys it has where it names no own")
     set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")

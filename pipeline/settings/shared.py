@@ -53,6 +53,12 @@ Specimens = Annotated[int, Field(ge=1, le=1000)]
 Seeds = Distinct[Seed]
 
 
+Budget = Annotated[
+    Share,
+    Field(description="Share of each training's epochs that is run: 1 is the recipe, less is a look at what it gives"),
+]
+
+
 class Protocol(Block):
     """How often one way of dividing the data is run."""
 

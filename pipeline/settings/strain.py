@@ -8,6 +8,7 @@ from pipeline.settings.models import Models
 from pipeline.settings.shared import (
     AlignedIngest,
     Block,
+    Budget,
     Count,
     CountOrNone,
     Distinct,
@@ -21,7 +22,6 @@ from pipeline.settings.shared import (
     Protocol,
     RateHz,
     SceneNumber,
-    Seeds,
     Specimens,
     Split,
     Text,
@@ -202,7 +202,6 @@ class Study(Block):
     """What the paper asserts and does not test."""
 
     tasks: Distinct[TaskOfTables] = Field(description="Tasks that are studied")
-    seeds: Seeds = Field(description="Seeds of every run")
     samples: Distinct[Annotated[int, Field(ge=2, le=1_000_000)]] = Field(description="Numbers of training samples")
     models: Distinct[Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]] = Field(
         description="Models that are trained on them"
@@ -226,6 +225,7 @@ class Strain(Block):
     window: LookBack = Field(description="How far models of windows look back")
     model_zero: Text = Field(description="Model that is trained on task 0, for transfer")
     protocols: Annotated[dict[Text, Protocol], Field(min_length=1)] = Field(description="Tasks that are run")
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     study: Study = Field(description="What the paper asserts and does not test")
     latency: Latency = Field(description="How the time of a prediction is measured")

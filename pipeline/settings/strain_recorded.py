@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from pipeline.settings.models import Models
-from pipeline.settings.shared import Block, Count, Ingest, Latency, LookBack, Protocol, Split, Text
+from pipeline.settings.shared import Block, Budget, Count, Ingest, Latency, LookBack, Protocol, Split, Text
 
 
 class ThinnedIngest(Ingest):
@@ -22,5 +22,6 @@ class StrainRecorded(Block):
     protocols: dict[Text, Protocol] = Field(
         description="<split>_<axes>, see pipeline/experiments/strain_recorded.py, and their seeds"
     )
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     latency: Latency = Field(description="How the time of a prediction is measured")

@@ -8,6 +8,7 @@ from pipeline.settings.models import Models
 from pipeline.settings.shared import (
     AlignedIngest,
     Block,
+    Budget,
     Count,
     CountOrNone,
     Distinct,
@@ -231,7 +232,7 @@ class Protocols(SomeOf):
     random_window: RandomWindow = Field(default=None, description="By window, as the paper: windows overlap")
 
 
-class AblationRow(Protocol):
+class AblationRow(Block):
     """A row beside those of Table I: a model with one thing changed."""
 
     of: Text = Field(description="Model of the row")
@@ -256,6 +257,7 @@ class Touch(Block):
     label: Label = Field(description="The pressure maps that models are asked for")
     split: TouchSplit = Field(description="How single touches are divided")
     protocols: Protocols = Field(description="Ways of dividing the data, and their seeds")
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     ablation: dict[Text, AblationRow] = Field(description="Rows beside those of Table I, by name")
     latency: Latency = Field(description="How the time of a prediction is measured")

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.settings.models import Models
-from pipeline.settings.shared import Block, Fraction, Ingest, Latency, Protocol, Window
+from pipeline.settings.shared import Block, Budget, Fraction, Ingest, Latency, Protocol, Window
 
 
 class Sensor(Block):
@@ -51,5 +51,6 @@ class VelostatRecorded(Block):
     label: Label = Field(description="What models are asked for")
     split: LastPart = Field(description="What of a training recording validates")
     protocols: Protocols = Field(description="Which recordings train and test, and the seeds")
+    budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     latency: Latency = Field(description="How the time of a prediction is measured")

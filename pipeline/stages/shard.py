@@ -1,15 +1,17 @@
 """Compute one shard of the evidence: train the models of one seed at one budget, and keep what they score.
 
+The shard of a study trains the models that it looks into, runs it with one seed, and keeps its tables.
+
 The data of a set are made once per machine, in build/evidence/<set>, and made anew where their settings or code
 changed. The shard's own folder, build/evidence/<shard>, goes when its results are written; interrupted, the same call
 goes on where it stopped.
 Usage: python -m pipeline.stages.shard SET SEED half|full
 """
 
+import hashlib
 import math
 import os
 import platform
-import shutil
 from collections.abc import Mapping
 
 import pandas as pd
@@ -22,14 +24,24 @@ from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
 from pipeline.scoring import claim_inputs, shards, units
-from pipeline.scoring.claim_inputs import HALF
+from pipeline.scoring.claim_inputs import FULL, HALF
 from pipeline.scoring.results import read_csv
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import ShardSet
 
 CURVE_POINTS = 20
-EPOCHS = ("epochs", "drop_epoch")  # settings of a training that a budget is a share of
-UNMADE = ("models", "ablation", "augmentation", "input_frames", "latency", "study", "yardstick")  # no data from these
+SHARES = {HALF: 0.5, FULL: 1.0}  # of the epochs of a recipe, by budget
+UNMADE = (
+    "budget",
+    "models",
+    "ablation",
+    "augmentation",
+    "input_frames",
+    "latency",
+    "study",
+    "yardstick",
+)  # no data from these
+LINKED = ("dataset.parquet", "frames.parquet", "ingest.json", "logs")  # of a set's data, in the folder of a shard
 ROOMS = ("datasets", "experiments", "logs", "scenes", "tasks")  # code that makes data
 MEASURED = "train_s"  # metric: goes to times.csv, for results are the same in every run
 
@@ -50,12 +62,10 @@ def settings_of(workspace: Workspace, each: ShardSet, target: Workspace, further
     return values
 
 
-def at_budget(block: Mapping, budget: str) -> dict:
-    """Return the settings of a model whose training has the epochs of a budget: half of them, or all."""
-    if "training" not in block or budget != HALF:
-        return dict(block)
-    halved = {key: math.ceil(block["training"][key] / 2) for key in EPOCHS if key in block["training"]}
-    return {**block, "training": {**block["training"], **halved}}
+def further_of(shard: Shard, each: ShardSet) -> dict:
+    """Return the dotted settings in which a shard differs from its set: one seed, and a share of every training."""
+    budget = {f"{each.experiment}.budget": SHARES[shard.budget]}
+    return budget | {f"{each.experiment}.protocols.{name}.seeds": [shard.seed] for name in each.protocols}
 
 
 def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> Workspace:
@@ -88,7 +98,8 @@ def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> 
         raise InputError(f"{name}: {reason}")
     for stage in (*(["window"] if windows else []), "dataset"):
         modules.run(data.root, f"pipeline.stages.{stage}", each.experiment)
-    shutil.rmtree(data.logs(each.experiment), ignore_errors=True)
+    for log in data.logs(each.experiment).rglob("*.log"):  # what is left is small: the true drift of strands
+        log.unlink()
     files.write_text(mark, made_from)
     return data
 
@@ -96,25 +107,39 @@ def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> 
 def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) -> None:
     """Compute a shard and write its results."""
     each = sets[shard.set]
-    data = make_data(workspace, sets, each.like or shard.set)
+    data = make_data(workspace, sets, each.like or shard.set) if each.data else None
     started = sum(os.times()[:4])
     own = Workspace(workspace.root / "build" / "evidence" / shard.name)
-    values = settings_of(workspace, each, own, {})[each.experiment]
-    further = {f"{each.experiment}.protocols.{name}.seeds": [shard.seed] for name in each.protocols}
-    further[f"{each.experiment}.models"] = {
-        name: at_budget(block, shard.budget) for name, block in values["models"].items()
-    }
-    values = settings_of(workspace, each, own, further)
+    values = settings_of(workspace, each, own, further_of(shard, each))
     folder = own.experiment_folder(each.experiment)
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("dataset.parquet", "frames.parquet", "ingest.json"):
+    for name in LINKED if data else ():
         link = folder / name
         link.unlink(missing_ok=True)
-        link.symlink_to((data.experiment_folder(each.experiment) / name).resolve())
-    for stage in ("train", "evaluate"):
-        modules.run(own.root, f"pipeline.stages.{stage}", each.experiment)
-    write(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
+        if (made := data.experiment_folder(each.experiment) / name).exists():
+            link.symlink_to(made.resolve())
+    if each.study:
+        if each.models:
+            modules.run(own.root, "pipeline.stages.train", each.experiment)
+            settings_of(workspace, each.model_copy(update={"models": []}), own, further_of(shard, each))
+        modules.run(own.root, f"pipeline.studies.{each.study}", each.experiment, str(shard.seed))
+        keep_study(workspace, own, shard, each, sum(os.times()[:4]) - started)
+    else:
+        for stage in ("train", "evaluate"):
+            modules.run(own.root, f"pipeline.stages.{stage}", each.experiment)
+        write(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     files.remove_folder(own.root, inside=own.root.parent)
+
+
+def keep_study(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, core_s: float) -> None:
+    """Keep the tables that a study wrote for one seed, and their line of the index last."""
+    kept = []
+    for table in sorted(own.study_result(each.experiment, "any").parent.glob("*.csv")):
+        kept.append(shards.study_file(workspace, each.experiment, table.stem, shard.seed))
+        files.write_text(kept[-1], table.read_text(encoding="utf-8"))
+    digest = hashlib.sha256("".join(map(files.sha256, kept)).encode()).hexdigest() if len(kept) > 1 else ""
+    index(workspace, own, shard, each, shards.STUDY, digest or files.sha256(kept[0]), core_s)
+    print(f"{shard.name}: {', '.join(path.name for path in kept)}, {core_s / 60:.1f} core-minutes")
 
 
 def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, values: Mapping, core_s: float) -> None:
@@ -137,14 +162,21 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     curves, times = trainings(own, experiment, values)
     files.write_table(target / "curves" / f"{shard.name}.csv", curves)
     shards.upsert(target / "times.csv", shards.TIMES, shard.name, [{"shard": shard.name, **row} for row in times])
-    line = {
-        "shard": shard.name, "experiment": experiment, "protocol": "+".join(each.protocols), "seed": shard.seed,
-        "budget": shard.budget, "sha256": files.sha256(result), "core_s": round(core_s), "machine": machine(),
-        "commit": provenance.git_state(workspace)[0],
-        "data_sha256": files.sha256(own.dataset(experiment)),
-    }  # fmt: skip
-    shards.upsert(target / "index.csv", shards.INDEX, shard.name, [line])
+    index(workspace, own, shard, each, "+".join(each.protocols), files.sha256(result), core_s)
     print(f"{shard.name}: {len(rows)} numbers, {core_s / 60:.1f} core-minutes")
+
+
+def index(
+    workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, protocol: str, digest: str, core_s: float
+) -> None:
+    """Put the line of a shard into the index."""
+    line = {
+        "shard": shard.name, "experiment": each.experiment, "protocol": protocol, "seed": shard.seed,
+        "budget": shard.budget, "sha256": digest, "core_s": round(core_s), "machine": machine(),
+        "commit": provenance.git_state(workspace)[0],
+        "data_sha256": files.sha256(own.dataset(each.experiment)) if each.data else "",
+    }  # fmt: skip
+    shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, shard.name, [line])
 
 
 def trainings(own: Workspace, experiment: str, values: Mapping) -> tuple[pd.DataFrame, list[dict]]:
@@ -179,6 +211,7 @@ def main(workspace: Workspace) -> None:
     """Compute the shard named on the command line."""
     sets = shards.read_sets(workspace)
     given = arguments.parse(__doc__, set=tuple(sets), seed=None, budget=shards.BUDGETS)
+    params.check_known([given.budget], shards.budgets(sets[given.set]), f"evidence/shards.yaml, {given.set}")
     known = [str(seed) for seed in range(sets[given.set].seeds)]
     params.check_known([given.seed], known, f"evidence/shards.yaml, {given.set}")
     compute(workspace, Shard(given.set, int(given.seed), given.budget), sets)

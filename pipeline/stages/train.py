@@ -19,9 +19,9 @@ from pipeline.base.paths import Workspace
 
 # What a training reads of an experiment's block in params.yaml beside the model's own, by the kind of input.
 READ = {
-    "windows": ("label", "protocols", "sensor", "window"),
-    "series": ("model_zero", "protocols", "sensor", "window"),
-    "images": ("protocols",),
+    "windows": ("budget", "label", "protocols", "sensor", "window"),
+    "series": ("budget", "model_zero", "protocols", "sensor", "window"),
+    "images": ("budget", "protocols"),
 }
 
 

@@ -1,9 +1,9 @@
 """Train and score models of the tables with one thing changed: LoMP's messages, or the frames that a model sees.
 
-Split, seeds and training are those of the tables. The row that each is compared with is among the rows or in the
-tables. Rows of models that `<experiment>.models` has not are left out. Writes the scores on the test part of the first
+Split and training are those of the tables. The row that each is compared with is among the rows or in the tables. Rows
+of models that `<experiment>.models` has not are left out. Writes the scores of one seed on the test part of the first
 protocol; `render` compares them.
-Usage: python -m pipeline.studies.ablation touch
+Usage: python -m pipeline.studies.ablation touch SEED
 """
 
 from collections.abc import Mapping
@@ -51,18 +51,12 @@ def train_run(workspace: Workspace, values: Mapping, experiment: str, name: str,
 
 def check(settings: Mapping, experiment: str) -> None:
     """Raise InputError for a row that cannot be trained, or compared with the one that it names."""
-    seeds = next(iter(settings["protocols"].values()))["seeds"]
     for name, row in settings["ablation"].items():
         where = f"{experiment}.ablation.{name}"
         beside = row.get("beside", "")
         if beside:
             params.check_known([beside], settings["ablation"], f"{where}.beside")
         params.check_model(row["of"], scored.block_of(settings, name), f"{where}.settings")
-        known = settings["ablation"][beside]["seeds"] if beside else seeds
-        if not set(row["seeds"]) <= set(known) & set(seeds):
-            raise InputError(
-                f"{params.file_of(where)}, {where}.seeds: what it is compared with has seeds {known}; take of these"
-            )
         if row["frames"] > settings["window"]["frames"]:
             raise InputError(
                 f"{params.file_of(where)}, {where}.frames: a window has {settings['window']['frames']} frames"
@@ -70,18 +64,18 @@ def check(settings: Mapping, experiment: str) -> None:
 
 
 def main(workspace: Workspace) -> None:
-    """Train and score all rows of the experiment named on the command line."""
+    """Train and score all rows of the experiment and seed named on the command line."""
     values = params.load(workspace.params)
-    experiment = arguments.parse(__doc__, experiment=["touch"]).experiment
+    experiment, seed = arguments.of_study(__doc__, ["touch"])
     settings = values[experiment]
     check(settings, experiment)
     rows_run = {name: row for name, row in settings["ablation"].items() if row["of"] in settings["models"]}
-    runs = [(experiment, name, seed) for name, row in rows_run.items() for seed in row["seeds"]]
+    runs = [(experiment, name, seed) for name in rows_run]
     blocks = [scored.block_of(settings, name) for name in rows_run]
     epochs = max(map(params.epochs, blocks), default=0)
     with tqdm(total=epochs * len(runs), desc=f"ablate {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_run, {run: (workspace, values, *run) for run in runs}, bar, steps=epochs))
-    files.write_csv(workspace.ablation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
+    files.write_csv(workspace.study_result(experiment, "ablation"), COLUMNS, (row for run in runs for row in rows[run]))
 
 
 if __name__ == "__main__":

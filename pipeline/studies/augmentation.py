@@ -1,8 +1,8 @@
 """Measure what each augmentation method is worth (SP-ResNet paper, Table 2): one model without and with each.
 
-Trains `augmentation.model` on each of the three datasets with no method and with A, B or C alone; all of them
-together is the model itself, which the stage train has trained. Writes the scores on the test part.
-Usage: python -m pipeline.studies.augmentation glove
+Trains `augmentation.model` on each of the three datasets with no method, with A, B or C alone, and with all of them,
+which is the model of the tables. Writes the scores of one seed on the test part.
+Usage: python -m pipeline.studies.augmentation glove SEED
 """
 
 from collections.abc import Mapping
@@ -17,8 +17,14 @@ from pipeline.datasets import images
 from pipeline.scoring import classification, metrics
 from pipeline.tasks import images as tasks_images
 
-METHODS = {"none": (), "A": ("flip",), "B": ("noise",), "C": ("affine",)}  # what stays on; the others are set to 0
 SETTINGS = ("flip", "noise", "affine")
+METHODS = {
+    "none": (),
+    "A": ("flip",),
+    "B": ("noise",),
+    "C": ("affine",),
+    "all": SETTINGS,
+}  # on; the others are set to 0
 COLUMNS = ("method", "protocol", "condition", "seed", "metric", "unit", "value", "n")
 
 
@@ -45,9 +51,9 @@ def train_run(
 
 
 def main(workspace: Workspace) -> None:
-    """Train and score every method, dataset and seed of the experiment named on the command line."""
+    """Train and score every method and dataset of the experiment and seed named on the command line."""
     values = params.load(workspace.params)
-    experiment = arguments.parse(__doc__, experiment=["glove"]).experiment
+    experiment, seed = arguments.of_study(__doc__, ["glove"])
     settings = values[experiment]["augmentation"]
     block = params.model_settings(values, experiment, settings["model"])
     if "training" not in block:
@@ -56,12 +62,13 @@ def main(workspace: Workspace) -> None:
         (experiment, method, f"{settings['split']}_{modality}", seed)
         for method in METHODS
         for modality in images.MODALITIES
-        for seed in settings["seeds"]
     ]
     epochs = block["training"]["epochs"]
     with tqdm(total=epochs * len(runs), desc=f"augment {experiment}", unit="epoch") as bar:
         rows = dict(workers.run(train_run, {run: (workspace, values, *run) for run in runs}, bar, steps=epochs))
-    files.write_csv(workspace.augmentation(experiment), COLUMNS, (row for run in runs for row in rows[run]))
+    files.write_csv(
+        workspace.study_result(experiment, "augmentation"), COLUMNS, (row for run in runs for row in rows[run])
+    )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Train the networks of figure 15 on several input frames, as STAG does: see `joined_frames`.
 
-Trains `glove.models`' SP-ResNet and ResNet_3x3 on `input_frames.numbers` of frames of a session and scores them on sets
-of frames of the test sessions: those whose predictions of the one-frame network are averaged beside. A number that no
-session has is left out.
-Usage: python -m pipeline.studies.input_frames glove
+Trains `glove.models`' SP-ResNet and ResNet_3x3 on `input_frames.numbers` of frames of a session, and on one, whose
+predictions of several are averaged beside; on the datasets that are not `input_frames.dataset` on one alone. They are
+scored on sets of frames of the test sessions. A number that no session has is left out. Writes the scores of one seed.
+Usage: python -m pipeline.studies.input_frames glove SEED
 """
 
 import sys
@@ -13,18 +13,18 @@ from tqdm import tqdm
 
 from pipeline import models
 from pipeline.base import arguments, files, params, workers
-from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
-from pipeline.scoring import frame_sets
+from pipeline.scoring import classification, frame_sets, metrics
 from pipeline.tasks import images as tasks_images
 
-COLUMNS = ("form", "model", "seed", "frames", "metric", "unit", "value", "n")
+COLUMNS = ("condition", "form", "model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")
+DATASETS = ("combined", "pressure")  # of figure 15
 
 
 def train_run(
-    workspace: Workspace, values: Mapping, experiment: str, model: str, frames: int, seed: int, report
+    workspace: Workspace, values: Mapping, experiment: str, dataset: str, model: str, frames: int, seed: int, report
 ) -> list[tuple]:
     """Train and score one network; rows of input_frames.csv, none where no session has as many frames."""
     import torch
@@ -32,49 +32,58 @@ def train_run(
     from pipeline.studies import joined_frames
 
     torch.set_num_threads(1)
-    settings = values[experiment]["input_frames"]
-    protocol = f"{settings['split']}_{settings['dataset']}"
+    protocol = f"{values[experiment]['input_frames']['split']}_{dataset}"
     data = images.read(workspace.dataset(experiment), protocol, seed)
-    seeds = values[experiment]["protocols"][protocol]["seeds"]
-    wanted = ["condition", "recording", "label", *(schemas.split_column(protocol, known) for known in seeds)]
+    wanted = ["condition", "recording", "label", schemas.split_column(protocol, seed)]
     table = schemas.read(workspace.dataset(experiment), columns=wanted)
-    most, compared = frame_sets.compared_images(table, protocol, seeds)
+    most, compared = frame_sets.compared_images(table, protocol, [seed])
     if frames > most:
         return []
-    part = data.part.astype(object)
-    part[part == "test"] = "too short"
-    part[compared[seed]] = "test"
+    session, used = frame_sets.sessions(table), compared[seed]
     block = params.model_settings(values, experiment, model)
     single = models.build(model, tasks_images.spec(data), block, f"{experiment}.models.{model}")
-    place = single, frames, data.x, data.y, frame_sets.sessions(table), part
-    scores = joined_frames.scores(*place, seed=seed, device=values["device"], progress=report)
-    return [("trained", model, seed, frames, *row) for row in scores]
+    fitting = {"seed": seed, "device": values["device"], "progress": report}
+    if frames > 1:
+        part = data.part.astype(object)
+        part[part == "test"] = "too short"
+        part[used] = "test"
+        scores = joined_frames.scores(single, frames, data.x, data.y, session, part, **fitting)
+        return [(dataset, "trained", model, seed, frames, *row) for row in scores]
+    single.fit(*(tasks_images.part_of(data, part) for part in ("train", "validation")), **fitting)
+    predicted, rows = single.predict(data.x[used]), []
+    for number in range(1, most + 1):
+        first, means = classification.by_frames(predicted, session[used], number)
+        scores = classification.scores(data.y[used][first], means)
+        scores = metrics.unless_failed(scores, single.summary.best_epoch == 0)
+        rows += [(dataset, "mean", model, seed, number, *row) for row in scores]
+    return rows
 
 
 def main(workspace: Workspace) -> None:
-    """Train and score every network, number of frames and seed of the experiment named on the command line."""
+    """Train and score every network and number of frames of the experiment and seed named on the command line."""
     values = params.load(workspace.params)
-    experiment = arguments.parse(__doc__, experiment=["glove"]).experiment
+    experiment, seed = arguments.of_study(__doc__, ["glove"])
     settings, blocks = values[experiment]["input_frames"], values[experiment]["models"]
-    protocol, protocols = f"{settings['split']}_{settings['dataset']}", values[experiment]["protocols"]
-    if not set(settings["seeds"]) <= set(protocols.get(protocol, {"seeds": []})["seeds"]):
-        raise InputError(
-            f"params/{experiment}.yaml, {experiment}.input_frames: the protocol '{protocol}' has not all of the seeds "
-            f"{', '.join(map(str, settings['seeds']))}"
-        )
+    numbers = {name: {1, *(settings["numbers"] if name == settings["dataset"] else ())} for name in DATASETS}
     trained = [model for model in MODELS if model in blocks]
-    runs = [(experiment, m, frames, s) for m in trained for frames in settings["numbers"] for s in settings["seeds"]]
-    epochs = {run: run[2] * params.epochs(blocks[run[1]]) for run in runs}
+    runs = [
+        (experiment, dataset, model, frames, seed)
+        for dataset in DATASETS
+        for model in trained
+        for frames in sorted(numbers[dataset])
+    ]
+    epochs = {run: run[3] * params.epochs(blocks[run[2]]) for run in runs}
     with tqdm(total=sum(epochs.values()), desc=f"frames {experiment}", unit="epoch") as bar:
         rows = (
             dict(workers.run(train_run, {run: (workspace, values, *run) for run in runs}, bar, steps=epochs))
             if runs
             else {}
         )
-    absent = sorted({frames for (_, _, frames, _), scores in rows.items() if not scores})
+    absent = sorted({frames for (*_, frames, _), scores in rows.items() if not scores})
     if absent:
         print(f"{experiment}: sessions have too few images for sets of {', '.join(map(str, absent))}", file=sys.stderr)
-    files.write_csv(workspace.input_frames(experiment), COLUMNS, (row for run in runs for row in rows[run]))
+    target = workspace.study_result(experiment, "input_frames")
+    files.write_csv(target, COLUMNS, (row for run in runs for row in rows[run]))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """Test what the latent-space paper asserts and does not test: few samples, freedom from drift, capacity, strands.
 
-Writes data/strain/study/: samples.csv (error against the number of training samples), capacity.csv (against the
+Writes tables of one seed: samples.csv (error against the number of training samples), capacity.csv (against the
 size of the LSTM), strands.csv (against the number of strands that all models see), bases.csv (of transfer from a
 model-0 that was trained on another task), drift.csv (how well elapsed time and the strands' true drift can be read from
 the raw voltages and from the latent space) and latents.csv (states of model-0 on task 2, for figure 7). Errors are
 those of the test part; drift.csv is from held-out blocks of the whole recording.
-Usage: python -m pipeline.studies.latent strain
+Usage: python -m pipeline.studies.latent strain SEED
 """
 
 import tempfile
@@ -40,7 +40,7 @@ def train_with(
     zero: Path | None = None,
     keep: Path | None = None,
 ) -> tuple:
-    """Train on the last `samples` of the training part (None: all). Returns (parameters, error in mm on the test part).
+    """Train on the last `samples` of the training part (None: all). Returns (model, error in mm on the test part).
 
     zero: the folder of model-0 for transfer; None: as in the stage `train`, the one that has seen all of task 0.
     keep: the folder to save the model in, if any.
@@ -60,7 +60,7 @@ def train_with(
         regressor.save(keep)
     rows = tasks_series.score(piece, regressor.predict(piece.record.x)[piece.part == "test"], task)
     error = next(value for name, _, value, _ in rows if name == "error")
-    return regressor.parameters(), error if np.isfinite(error) else float("nan")
+    return regressor, error if np.isfinite(error) else float("nan")
 
 
 def one_samples(
@@ -78,11 +78,11 @@ def one_capacity(
 ) -> list[tuple]:
     """Return a row of capacity.csv: the direct LSTM with another number of units, trained in parallel streams."""
     block = _in_streams(values) | {"units": units}
-    parameters, error = _single_thread(
+    regressor, error = _single_thread(
         train_with, workspace, values, values["strain"]["model_zero"], block, protocol, seed
     )
     report()
-    return [(protocol, units, parameters, seed, "error", "mm", error)]
+    return [(protocol, units, regressor.parameters(), regressor.macs(), seed, "error", "mm", error)]
 
 
 def one_strands(workspace: Workspace, values: Mapping, strands: int, seed: int, report: Callable) -> list[tuple]:
@@ -186,72 +186,56 @@ def _single_thread(function: Callable, *arguments):
 
 
 def main(workspace: Workspace) -> None:
-    """Run the studies of the experiment named on the command line."""
-    arguments.parse(__doc__, experiment=["strain"])
+    """Run the studies of the experiment and seed named on the command line."""
+    experiment, seed = arguments.of_study(__doc__, ["strain"])
     values = params.load(workspace.params)
-    study = values["strain"]["study"]
-    tasks, seeds = study["tasks"], study["seeds"]
-    strands = [count for count in study["strands"] if count <= values["strain"]["sensor"]["channels"]]
+    study = values[experiment]["study"]
+    tasks, bases = study["tasks"], study["bases"]
+    units = sorted(study["capacity"]["units"], reverse=True)
+    strands = [count for count in study["strands"] if count <= values[experiment]["sensor"]["channels"]]
+    sizes = sorted(study["samples"], reverse=True)
     plans = {
         "capacity": (
             one_capacity,
-            [
-                (task, units, seed)
-                for units in sorted(study["capacity"]["units"], reverse=True)
-                for task in tasks
-                for seed in seeds
-            ],
-            ("protocol", "units", "params", "seed", "metric", "unit", "value"),
+            [(task, count) for count in units for task in tasks],
+            ("protocol", "units", "params", "macs", "seed", "metric", "unit", "value"),
         ),
         "samples": (
             one_samples,
-            [
-                (task, model, samples, seed)
-                for samples in sorted(study["samples"], reverse=True)
-                for model in study["models"]
-                for task in tasks
-                for seed in seeds
-            ],
+            [(task, model, samples) for samples in sizes for model in study["models"] for task in tasks],
             ("protocol", "model", "samples", "seed", "metric", "unit", "value"),
         ),
         "strands": (
             one_strands,
-            [(count, seed) for count in sorted(strands, reverse=True) for seed in seeds],
+            [(count,) for count in sorted(strands, reverse=True)],
             ("protocol", "strands", "model", "seed", "metric", "unit", "value"),
         ),
         "bases": (
             one_base,
-            [
-                (base, task, seed)
-                for base in study["bases"]["trained_on"]
-                for task in study["bases"]["used_for"]
-                for seed in seeds
-            ],
+            [(base, task) for base in bases["trained_on"] for task in bases["used_for"]],
             ("protocol", "base", "model", "seed", "metric", "unit", "value"),
         ),
         "drift": (
             one_drift,
-            [(task, seed) for task in tasks for seed in seeds],
+            [(task,) for task in tasks],
             ("protocol", "input", "target", "seed", "metric", "unit", "value"),
         ),
     }
-    with files.replacing_folder(workspace.experiment_folder("strain") / "study") as draft:
-        for name, (function, runs, columns) in plans.items():
-            with tqdm(total=len(runs), desc=f"study strain {name}", unit="run") as bar:
-                rows_of_runs = dict(
-                    workers.run(function, {k: (workspace, values, *task) for k, task in enumerate(runs)}, bar)
-                )
-            rows = [row for key in sorted(rows_of_runs) for row in rows_of_runs[key]]
-            files.write_csv(draft / f"{name}.csv", columns, sorted(rows, key=lambda row: tuple(map(str, row[:4]))))
-        _write_latents(workspace, values, draft / "latents.csv")
+    for name, (function, runs, columns) in plans.items():
+        with tqdm(total=len(runs), desc=f"study {experiment} {name}", unit="run") as bar:
+            wanted = {k: (workspace, values, *run, seed) for k, run in enumerate(runs)}
+            rows = dict(workers.run(function, wanted, bar))
+        together = sorted((row for key in sorted(rows) for row in rows[key]), key=lambda row: tuple(map(str, row[:4])))
+        files.write_csv(workspace.study_result(experiment, name), columns, together)
+    _write_latents(workspace, values, seed, workspace.study_result(experiment, "latents"))
 
 
-def _write_latents(workspace: Workspace, values: Mapping, path: Path) -> None:
-    """Write t_s and states h0, h1, ... of model-0 (first seed) on the first LATENT_SAMPLES test samples of task 2."""
+def _write_latents(workspace: Workspace, values: Mapping, seed: int, path: Path) -> None:
+    """Write t_s and states h0, h1, ... of model-0 on the first LATENT_SAMPLES test samples of task 2."""
     from pipeline.learning import lstm
 
     settings = values["strain"]
-    task, seed = strain.task("task_2", settings), settings["study"]["seeds"][0]
+    task = strain.task("task_2", settings)
     spec = tasks_series.spec("strain", settings, task.base)
     network = lstm.LstmRegressor(spec, 1, None, transfer=False)
     network.load(workspace.run_folder("strain", paths.MODEL_ZERO, task.base, seed))

@@ -3,8 +3,8 @@
 Every variant (an effect and a seed) goes the whole way: simulated logs, ingest, windows, labels, training, scores of
 the test part. Effect `none`: all effects on. The seed moves the scene's own seed and is that of split and training, so
 that two seeds differ in all that is drawn by chance, and the variants of one seed are paired.
-Writes data/<experiment>/physics.csv; `render_study physics` judges it.
-Usage: python -m pipeline.studies.physics touch|strain|glove
+Writes the scores of one seed; `render_study physics` judges them.
+Usage: python -m pipeline.studies.physics touch|strain|glove SEED
 """
 
 import tempfile
@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from pipeline.base import arguments, files, params, workers
 from pipeline.base.paths import Workspace
-from pipeline.scoring.variants import COLUMNS, variants
+from pipeline.scoring.variants import COLUMNS, effects
 from pipeline.stability import changed_scene
 
 MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
@@ -61,13 +61,15 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
 
 
 def main(workspace: Workspace) -> None:
-    """Run every variant of the experiment named on the command line."""
+    """Run every variant of the experiment and seed named on the command line."""
     values = params.load(workspace.params)
-    experiment = arguments.parse(__doc__, experiment=values["physics"]).experiment
-    wanted = variants(values, experiment)
+    experiment, seed = arguments.of_study(__doc__, values["physics"])
+    wanted = [(effect, seed) for effect in effects(values, experiment)]
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
         rows = dict(workers.run(run_variant, {key: (values, experiment, *key) for key in wanted}, bar))
-    files.write_csv(workspace.physics(experiment), COLUMNS, (row for key in wanted for row in rows[key]))
+    files.write_csv(
+        workspace.study_result(experiment, "physics"), COLUMNS, (row for key in wanted for row in rows[key])
+    )
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ SENSOR = {"rows": 3, "cols": 3, "pitch_mm": 12.0, "element_mm": 11.5}
 LABEL = {"tip_radius_mm": 6.0, "map_rows": 12, "map_cols": 12}
 TOUCHES = {"single": 1, "double": 2, "three": 3, "slide": 2, "tape": 5}  # condition -> touches at once
 OBJECTS = ["empty_bottle", "full_bottle_1", "full_bottle_2", "mobile_phone", "paper_roll", "toy"]
+SEEDS = (0, 1)  # of the studies
 SESSIONS, PICTURES = 5, 3  # of each object, of each session
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet_nogcam", "sp_resnet")
 MODELS = {
@@ -46,11 +47,11 @@ def settings_of(experiment: str) -> dict:
         block |= {"sensor": SENSOR, "label": LABEL, "protocols": {"press": two, "random_window": one | {"passes": 1}}}
         block["window"] = block["window"] | {"frames": 2}
         block["yardstick"] = block["yardstick"] | {"model": "rnn", "protocol": "press", "published": 0.25}
-        half = {"of": "lomp", "seeds": [0, 1], "frames": 2}
+        half = {"of": "lomp", "frames": 2}
         block["ablation"] = {
             "lomp_half": half | {"settings": {"hidden": 4}},
             "lomp_alpha_0": half | {"beside": "lomp_half", "settings": {"alpha": 0.0}},
-            "linear_1_frame": {"of": "linear", "seeds": [1], "frames": 1, "settings": {}},
+            "linear_1_frame": {"of": "linear", "frames": 1, "settings": {}},
         }
     elif experiment == "velostat_recorded":
         block["protocols"] = dict.fromkeys(("repetition", "tip_force_5", "tip_force_10"), two)
@@ -61,7 +62,7 @@ def settings_of(experiment: str) -> dict:
     elif experiment == "glove":
         for protocol in block["protocols"]:
             block["protocols"][protocol] = two if protocol.startswith("session") else one
-        block["augmentation"] = {"model": "sp_resnet", "split": "session", "seeds": [0, 1]}
+        block["augmentation"] = {"model": "sp_resnet", "split": "session"}
     else:
         block["protocols"] = {f"grasp_{d}": two for d in images.MODALITIES}
         block["protocols"] |= {f"time_{d}": one for d in images.MODALITIES}
@@ -173,10 +174,11 @@ def touch(workspace, settings: dict) -> tuple:
         (name, "press", condition, seed, "rmse", "kPa", level + seed * (1 if name == "lomp_half" else 2), 12)
         for name, level in {"lomp_half": 20.0, "lomp_alpha_0": 30.0, "linear_1_frame": 93.0}.items()
         for condition in ("single", "double")
-        for seed in settings["ablation"].get(name, {"seeds": []})["seeds"]
+        for seed in (SEEDS if name != "linear_1_frame" else SEEDS[1:])
+        if name in settings["ablation"]
     ]
     header = ["row", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
-    pd.DataFrame(ablated, columns=header).to_csv(workspace.ablation("touch"), index=False)
+    studied(workspace, "touch", "ablation", pd.DataFrame(ablated, columns=header))
     part = np.where((names == "single") & (np.arange(n) % 12 < 4), "train", "test")
     metrics = ["rmse", "peak_error", "location_error", "touches_found", "force_error", "force_rmse", "force_r2", "r2"]
     return pa.table(columns), part, truth, lambda protocol: dict.fromkeys(TOUCHES, metrics)
@@ -214,8 +216,6 @@ def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
         scored["xyz"] = scored["xy"][:3]
         days = {"within_day": "day_1", "across_days": "day_2"}
         return pa.table(columns), part, truth, lambda p: {days[p.rsplit("_", 1)[0]]: scored[p.rsplit("_", 1)[1]]}
-    folder = workspace.experiment_folder("strain") / "study"
-    folder.mkdir(parents=True)
     pairs = [(task, seed) for task in ("task_1", "task_2") for seed in (0, 1)]
     networks = {"lstm_direct": 2.0, "lstm_transfer": 3.0, "lstm_transfer_ridge": 3.5}
     for name, column, values in (("samples", "samples", (100, 1000)), ("strands", "strands", (2, 4))):
@@ -226,7 +226,7 @@ def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
             for x in values
         ]
         header = ["protocol", "model", column, "seed", "metric", "unit", "value"]
-        pd.DataFrame(rows, columns=header).to_csv(folder / f"{name}.csv", index=False)
+        studied(workspace, "strain", name, pd.DataFrame(rows, columns=header))
     rows = [
         ("task_2", m, b, s, "error", "mm", 3.0 + s)
         for m in list(networks)[1:]
@@ -234,10 +234,10 @@ def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
         for s in (0, 1)
     ]
     header = ["protocol", "model", "base", "seed", "metric", "unit", "value"]
-    pd.DataFrame(rows, columns=header).to_csv(folder / "bases.csv", index=False)
-    rows = [(task, units, 9, seed, "error", "mm", 9.0 / units + seed) for task, seed in pairs for units in (5, 50)]
-    header = ["protocol", "units", "params", "seed", "metric", "unit", "value"]
-    pd.DataFrame(rows, columns=header).to_csv(folder / "capacity.csv", index=False)
+    studied(workspace, "strain", "bases", pd.DataFrame(rows, columns=header))
+    rows = [(task, units, 9, 99, seed, "error", "mm", 9.0 / units + seed) for task, seed in pairs for units in (5, 50)]
+    header = ["protocol", "units", "params", "macs", "seed", "metric", "unit", "value"]
+    studied(workspace, "strain", "capacity", pd.DataFrame(rows, columns=header))
     inputs = {"raw voltages": 0.9, "latent of model-0": 0.5}
     rows = [
         (task, seen, target, seed, "r2", "1", level + 0.01 * seed)
@@ -246,9 +246,9 @@ def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
         for target in ("elapsed time", "true drift")
     ]
     header = ["protocol", "input", "target", "seed", "metric", "unit", "value"]
-    pd.DataFrame(rows, columns=header).to_csv(folder / "drift.csv", index=False)
+    studied(workspace, "strain", "drift", pd.DataFrame(rows, columns=header))
     states = pd.DataFrame(rng.uniform(-1, 1, (40, 3)), columns=["h0", "h1", "h2"])
-    states.assign(t_s=np.arange(40.0)).to_csv(folder / "latents.csv", index=False)
+    states.assign(t_s=np.arange(40.0)).to_csv(shards.study_file(workspace, "strain", "latents", 0), index=False)
     return pa.table(columns), part, truth, lambda protocol: {protocol: ["error", "r2"]}
 
 
@@ -288,15 +288,20 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
     schemas.write(workspace.frames("glove"), frames.schema, [frames])
     rows = [
         (method, f"session_{dataset}", dataset, seed, metric, "1", 0.5 + 0.1 * place + 0.01 * seed * (place + 1), 36)
-        for place, method in enumerate(("none", "A", "B", "C"))
+        for place, method in enumerate(("none", "A", "B", "C", "all"))
         for dataset in images.MODALITIES
-        for seed in settings["augmentation"]["seeds"]
+        for seed in SEEDS
         for metric in ("macro_precision", "accuracy")
     ]
     header = ["method", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
-    pd.DataFrame(rows, columns=header).to_csv(workspace.augmentation("glove"), index=False)
+    studied(workspace, "glove", "augmentation", pd.DataFrame(rows, columns=header))
     (workspace.experiment_folder("glove") / "stag.csv").write_text("form,model,seed,frames,metric,unit,value,n\n")
-    by_frames({"sp_resnet": [0.7, 0.8], "resnet3x3": [0.6, 0.75]}).to_csv(workspace.input_frames("glove"), index=False)
+    several = by_frames({"sp_resnet": [0.7, 0.8], "resnet3x3": [0.6, 0.75]})
+    one = by_frames({"sp_resnet": [0.65, 0.68, 0.72], "resnet3x3": [0.5, 0.6, 0.65]}, 1, "mean")
+    together = pd.concat(
+        [several.assign(condition="combined"), *(one.assign(condition=d) for d in ("combined", "pressure"))]
+    )
+    studied(workspace, "glove", "input_frames", together)
     workspace.reports.mkdir(exist_ok=True)
     rows = [
         ("resnet18", "3x224x224", 1000, 1824033792, 11689512, 1824000000, 11690000, "reproduced", np.nan),
@@ -318,6 +323,14 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
     ]
     pd.DataFrame(rows, columns=header).assign(experiment="glove").to_csv(workspace.reports / "counts.csv", index=False)
     return *made, metrics
+
+
+def studied(workspace, experiment: str, table: str, rows: pd.DataFrame) -> None:
+    """Write a table of a study as the evidence has it, a file a seed."""
+    for seed, own in rows.groupby("seed"):
+        target = shards.study_file(workspace, experiment, table, seed)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        own.to_csv(target, index=False)
 
 
 def by_frames(levels: dict, first: int = 2, form: str = "trained") -> pd.DataFrame:

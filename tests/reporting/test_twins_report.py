@@ -53,7 +53,7 @@ def test_files_are_written_and_one_side_alone_is_no_comparison(workspace, undraw
         table.to_csv(workspace.twins(experiment), index=False)
     target = tmp_path / "new"
     target.mkdir()
-    summary = studies.twins(workspace, target)
+    summary = studies.twins(workspace, target, {})
     assert summary["experiment"].tolist() == [name for name in studies.TWIN_TITLES for _ in range(2)]
     assert summary["inside"].notna().tolist() == [True, True, False, False, False, False]
     assert {path.name for path in target.iterdir()} == {"README.md", "touch.png"}
@@ -63,7 +63,7 @@ def test_files_are_written_and_one_side_alone_is_no_comparison(workspace, undraw
     )
     workspace.twins("glove").unlink()
     with pytest.raises(InputError, match="python -m pipeline.stages.twins glove"):
-        studies.twins(workspace, target)
+        studies.twins(workspace, target, {})
 
 
 @pytest.mark.parametrize("experiment", twins_stage.MODULES)

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline.base import files
+from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
@@ -23,7 +23,7 @@ def test_every_shard_has_its_stage():
     assert list(stages) == list(SETS)
     for name, each in SETS.items():
         matrix = stages[name]["matrix"]
-        assert matrix == {"seed": list(range(each.seeds)), "budget": list(shards.BUDGETS)}, name
+        assert matrix == {"seed": list(range(each.seeds)), "budget": list(shards.budgets(each))}, name
         assert {"set": name} in stages[name]["vars"] and {"experiment": each.experiment} in stages[name]["vars"]
 
 
@@ -46,11 +46,16 @@ def test_sets_that_share_data_ask_for_the_same():
             assert (each.experiment, each.set, other.like) == (other.experiment, other.set, ""), name
 
 
-def test_half_of_the_budget_is_half_of_the_epochs():
+def test_a_budget_is_a_share_of_the_epochs():
     block = {"units": 50, "training": {"learning_rate": 0.1, "epochs": 15, "drop_epoch": 8}}
-    assert shard.at_budget(block, "full") == block
-    assert shard.at_budget(block, "half")["training"] == {"learning_rate": 0.1, "epochs": 8, "drop_epoch": 4}
-    assert shard.at_budget({"ridge": 1.0}, "half") == {"ridge": 1.0}
+    assert params.at_budget(block, shard.SHARES["full"]) == block
+    half = params.at_budget(block, shard.SHARES["half"])
+    assert half == {"units": 50, "training": {"learning_rate": 0.1, "epochs": 8, "drop_epoch": 4}}
+    assert params.at_budget(block, 0.01)["training"]["epochs"] == 1
+    assert params.at_budget({"ridge": 1.0}, 0.5) == {"ridge": 1.0}
+    values = {"strain": {"budget": 0.2, "models": {"lstm": block}, "protocols": {"a": {"passes": 2}, "b": {}}}}
+    epochs = [params.run_settings(values, "strain", "lstm", name)["training"]["epochs"] for name in "ab"]
+    assert epochs == [6, 3]
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ effect `changes errors` if one such interval lies outside the margin altogether.
 verdicts/rules.py asks another question: whether a difference is above 0 in the seeds that were drawn.
 """
 
+import itertools
 from collections.abc import Iterable, Mapping
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ import pandas as pd
 from scipy.special import stdtrit
 
 from pipeline.base.paths import Workspace
-from pipeline.scoring import complete, results
+from pipeline.scoring import complete, studies
 from pipeline.scoring.variants import COLUMNS, NONE
 
 MARGIN = 0.05  # share of a model's error
@@ -47,6 +47,9 @@ RECORDED = {
     ("glove", "session"): "alike_within",
     ("glove", "wander"): "load_wander",
 }
+
+REPORTED = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "equivalent", "swapped"]
+REPORTED += ["verdict", "consequence"]  # columns of reports/physics.csv
 
 Errors = Mapping[tuple[str, str], float]  # (model, condition) -> error, infinite if failed
 
@@ -85,16 +88,15 @@ class Judgement(NamedTuple):
         return max(self.changes, key=lambda change: (np.isnan(change.relative), max(-change.low, change.high)))
 
 
-def read(workspace: Workspace, experiment: str, variants: Iterable[tuple], models: Iterable[str]) -> pd.DataFrame:
-    """Read physics.csv of an experiment; variants, models: (effect, seed) and the models of the settings.
+def read(workspace: Workspace, experiment: str, effects: Iterable[str], models: Iterable[str]) -> pd.DataFrame:
+    """Read physics.csv of an experiment; effects, models: of the settings. Without a row where none was computed.
 
-    Raises InputError for a run that is missing or there twice.
+    Raises InputError for a run of a computed seed that is missing or there twice.
     """
-    path, made_by = workspace.physics(experiment), f"python -m pipeline.studies.physics {experiment}"
-    scores = results.read_csv(path, COLUMNS, made_by)
-    conditions = dict.fromkeys(scores["condition"]) or ["any"]
-    runs = ((*variant, condition, model) for variant in variants for condition in conditions for model in models)
-    complete.check(scores, path, ["effect", "seed", "condition", "model"], runs, made_by)
+    scores = studies.read(workspace, experiment, "physics", COLUMNS)
+    runs = itertools.product(effects, *(dict.fromkeys(scores[name]) for name in ("seed", "condition")), models)
+    where = workspace.root / "evidence" / "studies" / experiment
+    complete.check(scores, where, ["effect", "seed", "condition", "model"], runs, studies.MADE_BY)
     return scores
 
 
@@ -134,7 +136,8 @@ def _judged(effect: str, whole: pd.DataFrame, without: pd.DataFrame) -> Judgemen
 def _change(key: tuple[str, str], whole: np.ndarray, without: np.ndarray) -> Change:
     """Return the change of one model's error; key: condition and model; whole, without: one logarithm per seed."""
     ratio = without - whole
-    half = stdtrit(len(ratio) - 1, SIDE) * ratio.std(ddof=1) / np.sqrt(len(ratio))
+    few = len(ratio) < 2  # one seed has no interval
+    half = np.nan if few else stdtrit(len(ratio) - 1, SIDE) * ratio.std(ddof=1) / np.sqrt(len(ratio))
     low, middle, high = np.expm1(ratio.mean() + np.array([-half, 0.0, half]))
     return Change(*key, float(np.exp(whole.mean())), float(middle), float(low), float(high))
 
@@ -144,7 +147,7 @@ def _swapped(whole: pd.Series, without: pd.Series) -> list[str]:
     pairs = []
     for condition in whole.index.unique("condition"):
         before, after = whole[condition], without[condition]
-        for a, b in combinations(before.index, 2):
+        for a, b in itertools.combinations(before.index, 2):
             if (before[a] - before[b]) * (after[a] - after[b]) < 0:
                 pairs.append(f"{a} and {b} ({condition})")
     return pairs

@@ -13,9 +13,9 @@ import pandas as pd
 
 from pipeline.base.paths import Workspace
 from pipeline.reporting.words.labels import model_name
-from pipeline.scoring import complete, ladders
+from pipeline.scoring import complete, ladders, studies
 from pipeline.scoring.one_table import Results
-from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
+from pipeline.scoring.results import Estimate, estimate, scale_of
 
 LADDER = ["experiment", "condition", "family"]
 JUDGED = [*LADDER, "size", "params", "metric", "unit", "value", "low", "high", "chosen", "runs", "failed", "macs"]
@@ -47,21 +47,20 @@ def label(family: str) -> str:
     return model_name(ladders.FAMILIES[family].model)
 
 
-def read(workspace: Workspace, experiment: str, wanted: Mapping[str, tuple[Sequence, Sequence]]) -> pd.DataFrame:
-    """Read the runs of an experiment's ladders; wanted: family -> (sizes, seeds) of the settings.
+def read(workspace: Workspace, experiment: str, wanted: Mapping[str, Sequence]) -> pd.DataFrame:
+    """Read the runs of an experiment's ladders; wanted: family -> sizes of the settings. No row: none was computed.
 
-    Raises InputError for a missing file, column or run, or one twice.
+    Raises InputError for a missing column, and for a run of a computed seed that is missing or there twice.
     """
-    made_by = f"python -m pipeline.studies.sizes {experiment}"
-    path = ladders.path(workspace, experiment)
-    table = read_csv(path, ladders.COLUMNS, made_by)
-    conditions = dict.fromkeys(table["condition"]) or ("any",)  # of an empty table every run is missing
+    table = ladders.read(workspace, experiment)
+    places = [dict.fromkeys(table[name]) for name in ("condition", "seed")]
     runs = (
         (family, condition, size, seed)
-        for family, (sizes, seeds) in wanted.items()
-        for condition, size, seed in itertools.product(conditions, sizes, seeds)
+        for family, sizes in wanted.items()
+        for condition, seed, size in itertools.product(*places, sizes)
     )
-    complete.check(table, path, ["family", "condition", "size", "seed"], runs, made_by)
+    where = workspace.root / "evidence" / "studies" / experiment
+    complete.check(table, where, ["family", "condition", "size", "seed"], runs, studies.MADE_BY)
     return table
 
 
