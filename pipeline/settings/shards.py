@@ -24,6 +24,6 @@ class ShardSet(Block):
     variant: str = Field(default="", description="Variant of the rows, where another set has the same protocols")
     minutes: Count = Field(description="Of a `full` shard on two cores, about; the next shards are chosen by it")
     study: str = Field(default="", description="Module of pipeline/studies that is run, in place of the protocols")
-    data: bool = Field(default=True, description="Whether the study reads the set's data, or makes its own")
+    own_data: bool = Field(default=False, description="Whether the study makes its own data, not the set's")
     like: str = Field(default="", description="Set whose data it shares, and whose keys it has where it names no own")
     set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")

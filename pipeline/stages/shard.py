@@ -107,7 +107,7 @@ def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> 
 def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) -> None:
     """Compute a shard and write its results."""
     each = sets[shard.set]
-    data = make_data(workspace, sets, each.like or shard.set) if each.data else None
+    data = make_data(workspace, sets, each.like or shard.set) if not each.own_data else None
     started = sum(os.times()[:4])
     own = Workspace(workspace.root / "build" / "evidence" / shard.name)
     values = settings_of(workspace, each, own, further_of(shard, each))
@@ -174,7 +174,7 @@ def index(
         "shard": shard.name, "experiment": each.experiment, "protocol": protocol, "seed": shard.seed,
         "budget": shard.budget, "sha256": digest, "core_s": round(core_s), "machine": machine(),
         "commit": provenance.git_state(workspace)[0],
-        "data_sha256": files.sha256(own.dataset(each.experiment)) if each.data else "",
+        "data_sha256": files.sha256(own.dataset(each.experiment)) if not each.own_data else "",
     }  # fmt: skip
     shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, shard.name, [line])
 
