@@ -36,7 +36,11 @@ class Report:
         self.protocols = list(settings["protocols"])
         paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
         self.results = one_table.results(workspace, [] if self.simulated else [experiment], experiment)
-        sets = shards.read_sets(workspace) if self.simulated and shards.folder(workspace).exists() else {}
+        sets = (
+            shards.read_sets(workspace)
+            if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
+            else {}
+        )
         self._sets = {protocol: each for each in sets.values() if not each.variant for protocol in each.protocols}
         paper, *_ = published.SCORES.get(experiment, ("",)) if self.simulated else ("",)
         rows = published.table(paper).itertuples()
