@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from benchmarks import growth, made, peers, report, repro_stages, rows
-from benchmarks.made import ROOT
 from benchmarks.test_benchmark_repro import FORBIDDEN
 from pipeline.experiments import touch
 from pipeline.learning import lomp_network

@@ -3,7 +3,6 @@
 import functools
 import os
 import pickle
-import shutil
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

@@ -14,7 +14,6 @@ from dvc.repo import Repo
 
 from pipeline.base import params
 from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, imports, room
-from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards
 from pipeline.stages import train

@@ -1,7 +1,7 @@
 """Load the settings, params.yaml and params/<experiment>.yaml, and refuse wrong keys and values.
 
-A key has the same dotted name in messages, in evidence/shards.yaml and in settings.yaml of own logs: `touch.window.stride` is in
-the block `touch` of params/touch.yaml.
+A key has the same dotted name in messages, in evidence/shards.yaml and in settings.yaml of own logs:
+`touch.window.stride` is in the block `touch` of params/touch.yaml.
 """
 
 import difflib

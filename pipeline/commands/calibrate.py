@@ -2,8 +2,8 @@
 
 The yardstick of an experiment (setting `<experiment>.yardstick`) is the error of one model over that of another,
 which does not depend on the scale of errors. For every value of the knob the scene is simulated with the amounts of
-params/ (`--set`: of a set of evidence/shards.yaml), both models are trained, and the ratio is taken on the validation part; test
-parts are not read. Nothing is changed: write the value you choose into params/<experiment>.yaml.
+params/ (`--set`: of a set of evidence/shards.yaml), both models are trained, and the ratio is taken on the validation
+part; test parts are not read. Nothing is changed: write the value you choose into params/<experiment>.yaml.
 """
 
 import argparse

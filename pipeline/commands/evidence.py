@@ -16,7 +16,7 @@ from pipeline.base import provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards
-from pipeline.scoring.one_table import HALF
+from pipeline.scoring.claim_inputs import HALF
 from pipeline.scoring.shards import Shard
 
 FILE = "evidence/dvc.yaml"

@@ -114,8 +114,8 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
 def chosen(frames: pa.Table, settings: Mapping) -> np.ndarray:
     """Return the row numbers of the frames that become images: every `window.stride`-th frame of each session.
 
-    Differs from paper: it uses all 950 frames of an object. At laptop scale every 10th of a session becomes an image,
-    95 of an object, so that neighbours in a random split are 1 s apart and less alike; `scales/paper.yaml` takes all.
+    Differs from paper: it uses all 950 frames of an object. Here every 10th of a session becomes an image,
+    95 of an object, so that neighbours in a random split are 1 s apart and less alike; the evidence takes all, too.
     """
     return np.flatnonzero(places(frames) % settings["window"]["stride"] == 0)
 
@@ -180,7 +180,7 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     have done. Images of other gloves than the seed's are unused. Raises InputError for another name or an object with
     fewer sessions than parts.
     Differs from paper: it means 10 runs of a model, which differ in an unknown way; here a run is a seed, of the glove,
-    the split and the start. At laptop scale there is 1 on each split.
+    the split and the start. The evidence has one for each seed.
     """
     name = tactile.checked_split("glove", protocol, SPLITS, settings)
     share = settings["split"]

@@ -7,10 +7,10 @@ import pandas as pd
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.entries import NUMBER, SENTENCE
-from pipeline.claims.rules import BAD, BAND, OUTSIDE, RANKS, TOLERANCE, UNDECIDED, VERDICTS
+from pipeline.claims.rules import BAD, BAND, RANKS, TOLERANCE, UNDECIDED, VERDICTS
 from pipeline.reporting.words.markdown import number, size
 from pipeline.reporting.words.templates import render
-from pipeline.scoring import one_table
+from pipeline.scoring.one_table import Results
 
 RULES = (
     ("direction", "the difference, paired by seed, is on the claimed side of 0, or of the limit that is named"),
@@ -18,8 +18,9 @@ RULES = (
     ("order", f"the rank correlation with the printed order is above {RANKS:g}"),
     (
         "number",
-        f"our error matches the printed one where all of its interval is within {100 * BAND:.0f} %, is near it within "
-        f"{200 * BAND:.0f} %, and off where none of the interval matches (of a precision of 95 %, the error is 5 points)",
+        f"our error matches the printed one where all of its interval is within {100 * BAND:.0f} %, is near it "
+        f"within {200 * BAND:.0f} %, and off where none of the interval matches; of a precision of 95 % the error is 5 "
+        "points",
     ),
     ("no difference, no increase", "the value is inside, or below, the margin that is named"),
     ("count", "equal at the precision that is printed"),
@@ -51,15 +52,15 @@ def ours_text(ours: float, low: float, high: float, unit: str) -> str:
 
 
 def counted(claims: pd.DataFrame) -> pd.DataFrame:
-    """Return the claims that count: sentences and numbers that our data can test."""
-    return claims[claims["kind"].isin(COUNTED) & (claims["verdict"] != OUTSIDE)]
+    """Return the claims that count: sentences and numbers that our data can test and that no scene was tuned to."""
+    return claims[claims["kind"].isin(COUNTED) & claims["verdict"].isin(VERDICTS)]
 
 
 def count_rows(workspace: Workspace, claims: pd.DataFrame, by: Sequence[str]) -> list[list[str]]:
     """Return the rows of a table of counts: of recorded and of simulated data, each with a sum, and of all claims.
 
-    claims: rows as of claims.csv, of which those that are `counted` count; by: `paper`, `kind` or both. Each row has the
-    data, the names of its group, a count per verdict, and the number of claims.
+    claims: rows as of claims.csv, of which those that are `counted` count; by: `paper`, `kind` or both. Each row has
+    the data, the names of its group, a count per verdict, and the number of claims.
     """
     claims = counted(claims).assign(paper=lambda table: table["paper"].map(titles(workspace)))
     groups = []
@@ -74,9 +75,8 @@ def count_rows(workspace: Workspace, claims: pd.DataFrame, by: Sequence[str]) ->
     return rows
 
 
-def sentences_of(workspace: Workspace, experiment: str) -> Callable[..., list[str]]:
-    """Return what gives the lines of claims by their names, judged by what the stages wrote."""
-    results = one_table.Results(one_table.read(one_table.of_experiment(workspace, experiment)))
+def sentences_of(workspace: Workspace, experiment: str, results: Results) -> Callable[..., list[str]]:
+    """Return what gives the lines of claims on an experiment by their names."""
     listed, papers = entries.read(workspace)
     of = {name: (paper.simulated, paper.recorded) for name, paper in papers.items()}
     claims = {claim.id.split("/")[1]: claim for claim in listed if experiment in of[claim.paper]}
@@ -113,7 +113,9 @@ def text(workspace: Workspace, claims: pd.DataFrame, tried: Mapping[str, str]) -
         "claims",
         rules=RULES,
         counts=(["Data", "Paper", "Kind", *VERDICTS, "claims"], count_rows(workspace, claims, ["paper", "kind"])),
-        open=[[row.claim, row.data, power_text(row.power), str(row.seeds), row.reason] for row in open_ones.itertuples()],
+        open=[
+            [row.claim, row.data, power_text(row.power), str(row.seeds), row.reason] for row in open_ones.itertuples()
+        ],
         header=HEADER,
         papers=papers,
     )

@@ -12,6 +12,7 @@ from pipeline.base.paths import Workspace
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import common
 from pipeline.reporting.figures import speed as speed_figures
+from pipeline.reporting.report import Report
 from pipeline.scoring import results
 
 
@@ -36,7 +37,7 @@ def learning_curves(
 
 def write_speed(
     workspace: Workspace,
-    experiment: str,
+    report: Report,
     target: Path,
     settings: Mapping,
     panels: Mapping[str, tuple[str, str]],
@@ -45,9 +46,8 @@ def write_speed(
     end: str = "",
 ) -> None:
     """Write the folder `speed`; panels, measure: see `speed.speed_table`; note, end: more text of table2.md."""
-    folder, scores = target / "speed", results.Scores(workspace, experiment, settings)
-    latency = results.read_latency(workspace, experiment, settings)
-    table = speed_report.speed_table(workspace, scores, settings, latency, panels, measure)
+    folder, latency = target / "speed", results.read_latency(workspace, report.experiment, settings)
+    table = speed_report.speed_table(workspace, report, settings, latency, panels, measure)
     files.write_table(folder / "table2.csv", table)
     files.write_text(folder / "table2.md", speed_report.speed_text(table, settings["latency"]["calls"], note) + end)
     speed_figures.chart(folder / "tradeoff.png", table, "p50_ms")

@@ -79,12 +79,12 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
         yardstick=settings["yardstick"],
     )
     panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
-    experiment.write_speed(workspace, "glove", target, settings, panels, WRONG)
+    experiment.write_speed(workspace, report, target, settings, panels, WRONG)
 
 
 def score_table(report: Report, with_published: bool = False) -> pd.DataFrame:
     """Return one row per protocol, model and metric, fractions in full precision."""
-    runs = product(report.seeds, report.models, METRICS)
+    runs = product(report.protocols, report.models, METRICS)
     places = ((protocol, modality(protocol), model, metric) for protocol, model, metric in runs)
     return report.scores(places, dict.fromkeys(METRICS, "1"), with_published)
 

@@ -44,4 +44,4 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
         names={dataset: DATASETS[dataset] for dataset in MODALITIES},
     )
     panels = {DATASETS[dataset]: (protocol, dataset) for dataset, protocol in protocols.items()}
-    experiment.write_speed(workspace, "glove_recorded", target, settings, panels, WRONG)
+    experiment.write_speed(workspace, report, target, settings, panels, WRONG)

@@ -8,18 +8,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files
+from pipeline.base import files, paths
 from pipeline.base.paths import Workspace
 from pipeline.reporting import differences
 from pipeline.reporting.claims import sentences_of
 from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.labels import model_name, plain
 from pipeline.reporting.words.markdown import interval, number, size, table
-from pipeline.scoring import one_table, published
+from pipeline.scoring import one_table, published, shards
+from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
 from pipeline.scoring.published import ANY
 from pipeline.scoring.results import SHARE, Estimate, estimate, scale_of
 
 COUNTS = ("params", "macs")  # metrics that are whole numbers
+BUDGETS = {LOOK: "the look of this machine", HALF: "half of the budget", FULL: "the full budget"}
 FIGURE = re.compile(r"^- \[.*?\]\((\S+\.png)\)")
 Place = tuple[str, ...]  # protocol, condition, metric and, of what is not the model itself, variant
 
@@ -31,12 +33,19 @@ class Report:
         """Read the one table and judge the claims; settings: the experiment's block of settings."""
         self.experiment, self.models = experiment, list(settings["models"])
         self.simulated = settings.get("source", "simulated") == "simulated"
-        self.seeds = {name: len(block["seeds"]) for name, block in settings["protocols"].items()}
-        self.results = one_table.Results(one_table.read(one_table.of_experiment(workspace, experiment)))
+        self.protocols = list(settings["protocols"])
+        paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
+        self.results = one_table.results(workspace, [] if self.simulated else [experiment], experiment)
+        sets = (
+            shards.read_sets(workspace)
+            if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
+            else {}
+        )
+        self._sets = {protocol: each for each in sets.values() if not each.variant for protocol in each.protocols}
         paper, *_ = published.SCORES.get(experiment, ("",)) if self.simulated else ("",)
         rows = published.table(paper).itertuples()
         self._printed = {(row.condition, row.model, row.variant, row.metric): (row.value, row.step) for row in rows}
-        self._claims: Callable[..., list[str]] = sentences_of(workspace, experiment)
+        self._claims: Callable[..., list[str]] = sentences_of(workspace, experiment, self.results)
         self._differences = differences.of_experiment(experiment, settings)
 
     def estimate(self, protocol: str, condition: str, model: str, metric: str, variant: str = "") -> Estimate:
@@ -52,6 +61,49 @@ class Report:
     def conditions(self, protocol: str) -> list[str]:
         """Return the conditions of a protocol that the models were scored on."""
         return [condition for name, condition in self.scored() if name == protocol]
+
+    def basis(self, protocol: str) -> str:
+        """Return how many runs the numbers of a protocol are of, and at which budget."""
+        budget = self.results.shown(self.experiment, protocol)
+        rows = self.results.rows(experiment=self.experiment, protocol=protocol)
+        runs = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]["seed"].nunique()
+        said = "1 run" if runs == 1 else f"{runs} runs"
+        return said if protocol not in self._sets else f"{said}, {BUDGETS[budget]}"
+
+    def origins(self) -> str:
+        """Return a table of what the numbers of each protocol are of; empty where they are of own logs."""
+        rows = [
+            [plain(protocol), self.basis(protocol), each.data if shown != LOOK else "what the settings name"]
+            for protocol, each in self._sets.items()
+            for shown in [self.results.shown(self.experiment, protocol)]
+            if protocol in self.protocols
+        ]
+        return table(["Split", "Numbers of", "Data"], rows) if rows else ""
+
+    def look(self, metric: str, percent: bool = False) -> str:
+        """Return a table of what this machine's look scored, on the protocols whose tables show the evidence."""
+        places = [
+            place
+            for place, measured in self.scored().items()
+            if metric in measured and self.results.shown(self.experiment, place[0]) != LOOK
+        ]
+        rows = [
+            [
+                model_name(model),
+                *(
+                    self.text(
+                        self.results.estimate(self.experiment, *place, model, metric, budget=LOOK),
+                        metric,
+                        percent=percent,
+                    )
+                    for place in places
+                ),
+            ]
+            for model in self.models
+        ]
+        return (
+            table(["Model", *(", ".join(dict.fromkeys(map(plain, place))) for place in places)], rows) if places else ""
+        )
 
     def score(self, protocol: str, condition: str, model: str, metric: str, variant: str = "", **how: Any) -> str:
         """Return `mean [low, high]` of a model; how: see `text`."""

@@ -7,10 +7,11 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name, plain
 from pipeline.reporting.words.markdown import interval, size
 from pipeline.reporting.words.templates import render
-from pipeline.scoring.results import Estimate, Scores, read_training_times
+from pipeline.scoring.results import Estimate, read_training_times
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
 
@@ -29,9 +30,9 @@ def pareto(time: Sequence[tuple[float, float]], error: Sequence[float]) -> np.nd
     return known & ~beaten.any(axis=1)
 
 
-def error_of(scores: Scores, protocol: str, condition: str, model: str, metric: str) -> Estimate:
+def error_of(report: Report, protocol: str, condition: str, model: str, metric: str) -> Estimate:
     """Return mean and interval of a metric of which less is better; an accuracy becomes the share of errors in %."""
-    value = scores.estimate(protocol, condition, model, metric)
+    value = report.estimate(protocol, condition, model, metric)
     if metric != "accuracy":
         return value
     return value._replace(mean=100 * (1 - value.mean), low=100 * (1 - value.high), high=100 * (1 - value.low))
@@ -39,7 +40,7 @@ def error_of(scores: Scores, protocol: str, condition: str, model: str, metric: 
 
 def speed_table(
     workspace: Workspace,
-    scores: Scores,
+    report: Report,
     settings: Mapping,
     latency: Mapping[tuple[str, int], Mapping],
     panels: Mapping[str, tuple[str, str]],
@@ -56,9 +57,9 @@ def speed_table(
     for panel, (protocol, condition) in panels.items():
         for model in settings["models"]:
             single, large = latency[model, batches[0]], latency[model, batches[-1]]
-            times = read_training_times(workspace, scores.experiment, model, protocol)
+            times = read_training_times(workspace, report.experiment, model, protocol)
             row = {"panel": panel, "protocol": protocol, "condition": condition, "model": model, "measure": name}
-            row |= dict(zip(ESTIMATE, error_of(scores, protocol, condition, model, metric), strict=True))
+            row |= dict(zip(ESTIMATE, error_of(report, protocol, condition, model, metric), strict=True))
             row |= {"threads": single["threads"], "batch": batches[0]}
             row |= {key: single[key] for key in ("p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")}
             row |= {"large_batch": batches[-1], "predictions_per_s": 1e3 * batches[-1] / large["p50_ms"]}
@@ -68,7 +69,7 @@ def speed_table(
             for key in FRONTS:
                 if not 0 < rows[-1][key] < np.inf:
                     stage = "training" if key == "train_s" else "latency"
-                    where = f"{scores.experiment}: {model} has no {key} above zero for {protocol}"
+                    where = f"{report.experiment}: {model} has no {key} above zero for {protocol}"
                     raise InputError(f"{where}; run its {stage} stage again")
     table = pd.DataFrame(rows)
     for key, column in FRONTS.items():

@@ -50,7 +50,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     report.write(accuracy / "README.md", "strain", bases=bases, yardstick=settings["yardstick"], absent=absent)
     report.write(target / "speed" / "table1_times.md", "strain_times")
     panels = {plain(task): (task, task) for task in settings["protocols"]}
-    experiment.write_speed(workspace, "strain", target, settings, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
+    experiment.write_speed(workspace, report, target, settings, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
 
 
 def score_table(report: Report) -> pd.DataFrame:

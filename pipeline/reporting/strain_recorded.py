@@ -39,7 +39,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     report.write(accuracy / "README.md", "strain_recorded", protocols=protocols, tested=tested, measures=MEASURES)
     panels = {plain(protocol): (protocol, day) for protocol, day in places.items()}
     measure = ("press_error", "Error per press (mm)")
-    experiment.write_speed(workspace, "strain_recorded", target, settings, panels, measure, TRANSFER_COSTS)
+    experiment.write_speed(workspace, report, target, settings, panels, measure, TRANSFER_COSTS)
 
 
 def presses(workspace: Workspace, settings: Mapping, protocol: str) -> list[common.Cloud]:

@@ -53,7 +53,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     )
     panels = {f"{name} touch": (main, name) for name in ("single", "double") if name in conditions}
     end = "\n" + templates.render("touch_times", r=report)
-    experiment.write_speed(workspace, "touch", target, settings, panels, ("rmse", "RMSE (kPa)"), end=end)
+    experiment.write_speed(workspace, report, target, settings, panels, ("rmse", "RMSE (kPa)"), end=end)
 
 
 def ablation(report: Report, rows: Mapping[str, Mapping], models: Mapping[str, Mapping], protocol: str) -> list[dict]:

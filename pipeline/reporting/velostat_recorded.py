@@ -33,7 +33,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     ways = {"one fit for all recordings": pooled, "each recording fitted alone": alone}
     report.write(accuracy / "README.md", "velostat_recorded", ways=ways)
     panels = {"all recordings": (POOLED, "all")}
-    experiment.write_speed(workspace, "velostat_recorded", target, settings, panels, ("rmse", "RMSE (N)"))
+    experiment.write_speed(workspace, report, target, settings, panels, ("rmse", "RMSE (N)"))
 
 
 def _by_force(name: str) -> tuple:

@@ -20,6 +20,7 @@ from pipeline.scoring.results import read_csv, read_predictions, read_windows
 
 KEY = ["experiment", "protocol", "condition", "model", "variant", "metric"]
 COLUMNS = [*KEY, "seed", "budget", "unit", "value", "n"]
+LOOK, HALF, FULL = "look", "half", "full"  # budgets of training, from the smallest
 DATA = "data"  # the model of a number that is of the data alone
 HIGH_KPA = 200.0  # "when a high pressure is applied": the upper half of the paper's 30 to 400 kPa
 KPA_BINS = np.arange(50.0, 401.0, 50.0)
@@ -27,8 +28,13 @@ Row = Mapping[str, object]
 
 
 def rows(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFrame:
-    """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of settings."""
-    derived = [{"experiment": experiment, "n": 1, **row} for row in EXPERIMENTS[experiment](workspace, settings)]
+    """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of settings.
+
+    What is derived from predictions is of the look; a study has no budget but its own.
+    """
+    derived = [{"budget": LOOK, **row} for row in EXPERIMENTS[experiment](workspace, settings)]
+    derived += STUDIES[experiment](workspace, settings) if experiment in STUDIES else []
+    derived = [{"experiment": experiment, "n": 1, **row} for row in derived]
     return pd.DataFrame(derived, columns=COLUMNS).astype({"seed": "Int64"})
 
 
@@ -50,6 +56,10 @@ def touch(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
         yield {"condition": "single", "model": DATA, "metric": "off_centre_shift", "seed": element} | {
             "unit": "counts", "value": shift,
         }  # fmt: skip
+
+
+def touch_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
+    """Yield the scores of models of the array with one thing changed."""
     columns = ["row", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
     for row in studies.read(workspace, "touch", "ablation", columns).itertuples():
         if row.row in settings["ablation"]:
@@ -146,6 +156,10 @@ def glove(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     table, protocols = read_windows(workspace, "glove"), glove_results.main_protocols(settings)
     if "sp_resnet" in settings["models"]:
         yield from confusions(workspace, settings, table, protocols)
+
+
+def glove_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
+    """Yield the scores of the glove's studies: augmentation, input frames, and the STAG data set."""
     compared = [model for model in glove_results.COMPARED if model in settings["models"]]
     yield from augmentation(workspace, settings)
     for dataset in ("combined", "pressure"):
@@ -207,3 +221,4 @@ def by_frames(table: pd.DataFrame) -> Iterator[Row]:
 
 
 EXPERIMENTS = {"touch": touch, "strain": strain, "glove": glove}
+STUDIES = {"touch": touch_studies, "glove": glove_studies}

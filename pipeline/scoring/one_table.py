@@ -1,10 +1,11 @@
 """Read the one table of results: scores, times, counts and studies, one row for each number of a seed.
 
 A row says what was measured (experiment, protocol, condition, model, variant, metric), of which seed, with which budget
-of training, and the value, NaN for a failed run. A row without a protocol, a seed or a budget is of all of them.
+of training, and the value, NaN for a failed run. A row without a protocol, a seed or a budget is of all of them. What
+`dvc repro` trains is of the budget `look`, the committed shards of the evidence are of `half` and `full`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -13,8 +14,8 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import units
-from pipeline.scoring.claim_inputs import COLUMNS, KEY
+from pipeline.scoring import shards, units
+from pipeline.scoring.claim_inputs import COLUMNS, FULL, HALF, KEY, LOOK
 from pipeline.scoring.published import ANY
 from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
 from pipeline.scoring.strain_results import LATENT
@@ -22,8 +23,8 @@ from pipeline.scoring.strain_results import LATENT
 PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
 STUDIES = ("samples", "strands", "bases", "drift")  # of strain
 MADE_BY = "dvc repro"
+SIMULATED = "simulated"  # source of an experiment whose logs are not the user's own
 WHOLE = "whole"  # column: whether the value is an error of a whole run, as scores.csv has them
-LOOK, HALF, FULL = "look", "half", "full"  # budgets of training, from the smallest
 
 
 class Results:
@@ -34,6 +35,7 @@ class Results:
         rows = table.astype(dict.fromkeys([*KEY, "budget"], object)).fillna(
             {**dict.fromkeys([*KEY, "budget"], ""), "seed": -1}
         )
+        rows = rows.astype({"seed": int, "value": float})
         if len(repeated := rows[rows.duplicated([*KEY, "seed", "budget"])]):
             raise InputError(f"two results for {', '.join(map(str, repeated.iloc[0][[*KEY, 'seed']]))}")
         self.table = rows
@@ -44,6 +46,12 @@ class Results:
         groups = rows.groupby([*KEY, "budget"]).indices
         seeds, numbers = rows["seed"].to_numpy(), rows["value"].to_numpy(float)
         self._runs = {key: pd.Series(numbers[at], index=seeds[at]).sort_index() for key, at in groups.items()}
+        budgets = rows.groupby(["experiment", "protocol"])["budget"].unique()
+        self._shown = {key: next((at for at in (FULL, HALF) if at in known), LOOK) for key, known in budgets.items()}
+
+    def shown(self, experiment: str, protocol: str) -> str:
+        """Return the budget whose numbers people read: that of the evidence, or the look where it has no shard."""
+        return self._shown.get((experiment, protocol), LOOK)
 
     def found(
         self, experiment: str, protocol: str, condition: str, model: str, metric: str, variant: str, budget: str
@@ -74,9 +82,10 @@ class Results:
         model: str,
         metric: str,
         variant: str = "",
-        budget: str = FULL,
+        budget: str = "",
     ) -> pd.Series:
-        """Return the values of `found`."""
+        """Return the values of `found`, of the budget that is shown where none is given."""
+        budget = budget or self.shown(experiment, protocol)
         return self.found(experiment, protocol, condition, model, metric, variant, budget)[0]
 
     def estimate(self, *where: str, **further: str) -> Estimate:
@@ -106,8 +115,25 @@ def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | lis
     return files | further.get(experiment, {})
 
 
+def of_own_logs(values: Mapping) -> list[str]:
+    """Return the experiments whose logs are the user's own; values: all settings."""
+    return [name for name in values["experiments"] if values[name].get("source", SIMULATED) != SIMULATED]
+
+
+def results(workspace: Workspace, own: Collection[str], experiment: str = "") -> Results:
+    """Return all results: those in reports/, or that the stages of one experiment wrote, and the evidence.
+
+    own: see `of_own_logs`; their trainings are no look at anything, but all that there is.
+    """
+    table = read(of_experiment(workspace, experiment) if experiment else of_reports(workspace.reports))
+    table["budget"] = table["budget"].where(~table["experiment"].isin(own) | (table["budget"] != LOOK), FULL)
+    kept = shards.read(workspace)
+    wanted = ~kept["experiment"].isin(own) & ((kept["experiment"] == experiment) | (experiment == ""))
+    return Results(pd.concat([table, kept[wanted].assign(**{WHOLE: False})], ignore_index=True))
+
+
 def read(files: Mapping[str, Path | list[Path]]) -> pd.DataFrame:
-    """Return the one table of results, columns COLUMNS of claim_inputs and WHOLE; a file that is missing has no rows.
+    """Return the results in files, columns COLUMNS of claim_inputs and WHOLE; a file that is missing has no rows.
 
     files: see `of_reports`. Raises InputError for a file without the columns that are read.
     """
@@ -123,7 +149,7 @@ def _scores(path: Path) -> pd.DataFrame:
     table = read_csv(path, [*run, "metric", "unit", "value", "n"], MADE_BY)
     failed = table[(table["metric"] == "rmse") & table["value"].isna()][run]
     lost = pd.MultiIndex.from_frame(table[run]).isin(pd.MultiIndex.from_frame(failed))
-    return table.assign(value=table["value"].where(~lost), **{WHOLE: True})
+    return table.assign(value=table["value"].where(~lost), budget=LOOK, **{WHOLE: True})
 
 
 def _times(path: Path) -> pd.DataFrame:

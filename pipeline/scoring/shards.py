@@ -17,8 +17,8 @@ import pandas as pd
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring.claim_inputs import COLUMNS
-from pipeline.scoring.one_table import FULL, HALF
+from pipeline.scoring.claim_inputs import COLUMNS, FULL, HALF
+from pipeline.scoring.results import read_csv
 from pipeline.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)
@@ -82,14 +82,14 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 
 
 def read(workspace: Workspace) -> pd.DataFrame:
-    """Return the rows of all committed shards. Raises InputError where a file is not as index.csv says."""
+    """Return the rows of all committed shards, none where there are none. InputError where a file is not as indexed."""
     tables = [pd.DataFrame(columns=COLUMNS)]
     index = folder(workspace) / "index.csv"
-    for row in pd.read_csv(paths.require(index, MADE_BY), dtype=str).itertuples():
+    for row in pd.read_csv(index, dtype=str).itertuples() if index.exists() else ():
         if row.protocol == STUDY:
             continue
         path = paths.require(folder(workspace) / "results" / f"{row.shard}.csv", MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
-        tables.append(pd.read_csv(path, keep_default_na=False, na_values={"value": ["nan"]}))
-    return pd.concat(tables[1:] or tables, ignore_index=True).drop_duplicates()
+        tables.append(read_csv(path, COLUMNS, MADE_BY))
+    return pd.concat(tables, ignore_index=True).drop_duplicates()

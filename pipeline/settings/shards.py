@@ -11,6 +11,7 @@ class ShardSet(Block):
     """Shards of one experiment on one amount of data: one for each seed and budget."""
 
     experiment: Text = Field(description="Experiment that is run")
+    data: Text = Field(description="How much of what the paper has it has, as reports say it")
     protocols: Distinct[Text] = Field(description="How its data are divided; a shard runs all of these")
     seeds: Annotated[int, Field(ge=1, le=1000)] = Field(description="Seeds from 0 on")
     models: Listed[Text] = Field(
@@ -23,6 +24,6 @@ class ShardSet(Block):
     variant: str = Field(default="", description="Variant of the rows, where another set has the same protocols")
     minutes: Count = Field(description="Of a `full` shard on two cores, about; the next shards are chosen by it")
     study: str = Field(default="", description="Module of pipeline/studies that is run, in place of the protocols")
-    data: bool = Field(default=True, description="Whether the study reads the set's data, or makes its own")
+    own_data: bool = Field(default=False, description="Whether the study makes its own data, not the set's")
     like: str = Field(default="", description="Set whose data it shares, and whose keys it has where it names no own")
     set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")

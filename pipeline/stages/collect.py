@@ -1,7 +1,6 @@
 """Collect scores, latencies, stress and claims' inputs of all experiments in one file each, in full precision.
 
-Each row of scores.csv says the scale of its experiment (`params.scale_of`). Of an experiment without recordings the
-committed rows stay.
+Of an experiment without recordings the committed rows stay. Scores are of the budget `look`.
 Usage: python -m pipeline.stages.collect
 """
 
@@ -14,20 +13,18 @@ from pipeline.base import arguments, files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring import claim_inputs
+from pipeline.scoring.claim_inputs import LOOK
 from pipeline.scoring.kept import kept_rows
 
 # Of reports/stress.csv: what others read first.
 STRESS = ("experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition")
 
 
-def collect(
-    parts: Mapping[str, Path], target: Path, first: Sequence[str] = (), scales: Mapping[str, str] | None = None
-) -> None:
+def collect(parts: Mapping[str, Path], target: Path, first: Sequence[str] = (), budget: str = "") -> None:
     """Write the rows of all `parts` (experiment -> CSV file, all with one header) to `target`, digit for digit.
 
     A part without a row, of an experiment that was not run, gets the rows that `target` has of it. first: columns that
-    come first, in this order, the others after them as they are. scales: experiment -> the last column, `scale`; None
-    where there is none.
+    come first, in this order, the others after them as they are. budget: of all rows, the last column, if there is one.
     """
     tables = {
         name: pd.read_csv(paths.require(part, "dvc repro"), dtype=str, keep_default_na=False)
@@ -37,8 +34,8 @@ def collect(
     for name, table in tables.items():
         if list(table.columns) != columns:
             raise InputError(f"{parts[name]}: its columns differ from those of the others; run `dvc repro` again")
-    if scales:
-        tables = {name: table.assign(scale=scales[name]) for name, table in tables.items()}
+    if budget:
+        tables = {name: table.assign(budget=budget) for name, table in tables.items()}
     kept = kept_rows(target, [name for name, table in tables.items() if table.empty], text=True)
     columns = list(next(iter(tables.values())))
     if set(kept) >= set(columns):
@@ -51,10 +48,8 @@ def collect(
 def main(workspace: Workspace) -> None:
     """Collect every experiment of the settings."""
     arguments.parse(__doc__)
-    values = params.load(workspace.params)
-    experiments = values["experiments"]
-    scales = {name: params.scale_of(workspace.scales, name, values[name]) for name in experiments}
-    collect({name: workspace.scores(name) for name in experiments}, workspace.reports / "scores.csv", scales=scales)
+    experiments = params.load(workspace.params)["experiments"]
+    collect({name: workspace.scores(name) for name in experiments}, workspace.reports / "scores.csv", budget=LOOK)
     collect({name: workspace.latency(name) for name in experiments}, workspace.reports / "latency.csv")
     collect({name: workspace.stress(name) for name in experiments}, workspace.reports / "stress.csv", STRESS)
     derived = {name: workspace.claim_inputs(name) for name in experiments if name in claim_inputs.EXPERIMENTS}

@@ -1,8 +1,8 @@
 """Judge every claim of the three papers by the files of reports, or those on one experiment by what its stages wrote.
 
-Writes reports/claims.csv, one row per claim in full precision, and reports/claims.md, which says that to people and, for
-each claim that is not reproduced, what was tried to find the reason. Claims on recordings that are absent are judged by
-the committed scores, which `collect` keeps.
+Writes reports/claims.csv, one row per claim in full precision, and reports/claims.md, which says that to people and,
+for each claim that is not reproduced, what was tried to find the reason. Judged is the evidence; of what no training
+changes, the files of reports.
 Usage: python -m pipeline.stages.judge [EXPERIMENT]
 """
 
@@ -13,7 +13,7 @@ from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import text
 from pipeline.scoring import one_table
 
-NEEDED = ("scores", "latency", "counts", "claim_inputs")  # without an experiment; the results of studies may be missing
+NEEDED = ("latency", "counts")  # without an experiment; the results of studies may be missing
 
 
 def main(workspace: Workspace) -> None:
@@ -22,11 +22,10 @@ def main(workspace: Workspace) -> None:
     claims, papers = entries.read(workspace)
     experiments = [name for paper in papers.values() for name in (paper.simulated, paper.recorded)]
     chosen = arguments.parse(__doc__, experiment=(*experiments, None)).experiment
-    sources = one_table.of_experiment(workspace, chosen) if chosen else one_table.of_reports(workspace.reports)
     for name in () if chosen else NEEDED:
-        paths.require(sources[name], "dvc repro")
+        paths.require(one_table.of_reports(workspace.reports)[name], "dvc repro")
     claims = [judge.on_own_logs(claim, values) for claim in claims if chosen in (None, claim.experiment)]
-    judged = judge.table(claims, one_table.Results(one_table.read(sources)))
+    judged = judge.table(claims, one_table.results(workspace, one_table.of_own_logs(values), chosen or ""))
     files.write_table(workspace.reports / "claims.csv", judged)
     tried = {claim.id: claim.tried for claim in claims}
     files.write_text(workspace.reports / "claims.md", text(workspace, judged, tried))

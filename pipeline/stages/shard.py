@@ -24,7 +24,7 @@ from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
 from pipeline.scoring import claim_inputs, shards, units
-from pipeline.scoring.one_table import FULL, HALF
+from pipeline.scoring.claim_inputs import FULL, HALF
 from pipeline.scoring.results import read_csv
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import ShardSet
@@ -74,9 +74,8 @@ def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> 
     Sets that share data are made at once: with the protocols of all of them, of as many seeds as the most have.
     """
     sharing = [one for key, one in sets.items() if name in (key, one.like)]
-    each = sets[name].model_copy(
-        update={"models": [], "protocols": sorted({p for one in sharing for p in one.protocols})}
-    )
+    protocols = list(dict.fromkeys(protocol for one in sharing for protocol in one.protocols))
+    each = sets[name].model_copy(update={"models": [], "protocols": protocols})
     data = Workspace(workspace.root / "build" / "evidence" / name)
     every = {
         f"{each.experiment}.protocols.{one}.seeds": list(range(max(other.seeds for other in sharing)))
@@ -108,7 +107,7 @@ def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> 
 def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) -> None:
     """Compute a shard and write its results."""
     each = sets[shard.set]
-    data = make_data(workspace, sets, each.like or shard.set) if each.data else None
+    data = make_data(workspace, sets, each.like or shard.set) if not each.own_data else None
     started = sum(os.times()[:4])
     own = Workspace(workspace.root / "build" / "evidence" / shard.name)
     values = settings_of(workspace, each, own, further_of(shard, each))
@@ -157,6 +156,7 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     models = values[experiment]["models"]
     rows["budget"] = [shard.budget if "training" in models.get(model, {}) else "" for model in rows["model"]]
     rows["variant"] = rows["variant"].fillna(each.variant)
+    rows["protocol"] = rows["protocol"].fillna(each.protocols[0])  # of the data of a set, not of all
     result = target / "results" / f"{shard.name}.csv"
     files.write_table(result, rows.astype({"seed": "Int64"}), missing="nan")
     curves, times = trainings(own, experiment, values)
@@ -174,7 +174,7 @@ def index(
         "shard": shard.name, "experiment": each.experiment, "protocol": protocol, "seed": shard.seed,
         "budget": shard.budget, "sha256": digest, "core_s": round(core_s), "machine": machine(),
         "commit": provenance.git_state(workspace)[0],
-        "data_sha256": files.sha256(own.dataset(each.experiment)) if each.data else "",
+        "data_sha256": files.sha256(own.dataset(each.experiment)) if not each.own_data else "",
     }  # fmt: skip
     shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, shard.name, [line])
 

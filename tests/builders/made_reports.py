@@ -2,6 +2,7 @@
 
 import copy
 import json
+import shutil
 import sys
 
 import numpy as np
@@ -9,9 +10,10 @@ import pandas as pd
 import pyarrow as pa
 
 from builders.project import ROOT
+from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
 from pipeline.datasets import images, labels, schemas
-from pipeline.scoring import claim_inputs, shards
+from pipeline.scoring import claim_inputs, one_table, shards
 from pipeline.scoring.results import scale_of
 from pipeline.stages import render
 
@@ -113,6 +115,17 @@ def write(workspace, experiment: str, settings: dict, failed: str = "") -> None:
     if experiment in claim_inputs.EXPERIMENTS:
         rows = claim_inputs.rows(workspace, experiment, settings)
         rows.to_csv(workspace.claim_inputs(experiment), index=False)
+
+
+def write_evidence(workspace, experiment: str) -> None:
+    """Keep what `write` left as a shard of the evidence, too."""
+    folder, files = shards.folder(workspace), one_table.of_experiment(workspace, experiment)
+    rows = one_table.read({name: files[name] for name in ("scores", "claim_inputs")})
+    rows = rows[rows["budget"] == claim_inputs.LOOK].assign(budget=claim_inputs.FULL)
+    write_table(folder / "results" / "made-0-full.csv", rows[claim_inputs.COLUMNS].astype({"seed": "Int64"}), "nan")
+    line = {"shard": "made-0-full", "sha256": sha256(folder / "results" / "made-0-full.csv")}
+    shards.upsert(folder / "index.csv", shards.INDEX, "made-0-full", [line])
+    shutil.copy(ROOT / "evidence" / "shards.yaml", folder)
 
 
 def write_fit(workspace, experiment: str, model: str, protocol: str, seed: int, block: dict) -> None:

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
 PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params", "params.yaml")
-PARTS += ("reports/material",)
+PARTS += ("reports/material", "evidence/shards.yaml")
 
 
 def leaves(block: dict, path: str = "") -> Iterator[str]:
@@ -45,9 +45,6 @@ class Project:
                 shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
             else:
                 shutil.copy(source, target)
-        index = self.folder / "evidence" / "index.csv"  # of no shard
-        index.parent.mkdir()
-        index.write_text(",".join(shards.INDEX) + "\n")
         (self.folder / "pipeline").symlink_to(ROOT / "pipeline")  # DVC hashes what is behind it
         self.environment = os.environ | {
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
@@ -61,6 +58,7 @@ class Project:
         # As on most machines: a store of its own, and bytecode beside the code, which must change no stage.
         for variable in ("MLFLOW_TRACKING_URI", "PYTHONDONTWRITEBYTECODE"):
             self.environment.pop(variable, None)
+        shards.upsert(self.folder / "evidence" / "index.csv", shards.INDEX, "", [])  # no shard is at miniature scale
         self.set(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()))
         self.dvc("init", "--no-scm", "--quiet")
 

@@ -219,7 +219,7 @@ def test_models_are_paired_by_seed_through_the_reader_of_results(tmp_path):
     ]
     header = "experiment,protocol,condition,model,seed,metric,unit,value,n"
     (tmp_path / "scores.csv").write_text("\n".join([header, *lines]) + "\n")
-    results = one_table.Results(one_table.read(one_table.of_reports(tmp_path)))
+    results = one_table.Results(one_table.read(one_table.of_reports(tmp_path)).assign(budget=one_table.FULL))
     found, _ = judge.judged(BY_ID["lomp/nonlinear-single"], results)
     known = stats.ttest_rel([9.0, 5.0, 7.0], [8.0, 3.8, 5.9]).confidence_interval(0.95)
     assert (found.low, found.high) == pytest.approx(tuple(known)) and found.ours == pytest.approx(1.1)
@@ -248,7 +248,9 @@ def test_a_claim_of_five_lines_in_a_workspace_is_judged(workspace, tmp_path, mon
         "    above: double.tree - double.lomp\n"
     )
     *_, claim = entries.read(workspace)[0]
-    row = judge.table([claim], one_table.Results(one_table.read(one_table.of_reports(tmp_path)))).iloc[0]
+    row = judge.table(
+        [claim], one_table.Results(one_table.read(one_table.of_reports(tmp_path)).assign(budget="full"))
+    ).iloc[0]
     assert row.id == "lomp/tree-double" and row.claim == "On double touch 14.9 kPa lie between the tree and LoMP."
     assert row.published == pytest.approx(22.35 - 7.49) and row.verdict == REPRODUCED
 

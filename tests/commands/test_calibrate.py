@@ -57,7 +57,7 @@ def test_the_nearest_value_is_named_and_the_test_part_is_not_read(
     values[experiment]["yardstick"]["published"] = 0.15
     monkeypatch.setattr(params, "load", lambda _: values)
     calibrate.main(
-        workspace, argparse.Namespace(experiment=experiment, values=[0.1, 0.32, 0.5], seeds=[0, 1], paper_scale=False)
+        workspace, argparse.Namespace(experiment=experiment, values=[0.1, 0.32, 0.5], seeds=[0, 1], set=None)
     )
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1].startswith(f"nearest: {values[experiment]['yardstick']['knob']} = 0.32, ratio 0.160")
@@ -81,14 +81,14 @@ def test_a_knob_that_is_not_there_is_named(workspace, values, monkeypatch):
     values["glove"]["yardstick"]["knob"] = "simulate.session.wonder"
     monkeypatch.setattr(params, "load", lambda _: values)
     with pytest.raises(InputError, match="glove.yardstick.knob: there is no key 'simulate.session.wonder'"):
-        calibrate.main(workspace, argparse.Namespace(experiment="glove", values=[], seeds=[0], paper_scale=False))
+        calibrate.main(workspace, argparse.Namespace(experiment="glove", values=[], seeds=[0], set=None))
 
 
 def test_recorded_data_cannot_be_calibrated(workspace, values, monkeypatch):
     values["touch"]["source"] = "logs/mine"
     monkeypatch.setattr(params, "load", lambda _: values)
     with pytest.raises(InputError, match="only a simulated scene"):
-        calibrate.main(workspace, argparse.Namespace(experiment="touch", values=[], seeds=[0], paper_scale=False))
+        calibrate.main(workspace, argparse.Namespace(experiment="touch", values=[], seeds=[0], set=None))
 
 
 @pytest.mark.slow

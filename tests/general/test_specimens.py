@@ -7,8 +7,10 @@ from builders.project import ROOT
 from pipeline import scenes
 from pipeline.base import params
 from pipeline.base.params_file import set_values
+from pipeline.base.paths import Workspace
 from pipeline.datasets import specimens
 from pipeline.scenes import glove, glove_stress, strain, strain_stress, touch, touch_stress
+from pipeline.scoring import shards
 
 
 def test_a_simulated_recording_says_which_specimen_it_is_of():
@@ -32,7 +34,12 @@ def test_a_specimen_has_chances_of_its_own():
     assert specimens.drawn(scene, 2) == {"seed": 9, "specimen": 5, "specimens": 4}
 
 
-SCALES = {"laptop": {}, "paper": params.parsed(ROOT / "scales" / "paper.yaml")}
+SETS = {  # of the evidence, one of each simulated experiment -> its settings
+    name: each.set | {f"{each.experiment}.protocols.{one}.seeds": list(range(each.seeds)) for one in each.protocols}
+    for name, each in shards.read_sets(Workspace(ROOT)).items()
+    if name in ("strain", "touch_random_window", "glove_frames_combined")
+}
+AMOUNTS = {"look": {}, **SETS}
 SMALL = {
     "touch": {"single": {"points_per_side": 1, "depths": 1}, "double": {"recordings": 1, "presses_per_recording": 2}},
     "strain": {"samples": 50},
@@ -58,10 +65,10 @@ def specimen_of(call, *given) -> int:
     return caught.value.args[0]
 
 
-@pytest.fixture(params=SCALES)
+@pytest.fixture(params=AMOUNTS)
 def values(request, workspace, monkeypatch):
-    """params.yaml at one of the scales, the specimens of whose scenes are told and not simulated."""
-    set_values(SCALES[request.param], workspace.params)
+    """The settings with one of the amounts, the specimens of whose scenes are told and not simulated."""
+    set_values(AMOUNTS[request.param], workspace.params)
     monkeypatch.setattr(touch, "logs_of", raising(lambda recording, scene, *others, **named: scene["specimen"]))
     monkeypatch.setattr(strain, "logs_of", raising(lambda recording, *others, **named: recording.specimen))
     monkeypatch.setattr(glove, "conductances", raising(lambda thing, hold, scene: scene["specimen"]))

@@ -1,4 +1,6 @@
-"""Claims by scale: which verdict stands first, and what stands beside it."""
+"""What the reports say of claims."""
+
+import re
 
 import numpy as np
 import pandas as pd
@@ -6,59 +8,26 @@ import pytest
 from builders.project import ROOT
 
 from pipeline.base import params
-from pipeline.base.params_file import copied, set_values
 from pipeline.claims import entries, judge
 from pipeline.reporting import claims
 
-COLUMNS = ["id", "kind", "data", "verdict", "ours", "scale"]
-
-
-def table(*rows) -> pd.DataFrame:
-    return pd.DataFrame(rows, columns=COLUMNS)
-
-
-PRESENT = table(
-    ("lomp/a", "sentence", "simulated", "undecided", 1.0, "laptop"),
-    ("lomp/b", "sentence", "simulated", "reproduced", 2.0, "laptop"),
-    ("lomp/c", "number", "simulated", "contradicted", 3.0, "both"),
-    ("lomp/a/recorded", "sentence", "recorded", "contradicted", 4.0, "laptop"),
-    ("lomp/d", "number", "simulated", "not testable", 5.0, "laptop"),
-    ("lomp/e", "number", "simulated", "not testable", 6.0, "laptop"),
+COLUMNS = ["id", "kind", "data", "verdict", "ours"]
+CLAIMS = pd.DataFrame(
+    [
+        ("lomp/a", "sentence", "simulated", "undecided", 1.0),
+        ("lomp/b", "sentence", "simulated", "reproduced", 2.0),
+        ("lomp/c", "number", "simulated", "off", 3.0),
+        ("lomp/a/recorded", "sentence", "recorded", "contradicted", 4.0),
+        ("lomp/d", "number", "simulated", "calibrated", 5.0),
+        ("lomp/e", "number", "simulated", "outside", 6.0),
+        ("lomp/f", "count", "simulated", "reproduced", 7.0),
+    ],
+    columns=COLUMNS,
 )
-AT_PAPERS = table(
-    ("lomp/a", "sentence", "simulated", "reproduced", 1.5, "paper"),
-    ("lomp/b", "sentence", "simulated", "not testable", float("nan"), "paper"),
-    ("lomp/a/recorded", "sentence", "recorded", "undecided", 4.5, "paper"),
-    ("lomp/d", "number", "simulated", "not testable", 5.5, "paper"),
-    ("lomp/e", "number", "simulated", "not testable", float("nan"), "paper"),
-)
-
-
-def test_the_papers_scale_comes_first_where_it_could_test_a_claim():
-    rows = claims.by_scale(PRESENT, AT_PAPERS).set_index("id")
-    assert list(rows["verdict"]) == ["reproduced", "reproduced", "contradicted", "undecided", *["not testable"] * 2]
-    assert list(rows["ours"]) == [1.5, 2.0, 3.0, 4.5, 5.5, 6.0]
-    assert list(rows["scale"]) == ["paper", "laptop", "both", "paper", "paper", "laptop"]
-
-
-def test_all_verdicts_stand_beside_each_other():
-    rows = claims.by_scale(PRESENT, AT_PAPERS).set_index("id")
-    beside = rows[list(claims.BY_SCALE)]
-    assert tuple(beside.loc["lomp/a"]) == ("undecided", "reproduced", "undecided")
-    assert tuple(beside.loc["lomp/b"]) == ("reproduced", "not testable", "")
-    assert tuple(beside.loc["lomp/c"]) == ("contradicted", "contradicted", "")
-    assert tuple(beside.loc["lomp/a/recorded"]) == ("", "undecided", "undecided")
-    assert "than here: 1 of 1 claims that were judged at both" in claims.changed_by_scale(rows.reset_index())
-
-
-def test_without_a_run_at_the_papers_scale_the_present_one_stands():
-    rows = claims.by_scale(PRESENT, AT_PAPERS.iloc[:0])
-    assert list(rows["verdict"]) == list(PRESENT["verdict"])
-    assert list(rows["paper_scale_verdict"]) == ["", "", "contradicted", "", "", ""]
 
 
 def test_recorded_claims_are_counted_before_simulated_ones_and_apart(workspace):
-    rows = claims.count_rows(workspace, PRESENT.assign(paper="lomp"), ["paper"])
+    rows = claims.count_rows(workspace, CLAIMS.assign(paper="lomp"), ["paper"])
     assert [row[:2] for row in rows] == [
         ["recorded", "LoMP (touch)"],
         ["recorded", "all"],
@@ -66,7 +35,7 @@ def test_recorded_claims_are_counted_before_simulated_ones_and_apart(workspace):
         ["simulated", "all"],
         ["all", ""],
     ]
-    assert [row[-1] for row in rows] == ["1", "1", "5", "5", "6"]
+    assert [row[-1] for row in rows] == ["1", "1", "3", "3", "4"]
 
 
 def test_on_own_logs_a_claim_is_of_recorded_data(workspace):
@@ -82,7 +51,7 @@ def test_on_own_logs_a_claim_is_of_recorded_data(workspace):
     [
         ((1.5, -4.85, 7.85, 1.5), "undecided", "why", "1.50 [-4.85, 7.85] kPa (paper: 1.50): undecided (why)."),
         ((2.0, 2.0, 2.0, np.nan), "reproduced", "", "2.00 [2.00, 2.00] kPa: reproduced."),
-        ((np.nan, np.nan, np.nan, 1.5), "not testable", "nobody knows", "not testable (nobody knows)."),
+        ((np.nan, np.nan, np.nan, 1.5), "outside", "nobody knows", "outside (nobody knows)."),
     ],
 )  # fmt: skip
 def test_a_claim_is_a_line_with_its_verdict_and_reason(numbers, verdict, reason, line):
@@ -92,27 +61,13 @@ def test_a_claim_is_a_line_with_its_verdict_and_reason(numbers, verdict, reason,
 
 
 def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):
-    rows = PRESENT.assign(
-        paper="lomp", claim="A.", section="I", published=1.0, low=0.0, high=2.0, unit="kPa", measured=0
-    )
-    rows = claims.by_scale(rows.assign(strict="", compatible="", reason="why", over="3 seeds"), AT_PAPERS.iloc[:0])
+    rows = CLAIMS.assign(
+        paper="lomp", claim="A.", section="I", published=1.0, low=0.0, high=2.0, unit="kPa", measured=0,
+        reason="why", over="seeds", seeds=3, power=0.25, budget="full", protocol="press",
+    )  # fmt: skip
     text = claims.text(workspace, rows, {"lomp/a": "It was turned around.", "lomp/b": "Not shown."})
     tried = text.split("what was tried where a claim is not reproduced")[1]
     assert "- **A** (undecided; why)\n\nIt was turned around." in tried and "Not shown." not in text
     assert tried.count("No reason was looked for.") == 1
-
-
-@pytest.mark.parametrize(
-    ("changes", "scale"),
-    [
-        ({}, "laptop"),
-        ({"paper": "touch"}, "paper"),
-        ({"touch.window.stride": 7}, "other"),
-    ],
-)
-def test_the_scale_is_that_of_the_settings(workspace, changes, scale, tmp_path):
-    copy = copied(ROOT / "params.yaml", tmp_path)
-    set_values(params.parsed(workspace.scales / "paper.yaml") if "paper" in changes else changes, copy)
-    values = params.load(copy)
-    assert params.scale_of(ROOT / "scales", "touch", values["touch"]) == scale
-    assert params.scale_of(ROOT / "scales", "velostat_recorded", values["velostat_recorded"]) == "both"
+    (waiting,) = re.findall(r"\n\| A\. .*", text.split("## Open claims")[1].split("\n## ")[0])
+    assert [cell.strip() for cell in waiting.split("|")[1:-1]] == ["A.", "simulated", "25 %", "3", "why"]

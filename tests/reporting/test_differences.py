@@ -32,9 +32,6 @@ def test_every_mark_in_the_code_is_in_a_report():
         for file in paths.CODE.rglob("*.py")
         if file.name != "differences.py"  # defines the mark
     }
-    listed = {
-        line for name in VALUES["experiments"] for line in differences.of_experiment(name, VALUES[name])
-    }
+    listed = {line for name in VALUES["experiments"] for line in differences.of_experiment(name, VALUES[name])}
     counts = {name: sum(file == name for file, _ in listed) for name in marks}
     assert counts == marks and sum(marks.values()) > 15
-

@@ -23,7 +23,9 @@ def test_verdicts_are_counted_where_the_claim_counts():
     kinds = {"sentence": "reproduced", "number": "undecided", "count": "reproduced", "calibration": "calibrated"}
     rows = [("simulated", "lomp", kind, verdict) for kind, verdict in kinds.items()]
     counted = metrics.of_claims(pd.DataFrame(rows, columns=["data", "paper", "kind", "verdict"]))
-    assert counted == {"simulated": {"lomp": {"reproduced": 1, "contradicted": 0, "undecided": 1, "not testable": 0}}}
+    assert counted == {
+        "simulated": {"lomp": {"reproduced": 1, "contradicted": 0, "undecided": 1, "matches": 0, "near": 0, "off": 0}}
+    }
 
 
 @pytest.mark.slow

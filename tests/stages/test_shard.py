@@ -39,9 +39,11 @@ def test_a_set_is_of_settings_that_there_are(name, tmp_path):
 
 
 def test_sets_that_share_data_ask_for_the_same():
+    stages = yaml.safe_load((ROOT / "evidence" / "dvc.yaml").read_text())["stages"]
     for name, each in SETS.items():
-        if each.like:
+        if each.like and not each.study:
             other = SETS[each.like]
+            assert stages[name]["params"][1] == {"evidence/shards.yaml": [each.like, name]}
             assert (each.experiment, each.set, other.like) == (other.experiment, other.set, ""), name
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 import yaml
 from markupsafe import Markup
 
-from pipeline.base import params, paths
+from pipeline.base import paths
 from pipeline.base.availability import has_report, why_not_run, why_not_shown
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
@@ -35,8 +35,6 @@ HEADING = "Soft tactile sensing, reproduced"
 OPENING = {"answers": "Answers", "compared": "Our errors over the published ones", "speed": "Speed against accuracy"}
 NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "twins", "claims")
 PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "matplotlib")  # of those that make numbers
-SCALES = {"both": "the same on a laptop and at the papers'", "other": "own settings, none of scales/"}
-SCALES |= {"laptop": "laptop", "paper": "that of the papers"}
 PHYSICS = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "verdict", "consequence"]
 
 
@@ -45,20 +43,21 @@ def build(workspace: Workspace, values: Mapping) -> str:
     content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
     captions, judged = content["figures"], claims.read(workspace)
     shown = {name: why_not_shown(workspace, name) for name in values["experiments"]}
-    data = {name: data_of(name, block, workspace) for name, block in values.items() if name in shown}
+    data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
     papers = entries.papers(workspace)
     contents = [(key, name, []) for key, name in OPENING.items()]
     simulated = {paper.simulated: paper.title for paper in papers.values() if paper.simulated in speeds}
     titled = [last_panel(speeds[name], title) for name, title in simulated.items()]
+    kept = one_table.results(workspace, one_table.of_own_logs(values))
     body = [
         fill(
             "answers",
             claims=int(judged["kind"].isin(claims.claim_text.COUNTED).sum()),
             cards=claims.cards(workspace, judged, content["answers"], captions),
             verdicts=claims.VERDICTS,
-            beside=[(title, *beside(workspace, name)) for name, title in simulated.items()],
+            beside=[(title, *beside(kept, name)) for name, title in simulated.items()],
             speed=charts.data(pd.concat(titled), "Speed against accuracy", ["p50_ms"]) if titled else {},
         )
     ]
@@ -80,13 +79,13 @@ def build(workspace: Workspace, values: Mapping) -> str:
         "rightsize": rightsize_parts(workspace),
         "physics": physics_parts(workspace),
         "twins": twins_parts(workspace),
-        **{name: document_parts(workspace, name, captions) for name in ("material", "longer", "benchmarks")},
+        **{name: document_parts(workspace, name, captions) for name in ("material", "benchmarks")},
     }
     for key, chapter in content["chapters"].items():
         if parts[key]:
             body.append(fill("chapter", key=key, **chapter, parts=parts[key]))
             contents.append((key, chapter["title"], []))
-    contents += [("verdicts", "Every claim", []), ("provenance", "Scale and provenance", [])]
+    contents += [("verdicts", "Every claim", []), ("provenance", "Provenance", [])]
     body += [claims.section(workspace, judged), provenance(workspace, data)]
     html = fill(
         "page",
@@ -113,13 +112,12 @@ def last_panel(speeds: pd.DataFrame, title: str) -> pd.DataFrame:
     return speeds[speeds["panel"] == panel].assign(panel=f"{title}: {panel}")
 
 
-def beside(workspace: Workspace, experiment: str) -> tuple[str, Table]:
+def beside(results: one_table.Results, experiment: str) -> tuple[str, Table]:
     """Return what a paper prints of a simulated experiment, and a table of it beside ours on each split.
 
-    The first is the name of the metric; a share is in %.
+    The first is the name of the metric; a share is in %. A heading says the budget of its numbers.
     """
     paper, metric, name, units = published.SCORES[experiment]
-    results = one_table.Results(one_table.read(one_table.of_reports(workspace.reports)))
     rows = results.rows(experiment=experiment, metric=metric, variant="")
     printed = {
         (model, condition): published.number(paper, model, condition, name)
@@ -133,7 +131,10 @@ def beside(workspace: Workspace, experiment: str) -> tuple[str, Table]:
     for condition in conditions:
         header.append(f"{capitalised(task_name(condition))}: published ({unit})")
         protocols = rows[rows["condition"] == condition]["protocol"].unique()
-        header += [f"{capitalised(task_name(condition))}: ours, split {plain(protocol)}" for protocol in protocols]
+        header += [
+            f"{capitalised(task_name(condition))}: ours, split {plain(at)} ({results.shown(experiment, at)})"
+            for at in protocols
+        ]
         for model in models:
             ours = [results.estimate(experiment, at, condition, model, metric) for at in protocols]
             ours = [one.percent() if units == 100 else one for one in ours]
@@ -185,8 +186,8 @@ def leaderboard(rows: pd.DataFrame, relative: pd.Series) -> Table:
     return Table([*header, "Error under stress"], cells)
 
 
-def data_of(experiment: str, settings: Mapping, workspace: Workspace) -> str:
-    """Say where an experiment's numbers come from, at which scale, and how often they were drawn."""
+def data_of(experiment: str, settings: Mapping) -> str:
+    """Say where an experiment's numbers come from, and how often the look draws them."""
     source = settings.get("source")
     if source is None:
         where = SOURCES[experiment]
@@ -194,8 +195,7 @@ def data_of(experiment: str, settings: Mapping, workspace: Workspace) -> str:
     else:
         data = f"simulated by pipeline/scenes/{experiment}.py" if source == "simulated" else f"your own logs, {source}"
     seeds = "; ".join(f"{plain(name)} {len(block['seeds'])}" for name, block in settings["protocols"].items())
-    scale = SCALES[params.scale_of(workspace.scales, experiment, settings)]
-    return f"Data: {data}. Scale: {scale}. Models: {len(settings['models'])}. Seeds of each split: {seeds}."
+    return f"Data: {data}. Models: {len(settings['models'])}. Seeds of each split in the look: {seeds}."
 
 
 def study(workspace: Workspace, title: str, source: str, caption: str, listed: list[tuple[str, Table]]) -> dict:

@@ -42,9 +42,9 @@ CLAIMS = [  # id, claim, paper, data, published, ours, low, high, verdict, reaso
         "sentence",
         "kPa",
     ),
-    ("lomp/rmse", "It is 8.68.", "lomp", "simulated", 8.68, 12.5, 12, 13, "contradicted", "the band", "number", "kPa"),
-    ("latent/w/recorded", "It has 50.", "latent", "recorded", 50, 9, None, None, "reproduced", "", "number", "count"),
-    ("latent/evil", EVIL, "latent", "simulated", *[None] * 4, "not testable", f"because {EVIL}", "sentence", "mm"),
+    ("lomp/rmse", "It is 8.68.", "lomp", "simulated", 8.68, 12.5, 12, 13, "off", "the band", "number", "kPa"),
+    ("latent/w/recorded", "It has 50.", "latent", "recorded", 50, 9, None, None, "matches", "", "number", "count"),
+    ("latent/evil", EVIL, "latent", "simulated", *[None] * 4, "outside", f"because {EVIL}", "sentence", "mm"),
     ("lomp/set", "Over Linear.", "lomp", "simulated", 0.6, 0.6, 0.5, 0.7, "calibrated", "set", "calibration", "1"),
     ("sp_resnet/gcam", "It helps.", "sp_resnet", "simulated", 0.5, -3, -9, 3, "undecided", "0 in it", "sentence", "%"),
 ]
@@ -93,13 +93,8 @@ def speed_rows() -> pd.DataFrame:
 
 def write_claims(reports: Path, rows: list) -> None:
     columns = ["id", "claim", "paper", "data", "published", "ours", "low", "high", "verdict", "reason", "kind", "unit"]
-    table = pd.DataFrame(rows, columns=columns).assign(section="IV", measured=0, scale="laptop")
-    table = table.assign(strict="", over="3 seeds", compatible="")
-    recorded = table["data"] == "recorded"
-    scales = {"present": ~recorded, "paper_scale": table["paper"] == "lomp", "recorded": recorded}
-    verdicts_of = {f"{scale}_verdict": table["verdict"].where(known, "") for scale, known in scales.items()}
-    table.assign(**verdicts_of).to_csv(reports / "claims_by_scale.csv", index=False)
-    table.to_csv(reports / "claims.csv", index=False)  # the page offers it, and reads the other
+    table = pd.DataFrame(rows, columns=columns).assign(section="IV", measured=0, protocol="press", power=0.5, seeds=3)
+    table.assign(budget="full").to_csv(reports / "claims.csv", index=False)
 
 
 def rows(columns: list[str], **values) -> pd.DataFrame:
@@ -123,7 +118,7 @@ def reports(workspace, monkeypatch) -> Path:
             (folder / name / "accuracy" / "README.md").write_text(f"# {name}\n")
             for file in ("figure8.png", "map_of_it.png"):
                 png(folder / name / "accuracy" / file)
-    for name in ("stability", "rightsize", "physics", "twins", "longer"):
+    for name in ("stability", "rightsize", "physics", "twins", "benchmarks"):
         (folder / name).mkdir()
     png(folder / "physics" / "touch.png")
     png(folder / "stability" / "touch_press_single_heat_map.png")
@@ -143,12 +138,12 @@ def reports(workspace, monkeypatch) -> Path:
     )
     twin = rows(SUMMARY, experiment="touch", statistic="noise", inside=True, meaning="What it is.", note="")
     twin.to_csv(folder / "twins.csv", index=False)
-    (folder / "longer" / "touch.md").write_text(
+    (folder / "benchmarks" / "README.md").write_text(
         f"# Longer\n\n{EVIL}\n\n[all](touch.csv)\n\n| a | b |\n| - | -: |\n| LoMP | 1 |\n"
     )
     for name in ("latency", "stress"):
         (folder / f"{name}.csv").touch()
-    (folder / "longer" / "touch.csv").touch()
+    (folder / "benchmarks" / "touch.csv").touch()
     (folder / "latency.csv").write_text("experiment,model,batch,p50_ms\n")
     scores = [("touch", "press", "single", "lomp", seed, "rmse", "kPa", 4 + seed, 1234) for seed in (0, 2)]
     names = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
@@ -225,10 +220,10 @@ def test_the_page_says_what_the_tables_say(workspace, reports):
     assert re.search(
         '<td>LoMP</td><td class="number">0.60</td><td class="number">holds</td><td class="number">0.2', html
     )
-    assert 'aria-label="simulated: 1 reproduced, 1 contradicted, 0 undecided, 0 not testable"' in html
-    write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:8], "not testable", "runs failed", "sentence", "kPa")])
+    assert 'aria-label="simulated: 1 reproduced, 0 matches, 0 near, 0 contradicted, 1 off, 0 undecided"' in html
+    write_claims(reports, [*CLAIMS[1:], (*CLAIMS[0][:8], "undecided", "runs failed", "sentence", "kPa")])
     after = built(workspace)
-    assert 'aria-label="simulated: 0 reproduced, 1 contradicted, 0 undecided, 1 not testable"' in after
+    assert 'aria-label="simulated: 0 reproduced, 0 matches, 0 near, 0 contradicted, 1 off, 1 undecided"' in after
     write_claims(reports, [(*CLAIMS[0][:8], "proved", "", "sentence", "kPa")])
     with pytest.raises(InputError, match="verdict 'proved' is unknown"):
         built(workspace)
@@ -237,9 +232,9 @@ def test_the_page_says_what_the_tables_say(workspace, reports):
 def test_what_is_missing_is_said(workspace, reports):
     section = built(workspace).split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
     assert f"no recordings of {ABSENT}" in section and "charts" not in section
-    with open(reports / "longer" / "touch.md", "a") as file:
+    with open(reports / "benchmarks" / "README.md", "a") as file:
         file.write("\n[More](more.md)\n")
-    with pytest.raises(InputError, match="longer/more.md"):
+    with pytest.raises(InputError, match="benchmarks/more.md"):
         built(workspace)
     (workspace.root / "constraints.txt").write_text("torch==1\n")
     with pytest.raises(InputError, match="numpy"):
@@ -255,13 +250,10 @@ def test_every_verdict_has_a_look_of_its_own():
     assert len({badge.split("nbsp")[0].split("aria")[0] for badge in badges}) == 4  # calibrated as not testable
 
 
-def test_the_scale_of_an_experiment_is_named(workspace):
+def test_the_data_of_an_experiment_are_named():
     values = params.load(ROOT / "params.yaml")
-    assert "Scale: laptop." in sections.data_of("touch", values["touch"], workspace)
-    recorded = sections.data_of("velostat_recorded", values["velostat_recorded"], workspace)
-    assert "Scale: the same on a laptop" in recorded and "licence" in recorded
-    values["touch"]["window"]["stride"] = 3
-    assert "Scale: own settings" in sections.data_of("touch", values["touch"], workspace)
+    assert "simulated by pipeline/scenes/touch.py" in sections.data_of("touch", values["touch"])
+    assert "licence" in sections.data_of("velostat_recorded", values["velostat_recorded"])
 
 
 def test_every_figure_with_a_caption_is_of_an_experiment_or_a_chapter():
