@@ -55,11 +55,10 @@ def drawn(values: Mapping, experiment: str, network: str) -> Predictor:
     block = values[experiment]["models"][network]
     model = models.build(network, spec, block, "benchmark")
     if kind == "series":
-        model.scaling = Scaling([made.series(1000)])
+        model.scaling = Scaling.of_training([made.series(1000)])
     elif kind == "windows":
-        model._set_normalisation(
-            torch.full((spec.elements,), 250.0), torch.full((spec.elements,), 150.0), torch.ones(())
-        )
+        model.scaled.input_mean.fill_(250.0)
+        model.scaled.input_spread.fill_(150.0)
     unit, output_unit = {"windows": ("counts", "kPa"), "series": ("V", "mm"), "images": ("levels", "probability")}[kind]
     return Predictor(
         model,

@@ -46,7 +46,7 @@ def single_rmse(data: Dataset, predict) -> float:
 
 def test_lomp_latency(race, record, sizes):
     ours, twin = (measure.lomp(5, epochs=1) for _ in range(2))
-    twin.network = peers.LoopedLomp(ours.network)
+    twin.scaled.network = peers.LoopedLomp(ours.network)
     x = np.random.default_rng(0).uniform(0, 500, (1, 8, 25)).astype(np.float32)
 
     def loop() -> np.ndarray:

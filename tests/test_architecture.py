@@ -47,7 +47,8 @@ ARROWS = {
     "base": {"settings"},
     "settings": set(),  # pydantic classes; of a model's file it reads the class of its settings, and imports nothing
 }
-BY_NAME = {f"pipeline/{name}/__init__.py" for name in DOORS} | {"pipeline/base/cluster.py"}  # a task's function
+BY_NAME = {f"pipeline/{name}/__init__.py" for name in DOORS}
+BY_NAME |= {"pipeline/base/cluster.py", "pipeline/commands/command_line.py"}  # a task's function, a command
 RUN = 'if __name__ == "__main__":'
 VALUES = params.load(ROOT / "params.yaml")
 SETS = shards.read_sets(Workspace(ROOT))

@@ -8,6 +8,8 @@ import argparse
 import ast
 import importlib
 import re
+import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
@@ -18,6 +20,7 @@ from dvc.repo import Repo
 
 from pipeline.base import params
 from pipeline.base.paths import Workspace
+from pipeline.commands import command_line
 from pipeline.commands.command_line import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -82,17 +85,21 @@ class Words(tuple):
 @cache
 def parser_of(name: str) -> argparse.ArgumentParser | None:
     """Return the parser of a module that can be run, or None; its arguments may be words that stand for others."""
+    if name == PEOPLE:
+        parser = command_line.parser_of(COMMANDS)
+        loosen(parser)
+        return parser
     path = ROOT.joinpath(*name.split(".")).with_suffix(".py")
     if not path.is_file() or RUN not in path.read_text():
         return None
-    assert name == PEOPLE or "arguments.parse(" in path.read_text(), f"{path}: main calls no arguments.parse"
+    assert "arguments.parse(" in path.read_text(), f"{path}: main calls no arguments.parse"
 
     def stop(parser: argparse.ArgumentParser, *given):
         raise Made(parser)
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(Made) as caught:
         patch.setattr(argparse.ArgumentParser, "parse_args", stop)
-        importlib.import_module(name).main(*([] if name == PEOPLE else [Workspace(ROOT)]))
+        importlib.import_module(name).main(Workspace(ROOT))
     loosen(caught.value.parser)
     return caught.value.parser
 
@@ -200,9 +207,25 @@ def test_every_stage_and_command_has_help(call, capsys):
 def test_the_installed_command_is_that_of_the_room():
     module, _, function = PROJECT["scripts"]["tactile"].partition(":")
     assert (module, function) == (PEOPLE, "main") and list(PROJECT["scripts"]) == ["tactile"]
-    modules = {path.stem.replace("_", "-") for path in (ROOT / "pipeline" / "commands").glob("[a-z]*.py")}
-    renamed = {"quick-look": "try"}  # no module of Python can be called try
-    assert set(COMMANDS) == {renamed.get(module, module) for module in modules - {"command-line"}}
+    modules = {path.stem for path in (ROOT / "pipeline" / "commands").glob("[a-z]*.py")} - {"command_line"}
+    assert set(COMMANDS.values()) == modules
+    renamed = {"try": "quick_look"}  # no module of Python can be called try
+    assert all(module == renamed.get(name, name.replace("-", "_")) for name, module in COMMANDS.items())
+
+
+def test_help_imports_no_heavy_library():
+    code = (
+        "import sys\n"
+        "from pipeline.commands.command_line import main\n"
+        "try:\n    main()\nexcept SystemExit:\n"
+        "    print(sorted({name.partition('.')[0] for name in sys.modules} - set(sys.stdlib_module_names)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=True, cwd=ROOT)
+    said, _, imported = done.stdout.strip().rpartition("\n")
+    assert all(re.search(rf"^ +{name} ", said + "\n", re.MULTILINE) or f" {name}\n" in said for name in COMMANDS)
+    assert not {"matplotlib", "mlflow", "numpy", "pandas", "pyarrow", "pydantic", "scipy", "sklearn", "torch"} & set(
+        ast.literal_eval(imported)
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,63 +1,58 @@
 """What people run by hand: check, try, record; predict, export, live; fetch, calibrate, search rates, pack.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
-`main(given)` runs it with the arguments given. `--help` behind a command says more.
+`main(workspace, given)` runs it with the arguments given. Only the module of the command that is called is imported;
+`tactile --help` reads the first line of the others. `--help` behind a command says more.
 """
 
 import argparse
+import importlib
+import sys
+from collections.abc import Collection
+from pathlib import Path
 
 from pipeline.base import arguments
 from pipeline.base.errors import run_stage
-from pipeline.commands import (
-    bundle,
-    calibrate,
-    check,
-    evidence,
-    export,
-    fetch,
-    fit_material,
-    fit_strain,
-    live,
-    own,
-    predict,
-    quick_look,
-    rates,
-    record,
-)
 
-COMMANDS = {
-    "check": check,
-    "fetch": fetch,
-    "record": record,
-    "try": quick_look,
-    "own": own,
-    "predict": predict,
-    "export": export,
-    "live": live,
-    "fit-material": fit_material,
-    "fit-strain": fit_strain,
-    "evidence": evidence,
-    "calibrate": calibrate,
-    "rates": rates,
-    "bundle": bundle,
+COMMANDS = {  # command -> its module
+    "check": "check",
+    "fetch": "fetch",
+    "record": "record",
+    "try": "quick_look",
+    "own": "own",
+    "predict": "predict",
+    "export": "export",
+    "live": "live",
+    "fit-material": "fit_material",
+    "fit-strain": "fit_strain",
+    "evidence": "evidence",
+    "calibrate": "calibrate",
+    "rates": "rates",
+    "bundle": "bundle",
 }
+
+
+def parser_of(called: Collection[str]) -> argparse.ArgumentParser:
+    """Return the parser of `tactile`, in which the commands `called` know their arguments and the others do not."""
+    parser = argparse.ArgumentParser(prog="tactile", description=__doc__.partition("\n")[0])
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, module in COMMANDS.items():
+        text = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+        command = commands.add_parser(name, help=text.partition("\n")[0].strip('"'))
+        if name in called:
+            imported = importlib.import_module(f"pipeline.commands.{module}")
+            command.description = imported.__doc__
+            command.formatter_class = argparse.RawDescriptionHelpFormatter
+            arguments.add_root(command)
+            imported.add_arguments(command)
+            command.set_defaults(main=imported.main)
+    return parser
 
 
 def main() -> None:
     """Run the command named on the command line; a wrong one ends with a sentence and exit status 2."""
-    parser = argparse.ArgumentParser(prog="tactile", description=__doc__.partition("\n")[0])
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, module in COMMANDS.items():
-        command = commands.add_parser(
-            name,
-            help=module.__doc__.partition("\n")[0],
-            description=module.__doc__,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        arguments.add_root(command)
-        module.add_arguments(command)
-    given = parser.parse_args()
-    run_stage(lambda: COMMANDS[given.command].main(given.root, given), given.root.params)
+    given = parser_of(sys.argv[1:2]).parse_args()
+    run_stage(lambda: given.main(given.root, given), given.root.params)
 
 
 if __name__ == "__main__":

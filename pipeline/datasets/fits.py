@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pipeline.base import files, paths
+from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 
 KEYS = ("stop_reason", "best_epoch", "epochs", "parameters", "macs", "precision", "settings")
@@ -37,4 +37,16 @@ def read(folder: Path, made_by: str) -> dict:
         raise InputError(f"{path}: no fit summary ({error}); run `{made_by}` again") from error
     if absent:
         raise InputError(f"{path}: key '{absent[0]}' is missing; run `{made_by}` again")
+    return fit
+
+
+def read_as_set(folder: Path, values: Mapping, experiment: str, model: str, protocol: str) -> dict:
+    """Return fit.json as `read`; InputError, too, where its settings are not those of params.yaml (`values`)."""
+    made_by = params.training_command(experiment)
+    fit = read(folder, made_by)
+    if fit["settings"] != params.run_settings(values, experiment, model, protocol):
+        raise InputError(
+            f"{folder / 'fit.json'}: was made with other settings than {experiment}.models.{model} of "
+            f"{params.file_of(experiment)}; run `{made_by}`"
+        )
     return fit

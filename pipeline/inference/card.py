@@ -81,6 +81,19 @@ class Card(Part):
     scores: list[Score]  # of the test part
     sha256: str  # of the file of weights
 
+    @property
+    def output_shape(self) -> tuple[int, ...]:
+        """Shape of one prediction: (map_rows, map_cols) in kPa or N, (outputs,) in mm, or (classes,)."""
+        shapes = self.shapes
+        return (shapes.map_rows, shapes.map_cols) if self.kind == "windows" else (shapes.map_rows * shapes.map_cols,)
+
+    def reach(self, frame_step: int | None = None) -> int:
+        """Return how many readings lie between the first and the last frame of a window: those without a prediction.
+
+        frame_step: readings from one frame to the next; None: `inputs.frame_step`.
+        """
+        return (self.shapes.frames - 1) * (frame_step or self.inputs.frame_step) if self.kind == "windows" else 0
+
 
 def weights_file(folder: Path) -> Path:
     """Return the file of weights in a folder; InputError where there is none."""

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import experiments, tasks
-from pipeline.base import params, paths
-from pipeline.base.errors import InputError
+from pipeline.base import paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, images, schemas
 from pipeline.inference import card as cards
@@ -32,13 +31,27 @@ class Describer:
         """Take params.yaml. Raises InputError where a file that the experiment's stages write is missing."""
         self.workspace = workspace
         self.values, self.experiment, self.kind = values, experiment, tasks.kind(experiment)
-        self._inputs = _inputs(workspace, experiment, self.kind, values[experiment])
-        of_images = self.kind == "images"
+        of_images, settings = self.kind == "images", values[experiment]
+        schema = experiments.module(experiment).frames_schema(settings)
+        self._columns = images.reading_columns(schema) if of_images else ["v"]
+        times = _table(workspace.frames(experiment), ["t_s"])["t_s"].to_numpy()
+        self._inputs = cards.Inputs(
+            columns=sum(schema.field(name).type.list_size for name in self._columns),
+            unit=settings.get("sensor", {}).get("unit", UNITS[self.kind]),
+            order=ORDERS[self.kind],
+            interval_s=round(float(np.median(np.diff(times))), 6),
+            frame_step=settings["window"].get("frame_step", 1),
+        )
         self._classes = images.classes(_table(workspace.dataset(experiment), ["condition"])) if of_images else None
 
     @cached_property
     def _scores(self) -> dict[tuple[str, str, int], list[cards.Score]]:
         return _scores(self.workspace, self.experiment)
+
+    def readings(self) -> np.ndarray:
+        """Return the readings of all frames of the experiment, (n, columns) float32."""
+        frames = _table(self.workspace.frames(self.experiment), self._columns)
+        return np.concatenate([schemas.matrix(frames[name]) for name in self._columns], axis=1).astype(np.float32)
 
     def card(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
         """Return the card of one run. Raises InputError where it has not been trained, or with other settings."""
@@ -51,16 +64,8 @@ class Describer:
     def without_scores(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
         """Return the card of a run that need not have been evaluated; errors as `card`."""
         experiment, settings = self.experiment, self.values[self.experiment]
-        folder, made_by = (
-            self.workspace.run_folder(experiment, model, protocol, seed),
-            params.training_command(experiment),
-        )
-        fit, block = fits.read(folder, made_by), params.run_settings(self.values, experiment, model, protocol)
-        if fit["settings"] != block:
-            raise InputError(
-                f"{folder}: was trained with other settings than {experiment}.models.{model} of "
-                f"{params.file_of(experiment)}; run `{made_by}`"
-            )
+        folder = self.workspace.run_folder(experiment, model, protocol, seed)
+        fit = fits.read_as_set(folder, self.values, experiment, model, protocol)
         names, chosen, touch_kpa = self._classes, None, None
         if self.kind == "windows":
             spec = tasks.of(experiment).spec(settings)
@@ -81,7 +86,7 @@ class Describer:
             protocol=protocol,
             seed=seed,
             commit=commit,
-            settings=dict(block),
+            settings=fit["settings"],
             reading={name: settings[name] for name in cards.READING if name in settings},
             shapes=cards.Shapes(**spec._asdict()),
             inputs=self._inputs.model_copy(update={"chosen": chosen}),
@@ -91,20 +96,6 @@ class Describer:
             scores=[],
             sha256=cards.digest(cards.weights_file(folder)),
         )
-
-
-def _inputs(workspace: Workspace, experiment: str, kind: str, settings: Mapping) -> cards.Inputs:
-    """Return what one reading of an experiment's sensor is."""
-    frames = _table(workspace.frames(experiment), ["t_s"])
-    schema = experiments.module(experiment).frames_schema(settings)
-    columns = images.reading_columns(schema) if kind == "images" else ["v"]
-    return cards.Inputs(
-        columns=sum(schema.field(name).type.list_size for name in columns),
-        unit=settings.get("sensor", {}).get("unit", UNITS[kind]),
-        order=ORDERS[kind],
-        interval_s=round(float(np.median(np.diff(frames["t_s"].to_numpy()))), 6),
-        frame_step=settings["window"].get("frame_step", 1),
-    )
 
 
 def _table(path: Path, columns: list[str]):

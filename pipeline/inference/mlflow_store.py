@@ -39,13 +39,12 @@ def folder(workspace: Workspace) -> Path:
     """
     root = workspace.root.resolve()  # MLflow notes the place of its files
     origin = Path(os.environ.get("DVC_ROOT", root)).resolve()
-    copied = root.is_relative_to(origin / ".dvc" / "tmp" / "exps")
-    return (origin if copied else root) / "mlruns"
+    return (origin if root.is_relative_to(origin / ".dvc" / "tmp" / "exps") else root) / "mlruns"
 
 
-def server() -> str | None:
-    """Return the address in MLFLOW_TRACKING_URI, a server's or a database's; None for the default store."""
-    return os.environ.get("MLFLOW_TRACKING_URI") or None
+def server() -> str:
+    """Return the address in MLFLOW_TRACKING_URI, a server's or a database's; empty for the default store."""
+    return os.environ.get("MLFLOW_TRACKING_URI", "")
 
 
 @contextmanager
@@ -56,18 +55,18 @@ def opened(workspace: Workspace, then: str = TRACK) -> Iterator[MlflowClient]:
     """
     uri = server()
     try:
-        if uri is None:
+        if not uri:
             folder(workspace).mkdir(parents=True, exist_ok=True)
         client = MlflowClient(tracking_uri=uri or f"sqlite:///{folder(workspace) / 'mlflow.db'}")
         client.search_experiments(max_results=1)
         yield client
     except (MlflowException, SQLAlchemyError, OSError, ImportError) as error:
-        where = "MLFLOW_TRACKING_URI" if uri else "mlruns/mlflow.db"
-        reason = type(error).__name__ if uri and set("@?") & set(uri) else str(error).partition("\n")[0].rstrip(".")
+        reason = type(error).__name__ if set("@?") & set(uri) else str(error).partition("\n")[0].rstrip(".")
         raise InputError(
             storage_error(error)
-            or f"{where}: the MLflow store cannot be used ({reason}); start its server, close what else uses it, or "
-            f"move a damaged file away, and {then} (the results in data/ are safe)"
+            or f"{'MLFLOW_TRACKING_URI' if uri else 'mlruns/mlflow.db'}: the MLflow store cannot be used ({reason}); "
+            f"start its server, close what else uses it, or move a damaged file away, and {then} (the results in data/ "
+            "are safe)"
         ) from error
 
 
@@ -77,12 +76,8 @@ def experiment_id(workspace: Workspace, client: MlflowClient, name: str) -> str:
     Raises InputError where somebody deleted it, or the default store keeps its files in another checkout.
     """
     # A server knows where files go; a database alone would have them below the working folder, which may be a copy's.
-    uri = server() or "sqlite:"
-    place = (
-        str(folder(workspace) / "artifacts" / name)
-        if uri.partition(":")[0].partition("+")[0] in DATABASE_ENGINES
-        else None
-    )
+    engine = (server() or "sqlite").partition(":")[0].partition("+")[0]
+    place = str(folder(workspace) / "artifacts" / name) if engine in DATABASE_ENGINES else None
     found = client.get_experiment_by_name(name)
     if found is None:
         return client.create_experiment(name, place)
@@ -91,7 +86,7 @@ def experiment_id(workspace: Workspace, client: MlflowClient, name: str) -> str:
             f"MLflow: experiment {name} was deleted there; with MLFLOW_TRACKING_URI set to the store, bring it back "
             f"(`mlflow experiments restore -x {found.experiment_id}`) or remove it for good (`mlflow gc`), and {TRACK}"
         )
-    if server() is None and found.artifact_location != place:
+    if not server() and found.artifact_location != place:
         raise InputError(
             f"mlruns/mlflow.db: keeps the files of {name} in {found.artifact_location}, so this folder was moved or "
             f"copied; delete mlruns and {TRACK}, which fills it again"
@@ -104,7 +99,6 @@ def link(experiment: str, protocol: str, metric: str, ascending: bool) -> str:
 
     experiment: MLflow's id. The address says `machine_learning` because MLflow 3 else opens its view of generative AI.
     """
-    uri = server() or UI
     query = {
         "workflowType": "machine_learning",
         "searchFilter": f"tags.current = 'true' and tags.protocol = '{protocol}'",
@@ -112,6 +106,7 @@ def link(experiment: str, protocol: str, metric: str, ascending: bool) -> str:
         "orderByAsc": str(ascending).lower(),
         "compareRunsMode": "CHART",
     }
+    uri = server()
     shown = uri if uri.startswith("http") and not set("@?") & set(uri) else UI  # an account is never printed
     return f"{shown.rstrip('/')}/#/experiments/{experiment}/runs?{urlencode(query, quote_via=quote)}"
 
@@ -125,12 +120,12 @@ def downloaded(workspace: Workspace, run_id: str, target: Path) -> Path:
         raise InputError(f"{run_id}: this checkout has no MLflow runs; run `dvc repro`, or set MLFLOW_TRACKING_URI")
     with opened(workspace, "repeat the command") as client:
         try:
-            client.get_run(run_id)
+            held = {file.path for file in client.list_artifacts(run_id, PACKAGE)}
         except MlflowException as error:
             if error.error_code != "RESOURCE_DOES_NOT_EXIST":
                 raise
             raise InputError(f"{run_id}: no such run in MLflow; copy the run's id from its page there") from error
-        if f"{PACKAGE}/{cards.NAME}" not in {file.path for file in client.list_artifacts(run_id, PACKAGE)}:
+        if f"{PACKAGE}/{cards.NAME}" not in held:
             raise InputError(f"{run_id}: this MLflow run holds no model with {cards.NAME}; {TRACK} and take one of its")
         target.mkdir(parents=True)
         return Path(client.download_artifacts(run_id, PACKAGE, str(target)))

@@ -25,8 +25,8 @@ from pipeline.inference.predictor import Predictor, onnx_is_faster
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.lomp_network import Lomp, LompRegressor
 from pipeline.learning.lstm import LstmRegressor
-from pipeline.learning.regressors import TorchRegressor
-from pipeline.learning.series_regressors import Scaling, StateReadout
+from pipeline.learning.regressors import Scaled, TorchRegressor
+from pipeline.learning.series_regressors import StateReadout
 from pipeline.models.lomp_stream import LARGEST_STATE, StreamingLomp
 from pipeline.models.lstm_highpass import HighpassLstm
 
@@ -119,16 +119,17 @@ def graph_of(model: Predictor) -> Graph:
     )
     if isinstance(inner, StreamingLomp):
         state = Tensor("state", (inner.spec.elements, "n", inner.network.hidden), "state of the elements", ZERO)
-        return Graph(_LompStream(inner, model.output_shape), one, [state], outputs)
+        return Graph(_Stream(_plain(inner), model.output_shape), one, [state], outputs)
+    maps = nn.Unflatten(1, model.output_shape)
     if isinstance(inner, LompRegressor):
-        return Graph(_LompWindows(inner, model.output_shape), windows, [], outputs)
+        return Graph(nn.Sequential(_plain(inner), maps), windows, [], outputs)
     if isinstance(inner, ImageClassifier):
         images = Tensor(READINGS, ("n", 1, inner.spec.elements), f"0 to {HIGHEST:g}: images, row by row")
-        return Graph(_Images(inner), images, [], outputs)
+        return Graph(nn.Sequential(inner.scaled, nn.Softmax(1)), images, [], outputs)
     if is_regression(inner):
         return Graph(Regression(inner, model.output_shape), windows, [], outputs)
     if isinstance(inner, TorchRegressor):
-        return Graph(_Windows(inner, model.output_shape), windows, [], outputs)
+        return Graph(nn.Sequential(inner.scaled, maps), windows, [], outputs)
     if isinstance(inner, LstmRegressor):
         return Graph(_Lstm(inner, card), one, _lstm_states(inner.network.lstm), outputs)
     if isinstance(inner, HighpassLstm):
@@ -144,46 +145,21 @@ def graph_of(model: Predictor) -> Graph:
     )
 
 
+def _plain(model: LompRegressor) -> Scaled:
+    """Return LoMP, its scalings included, in operations that ONNX has."""
+    of = model.scaled
+    return Scaled(_Lomp(model.network), of.input_mean, of.input_spread, of.output_scale)
+
+
 def _lstm_states(lstm: nn.LSTM) -> list[Tensor]:
     return [Tensor(name, (1, "n", lstm.hidden_size), f"state {name} of the LSTM", ZERO) for name in "hc"]
 
 
-class _Windows(nn.Module):
-    """Windows (n, frames, elements) to maps (n, rows, cols)."""
+class _Lomp(nn.Module):
+    """LoMP between its scalings, named as in pipeline/learning/lomp_network.py, whose reuse of memory ONNX has not."""
 
-    def __init__(self, model: TorchRegressor, shape: tuple[int, ...]):
+    def __init__(self, network: Lomp):
         super().__init__()
-        self.network, self.shape = model.network, shape
-        for name in ("input_mean", "input_spread", "output_scale"):
-            self.register_buffer(name, getattr(model, name))
-
-    def normalised(self, readings: torch.Tensor) -> torch.Tensor:
-        return (readings - self.input_mean) / self.input_spread
-
-    def maps(self, predicted: torch.Tensor) -> torch.Tensor:
-        return (predicted * self.output_scale).view(-1, *self.shape)
-
-    def forward(self, readings: torch.Tensor) -> torch.Tensor:
-        return self.maps(self.network(self.normalised(readings)))
-
-
-class _Images(_Windows):
-    """Images (n, 1, pixels) in 0 .. HIGHEST to probabilities (n, classes)."""
-
-    def __init__(self, model: ImageClassifier):
-        super().__init__(model, (model.spec.outputs,))
-
-    def forward(self, readings: torch.Tensor) -> torch.Tensor:
-        return torch.softmax(super().forward(readings), 1)
-
-
-class _LompWindows(_Windows):
-    """LoMP on windows. Names as in pipeline/learning/lomp_network.py, whose reuse of memory only torch can run."""
-
-    def __init__(self, model: LompRegressor, shape: tuple[int, ...]):
-        super().__init__(model, shape)
-        network: Lomp = model.network
-        del self.network
         self.cells, self.hidden, self.alpha = network.spec.elements, network.hidden, network.alpha
         self.grid, self.block = (network.spec.rows, network.spec.cols), network.block
         gate_bias = network.gate_input_bias + network.gate_state_bias
@@ -211,62 +187,63 @@ class _LompWindows(_Windows):
         return h1, torch.relu(torch.baddbmm(self.update_bias, q, self.update))
 
     def read_out(self, h1: torch.Tensor, h: torch.Tensor) -> torch.Tensor:
-        """Return maps (n, rows, cols) for the states after the last frame."""
+        """Return normalised maps (n, outputs) for the states after the last frame."""
         p = torch.cat([h, h1], 2)
         for layer, (weight, bias) in enumerate(zip(self.readout, self.readout_bias, strict=True)):
             p = torch.baddbmm(bias, torch.relu(p) if layer else p, weight)
-        return self.maps(p.view(*self.grid, -1, *self.block).permute(2, 0, 3, 1, 4).flatten(1))
+        return p.view(*self.grid, -1, *self.block).permute(2, 0, 3, 1, 4).flatten(1)
 
-    def forward(self, readings: torch.Tensor) -> torch.Tensor:
-        x = self.normalised(readings)
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
         h = x.new_zeros(self.cells, len(x), self.hidden)
         for frame in x.unbind(1):
             h1, h = self.after(frame, h)
         return self.read_out(h1, h)
 
 
-class _LompStream(_LompWindows):
+class _Stream(nn.Module):
     """LoMP on the next frame (n, elements) and the state (elements, n, hidden)."""
 
+    def __init__(self, scaled: Scaled, shape: tuple[int, ...]):
+        super().__init__()
+        self.scaled, self.shape = scaled, shape
+
     def forward(self, readings: torch.Tensor, state: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        h1, h = self.after(self.normalised(readings), state)
-        return self.read_out(h1, h), h.clamp(max=LARGEST_STATE)
+        network = self.scaled.network
+        h1, h = network.after(self.scaled.normalised(readings), state)
+        maps = network.read_out(h1, h) * self.scaled.output_scale
+        return maps.view(-1, *self.shape), h.clamp(max=LARGEST_STATE)
 
 
 class _Series(nn.Module):
-    """The scaling of models of series: readings in V in, outputs in mm out."""
+    """The next reading (n, columns) and states of a model of series, to outputs in mm and the next states."""
 
-    def __init__(self, scaling: Scaling, card: Card):
+    def __init__(self, model: LstmRegressor | HighpassLstm | StateReadout, card: Card):
         super().__init__()
         chosen = range(card.inputs.columns) if card.inputs.chosen is None else card.inputs.chosen
         self.register_buffer("chosen", torch.tensor(list(chosen)))
-        for name, value in scaling.tensors.items():
-            self.register_buffer(name, value)
+        self.scaling = model.scaling
 
     def normalised(self, readings: torch.Tensor) -> torch.Tensor:
-        return (readings.index_select(-1, self.chosen) - self.x_mean) / self.x_spread
-
-    def millimetres(self, outputs: torch.Tensor) -> torch.Tensor:
-        return outputs * self.y_spread + self.y_mean
+        return self.scaling.normalised(readings.index_select(-1, self.chosen))
 
 
 class _Lstm(_Series):
-    """The LSTM on the next reading (n, columns) and its state, h and c (1, n, units)."""
+    """The LSTM; its state is h and c (1, n, units)."""
 
     def __init__(self, model: LstmRegressor, card: Card):
-        super().__init__(model.scaling, card)
+        super().__init__(model, card)
         self.network = model.network
 
     def forward(self, readings: torch.Tensor, h: torch.Tensor, c: torch.Tensor) -> tuple[torch.Tensor, ...]:
         latent, state = self.network.latent(self.normalised(readings)[:, None], (h, c))
-        return self.millimetres(self.network.readout(latent[:, 0])), *state
+        return self.scaling.in_mm(self.network.readout(latent[:, 0])), *state
 
 
 class _Highpass(_Series):
-    """The LSTM behind filters, on the next reading (n, columns), those before it, and its state."""
+    """The LSTM behind filters; its state is the readings before this one, h and c."""
 
     def __init__(self, model: HighpassLstm, card: Card):
-        super().__init__(model.scaling, card)
+        super().__init__(model, card)
         self.network = model.network
 
     def forward(
@@ -274,14 +251,14 @@ class _Highpass(_Series):
     ) -> tuple[torch.Tensor, ...]:
         x = torch.cat([recent, readings[:, None]], 1)
         outputs, state = self.network(self.normalised(x), (h, c))
-        return self.millimetres(outputs[:, 0]), x[:, 1:], *state
+        return self.scaling.in_mm(outputs[:, 0]), x[:, 1:], *state
 
 
 class _Reservoir(_Series):
-    """An echo state network on the next reading (n, columns) and its state (n, units); the read-out is float64."""
+    """An echo state network; its state is (n, units), and the read-out is float64."""
 
     def __init__(self, model: StateReadout, card: Card):
-        super().__init__(model.scaling, card)
+        super().__init__(model, card)
         self.leak = card.settings["leak"]
         for name, array in model.system.items():
             self.register_buffer(name, torch.from_numpy(array))
@@ -291,7 +268,7 @@ class _Reservoir(_Series):
         drive = torch.tanh(self.normalised(readings)) @ self.input + self.bias
         state = (1 - self.leak) * state + self.leak * torch.tanh(state @ self.reservoir.t() + drive)
         outputs = state.double() @ self.readout[:-1] + self.readout[-1]
-        return self.millimetres(outputs.float()), state
+        return self.scaling.in_mm(outputs.float()), state
 
 
 def write(graph: Graph, card: Card, path: Path) -> None:
@@ -378,8 +355,8 @@ def random_readings(model: Predictor, graph: Graph) -> np.ndarray:
         mean, spread = graph.module.scaling(graph.readings.shape[1:])
         return (mean + spread * shares).astype(np.float32)
     if card.kind == "windows":
-        return inner.input_mean.numpy() + inner.input_spread.numpy() * shares
-    mean, spread = (in_columns(inner.scaling.tensors[name].numpy(), card) for name in ("x_mean", "x_spread"))
+        return inner.scaled.input_mean.numpy() + inner.scaled.input_spread.numpy() * shares
+    mean, spread = (in_columns(values.numpy(), card) for values in (inner.scaling.x_mean, inner.scaling.x_spread))
     return mean + spread * shares
 
 
@@ -395,8 +372,8 @@ def full_scale(model: Predictor) -> np.ndarray:
     if model.card.kind == "images":
         return np.float32(1)
     if model.card.kind == "windows":
-        return model.model.output_scale.numpy()
-    return 2 * REACH * model.model.scaling.tensors["y_spread"].numpy()
+        return model.model.scaled.output_scale.numpy()
+    return 2 * REACH * model.model.scaling.y_spread.numpy()
 
 
 def difference(model: Predictor, predicted: np.ndarray, others: np.ndarray) -> float:

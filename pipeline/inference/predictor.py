@@ -41,11 +41,8 @@ class Predictor:
 
     @property
     def output_shape(self) -> tuple[int, ...]:
-        """Shape of one prediction: (map_rows, map_cols) in kPa or N, (outputs,) in mm, or (classes,)."""
-        shapes = self.card.shapes
-        if self.card.kind == "windows":
-            return shapes.map_rows, shapes.map_cols
-        return (shapes.map_rows * shapes.map_cols,)
+        """Shape of one prediction, as `card.output_shape`."""
+        return self.card.output_shape
 
     def reset(self, frame_step: int | None = None) -> None:
         """Forget what `step` has seen, and let `frame_step` readings lie between two frames (None: as the card says).
@@ -55,12 +52,8 @@ class Predictor:
         self._frame_step = frame_step or self.card.inputs.frame_step
         self._count = 0
         self._carried = [{} for _ in range(self._frame_step)]  # a stream for each reading of a step
-        self._last = deque(maxlen=self._reach(self._frame_step) + 1)
+        self._last = deque(maxlen=self.card.reach(self._frame_step) + 1)
         self._put({})
-
-    def _reach(self, frame_step: int) -> int:
-        """Return how many readings lie between the first and the last frame of a window: those without a prediction."""
-        return (self.card.shapes.frames - 1) * frame_step if self.card.kind == "windows" else 0
 
     def predict(self, readings: np.ndarray, frame_step: int | None = None) -> np.ndarray:
         """Return one prediction per reading, (n, *output_shape) float32.
@@ -93,7 +86,7 @@ class Predictor:
             self._put(self._carried[phase])
             predicted = self._network.step(x if self.onnx else self._chosen(x))
             self._carried[phase] = {name: getattr(self._network, name, None) for name in CARRIED}
-            if self._count <= self._reach(self._frame_step):
+            if self._count <= self.card.reach(self._frame_step):
                 predicted = np.full(self.output_shape, np.nan)
         else:
             self._last.append(x[0])
@@ -127,7 +120,7 @@ class Predictor:
     def _windowed(self, x: np.ndarray, frame_step: int) -> np.ndarray:
         """Return predictions (n, outputs) of the windows that end at each reading, NaN before the first whole one."""
         predicted = np.full((len(x), int(np.prod(self.output_shape))), np.nan, np.float32)
-        reach = self._reach(frame_step)
+        reach = self.card.reach(frame_step)
         rows = np.arange(reach, len(x))
         offsets = np.arange(-reach, 1, frame_step)
         for first in range(0, len(rows), SOME_WINDOWS):
@@ -145,7 +138,7 @@ class Predictor:
         self.model.state = None
         predicted = np.concatenate([self.model.step(frames) for frames in padded])[: len(x)]
         self.model.state = None
-        predicted[: self._reach(frame_step)] = np.nan
+        predicted[: self.card.reach(frame_step)] = np.nan
         return predicted
 
     def _of_images(self, x: np.ndarray) -> np.ndarray:

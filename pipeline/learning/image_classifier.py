@@ -44,7 +44,7 @@ class ImageClassifier(TorchRegressor):
             return network.to(memory_format=torch.channels_last)  # 1.1 to 1.9 times as fast to train
 
         super().__init__(from_windows, spec, training)
-        self._set_normalisation(torch.zeros(spec.elements), torch.full((spec.elements,), HIGHEST), torch.ones(()))
+        self.scaled.input_spread.fill_(HIGHEST)
 
     def fit(
         self,

@@ -304,7 +304,7 @@ class LompRegressor(TorchRegressor):
             from pipeline.learning.lomp_prediction import Prediction  # with it numba, which no training needs
 
             self.prediction = Prediction(self.network)
-        mean, spread = self.input_mean.numpy(), self.input_spread.numpy()
+        mean, spread = self.scaled.input_mean.numpy(), self.scaled.input_spread.numpy()
         state = None if state is None else np.asarray(state)[:, 0]
         image, state = self.prediction.run((frames - mean) / spread, state)
-        return image[None] * self.output_scale.numpy(), state[:, None]
+        return image[None] * self.scaled.output_scale.numpy(), state[:, None]

@@ -54,7 +54,7 @@ class LstmRegressor:
         self.spec, self.training, self.transfer, self.ridge = spec, training, transfer, ridge
         self.network = Lstm(spec.elements, units, spec.outputs)
         self.summary: FitSummary | None = None
-        self.scaling: Scaling | None = None
+        self.scaling = Scaling(spec.elements, spec.outputs)
         self.state = None
 
     def fit(
@@ -66,7 +66,7 @@ class LstmRegressor:
         of 30,000, as published. Returns one row per epoch (losses in mm squared). Raises InputError for transfer
         without model-0, or from a model-0 of another number of channels.
         """
-        self.scaling = Scaling(records)
+        self.scaling = Scaling.of_training(records)
         units = self.network.lstm.hidden_size
         self.network = new_network(lambda: Lstm(self.spec.elements, units, self.spec.outputs), seed)
         if self.transfer:
@@ -157,7 +157,7 @@ class LstmRegressor:
 
     def save(self, folder: Path) -> None:
         """Write weights and scaling to `folder` (which exists), as safetensors."""
-        weights.save(folder, weights.grouped("network", self.network.state_dict()) | self.scaling.tensors)
+        weights.save(folder, weights.grouped("network", self.network.state_dict()) | self.scaling.state_dict())
 
     def load(self, folder: Path) -> None:
         """Read weights and scaling from `folder`, with the number of units saved there.
@@ -170,8 +170,8 @@ class LstmRegressor:
             raise weights.other_settings(folder)
         self.network = Lstm(self.spec.elements, recurrent["weight_hh_l0"].shape[1], self.spec.outputs)
         self._freeze()
-        weights.load_network(self.network, tensors, folder)
-        self.scaling = Scaling.loaded(tensors, folder)
+        weights.load(self.network, weights.group_of(tensors, "network"), folder)
+        weights.load(self.scaling, weights.constants(tensors), folder)
         self.network.eval()
 
     def parameters(self) -> int:

@@ -24,7 +24,6 @@ from pipeline.learning.training import (
 )
 from pipeline.settings.training import ScheduledTraining
 
-NORMALISATION = ("input_mean", "input_spread", "output_scale")  # constants saved beside the weights
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
 LARGEST_BATCH = 128  # windows per prediction step: keeps the temporaries of every network in cache
 
@@ -52,6 +51,24 @@ class Spec(NamedTuple):
 Windows = tuple[np.ndarray, np.ndarray]  # x (n, frames, elements) in ADC counts, y (n, outputs) in kPa
 
 
+class Scaled(nn.Module):
+    """A network and the constants that scale it: readings (n, frames, elements) to maps (n, outputs) in their unit."""
+
+    def __init__(self, network: nn.Module, mean: torch.Tensor, spread: torch.Tensor, output_scale: torch.Tensor):
+        super().__init__()
+        self.network = network  # normalised windows to normalised maps
+        self.register_buffer("input_mean", mean)  # (elements,)
+        self.register_buffer("input_spread", spread)  # (elements,)
+        self.register_buffer("output_scale", output_scale)  # ()
+
+    def normalised(self, x: torch.Tensor) -> torch.Tensor:
+        """Return readings (..., elements) as the network takes them."""
+        return (x - self.input_mean) / self.input_spread
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.network(self.normalised(x)) * self.output_scale
+
+
 class TorchRegressor:
     """A network that maps normalised windows (n, frames, elements) to normalised maps (n, outputs)."""
 
@@ -65,8 +82,13 @@ class TorchRegressor:
         self.training = training
         self.summary: FitSummary | None = None
         self.precision: str | None = None  # of products in the last fit
-        self.network = new_network(make_network, 0).eval()
-        self._set_normalisation(torch.zeros(spec.elements), torch.ones(spec.elements), torch.ones(()))
+        untrained = new_network(make_network, 0).eval()
+        self.scaled = Scaled(untrained, torch.zeros(spec.elements), torch.ones(spec.elements), torch.ones(()))
+
+    @property
+    def network(self) -> nn.Module:
+        """The network between the two scalings, from normalised windows to normalised maps."""
+        return self.scaled.network
 
     def fit(
         self,
@@ -95,11 +117,9 @@ class TorchRegressor:
         check_windows(self.spec, train, "training")
         check_windows(self.spec, validation, "validation")
         place = self._begin(seed, device)
-        mean, spread = input_scale(train[0])
+        mean, spread = map(torch.from_numpy, input_scale(train[0]))
         output_scale = float(np.abs(train[1]).max()) or 1.0
-        self._set_normalisation(
-            torch.from_numpy(mean), torch.from_numpy(spread), torch.tensor(output_scale, dtype=torch.float32)
-        )
+        self.scaled = Scaled(self.network, mean, spread, torch.tensor(output_scale, dtype=torch.float32))
         parts = self._normalised(train, place), self._normalised(validation, place)
         optimiser = torch.optim.Adam(self.network.parameters(), lr=self.training.learning_rate, betas=BETAS, fused=True)
         order, epochs = torch.Generator().manual_seed(seed), self.training.epochs
@@ -151,7 +171,7 @@ class TorchRegressor:
         """Draw the network's first weights, choose the precision of its products; return the device of both."""
         place = device_of(device)
         self.precision = precision_on(place, self.training.precision)
-        self.network = new_network(self.make_network, seed).to(place)
+        self.scaled.network = new_network(self.make_network, seed).to(place)
         return place
 
     def _trained_output(self, x: torch.Tensor) -> torch.Tensor:
@@ -185,23 +205,16 @@ class TorchRegressor:
         """Return pressure maps (n, outputs) in kPa, float32, for windows x (n, frames, elements) in ADC counts."""
         x = torch.from_numpy(np.array(x, dtype=np.float32))
         with torch.no_grad():
-            maps = [
-                self.network((part - self.input_mean) / self.input_spread) * self.output_scale
-                for part in x.split(LARGEST_BATCH)
-            ]
+            maps = [self.scaled(part) for part in x.split(LARGEST_BATCH)]
         return (maps[0] if len(maps) == 1 else torch.cat(maps)).numpy()
 
     def save(self, folder: Path) -> None:
         """Write weights and normalisation constants to `folder` (which exists), as safetensors."""
-        normalisation = {name: getattr(self, name) for name in NORMALISATION}
-        weights.save(folder, weights.grouped("network", self.network.state_dict()) | normalisation)
+        weights.save(folder, self.scaled.state_dict())
 
     def load(self, folder: Path) -> None:
         """Read weights and normalisation from `folder`; InputError if absent, damaged or of other settings."""
-        tensors = weights.read(folder)
-        normalisation = weights.constants(tensors, NORMALISATION, folder)
-        weights.load_network(self.network, tensors, folder)
-        self._set_normalisation(**normalisation)
+        weights.load(self.scaled, weights.read(folder), folder)
 
     def parameters(self) -> int:
         """Return the number of trainable parameters."""
@@ -211,15 +224,10 @@ class TorchRegressor:
         """Return the multiply-accumulates for one window."""
         return cost.multiply_accumulates(self.network, torch.zeros(1, self.spec.frames, self.spec.elements))
 
-    def _set_normalisation(
-        self, input_mean: torch.Tensor, input_spread: torch.Tensor, output_scale: torch.Tensor
-    ) -> None:
-        self.input_mean, self.input_spread, self.output_scale = input_mean, input_spread, output_scale
-
     def _normalised(self, windows: Windows, device: torch.device) -> tuple[torch.Tensor, ...]:
         x, y = (torch.from_numpy(np.array(part, dtype=np.float32)) for part in windows[:2])
-        x.sub_(self.input_mean).div_(self.input_spread)
-        return x.to(device), y.div_(self.output_scale).to(device), *windows[2:]
+        x.sub_(self.scaled.input_mean).div_(self.scaled.input_spread)
+        return x.to(device), y.div_(self.scaled.output_scale).to(device), *windows[2:]
 
 
 def batches(rows: torch.Tensor, size: int) -> Iterator[tuple[int, torch.Tensor]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import nn
 
 from pipeline.base.errors import InputError
 from pipeline.datasets.series import Record, Task
@@ -22,48 +23,55 @@ MILLIVOLT = 1e3  # window models see mV: the smallest spread that regressors.py 
 LARGEST_CHUNK = 20_000  # windows predicted at once
 
 
-class Scaling:
-    """Mean and spread of inputs (V) and outputs (mm) over the training samples.
+class Scaling(nn.Module):
+    """Mean and spread of inputs (V) and outputs (mm), as buffers; `of_training` takes them from training samples."""
 
-    Differs from paper: the authors' script normalises by the whole record, test part included.
-    """
+    def __init__(self, channels: int, outputs: int):
+        super().__init__()
+        for name, size in (("x", channels), ("y", outputs)):
+            self.register_buffer(f"{name}_mean", torch.zeros(size))
+            self.register_buffer(f"{name}_spread", torch.ones(size))
 
-    NAMES = ("x_mean", "x_spread", "y_mean", "y_spread")  # constants saved beside a model's weights
+    @classmethod
+    def of_training(cls, records: list[Record]) -> "Scaling":
+        """Return the scaling of the training samples of records; InputError where there is none.
 
-    def __init__(self, records: list[Record]):
+        Differs from paper: the authors' script normalises by the whole record, test part included.
+        """
         x = np.concatenate([record.x[record.training] for record in records]).astype(np.float64)
         y = np.concatenate([record.y[record.training & record.counted] for record in records]).astype(np.float64)
         if not len(x) or not len(y):
             raise InputError("no sample in the training part; record longer")
-        self.tensors = {
-            "x_mean": torch.from_numpy(x.mean(0)).float(),
-            "x_spread": torch.from_numpy(np.maximum(x.std(0), 1e-6)).float(),  # 1 uV: below is no signal
-            "y_mean": torch.from_numpy(y.mean(0)).float(),
-            "y_spread": torch.from_numpy(np.maximum(y.std(0), 1e-6)).float(),
-        }
-
-    @classmethod
-    def loaded(cls, tensors: dict[str, torch.Tensor], folder: Path) -> "Scaling":
-        """Return the scaling among the tensors of a model's file in `folder`; InputError where one is missing."""
-        scaling = cls.__new__(cls)
-        scaling.tensors = weights.constants(tensors, cls.NAMES, folder)
+        scaling = cls(x.shape[1], y.shape[1])
+        for name, values in (("x", x), ("y", y)):
+            spread = np.maximum(values.std(0), 1e-6)  # 1 uV, 1 nm: below is no signal
+            for of, value in (("mean", values.mean(0)), ("spread", spread)):
+                getattr(scaling, f"{name}_{of}").copy_(torch.from_numpy(value))
         return scaling
+
+    def normalised(self, x: torch.Tensor) -> torch.Tensor:
+        """Return normalised inputs (..., channels) for voltages x."""
+        return (x - self.x_mean) / self.x_spread
+
+    def in_mm(self, y: torch.Tensor) -> torch.Tensor:
+        """Return outputs (..., outputs) in mm for normalised outputs y."""
+        return y * self.y_spread + self.y_mean
 
     def inputs(self, x: np.ndarray) -> torch.Tensor:
         """Return normalised inputs (T, channels) for voltages x (T, channels)."""
-        return (torch.from_numpy(np.array(x, np.float32)) - self.tensors["x_mean"]) / self.tensors["x_spread"]
+        return self.normalised(torch.from_numpy(np.array(x, np.float32)))
 
     def targets(self, y: np.ndarray) -> torch.Tensor:
         """Return normalised outputs (T, outputs) for y (T, outputs) in mm."""
-        return (torch.from_numpy(np.array(y, np.float32)) - self.tensors["y_mean"]) / self.tensors["y_spread"]
+        return (torch.from_numpy(np.array(y, np.float32)) - self.y_mean) / self.y_spread
 
     def millimetres(self, y: torch.Tensor) -> np.ndarray:
         """Return outputs (T, outputs) in mm for normalised outputs y."""
-        return (y * self.tensors["y_spread"] + self.tensors["y_mean"]).numpy()
+        return self.in_mm(y).numpy()
 
     def squared_mm(self) -> float:
         """Return the mm squared, mean over outputs, in one unit of normalised squared error."""
-        return float(self.tensors["y_spread"].square().mean())
+        return float(self.y_spread.square().mean())
 
 
 class StateReadout:
@@ -77,13 +85,14 @@ class StateReadout:
     def __init__(self, spec: Spec, make: Callable, advance: Callable, ridge: float, macs: int):
         self.spec, self.make, self.advance, self.ridge, self.cost = spec, make, advance, ridge, macs
         self.summary: FitSummary | None = None
+        self.scaling = Scaling(spec.elements, spec.outputs)
         self.state = None
 
     def fit(
         self, records: list[Record], *, seed: int, device: str = "auto", progress: Progress = None, base=None
     ) -> list[dict]:
         """Solve the read-out on training and validation part; return one row of history (losses in mm squared)."""
-        self.scaling = Scaling(records)
+        self.scaling = Scaling.of_training(records)
         self.system = self.make(self.spec.elements, seed)
         parts = [(self._states(record.x), self.scaling.targets(record.y).numpy(), record) for record in records]
         chosen = [record.counted for *_, record in parts]
@@ -119,7 +128,7 @@ class StateReadout:
         system = {name: torch.from_numpy(array) for name, array in self.system.items()}
         readout = {"weights": torch.from_numpy(self.weights)}
         weights.save(
-            folder, weights.grouped("system", system) | weights.grouped("readout", readout) | self.scaling.tensors
+            folder, weights.grouped("system", system) | weights.grouped("readout", readout) | self.scaling.state_dict()
         )
 
     def load(self, folder: Path) -> None:
@@ -129,7 +138,7 @@ class StateReadout:
             raise weights.other_settings(folder)
         self.system = {name: value.numpy() for name, value in weights.group_of(tensors, "system").items()}
         self.weights = tensors["readout.weights"].numpy()
-        self.scaling = Scaling.loaded(tensors, folder)
+        weights.load(self.scaling, weights.constants(tensors), folder)
 
     def parameters(self) -> int:
         """Return the number of fitted numbers: the read-out's."""

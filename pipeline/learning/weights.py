@@ -4,7 +4,7 @@ A tensor's name is `group.name` (`network.readout.weight`) for what was trained 
 (`input_mean`) for a constant that inputs or outputs are scaled by.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
@@ -19,7 +19,7 @@ NETWORK_FILE = "network.safetensors"
 
 def grouped(group: str, tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     """Return the tensors by their names in the file: `group`, a dot, and the name that each has here."""
-    return {f"{group}.{name}": value.contiguous() for name, value in tensors.items()}
+    return {f"{group}.{name}": value for name, value in tensors.items()}
 
 
 def group_of(tensors: Mapping[str, torch.Tensor], group: str) -> dict[str, torch.Tensor]:
@@ -28,9 +28,14 @@ def group_of(tensors: Mapping[str, torch.Tensor], group: str) -> dict[str, torch
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
+def constants(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Return the tensors of a file that are in no group."""
+    return {name: value for name, value in tensors.items() if "." not in name}
+
+
 def save(folder: Path, tensors: Mapping[str, torch.Tensor]) -> None:
     """Write the tensors by name to NETWORK_FILE in `folder`, which exists."""
-    save_file(dict(tensors), Path(folder) / NETWORK_FILE)
+    save_file({name: value.contiguous() for name, value in tensors.items()}, Path(folder) / NETWORK_FILE)
 
 
 def read(folder: Path) -> dict[str, torch.Tensor]:
@@ -42,23 +47,11 @@ def read(folder: Path) -> dict[str, torch.Tensor]:
         raise InputError(f"{path}: damaged ({str(error)[:200]}); train the model again") from error
 
 
-def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor], folder: Path) -> None:
-    """Put the group `network` of the file read from `folder` into `network`.
-
-    Raises InputError unless names and shapes of all weights are those of `network`.
-    """
-    weights = group_of(tensors, "network")
-    if _shapes(weights) != _shapes(network.state_dict()):
+def load(module: nn.Module, tensors: Mapping[str, torch.Tensor], folder: Path) -> None:
+    """Put tensors of the file read from `folder` into a module; InputError unless names and shapes are the module's."""
+    if _shapes(tensors) != _shapes(module.state_dict()):
         raise other_settings(folder)
-    network.load_state_dict(weights)
-
-
-def constants(tensors: Mapping[str, torch.Tensor], names: Iterable[str], folder: Path) -> dict[str, torch.Tensor]:
-    """Return the constants `names` of the file read from `folder`; InputError where one is missing."""
-    names = tuple(names)
-    if not tensors.keys() >= set(names):
-        raise other_settings(folder)
-    return {name: tensors[name] for name in names}
+    module.load_state_dict(tensors)
 
 
 def other_settings(folder: Path) -> InputError:

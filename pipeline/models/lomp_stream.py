@@ -101,10 +101,10 @@ class StreamingLomp(LompRegressor):
 
         previous (n,): as in the class; without it every window starts from a zero state.
         """
-        x = (torch.from_numpy(np.array(x, dtype=np.float32)) - self.input_mean) / self.input_spread
+        x = self.scaled.normalised(torch.from_numpy(np.array(x, dtype=np.float32)))
         alone = np.full(len(x), -1)
         with torch.no_grad():
-            return (self._all_maps(x, alone if previous is None else previous) * self.output_scale).numpy()
+            return (self._all_maps(x, alone if previous is None else previous) * self.scaled.output_scale).numpy()
 
     def step(self, frame: np.ndarray) -> np.ndarray:
         """Return maps (n, outputs) in kPa for the next frame (n, elements) in ADC counts of n streams.
@@ -117,11 +117,11 @@ class StreamingLomp(LompRegressor):
             maps, state = self.one_row(np.asarray(frame, np.float32), self.state)
             self.state = np.minimum(state, LARGEST_STATE)
             return maps
-        x = (torch.from_numpy(np.array(frame, dtype=np.float32)) - self.input_mean) / self.input_spread
+        x = self.scaled.normalised(torch.from_numpy(np.array(frame, dtype=np.float32)))
         with torch.no_grad():
             maps, state = self.network.go_on(x[:, None], self.state)
             self.state = state.clamp(max=LARGEST_STATE)
-            return (maps * self.output_scale).numpy()
+            return (maps * self.scaled.output_scale).numpy()
 
     def macs(self) -> int:
         """Return the multiply-accumulates for one frame."""

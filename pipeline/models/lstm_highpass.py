@@ -78,7 +78,7 @@ class HighpassLstm:
         self.shape = (spec, filters, taps, units)
         self.network = _Network(*self.shape)
         self.summary: FitSummary | None = None
-        self.scaling: Scaling | None = None
+        self.scaling = Scaling(spec.elements, spec.outputs)
         self.state = self.recent = None
 
     def fit(
@@ -89,7 +89,7 @@ class HighpassLstm:
         Returns one row per epoch (losses in mm squared, over counted samples). Raises InputError where no record has
         a stretch of `length` samples.
         """
-        t, self.scaling = self.training, Scaling(records)
+        t, self.scaling = self.training, Scaling.of_training(records)
         place = device_of(device)
         self.network = new_network(lambda: _Network(*self.shape), seed).to(place)
         x = torch.cat([self._padded(self.scaling.inputs(record.x)) for record in records]).to(place)
@@ -151,13 +151,13 @@ class HighpassLstm:
 
     def save(self, folder: Path) -> None:
         """Write weights and scaling to `folder` (which exists), as safetensors."""
-        weights.save(folder, weights.grouped("network", self.network.state_dict()) | self.scaling.tensors)
+        weights.save(folder, weights.grouped("network", self.network.state_dict()) | self.scaling.state_dict())
 
     def load(self, folder: Path) -> None:
         """Read weights and scaling from `folder`; InputError if absent, damaged or of other settings."""
         tensors = weights.read(folder)
-        weights.load_network(self.network, tensors, folder)
-        self.scaling = Scaling.loaded(tensors, folder)
+        weights.load(self.network, weights.group_of(tensors, "network"), folder)
+        weights.load(self.scaling, weights.constants(tensors), folder)
         self.recent = self.state = None
 
     def parameters(self) -> int:

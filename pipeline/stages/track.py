@@ -17,14 +17,13 @@ def track(workspace: Workspace, values: dict) -> None:
     Raises InputError if a file is missing or was made with other settings (nothing is logged then), or the store
     cannot be used.
     """
-    ran = []
+    runs = {}
     for experiment in values["experiments"]:
         if reason := why_not_run(workspace, experiment):
             print(f"{experiment}: not run, so nothing to track ({reason})")
         else:
-            ran.append(experiment)
-    provenance.check_settings(workspace, ran, values)
-    runs = {experiment: mlflow_runs.read_runs(workspace, experiment, values) for experiment in ran}
+            runs[experiment] = mlflow_runs.read_runs(workspace, experiment, values)
+    provenance.check_settings(workspace, runs, values)
     with mlflow_store.opened(workspace) as client:
         for experiment, of_experiment in runs.items():
             new, link = mlflow_runs.log(workspace, client, experiment, values, of_experiment)

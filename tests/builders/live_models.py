@@ -8,7 +8,7 @@ import torch
 from pipeline import models, tasks
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
-from pipeline.learning.regressors import Spec
+from pipeline.learning.regressors import Scaled, Spec
 
 ROWS, COLS, MAP = 2, 3, (8, 12)
 FRAMES, STEP, INTERVAL_S = 3, 2, 0.02
@@ -71,7 +71,7 @@ def stream(folder: Path) -> Path:
     """Save an untrained model of touch that carries a state, its read-out drawn so that its maps are not 0."""
     spec = Spec(FRAMES, ROWS, COLS, *MAP)
     model = models.build("lomp_stream", spec, LOMP, "test")
-    model._set_normalisation(torch.full((6,), 200.0), torch.full((6,), 100.0), torch.tensor(250.0))
+    model.scaled = Scaled(model.network, torch.full((6,), 200.0), torch.full((6,), 100.0), torch.tensor(250.0))
     drawn = torch.Generator().manual_seed(0)
     with torch.no_grad():
         for name, weights in model.network.named_parameters():

@@ -10,7 +10,7 @@ from pipeline import models, tasks
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
 from pipeline.learning import image_classifier
-from pipeline.learning.regressors import Spec
+from pipeline.learning.regressors import Scaled, Spec
 from pipeline.learning.series_regressors import Scaling, StateReadout
 
 MAPS = Spec(3, 2, 3, 4, 6)
@@ -101,10 +101,10 @@ def save(key: str, folder: Path) -> Path:
     else:
         randomise(model.network, case.spec)
     if kind == "series" and key not in NO_NETWORKS:
-        model.scaling = Scaling([series_record()])
+        model.scaling = Scaling.of_training([series_record()])
     elif kind == "windows" and key not in NO_NETWORKS:
         elements = torch.arange(case.spec.elements)
-        model._set_normalisation(100.0 + elements, 30.0 + elements, torch.tensor(250.0))
+        model.scaled = Scaled(model.network, 100.0 + elements, 30.0 + elements, torch.tensor(250.0))
     model.save(folder)
     names = {"windows": None, "series": ["x_mm", "y_mm"], "images": ["bottle", "can", "cup", "pen"]}[kind]
     cards.write(

@@ -169,8 +169,7 @@ def test_readings_are_from_the_range_of_the_training(tmp_path):
     model = predictor.load(save("lstm_direct", tmp_path))
     readings = onnx_export.random_readings(model, onnx_export.graph_of(model))
     assert readings.shape == (onnx_export.STEPS, onnx_export.ROWS, COLUMNS) and not readings[..., [1, 3]].any()
-    scaling = model.model.scaling.tensors
-    far = np.abs(readings[..., CHOSEN] - scaling["x_mean"].numpy()) / scaling["x_spread"].numpy()
+    far = model.model.scaling.inputs(readings[..., CHOSEN]).abs()
     assert 1.9 < far.max() <= 2.001
 
 

@@ -195,9 +195,9 @@ def test_a_state_goes_from_rows_to_batches_and_back():
 
     def batch(_, frame, state):
         with torch.no_grad():
-            normalised = (torch.from_numpy(frame) - model.input_mean) / model.input_spread
+            normalised = model.scaled.normalised(torch.from_numpy(frame))
             answer, state = model.network.go_on(normalised[:, None], None if state is None else torch.as_tensor(state))
-        return answer.numpy() * model.output_scale.numpy(), state
+        return answer.numpy() * model.scaled.output_scale.numpy(), state
 
     def mixed(k, frame, state):
         return model.one_row(frame, state) if k % 3 else batch(k, frame, state)

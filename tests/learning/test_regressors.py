@@ -90,7 +90,7 @@ def seen(touched: int, at_rest: int, **changes) -> list[list[list[int]]]:
     model = TorchRegressor(_Noting, SPEC, WindowTraining(**settings(**changes)))
     ends = []
     model.fit((x, y), windows(seed=1), seed=0, progress=lambda *numbers: ends.append(len(model.network.batches)))
-    mean, spread = float(model.input_mean[0]), float(model.input_spread[0])
+    mean, spread = float(model.scaled.input_mean[0]), float(model.scaled.input_spread[0])
     numbers = [(batch * spread + mean).round().int().tolist() for batch in model.network.batches]
     return [numbers[first:end] for first, end in zip([0, *ends], ends, strict=False)]
 

@@ -62,8 +62,7 @@ def test_a_state_that_is_carried_is_a_longer_window():
     model = build()
     model.fit((x, y, previous), (x, y, previous), seed=0)
     whole = models.build("lomp", SPEC._replace(frames=12), WINDOWED, "test")
-    whole.network.load_state_dict(model.network.state_dict())
-    whole._set_normalisation(model.input_mean, model.input_spread, model.output_scale)
+    whole.scaled.load_state_dict(model.scaled.state_dict())
     ends = whole.predict(x.reshape(3, 12, 4))
     np.testing.assert_allclose(model.predict(x, previous)[2::3], ends, rtol=1e-4, atol=1e-3)
     model.state = None

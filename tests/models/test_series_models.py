@@ -178,8 +178,8 @@ def test_inputs_and_outputs_are_scaled_by_the_training_part_alone(name, model_ze
     model.fit([data._replace(counted=counted)], seed=0, device="cpu", base=model_zero)
     expected = {"x": data.x[data.training], "y": data.y[data.training & counted]}
     for column, values in expected.items():
-        np.testing.assert_allclose(model.scaling.tensors[f"{column}_mean"], values.mean(0, dtype=float), rtol=1e-6)
-        np.testing.assert_allclose(model.scaling.tensors[f"{column}_spread"], values.std(0, dtype=float), rtol=1e-6)
+        np.testing.assert_allclose(getattr(model.scaling, f"{column}_mean"), values.mean(0, dtype=float), rtol=1e-6)
+        np.testing.assert_allclose(getattr(model.scaling, f"{column}_spread"), values.std(0, dtype=float), rtol=1e-6)
 
 
 def test_highpass_keeps_its_last_epoch(monkeypatch):
