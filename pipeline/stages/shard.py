@@ -29,7 +29,8 @@ from pipeline.settings.shards import ShardSet
 
 CURVE_POINTS = 20
 EPOCHS = ("epochs", "drop_epoch")  # settings of a training that a budget is a share of
-UNMADE = ("models", "ablation", "augmentation", "input_frames", "latency", "study", "yardstick")  # no data from these
+# Settings that no data are made from.
+UNMADE = ("models", "ablation", "augmentation", "input_frames", "latency", "study", "yardstick", "yardstick_task_2")
 ROOMS = ("datasets", "experiments", "logs", "scenes", "tasks")  # code that makes data
 MEASURED = "train_s"  # metric: goes to times.csv, for results are the same in every run
 
