@@ -1,9 +1,10 @@
 """Try values of the one setting that a scene's difficulty is set by, and compare its yardstick with the published one.
 
 The yardstick of an experiment (setting `<experiment>.yardstick`) is the error of one model over that of another,
-which does not depend on the scale of errors. For every value of the knob the scene is simulated with the amounts of
-params/ (`--set`: of a set of evidence/shards.yaml), both models are trained, and the ratio is taken on the validation
-part; test parts are not read. Nothing is changed: write the value you choose into params/<experiment>.yaml.
+which does not depend on the scale of errors; strain has a second one, `yardstick_task_2`. For every value of the knob
+the scene is simulated with the amounts of params/ (`--set`: of a set of evidence/shards.yaml), both models are trained,
+and the ratio is taken on the validation part; test parts are not read. Nothing is changed: write the value you choose
+into params/<experiment>.yaml.
 """
 
 import argparse
@@ -22,6 +23,7 @@ from pipeline.base.paths import Workspace
 from pipeline.scoring import classification, shards
 from pipeline.stability import changed_scene
 
+YARDSTICK = "yardstick"  # the setting that every simulated experiment has
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the present value, where no values are given
 
 
@@ -29,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add experiment, values and seeds to the parser of this command."""
     parser.add_argument("experiment", choices=["touch", "strain", "glove"])
     parser.add_argument("values", nargs="*", type=float, help="values of the knob (0.5 to 2 times the present one)")
+    parser.add_argument("--yardstick", default=YARDSTICK, metavar="KEY", help=f"the setting of it ({YARDSTICK})")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0], help="of scene, split and training (0)")
     parser.add_argument("--set", help="with the amounts of data of this set of evidence/shards.yaml")
 
@@ -61,12 +64,12 @@ def held_out(settings: Mapping) -> dict:
     return {**settings, "split": split | {"train": 1 - split["validation"]}, "simulate": scene | shorter}
 
 
-def ratio(values: Mapping, experiment: str, value: float, seed: int, report) -> tuple[float, float]:
-    """Return the errors of the yardstick's two models on the validation part, with the knob at `value`."""
+def ratio(values: Mapping, experiment: str, yardstick: str, value: float, seed: int, report) -> tuple[float, float]:
+    """Return the errors of a yardstick's two models on the validation part, with its knob at `value`."""
     import torch
 
     torch.set_num_threads(1)
-    chosen, block = values[experiment]["yardstick"], f"{experiment}.models"
+    chosen, block = values[experiment][yardstick], f"{experiment}.models"
     names = [chosen["model"], chosen["over"]]
     settings = changed_scene.settings_of(values, experiment, changes_of(chosen["knob"], value), chosen["knob"])
     settings, part = changed_scene.drawn(settings, seed), "validation"
@@ -93,16 +96,20 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     if given.set:
         with_amounts_of(workspace, values, given.set, given.experiment)
     settings = values[given.experiment]
-    chosen, file = settings["yardstick"], params.file_of(given.experiment)
+    key, file = given.yardstick, params.file_of(given.experiment)
+    known = [name for name in settings if name.startswith(YARDSTICK)]
+    if key not in known:
+        raise InputError(f"--yardstick {key}: {given.experiment} in {file} has {' and '.join(known)}")
+    chosen = settings[key]
     if settings["source"] != "simulated":
         raise InputError(f"{file}, {given.experiment}.source: only a simulated scene can be calibrated")
     present = settings
-    for key in chosen["knob"].split("."):
-        if not isinstance(present, Mapping) or key not in present:
-            raise InputError(f"{file}, {given.experiment}.yardstick.knob: there is no key '{chosen['knob']}'")
-        present = present[key]
+    for part in chosen["knob"].split("."):
+        if not isinstance(present, Mapping) or part not in present:
+            raise InputError(f"{file}, {given.experiment}.{key}.knob: there is no key '{chosen['knob']}'")
+        present = present[part]
     tried = given.values or [factor * present for factor in FACTORS]
-    runs = {(value, seed): (values, given.experiment, value, seed) for value in tried for seed in given.seeds}
+    runs = {(value, seed): (values, given.experiment, key, value, seed) for value in tried for seed in given.seeds}
     with tqdm(total=len(runs), desc=f"calibrate {given.experiment}", unit="scene") as bar:
         errors = dict(workers.run(ratio, runs, bar))
     means = {}

@@ -47,7 +47,8 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     draw_time(workspace, accuracy / "time.png", settings, dataset)
     draw_studies(accuracy, report, known)
     absent, bases = [name for name in STUDIES if name not in known], settings["study"]["bases"]
-    report.write(accuracy / "README.md", "strain", bases=bases, yardstick=settings["yardstick"], absent=absent)
+    yardsticks = {name: settings[name] for name in ("yardstick", "yardstick_task_2")}
+    report.write(accuracy / "README.md", "strain", bases=bases, absent=absent, **yardsticks)
     report.write(target / "speed" / "table1_times.md", "strain_times")
     panels = {plain(task): (task, task) for task in settings["protocols"]}
     experiment.write_speed(workspace, report, target, settings, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
