@@ -29,6 +29,7 @@ def values(workspace, tmp_path, monkeypatch):
         files.write_text(workspace.ingest_report(experiment), '{"run": true}')
     values = params.load(ROOT / "params.yaml")
     values["touch"]["protocols"] = {"press": {"seeds": [0, 1]}, "random_window": {"seeds": [0]}}
+    values["touch"]["budget"] = 1.0
     values["touch"]["models"] = {model: values["touch"]["models"][model] for model in MODELS}
     return values
 
@@ -125,11 +126,13 @@ def test_a_change_of_one_models_settings_trains_that_model_alone(workspace, valu
     }
 
 
-@pytest.mark.parametrize("key", ["label", "sensor", "window", "device"])
+@pytest.mark.parametrize("key", ["label", "sensor", "window", "device", "budget"])
 def test_a_change_of_a_setting_that_all_read_trains_all(values, train, key):
     train()
     if key == "device":
         values["device"] = "cpu"
+    elif key == "budget":
+        values["touch"]["budget"] = 0.5
     else:
         values["touch"][key] = values["touch"][key] | {"changed": 1}
     assert train() == ALL
