@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from builders.project import ROOT, Project, run_miniature
 
+from pipeline.base import files
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.logs import sources
@@ -55,6 +56,17 @@ def miniature_under_way(request, tmp_path_factory) -> Callable[[], Project]:
 
 
 @pytest.fixture
+def one_thread():
+    """Compute as in the stages, where a sum has one order."""
+    import torch  # here, because it takes two seconds
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture
 def workspace(tmp_path) -> Workspace:
     """Return a workspace with the repository's settings, and nothing else."""
     made = Workspace(tmp_path)
@@ -83,7 +95,7 @@ def recordings(tmp_path_factory):
             present = {path: next(filter(Path.is_file, two), None) for path, two in places.items()}
             if not any(present.values()):
                 continue
-            wrong = [path for path, file in present.items() if file is None or sources.sha256(file) != listed[path]]
+            wrong = [path for path, file in present.items() if file is None or files.sha256(file) != listed[path]]
             assert not wrong, (
                 f"{folder}: {len(wrong)} of {len(listed)} recordings are missing or changed, as {wrong[0]}"
             )

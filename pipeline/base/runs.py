@@ -84,7 +84,7 @@ def origin(settings: object, inputs: Iterable[Path]) -> str:
     """Return a digest of all that the runs of a model are made from: settings, and files of data and code."""
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
     for path in inputs:
-        digest.update(_sha256(path))
+        digest.update(bytes.fromhex(files.sha256(path)))
     return digest.hexdigest()
 
 
@@ -106,13 +106,8 @@ def _mark(folder: Path, origin: str) -> str:
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
         if path.parent != folder and path.is_file():
-            digest.update(path.relative_to(folder).as_posix().encode() + _sha256(path))
+            digest.update(path.relative_to(folder).as_posix().encode() + bytes.fromhex(files.sha256(path)))
     return f"made from {origin}\nfiles {digest.hexdigest()}\n"
-
-
-def _sha256(path: Path) -> bytes:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").digest()
 
 
 def _begin(draft: Path, origin: str) -> dict[tuple[str, int], float]:

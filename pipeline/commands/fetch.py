@@ -15,6 +15,7 @@ from urllib.request import Request, urlopen
 from tqdm import tqdm
 
 from pipeline.base.errors import InputError, storage_error
+from pipeline.base.files import sha256
 from pipeline.base.paths import Workspace
 from pipeline.logs import sources
 
@@ -28,7 +29,7 @@ def state(workspace: Workspace, name: str) -> str:
     """Return how much of a source is downloaded: absent, partly (how many files are right), or complete."""
     listed, target = sources.files(name), sources.folder(workspace, name)
     present = [path for path in listed if (target / path).is_file()]
-    right = sum(sources.sha256(target / path) == listed[path] for path in present)
+    right = sum(sha256(target / path) == listed[path] for path in present)
     if right == len(listed):
         return "complete"
     wrong = f", {len(present) - right} wrong" if right < len(present) else ""
@@ -70,7 +71,7 @@ def fetch(workspace: Workspace, name: str, from_folder: Path | None = None) -> t
             if not goal.resolve().is_relative_to(target.resolve()):
                 raise InputError(f"{path}: leaves the folder {target}; fix pipeline/logs/{name}.sha256")
             bar.set_postfix_str(f"file {written + kept + 1} of {len(listed)}", refresh=False)
-            if goal.is_file() and sources.sha256(goal) == digest:
+            if goal.is_file() and sha256(goal) == digest:
                 kept += 1
                 bar.update(goal.stat().st_size)
                 continue
@@ -79,14 +80,14 @@ def fetch(workspace: Workspace, name: str, from_folder: Path | None = None) -> t
             if from_folder is None:
                 origin, resumed = sources.address(name, path), part.is_file()
                 _download(origin, part, bar)
-                if resumed and sources.sha256(part) != digest:  # the old part was not the start of this file
+                if resumed and sha256(part) != digest:  # the old part was not the start of this file
                     part.unlink()
                     _download(origin, part, bar)
             else:
                 origin = _found(from_folder / path, from_folder, name)
                 shutil.copyfile(origin, part)
                 bar.update(part.stat().st_size)
-            got = sources.sha256(part)
+            got = sha256(part)
             if got != digest:
                 part.unlink()
                 raise InputError(f"{origin}: SHA-256 is {got}, expected {digest}; get the file of the pinned commit")

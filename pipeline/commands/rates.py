@@ -21,7 +21,6 @@ from pipeline import models, tasks
 from pipeline.base import files, params, paths, workers
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.learning.trained import Fitted
 from pipeline.reporting.words.labels import model_name
 from pipeline.reporting.words.markdown import number, table
 
@@ -60,42 +59,6 @@ def two_lowest(errors: Mapping) -> list:
     return sorted((key for key, rmse in errors.items() if math.isfinite(rmse)), key=errors.get)[:2]
 
 
-def error_of(experiment: str, validation_loss: float) -> float:
-    """Return the validation error: the root of the mean squared error in the label's unit; of images, cross-entropy."""
-    return validation_loss if tasks.kind(experiment) == "images" else math.sqrt(validation_loss)
-
-
-def fit(
-    workspace: Workspace,
-    values: Mapping,
-    experiment: str,
-    model: str,
-    block: Mapping,
-    protocol: str,
-    seed: int,
-    report: Callable[..., None],
-) -> tuple[float, Fitted]:
-    """Train a network on one thread by the settings `block`, beside the runs there are.
-
-    Return the validation error of the epoch that was kept, NaN where the training diverged, and the trained network.
-    """
-    import torch
-
-    torch.set_num_threads(1)
-    task, settings = tasks.of(experiment), values[experiment]
-    base = task.base(experiment, settings, protocol) if params.transfers(model) else None
-    zero = workspace.run_folder(experiment, paths.MODEL_ZERO, base, seed) if base else None
-
-    def build(spec):
-        return models.build(model, spec, block, f"{experiment}.models.{model}")
-
-    place = workspace.dataset(experiment), experiment, settings, protocol, seed
-    fitted = task.fit(*place, build, device=values["device"], progress=report, base=zero)
-    reason, best = fitted.model.summary
-    error = math.nan if reason == "diverged" else error_of(experiment, fitted.history[best - 1]["validation_loss"])
-    return error, fitted
-
-
 def train_run(
     workspace: Workspace,
     values: Mapping,
@@ -106,12 +69,21 @@ def train_run(
     report: Callable[..., None],
 ) -> tuple:
     """Return the row (COLUMNS) of one network at one rate; a training that diverged has NaN as RMSE."""
+    import torch
+
+    torch.set_num_threads(1)
     protocol, _ = params.runs(values, experiment)[0]
     block = params.model_settings(values, experiment, model)
     block = block | {"training": block["training"] | {"learning_rate": learning_rate}}
-    rmse, fitted = fit(workspace, values, experiment, model, block, protocol, seed, report)
-    epochs, best, batch_size = len(fitted.history), fitted.model.summary[1], block["training"]["batch_size"]
-    return model, learning_rate, seed, batch_size, epochs, best, rmse, fitted.seconds
+
+    def build(spec):
+        return models.build(model, spec, block, f"{experiment}.models.{model}")
+
+    place = workspace.dataset(experiment), experiment, values[experiment], protocol, seed
+    fitted = tasks.of(experiment).fit(*place, build, device=values["device"], progress=report, base=None)
+    reason, best = fitted.model.summary
+    rmse = math.nan if reason == "diverged" else math.sqrt(fitted.history[best - 1]["validation_loss"])
+    return model, learning_rate, seed, block["training"]["batch_size"], len(fitted.history), best, rmse, fitted.seconds
 
 
 def search(workspace: Workspace, values: Mapping, experiment: str, networks: Sequence[str]) -> list[tuple]:

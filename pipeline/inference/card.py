@@ -1,8 +1,5 @@
 """Describe a saved model beside its weights, so that it can be used without this checkout's settings and data."""
 
-import hashlib
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -103,11 +100,6 @@ def weights_file(folder: Path) -> Path:
     raise InputError(f"{folder}: no {' or '.join(WEIGHTS)} in it; train it again, or name the folder of a saved model")
 
 
-def digest(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
 def write(folder: Path, card: Card) -> None:
     """Write a card beside the weights."""
     files.write_text(folder / NAME, card.model_dump_json(indent=1) + "\n")
@@ -127,21 +119,6 @@ def read(folder: Path) -> Card:
         key = ".".join(map(str, fault["loc"])) or "the file"
         raise InputError(f"{path}, {key}: {fault['msg']}; make the folder again") from error
     weights = weights_file(folder)
-    if digest(weights) != card.sha256:
+    if files.sha256(weights) != card.sha256:
         raise InputError(f"{weights}: is not the file that {NAME} describes; make the folder again")
     return card
-
-
-def check_fits(card: Card, settings: Mapping, where: str) -> None:
-    """Raise InputError that names the first setting in which a block of an experiment differs from a model's.
-
-    settings: the experiment's block of settings; where: its name.
-    """
-    for block, of_model in card.reading.items():
-        for key, value in of_model.items():
-            here = settings.get(block, {}).get(key)
-            if here != value:
-                raise InputError(
-                    f"{where}.{block}.{key}: is {json.dumps(here)}, but {card.experiment}/{card.model} was trained "
-                    f"with {json.dumps(value)}; train the model on these settings, or use a log of its sensor"
-                )

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import experiments, tasks
-from pipeline.base import paths
+from pipeline.base import files, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, images, schemas
 from pipeline.inference import card as cards
@@ -94,7 +94,7 @@ class Describer:
             precision=fit["precision"],
             best_epoch=fit["best_epoch"],
             scores=[],
-            sha256=cards.digest(cards.weights_file(folder)),
+            sha256=files.sha256(cards.weights_file(folder)),
         )
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.base import params, paths, provenance
+from pipeline.base import files, params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
@@ -92,7 +92,7 @@ def read_runs(workspace: Workspace, experiment: str, values: Mapping) -> list[Tr
                     f"{workspace.scores(experiment)}: {problem} protocol {protocol}, model {model}, seed {seed}; "
                     "run `dvc repro evaluate` again"
                 )
-            identity = [experiment, protocol, model, seed, flat, by_name, cards.digest(cards.weights_file(folder))]
+            identity = [experiment, protocol, model, seed, flat, by_name, files.sha256(cards.weights_file(folder))]
             tags |= {name: str(fit[name]) for name in ("stop_reason", "precision")}
             tags["content"] = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
             counts = {name: float(fit[name]) for name in COUNTS if fit[name] is not None}
@@ -150,7 +150,7 @@ def _write(workspace: Workspace, client, in_mlflow: str, experiment: str, values
     shared = {"experiment": experiment, "git_commit": commit, "git_changed": changed, "current": "true"}
     if "DVC_EXP_NAME" in os.environ:
         shared["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
-    files = [file for file in params.settings_files(workspace.params) if file.stem in ("params", experiment)]
+    settings_files = [file for file in params.settings_files(workspace.params) if file.stem in ("params", experiment)]
     name, made_by, written = labels.experiment_name(experiment), params.training_command(experiment), {}
     for run in runs:
         card, label = describer.card(run.model, run.protocol, run.seed, commit), labels.model_name(run.model)
@@ -177,7 +177,7 @@ def _write(workspace: Workspace, client, in_mlflow: str, experiment: str, values
         client.log_batch(run_id, params=[Param(key, value) for key, value in settings.items()])
         for first in range(0, len(points), PER_CALL):
             client.log_batch(run_id, metrics=points[first : first + PER_CALL])
-        for file in (*files, run.folder / "fit.json", run.folder / "history.csv"):
+        for file in (*settings_files, run.folder / "fit.json", run.folder / "history.csv"):
             client.log_artifact(run_id, str(file))
         with tempfile.TemporaryDirectory() as draft:
             _save(Path(draft), run, card, readings)

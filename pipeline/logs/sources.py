@@ -4,12 +4,12 @@ A source is a list of files at one pinned commit of a public repository. The SHA
 `pipeline/logs/<name>.sha256`, one line `<digest>  <path>` per file, as `sha256sum` writes it.
 """
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
 from pipeline.base.errors import InputError
+from pipeline.base.files import sha256
 from pipeline.base.paths import Workspace
 
 
@@ -70,12 +70,6 @@ def folder(workspace: Workspace, name: str) -> Path:
     """Return `data/sources/<name>`, where `tactile fetch <name>` puts the files."""
     source(name)
     return workspace.sources / name
-
-
-def sha256(path: Path) -> str:
-    """Return the SHA-256 of a file, 64 hex digits."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def is_complete(workspace: Workspace, name: str, at: Path | None = None) -> bool:

@@ -12,10 +12,10 @@ import pyarrow as pa
 from pipeline.base.paths import Workspace
 from pipeline.datasets.images import classes, modality, split_name
 from pipeline.scoring import classification, studies
-from pipeline.scoring.results import Estimate, Fit, Scores, estimate, read_csv, read_fit, read_predictions
+from pipeline.scoring.published import METHODS
+from pipeline.scoring.results import Estimate, Scores, estimate, read_csv, read_predictions
 
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
-BASELINES = ("naive_bayes", "tree")
 COMPARED = ("sp_resnet", "resnet3x3")  # by number of input frames, figure 15
 FORMS = {  # of an answer to several input frames, as input_frames.csv and stag.csv call them
     "trained": "one network trained on all frames",
@@ -66,18 +66,6 @@ def with_one_frame(rows: pd.DataFrame) -> pd.DataFrame:
 def judged_form(rows: pd.DataFrame) -> str:
     """Return the one of FORMS that the claims on figure 15 are judged on: `trained` where there is one."""
     return "trained" if (rows["form"] == "trained").any() else "mean"
-
-
-def read_fits(workspace: Workspace, experiment: str, settings: Mapping) -> dict[str, dict[str, list[Fit]]]:
-    """Read network -> protocol -> one fit per seed."""
-    return {
-        model: {
-            protocol: [read_fit(workspace, experiment, model, protocol, seed) for seed in block["seeds"]]
-            for protocol, block in settings["protocols"].items()
-        }
-        for model, model_block in settings["models"].items()
-        if "training" in model_block
-    }
 
 
 def read_confusions(

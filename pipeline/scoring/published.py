@@ -79,11 +79,6 @@ def rmse(model: str, condition: str = "single") -> float:
     return number("lomp", model, condition, "RMSE")
 
 
-def time_ms(model: str) -> float:
-    """Return the time of a prediction in ms of LoMP's Table II, measured on a GTX 1070."""
-    return number("lomp", model, "single", "inference time")
-
-
 def latent(model: str, task: str, metric: str) -> float:
     """Return a number of the latent-space paper's Table I: parameters, training time (s) or test error (mm)."""
     return number("latent", model, task, metric)

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from pipeline import models, tasks
+from pipeline.base import files
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
 from pipeline.learning.regressors import Scaled, Spec
@@ -50,7 +51,7 @@ def saved(folder: Path, model, key: str, spec: Spec, **changed) -> Path:
         precision=None,
         best_epoch=1,
         scores=[],
-        sha256=cards.digest(cards.weights_file(folder)),
+        sha256=files.sha256(cards.weights_file(folder)),
     )
     cards.write(folder, cards.Card(**known | changed))
     return folder

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from pipeline import models, tasks
+from pipeline.base import files
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
 from pipeline.learning import image_classifier
@@ -131,7 +132,7 @@ def save(key: str, folder: Path) -> Path:
             precision=None,
             best_epoch=1,
             scores=[],
-            sha256=cards.digest(cards.weights_file(folder)),
+            sha256=files.sha256(cards.weights_file(folder)),
         ),
     )
     return folder

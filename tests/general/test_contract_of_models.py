@@ -22,6 +22,8 @@ from pipeline.learning.regressors import Spec
 from pipeline.settings.models import Models
 from pipeline.tasks import windows as tasks_windows
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 VALUES = params.load(ROOT / "params.yaml")
 # Sizes of training, and of what is drawn from the training part, that a few windows are enough for.
 TINY = {"epochs": 2, "batch_size": 8, "streams": 4, "batch": 2, "centres": 16, "trees": 3}
@@ -139,15 +141,6 @@ def predicted(regressor, data: Given) -> np.ndarray:
     if getattr(regressor, "streams", False):
         return regressor.predict(data.inputs, data.parts[0][2])
     return regressor.predict(data.inputs)
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    """As in the stages, where a sum has one order."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def cases(in_epochs: bool = False) -> list:

@@ -6,7 +6,6 @@ than the model.
 
 import numpy as np
 import pytest
-import torch
 from builders import live_models, touch_logs
 
 from pipeline.datasets import schemas
@@ -16,6 +15,8 @@ from pipeline.inference import onnx_export, onnx_network, predictor, recordings
 from pipeline.live.session import Session
 from pipeline.live.source import Lines, line_format
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 ORDER = [3, 0, 4, 1, 5, 2]  # printed column of each element
 LOST = (304, 505, 506)  # lines that are not in the log: one is filled, two are a gap
 SAME = 1e-3  # of the largest prediction: one reading is predicted with weights of 16 bits, many with float32
@@ -23,14 +24,6 @@ WINDOW = (live_models.FRAMES - 1) * live_models.STEP  # readings before the firs
 GAPS = [0, 303, 503]  # readings before which one is missing
 SETTINGS = live_models.TOUCH | {"ingest": touch_logs.SETTINGS["ingest"] | {"max_reject_fraction": 0.1}}
 SETTINGS |= {"sensor": live_models.TOUCH["sensor"] | {"order": ORDER}}
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module", params=["linear", "stream"])

@@ -6,7 +6,6 @@ the two and not the other.
 
 import numpy as np
 import pytest
-import torch
 from builders.project import ROOT
 
 from pipeline import experiments, models
@@ -14,6 +13,8 @@ from pipeline.base import params
 from pipeline.datasets import series
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, spec_of
+
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 VALUES = params.load(ROOT / "params.yaml")
 SOLVED, NOT_SOLVED = 0.85, 0.95  # error over that of the mean: at most, and at least
@@ -59,14 +60,6 @@ FRAMES, DELAY = 4, 2
 def test_every_registered_model_is_here(kind):
     of_kind = [name for name in VALUES["experiments"] if experiments.module(name).KIND == kind]
     assert set(MODELS[kind]) == {model for name in of_kind for model in VALUES[name]["models"]}
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def solved(predicted: np.ndarray, truth: np.ndarray) -> np.ndarray:

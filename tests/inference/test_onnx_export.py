@@ -16,6 +16,8 @@ from pipeline.commands import export as command
 from pipeline.inference import card as cards
 from pipeline.inference import onnx_export, onnx_network, predictor
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 
 class Exported(NamedTuple):
     """A saved model and its ONNX file."""
@@ -36,14 +38,6 @@ def exported(tmp_path_factory):
         return known[key]
 
     return make
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def described(path: Path) -> dict:

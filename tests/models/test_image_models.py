@@ -20,6 +20,8 @@ from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet
 from pipeline.settings.training import AugmentedTraining
 from pipeline.studies.operations import operations
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 TRAINING = dict(learning_rate=1e-3, batch_size=6, epochs=1, flip=0.0, noise=0.0, affine=0.0)
 SETTINGS = {
     "resnet18": dict(training=TRAINING),
@@ -33,14 +35,6 @@ NETWORKS = [key for key in SETTINGS if key != "naive_bayes"]
 OBJECTS = 16
 # Of 48 images. Small batches: the running means of batch normalisation need some 60 steps to arrive.
 EPOCHS = {"resnet18": 7, "mobilenet": 16, "resnet3x3": 7, "sp_resnet_nogcam": 10, "sp_resnet": 10}
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def build(key, classes=OBJECTS, **changes):

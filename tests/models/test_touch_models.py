@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 from builders.project import ROOT
 
 from pipeline import models
@@ -10,6 +9,8 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.learning import per_element
 from pipeline.learning.regressors import Spec
+
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 PAPER = Spec(8, 5, 5, 20, 20)
 SMALL = Spec(3, 2, 2, 4, 4)
@@ -46,14 +47,6 @@ ONE_ELEMENT = [
     "rbf",
     "rnn",
 ]  # rows of the recorded single-element task
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def build(key, spec, settings, **training_changes):
