@@ -12,7 +12,6 @@ import pyarrow as pa
 from pipeline.base.paths import Workspace
 from pipeline.datasets.images import classes, modality, split_name
 from pipeline.scoring import classification, studies
-from pipeline.scoring.published import METHODS
 from pipeline.scoring.results import Estimate, Scores, estimate, read_csv, read_predictions
 
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
