@@ -105,6 +105,7 @@ def values(tmp_path, monkeypatch):
     values = params.load(ROOT / "params.yaml")
     values["device"] = "cpu"
     touch, glove = values["touch"], values["glove"]
+    touch["budget"] = glove["budget"] = 1.0
     touch["window"] |= {"frames": FRAMES}
     touch["sensor"] |= {"rows": 1, "cols": ELEMENTS}
     touch["label"] |= {"map_rows": 2, "map_cols": OUTPUTS // 2}
