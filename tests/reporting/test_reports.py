@@ -176,6 +176,8 @@ def test_numbers_of_strain_stand_beside_the_printed_ones(workspace, unplotted, m
         ["LSTM, direct", "11,500", "17", "27"],
     ]
     assert rows[0][4].startswith("30.500 [") and len(rows[2]) == 4  # the paper has no task 0
+    for published_ratio, what in (("0.172", "was set by one published number"), ("0.627", "nothing was set by it")):
+        assert re.search(rf"{what}.* Ours is [^,]*\[.*, published {published_ratio}\.", text)
     times = (target / "speed" / "table1_times.md").read_text()
     assert ["LSTM, transfer (Adam)", "93", "9.5"] in [cells(line) for line in times.splitlines()]
 
