@@ -81,7 +81,7 @@ def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> 
         return data
     link = data.sources
     link.parent.mkdir(parents=True, exist_ok=True)
-    if not link.exists():
+    if not link.is_symlink():  # it may lead to a folder that is not there
         link.symlink_to(workspace.sources.resolve())
     windows = experiments.module(each.experiment).KIND == "windows"
     for stage in (*(["simulate"] if each.experiment in scenes.NAMES else []), "ingest"):
