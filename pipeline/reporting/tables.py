@@ -88,12 +88,12 @@ def physics(judged: pd.DataFrame) -> Table:
     """Return one row per effect with the change whose interval reaches farthest; judged: rows of physics.csv."""
     rows = []
     for effect, changes in judged.groupby("effect", sort=False):
-        reach = np.maximum(-changes["low"], changes["high"])
+        reach = np.maximum(-changes["low"], changes["high"]).fillna(changes["relative"].abs())  # one seed: no interval
         most = changes.loc[reach.where(changes["relative"].notna(), np.inf).idxmax()]
         ends = [
             f"{round(100 * most[end]) + 0.0:+.0f} %" for end in ("relative", "low", "high") if most[end] == most[end]
         ]
-        change = f"{ends[0]} [{ends[1]}, {ends[2]}]" if ends else "failed"
+        change = f"{ends[0]} [{ends[1]}, {ends[2]}]" if ends[1:] else ends[0] if ends else "failed"
         where = f"{model_name(most['model'])}, {task_name(most['condition'])}"
         swapped = len([pair for pair in str(most["swapped"] or "").split("; ") if pair not in ("", "nan")])
         rows.append(

@@ -33,7 +33,9 @@ def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
             failed = np.isnan(change.relative)
             if not change.equivalent:
                 colours[place] = FULL if failed else np.clip(change.relative, -FULL, FULL)
-            text = f"{round(100 * change.relative) + 0.0:+.0f} ± {50 * (change.high - change.low):.0f}"
+            text = f"{round(100 * change.relative) + 0.0:+.0f} ± {50 * (change.high - change.low):.0f}".removesuffix(
+                " ± nan"
+            )
             colour = "white" if abs(colours[place]) > 0.8 * FULL else "black"
             weight = "bold" if change.low > MARGIN or change.high < -MARGIN else "normal"
             look = {"ha": "center", "va": "center", "fontsize": 6.5, "color": colour, "weight": weight}

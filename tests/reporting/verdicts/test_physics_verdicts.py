@@ -1,5 +1,7 @@
 """Judging effects of a scene: paired seeds, an equivalence test, and every run of the settings is asked for."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -169,6 +171,8 @@ def test_one_seed_has_no_interval_and_tells_nothing():
     (judged,) = assess(touch_scores().query("seed == 0"))
     assert judged.verdict == UNKNOWN and all(np.isnan(change.low) for change in judged.changes)
     assert all(np.isfinite(change.relative) for change in judged.changes)
+    rows = pd.DataFrame(physics_verdicts.report_rows("touch", [judged], {"creep": True}))
+    assert re.fullmatch(r"[+-]\d+ %", tables.physics(rows).rows[0][1])
 
 
 def test_a_missing_run_is_named(workspace):
