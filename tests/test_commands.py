@@ -92,7 +92,8 @@ def parser_of(name: str) -> argparse.ArgumentParser | None:
     path = ROOT.joinpath(*name.split(".")).with_suffix(".py")
     if not path.is_file() or RUN not in path.read_text():
         return None
-    assert "arguments.parse(" in path.read_text(), f"{path}: main calls no arguments.parse"
+    parses = re.search(r"arguments\.(parse|of_study)\(", path.read_text())
+    assert parses, f"{path}: main calls neither arguments.parse nor of_study"
 
     def stop(parser: argparse.ArgumentParser, *given):
         raise Made(parser)

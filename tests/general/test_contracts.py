@@ -14,6 +14,8 @@ from builders.project import ROOT
 
 from pipeline import experiments, scenes, tasks
 from pipeline.base import params, paths
+from pipeline.base.paths import Workspace
+from pipeline.scoring import shards
 from pipeline.stages import render, twins
 
 VALUES = params.load(ROOT / "params.yaml")
@@ -112,7 +114,8 @@ RUNNABLE = [
 
 
 def run_by_dvc() -> set[str]:
-    """The modules that the commands of both dvc.yaml name, also by a variable of a stage or the key of its entries."""
+    """The modules that the commands of both dvc.yaml name, also by a variable of a stage, the key of its
+    entries, or the study of a set of the evidence."""
     modules, files = set(), [ROOT / "dvc.yaml", ROOT / "evidence" / "dvc.yaml"]
     for each in [each for file in files for each in yaml.safe_load(file.read_text())["stages"].values()]:
         command = each.get("do", each)["cmd"]
@@ -121,7 +124,7 @@ def run_by_dvc() -> set[str]:
         modules |= {
             command.replace("${stage}", stage).replace("${key}", key).split()[2] for stage in stages for key in keys
         }
-    return modules
+    return modules | {f"pipeline.studies.{each.study}" for each in shards.read_sets(Workspace(ROOT)).values()}
 
 
 RUN_BY_DVC = run_by_dvc()
