@@ -222,8 +222,8 @@ def test_model_zero_comes_first_and_only_what_starts_from_it_follows_it(workspac
     models = ["ridge", "lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]
     values["strain"]["models"] = {model: values["strain"]["models"][model] for model in models}
     trained = train("strain")
-    zeros = [(paths.MODEL_ZERO, "task_0", seed) for seed in range(5)]
-    assert trained[:5] == zeros and {model for model, *_ in trained[5:]} == set(models)
+    zeros = [(paths.MODEL_ZERO, "task_0", seed) for seed in values["strain"]["protocols"]["task_0"]["seeds"]]
+    assert trained[: len(zeros)] == zeros and {model for model, *_ in trained[len(zeros) :]} == set(models)
     assert train("strain") == []
     values["strain"]["models"]["ridge"] = {"ridge": 2.0}
     assert {model for model, *_ in train("strain")} == {"ridge"}
