@@ -81,10 +81,9 @@ EXPECTED_RUNS = sorted(TOUCH_RUNS + STRAIN_RUNS + GLOVE_RUNS)
 def test_scores_hold_every_model_condition_and_seed(miniature):
     scores = pd.read_csv(miniature.folder / "reports" / "scores.csv")
     assert list(scores.columns) == [
-        "experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n", "scale",
+        "experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n", "budget",
     ]  # fmt: skip
-    scales = dict(zip(scores["experiment"], scores["scale"], strict=True))
-    assert scales == {"touch": "other", "strain": "both", "glove": "other"}  # strain has as much data at every scale
+    assert set(scores["experiment"]) == {"touch", "strain", "glove"} and set(scores["budget"]) == {"look"}
     rmse = scores[(scores.metric == "rmse") & (scores.experiment == "touch")]
     for condition in ("single", "double"):
         found = rmse[rmse.condition == condition]
