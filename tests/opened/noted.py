@@ -1,6 +1,6 @@
 """Note which settings of params.yaml the stages read.
 
-`sitecustomize.py` beside this file starts it: with this folder in PYTHONPATH, every `python -m pipeline.<stage>` adds
+`sitecustomize.py` beside this file starts it: with this folder in PYTHONPATH, every `python -m pipeline.<stage>`, and a process of studies, adds
 the dotted paths of the settings that it has read to the file that the variable SETTINGS_READ names.
 """
 
@@ -69,7 +69,8 @@ def ignore_bookkeeping(replace: Callable) -> None:
 def main() -> None:
     """Note what the stage reads that this process was started for."""
     command = dict(zip(sys.orig_argv, sys.orig_argv[1:], strict=False)).get("-m", "")
-    if not command.startswith("pipeline.") or command in BOOKKEEPERS:
+    studies = any(word.startswith("studies.") for word in sys.orig_argv)  # several in one process: `Project.stages`
+    if not (command.startswith("pipeline.") or studies) or command in BOOKKEEPERS:
         return
     from pipeline.base import params
 
