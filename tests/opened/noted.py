@@ -1,7 +1,8 @@
 """Note which settings of params.yaml the stages read.
 
-`sitecustomize.py` beside this file starts it: with this folder in PYTHONPATH, every `python -m pipeline.<stage>`, and a process of studies, adds
-the dotted paths of the settings that it has read to the file that the variable SETTINGS_READ names.
+`sitecustomize.py` beside this file starts it: with this folder in PYTHONPATH, every `python -m pipeline.<stage>`, and
+every process of studies, adds the dotted paths of the settings that it has read to the file that the variable
+SETTINGS_READ names.
 """
 
 import atexit
