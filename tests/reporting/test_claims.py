@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
+from pipeline.base import params, paths
 from pipeline.claims import entries, judge
 from pipeline.reporting import claims
 
@@ -71,3 +71,12 @@ def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):
     assert tried.count("No reason was looked for.") == 1
     (waiting,) = re.findall(r"\n\| A\. .*", text.split("## Open claims")[1].split("\n## ")[0])
     assert [cell.strip() for cell in waiting.split("|")[1:-1]] == ["A.", "simulated", "25 %", "3", "why"]
+
+
+def test_every_claim_that_a_report_asks_for_is_there(workspace):
+    known = {claim.id.split("/")[1] for claim in entries.read(workspace)[0]}
+    texts = [path.read_text() for path in (paths.CODE / "reporting" / "templates").glob("*.md")]
+    asked = {
+        name for text in texts for names in re.findall(r"r\.verdicts\((.*?)\)", text) for name in names.split(", ")
+    }
+    assert len(asked) > 60 and {name.strip('"') for name in asked} <= known
