@@ -44,6 +44,7 @@ def cards(workspace: Workspace, claims: pd.DataFrame, answers: Mapping[str, Mapp
     for paper, asked in there.items():
         row, own = by_id.loc[asked["claim"]], claims[claims["paper"] == paper]
         unit = "" if row["unit"] == "1" else f" {row['unit']}"
+        ours = claim_text.ours_text(row["ours"], row["low"], row["high"], row["unit"]) + unit
         published = claim_text.value_text(row["published"], row["unit"])
         counted = claim_text.counted(own)
         bars = [
@@ -52,7 +53,7 @@ def cards(workspace: Workspace, claims: pd.DataFrame, answers: Mapping[str, Mapp
         ]
         made.append(
             {"paper": paper, "title": titles[paper], "verdict": row["verdict"], "question": asked["question"]}
-            | {"number": claim_text.ours_text(row["ours"], row["low"], row["high"], row["unit"]) + unit}
+            | {"number": ours if row["ours"] == row["ours"] else ""}
             | {"what": asked["number"], "published": "" if published == "-" else published + unit, "counts": bars}
             | {"why": row["reason"] if row["verdict"] == UNDECIDED else "", "claims": len(own)}
             | {"figure": figure(workspace, asked["figure"], captions.get(asked["figure"], asked["question"]))}
