@@ -10,7 +10,7 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries
 from pipeline.claims.rules import UNDECIDED, VERDICTS
 from pipeline.reporting import claims as claim_text
-from pipeline.reporting.page.hypertext import SIGNS, anchor, figure, fill, markdown
+from pipeline.reporting.page.hypertext import SIGNS, Figure, anchor, figure, fill, markdown
 from pipeline.scoring.results import read_csv
 
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason"]
@@ -38,7 +38,7 @@ def cards(workspace: Workspace, claims: pd.DataFrame, answers: Mapping[str, Mapp
     there = {
         paper: asked
         for paper, asked in answers.items()
-        if asked["claim"] in by_id.index and (workspace.reports / asked["figure"]).exists()
+        if asked["claim"] in by_id.index and (workspace.reports / asked["figure"]).parent.exists()
     }
     made = []
     for paper, asked in there.items():
@@ -56,9 +56,14 @@ def cards(workspace: Workspace, claims: pd.DataFrame, answers: Mapping[str, Mapp
             | {"number": ours if row["ours"] == row["ours"] else ""}
             | {"what": asked["number"], "published": "" if published == "-" else published + unit, "counts": bars}
             | {"why": row["reason"] if row["verdict"] == UNDECIDED else "", "claims": len(own)}
-            | {"figure": figure(workspace, asked["figure"], captions.get(asked["figure"], asked["question"]))}
+            | {"figure": picture(workspace, asked["figure"], captions.get(asked["figure"], asked["question"]))}
         )
     return made
+
+
+def picture(workspace: Workspace, source: str, caption: str) -> Figure | None:
+    """Return a figure, or None where the study that draws it is still to be computed."""
+    return figure(workspace, source, caption) if (workspace.reports / source).exists() else None
 
 
 def row_of(row, paper: entries.Paper) -> dict:
