@@ -32,11 +32,12 @@ PARAMS = {
         "ingest": {"highest_count": 1023, "max_touches": 2},
         "window": {"frames": 4, "frame_step": 2, "contact_threshold_n": 0.5},
         "label": {"map_rows": 3, "map_cols": 5, "tip_radius_mm": 5.0},
+        "budget": 1.0,
         "protocols": {"press": {"seeds": [0, 1]}},
         "models": {"linear": {}, "lomp": {"hidden": 8, "training": {"learning_rate": 1.0e-3}}},
         "latency": {"batches": [1, 256]},
     },
-    "velostat_recorded": {"protocols": {"repetition": {"seeds": [0]}}, "models": {"linear": {}}},
+    "velostat_recorded": {"budget": 1.0, "protocols": {"repetition": {"seeds": [0]}}, "models": {"linear": {}}},
 }
 SEEDS = (0, 1)
 LINEAR = ("linear", "0")

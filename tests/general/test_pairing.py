@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pipeline.base import params
 from pipeline.base.paths import Workspace
-from pipeline.claims import entries, evidence, judge
+from pipeline.claims import entries, judge
 from pipeline.claims.rules import REPRODUCED
 from pipeline.reporting.verdicts import physics, sizes
 from pipeline.scoring import glove_results, ladders, one_table, results, variants
@@ -61,7 +60,7 @@ def test_claims(workspace):
     scores(workspace, "touch", SINGLE, "rmse")
     (claim,) = [claim for claim in entries.read(workspace)[0] if claim.id == "lomp/nonlinear-single"]
     table = one_table.read(one_table.of_experiment(workspace, "touch"))
-    found = judge.judged(claim, evidence.Evidence(workspace, table, params.load(workspace.params)))
+    found, _ = judge.judged(claim, one_table.Results(table.assign(budget=one_table.FULL)))
     assert (found.low, found.high) == pytest.approx(interval(ONE - OTHER)) and found.ours == pytest.approx(1.1)
     assert found.verdict == REPRODUCED and found.runs == 3
 
