@@ -176,7 +176,7 @@ def lomp_updates(_, windows: float):
     optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as pipeline/learning/regressors.py
     x, y = _batch(windows)
 
-    def update(losses, done: float) -> torch.Tensor:
+    def descend(losses) -> torch.Tensor:
         optimiser.zero_grad()
         for loss in losses:
             loss.backward()
@@ -185,7 +185,7 @@ def lomp_updates(_, windows: float):
 
     def run() -> None:
         for _ in range(UPDATES):
-            model.train_epoch((x, y), torch.Generator(), update)
+            model.train_epoch((x, y), torch.Generator(), lambda _, batch: model.update((x, y), descend, batch))
 
     return _twice(run)
 
@@ -236,7 +236,7 @@ def sp_resnet_epoch_plain(_, images: float):
     import torch
 
     from benchmarks import peers
-    from pipeline.learning.image_classifier import augmented
+    from pipeline.learning.image_classifier import augmented, draw_alterations
     from pipeline.models import sp_resnet
     from pipeline.settings.training import AugmentedTraining
 
@@ -244,11 +244,11 @@ def sp_resnet_epoch_plain(_, images: float):
     network, order = sp_resnet.network(1, 16, block["reduction"]), torch.Generator().manual_seed(0)
     shaped, labels = torch.from_numpy(x / 255).view(-1, 1, 32, 32), torch.from_numpy(y)
     training = AugmentedTraining(**block["training"])
-    return _twice(
-        lambda: peers.image_epoch(
-            network, shaped, labels, training.batch_size, lambda batch: augmented(batch, training, order)
-        )
-    )
+
+    def altered(batch: torch.Tensor) -> torch.Tensor:
+        return augmented(batch, training, draw_alterations(len(batch), batch.shape[1:], training, order))
+
+    return _twice(lambda: peers.image_epoch(network, shaped, labels, training.batch_size, altered))
 
 
 def _images(count: float):

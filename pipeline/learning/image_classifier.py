@@ -11,7 +11,8 @@ from torch import nn
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows, batches
-from pipeline.learning.training import Epoch, Progress, Schedule, run_epochs
+from pipeline.learning.training import Epoch, Progress, Schedule, device_of, run_epochs
+from pipeline.learning.updates import Update, adam, stream_on
 from pipeline.settings.training import AugmentedTraining
 
 LARGEST_SHIFT = 2.0  # pixels; a glove sits so differently on a hand: pads are 3 pixels wide
@@ -91,11 +92,35 @@ class ImageClassifier(TorchRegressor):
         pixels), y (n, classes); validation: x (k, frames, pixels), y (k, classes); order: draws what alters the images,
         each alone. A batch holds `batch_size` images, so that an epoch has as many updates for any number of frames.
         """
-        training, place, frames = self.training, self._begin(seed, device), self.spec.frames
-        network = self.network
-        optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate, fused=True)
+        place = device_of(device)
+        with stream_on(place):
+            self._begin(seed, place)
+            return self._train_on(place, draw, train, validation, order, progress)
+
+    def _train_on(
+        self,
+        place: torch.device,
+        draw: Callable[[], torch.Tensor],
+        train: Windows,
+        validation: Windows,
+        order: torch.Generator,
+        progress: Progress,
+    ) -> list[dict]:
+        training, frames, network = self.training, self.spec.frames, self.network
+        optimiser = adam(network.parameters(), training.learning_rate, place)
         (x, y), (x_validation, y_validation) = (self._normalised(part, place) for part in (train, validation))
         schedule, size = Schedule(optimiser, training.learning_rate), max(1, training.batch_size // frames)
+
+        def update(numbers: torch.Tensor, *alterations: torch.Tensor | None) -> tuple[torch.Tensor, ...]:
+            images = x[numbers.flatten()].view(-1, 1, self.spec.rows, self.spec.cols)
+            scores = self._trained_output(augmented(images, training, alterations).view(len(numbers), frames, -1))
+            loss = nn.functional.cross_entropy(scores, y[numbers[:, 0]])
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            return (loss.detach(),)
+
+        step, shape = Update(update, place), (1, self.spec.rows, self.spec.cols)
 
         def run_epoch(epoch: int) -> Epoch:
             network.train()
@@ -104,14 +129,8 @@ class ImageClassifier(TorchRegressor):
             examples = examples[: len(examples) - (frames == 1 and len(examples) % size == 1)]
             for first, batch in batches(examples, size):
                 schedule.at((epoch + (first + len(batch) / 2) / len(examples)) / training.epochs)
-                numbers = batch.to(place)
-                images = augmented(x[numbers.flatten()].view(-1, 1, self.spec.rows, self.spec.cols), training, order)
-                scores = self._trained_output(images.view(len(batch), frames, -1))
-                loss = nn.functional.cross_entropy(scores, y[numbers[:, 0]])
-                optimiser.zero_grad()
-                loss.backward()
-                optimiser.step()
-                total += loss.detach() * len(batch)
+                (loss,) = step(batch, *draw_alterations(batch.numel(), shape, training, order))
+                total += loss * len(batch)
             network.eval()
             with torch.no_grad():
                 parts = zip(x_validation.split(LARGEST_BATCH), y_validation.split(LARGEST_BATCH), strict=True)
@@ -127,29 +146,45 @@ class ImageClassifier(TorchRegressor):
         return softmax(super().predict(x), axis=1)
 
 
-def augmented(images: torch.Tensor, training: AugmentedTraining, rng: torch.Generator) -> torch.Tensor:
-    """Return images (n, 1, rows, cols) in 0 .. 1 altered by flip (method A), noise (B) and affine (C), in this order.
+def draw_alterations(
+    n: int, shape: tuple[int, int, int], training: AugmentedTraining, rng: torch.Generator
+) -> tuple[torch.Tensor | None, ...]:
+    """Return what alters n images of `shape` (1, rows, cols): numbers in 0 .. 1 (n, 5), noise, amounts (n, 2).
 
     rng: a generator on the CPU, so that a GPU sees the same images.
     """
-    n = len(images)
-    draw = torch.rand(n, 5, generator=rng)
+    return (
+        torch.rand(n, 5, generator=rng),
+        torch.randn((n, *shape), generator=rng) if training.noise else None,
+        torch.rand(n, 2, generator=rng) if training.affine else None,
+    )
+
+
+def augmented(
+    images: torch.Tensor, training: AugmentedTraining, alterations: tuple[torch.Tensor | None, ...]
+) -> torch.Tensor:
+    """Return images (n, 1, rows, cols) in 0 .. 1 altered by flip (method A), noise (B) and affine (C), in this order.
+
+    alterations: what `draw_alterations` returns, on the images' device.
+    """
+    draw, noise, amounts = alterations
     if training.flip:
-        flipped = torch.where((draw[:, 1] < 0.5)[:, None, None, None].to(images.device), images.flip(2), images.flip(3))
-        images = torch.where((draw[:, 0] < training.flip)[:, None, None, None].to(images.device), flipped, images)
+        flipped = torch.where((draw[:, 1] < 0.5)[:, None, None, None], images.flip(2), images.flip(3))
+        images = torch.where((draw[:, 0] < training.flip)[:, None, None, None], flipped, images)
     if training.noise:
-        images = images + training.noise * torch.randn(images.shape, generator=rng).to(images.device)
+        images = images + training.noise * noise
     if training.affine:
         kind = (3 * draw[:, 3]).long()  # 0: translated, 1: rotated, 2: scaled
-        amount = (2 * torch.rand(n, 2, generator=rng) - 1) * (draw[:, 2] < training.affine)[:, None]
-        halves = torch.tensor(images.shape[:1:-1]) / 2  # pixels of half a width and half a height: the grid's unit
-        shift = torch.where((kind == 0)[:, None], amount * LARGEST_SHIFT / halves, 0.0)
+        amount = (2 * amounts - 1) * (draw[:, 2] < training.affine)[:, None]
+        rows, cols = images.shape[2:]  # the grid's unit is half a width and half a height
+        shift = torch.stack([amount[:, 0] * LARGEST_SHIFT / (cols / 2), amount[:, 1] * LARGEST_SHIFT / (rows / 2)], 1)
+        shift = torch.where((kind == 0)[:, None], shift, 0.0)
         turn = torch.where(kind == 1, amount[:, 0] * math.radians(LARGEST_TURN), 0.0)
         stretch = 1 + torch.where(kind == 2, amount[:, 0] * LARGEST_STRETCH, 0.0)
-        rows = [
+        matrix = [
             torch.stack([turn.cos() / stretch, -turn.sin(), shift[:, 0]], 1),
             torch.stack([turn.sin(), turn.cos() / stretch, shift[:, 1]], 1),
         ]
-        grid = nn.functional.affine_grid(torch.stack(rows, 1), list(images.shape), align_corners=False)
-        images = nn.functional.grid_sample(images, grid.to(images.device), align_corners=False)
+        grid = nn.functional.affine_grid(torch.stack(matrix, 1), list(images.shape), align_corners=False)
+        images = nn.functional.grid_sample(images, grid, align_corners=False)
     return images

@@ -152,6 +152,8 @@ class Lomp(nn.Module):
 
     def _buffers_for(self, x: torch.Tensor) -> "_Buffers":
         key = (*x.shape, x.dtype, x.device)
+        if x.is_cuda:  # a graph keeps the memory of its own; fresh memory costs a card nothing
+            return _Buffers(x, self.hidden, key, None)
         if self.buffers is None or self.buffers.key != key:
             self.buffers = _Buffers(x, self.hidden, key, self.buffers)
         return self.buffers

@@ -76,7 +76,7 @@ class LstmRegressor:
                     "model_zero in the settings"
                 )
             self._take_recurrent_part(base)
-        place = device_of(device)
+        place = device_of(device, series=True)
         self.network.to(place)
         parts = [
             [

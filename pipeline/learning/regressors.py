@@ -22,6 +22,7 @@ from pipeline.learning.training import (
     products_in,
     run_epochs,
 )
+from pipeline.learning.updates import Update, adam, stream_on
 from pipeline.settings.training import ScheduledTraining
 
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
@@ -116,27 +117,39 @@ class TorchRegressor:
         """
         check_windows(self.spec, train, "training")
         check_windows(self.spec, validation, "validation")
-        place = self._begin(seed, device)
+        place = device_of(device)
+        with stream_on(place):
+            return self._fit_on(place, train, validation, seed, progress)
+
+    def _fit_on(
+        self, place: torch.device, train: Windows, validation: Windows, seed: int, progress: Progress
+    ) -> list[dict]:
+        self._begin(seed, place)
         mean, spread = map(torch.from_numpy, input_scale(train[0]))
         output_scale = float(np.abs(train[1]).max()) or 1.0
         self.scaled = Scaled(self.network, mean, spread, torch.tensor(output_scale, dtype=torch.float32))
         parts = self._normalised(train, place), self._normalised(validation, place)
-        optimiser = torch.optim.Adam(self.network.parameters(), lr=self.training.learning_rate, betas=BETAS, fused=True)
+        optimiser = adam(self.network.parameters(), self.training.learning_rate, place, betas=BETAS)
         order, epochs = torch.Generator().manual_seed(seed), self.training.epochs
         schedule = Schedule(optimiser, self.training.learning_rate)
 
+        def descend(losses: Iterable[torch.Tensor]) -> torch.Tensor:
+            optimiser.zero_grad()
+            total = 0.0
+            for loss in losses:
+                loss.backward()
+                total = total + loss.detach()
+            if np.isfinite(self.largest_gradient):
+                nn.utils.clip_grad_norm_(self.network.parameters(), self.largest_gradient)
+            optimiser.step()
+            return total
+
+        step = Update(lambda *given: self.update(parts[0], descend, *given), place)
+
         def run_epoch(epoch: int) -> Epoch:
-            def update(losses: Iterable[torch.Tensor], done: float) -> torch.Tensor:
+            def update(done: float, *given: torch.Tensor | None) -> tuple[torch.Tensor, ...]:
                 schedule.at((epoch + done) / epochs)
-                optimiser.zero_grad()
-                total = 0.0
-                for loss in losses:
-                    loss.backward()
-                    total = total + loss.detach()
-                if np.isfinite(self.largest_gradient):
-                    nn.utils.clip_grad_norm_(self.network.parameters(), self.largest_gradient)
-                optimiser.step()
-                return total
+                return step(*given)
 
             self.network.train()
             train_loss = self.train_epoch(parts[0], order, update) * output_scale**2
@@ -149,30 +162,39 @@ class TorchRegressor:
         return history
 
     def train_epoch(
-        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[..., torch.Tensor]
+        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[..., tuple[torch.Tensor, ...]]
     ) -> float:
         """Train once over the normalised training part and return the mean loss of the windows that the epoch saw.
 
-        `order` draws the windows and their batches. `update(losses, done)` makes one step of the optimiser on the sum
-        of the losses and returns the sum; `done`: the share of the epoch at the middle of the batch.
+        `order` draws the windows and their batches. `update(done, *given)` makes one step of the optimiser, by the
+        method `update`, and returns its results; `done`: the share of the epoch at the middle of the batch.
         """
         x, y = train
         total = torch.zeros((), device=x.device)
         windows = self._of_an_epoch(y, order).to(x.device)
         for first, batch in batches(windows, self.training.batch_size):
-            losses = (
-                nn.functional.mse_loss(self._trained_output(x[rows]), y[rows]) * (len(rows) / len(batch))
-                for rows in batch.split(self.chunk)
-            )
-            total += update(losses, (first + len(batch) / 2) / len(windows)) * len(batch)
+            (loss,) = update((first + len(batch) / 2) / len(windows), batch)
+            total += loss * len(batch)
         return float(total) / len(windows)
 
-    def _begin(self, seed: int, device: str) -> torch.device:
-        """Draw the network's first weights, choose the precision of its products; return the device of both."""
-        place = device_of(device)
+    def update(
+        self, train: tuple[torch.Tensor, ...], descend: Callable[..., torch.Tensor], batch: torch.Tensor
+    ) -> tuple[torch.Tensor, ...]:
+        """Make one update on a batch (n,) of the normalised training part; return (mean loss,).
+
+        `descend(losses)` makes a step of the optimiser on the sum of losses, and returns the sum.
+        """
+        x, y = train
+        losses = (
+            nn.functional.mse_loss(self._trained_output(x[rows]), y[rows]) * (len(rows) / len(batch))
+            for rows in batch.split(self.chunk)
+        )
+        return (descend(losses),)
+
+    def _begin(self, seed: int, place: torch.device) -> None:
+        """Draw the network's first weights, and choose the precision of its products on the device `place`."""
         self.precision = precision_on(place, self.training.precision)
         self.scaled.network = new_network(self.make_network, seed).to(place)
-        return place
 
     def _trained_output(self, x: torch.Tensor) -> torch.Tensor:
         """Return the network's output for normalised x in training, its products in `precision`, itself float32."""

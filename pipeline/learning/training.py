@@ -37,10 +37,13 @@ class Epoch(NamedTuple):
     learning_rate: float
 
 
-def device_of(name: str) -> torch.device:
-    """Return torch's device for the setting `device`: `auto` is a GPU if there is one."""
+def device_of(name: str, *, series: bool = False) -> torch.device:
+    """Return torch's device for the setting `device`: `auto` is a GPU if there is one, but the CPU for series.
+
+    A network of a series takes thousands of samples one after the other, each too small for a card.
+    """
     if name == "auto":
-        name = "cuda" if torch.cuda.is_available() else "cpu"
+        name = "cuda" if torch.cuda.is_available() and not series else "cpu"
     return torch.device(name)
 
 
@@ -134,12 +137,15 @@ class Schedule:
     @property
     def learning_rate(self) -> float:
         """The optimiser's present learning rate."""
-        return self.optimiser.param_groups[0]["lr"]
+        return float(self.optimiser.param_groups[0]["lr"])
 
     def at(self, done: float) -> None:
         """Set the rate for the share `done` of the training, from 0 to 1."""
         for group in self.optimiser.param_groups:
-            group["lr"] = self.highest * rate_at(done)
+            if isinstance(group["lr"], torch.Tensor):  # on a card, see `updates.adam`
+                group["lr"].fill_(self.highest * rate_at(done))
+            else:
+                group["lr"] = self.highest * rate_at(done)
 
 
 def rate_at(done: float) -> float:

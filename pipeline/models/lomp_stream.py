@@ -84,18 +84,33 @@ class StreamingLomp(LompRegressor):
         self.state = None  # (elements, streams, hidden), of `step`
 
     def train_epoch(
-        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[..., torch.Tensor]
+        self, train: tuple[torch.Tensor, ...], order: torch.Generator, update: Callable[..., tuple[torch.Tensor, ...]]
     ) -> float:
         """Train once over the part as TorchRegressor does, with one update per window of the presses of a batch."""
-        x, y, previous = train
+        x, _, previous = train
         chains = streams(previous)
         total, seen = torch.zeros((), device=x.device), 0
         for _, batch in batches(torch.randperm(len(chains), generator=order), self.training.batch_size):
-            for windows, maps in self._maps(x, [chains[k] for k in batch.tolist()]):
-                done = (seen + len(windows) / 2) / len(x)
-                total += update([nn.functional.mse_loss(maps.float(), y[windows])], done) * len(windows)
+            state = None
+            for windows in turns([chains[k] for k in batch.tolist()]):
+                before = None if state is None else state[:, : len(windows)]
+                loss, state = update((seen + len(windows) / 2) / len(x), windows.to(x.device), before)
+                total += loss * len(windows)
                 seen += len(windows)
         return float(total) / len(x)
+
+    def update(
+        self,
+        train: tuple[torch.Tensor, ...],
+        descend: Callable[..., torch.Tensor],
+        windows: torch.Tensor,
+        state: torch.Tensor | None,
+    ) -> tuple[torch.Tensor, ...]:
+        """Make one update on windows (n,) that begin with a state (elements, n, hidden); return (loss, next state)."""
+        x, y, _ = train
+        with products_in(self.precision, x.device):
+            maps, state = self.network.go_on(x[windows], state)
+        return descend([nn.functional.mse_loss(maps.float(), y[windows])]), state
 
     def loss(self, part: tuple[torch.Tensor, ...]) -> float:
         """Return the mean loss over a normalised part (x, y, previous)."""
@@ -141,16 +156,20 @@ class StreamingLomp(LompRegressor):
         return all_maps
 
     def _maps(self, x: torch.Tensor, chains: list[list[int]]) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
-        """Yield (windows, their maps): the first window of every stream, then the second of longer streams ..."""
-        longest_first, state = sorted(chains, key=len, reverse=True), None
-        for turn in range(len(longest_first[0])):
-            windows = torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn], device=x.device)
-            largest = float("inf") if self.network.training else LARGEST_STATE
-            with products_in(self.precision if self.network.training else "float32", x.device):
-                before = None if state is None else state[:, : len(windows)]
-                maps, state = self.network.go_on(x[windows], before, largest)
+        """Yield (windows, their maps), as predicted, for the windows of every turn."""
+        state = None
+        for windows in turns(chains):
+            before = None if state is None else state[:, : len(windows)]
+            maps, state = self.network.go_on(x[windows.to(x.device)], before, LARGEST_STATE)
             yield windows, maps
-            state = state.clamp(max=largest)
+            state = state.clamp(max=LARGEST_STATE)
+
+
+def turns(chains: list[list[int]]) -> Iterator[torch.Tensor]:
+    """Yield the first window (n,) of every stream, the longest first, then the second of those that have one ..."""
+    longest_first = sorted(chains, key=len, reverse=True)
+    for turn in range(len(longest_first[0])):
+        yield torch.tensor([chain[turn] for chain in longest_first if len(chain) > turn])
 
 
 def streams(previous: np.ndarray) -> list[list[int]]:

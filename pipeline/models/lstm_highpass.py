@@ -90,7 +90,7 @@ class HighpassLstm:
         a stretch of `length` samples.
         """
         t, self.scaling = self.training, Scaling.of_training(records)
-        place = device_of(device)
+        place = device_of(device, series=True)
         self.network = new_network(lambda: _Network(*self.shape), seed).to(place)
         x = torch.cat([self._padded(self.scaling.inputs(record.x)) for record in records]).to(place)
         y = torch.cat([self._padded(self.scaling.targets(record.y)) for record in records]).to(place)

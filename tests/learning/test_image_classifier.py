@@ -7,7 +7,7 @@ from torch import nn
 
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import SIDE
-from pipeline.learning.image_classifier import ImageClassifier, augmented, spec_of
+from pipeline.learning.image_classifier import ImageClassifier, augmented, draw_alterations, spec_of
 from pipeline.settings.training import AugmentedTraining
 
 NONE = {"learning_rate": 2e-4, "batch_size": 8, "epochs": 3}
@@ -22,7 +22,8 @@ def pictures(n=400):
 
 
 def altered(images, **methods):
-    return augmented(images, AugmentedTraining(**NONE | methods), torch.Generator().manual_seed(0))
+    training, rng = AugmentedTraining(**NONE | methods), torch.Generator().manual_seed(0)
+    return augmented(images, training, draw_alterations(len(images), images.shape[1:], training, rng))
 
 
 def centres(images):
