@@ -2,9 +2,9 @@
 
 Usage: python -m benchmarks.card OUT.csv [MODEL ...]
 Columns: seconds of an update on the CPU, on the card launched kernel by kernel, and on the card as a CUDA graph; the
-kernels of an update; TFLOP/s of the graph (three times the multiply-accumulates of the forward pass, two operations each) and
-its share of what a bfloat16 product of 8192 x 8192 matrices reaches; losses after EPOCHS epochs of noise, which say
-whether all three train alike.
+kernels of an update; TFLOP/s of the graph (three times the multiply-accumulates of the forward pass, two operations
+each) and its share of what a bfloat16 product of 8192 x 8192 matrices reaches; losses after EPOCHS epochs of noise,
+which say whether all three train alike.
 """
 
 import argparse
