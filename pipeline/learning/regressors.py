@@ -225,10 +225,19 @@ class TorchRegressor:
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Return pressure maps (n, outputs) in kPa, float32, for windows x (n, frames, elements) in ADC counts."""
-        x = torch.from_numpy(np.array(x, dtype=np.float32))
+        x = torch.from_numpy(np.array(x, dtype=np.float32)).to(self.place)
         with torch.no_grad():
             maps = [self.scaled(part) for part in x.split(LARGEST_BATCH)]
-        return (maps[0] if len(maps) == 1 else torch.cat(maps)).numpy()
+        return (maps[0] if len(maps) == 1 else torch.cat(maps)).cpu().numpy()
+
+    @property
+    def place(self) -> torch.device:
+        """The device that `predict` computes on: the CPU, unless `predict_on` named another."""
+        return self.scaled.input_mean.device
+
+    def predict_on(self, device: str) -> None:
+        """Let `predict` compute on a device, named as for `fit`; for many windows at once, not for one at a time."""
+        self.scaled.to(device_of(device))
 
     def save(self, folder: Path) -> None:
         """Write weights and normalisation constants to `folder` (which exists), as safetensors."""

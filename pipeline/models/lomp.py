@@ -44,4 +44,8 @@ class WindowLomp(LompRegressor):
 
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Return maps as TorchRegressor does; a single window goes through compiled code, which is faster."""
-        return self.one_row(np.asarray(x[0], np.float32), None)[0] if len(x) == 1 else super().predict(x)
+        return (
+            self.one_row(np.asarray(x[0], np.float32), None)[0]
+            if len(x) == 1 and self.place.type == "cpu"
+            else super().predict(x)
+        )

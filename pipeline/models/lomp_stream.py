@@ -122,10 +122,11 @@ class StreamingLomp(LompRegressor):
 
         previous (n,): as in the class; without it every window starts from a zero state.
         """
-        x = self.scaled.normalised(torch.from_numpy(np.array(x, dtype=np.float32)))
+        x = self.scaled.normalised(torch.from_numpy(np.array(x, dtype=np.float32)).to(self.place))
         alone = np.full(len(x), -1)
         with torch.no_grad():
-            return (self._all_maps(x, alone if previous is None else previous) * self.scaled.output_scale).numpy()
+            maps = self._all_maps(x, alone if previous is None else previous) * self.scaled.output_scale
+            return maps.cpu().numpy()
 
     def step(self, frame: np.ndarray) -> np.ndarray:
         """Return maps (n, outputs) in kPa for the next frame (n, elements) in ADC counts of n streams.

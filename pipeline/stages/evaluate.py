@@ -3,7 +3,6 @@
 Usage: python -m pipeline.stages.evaluate EXPERIMENT
 """
 
-import functools
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from pipeline.base import arguments, files, params, workers
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
+from pipeline.learning.trained import Trained
 
 COLUMNS = ("experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n")
 
@@ -27,8 +27,16 @@ def evaluate_model(
     """
     import torch
 
+    from pipeline.learning.regressors import TorchRegressor
+
     torch.set_num_threads(1)
-    load = functools.partial(tasks.load, workspace, values, experiment, model)
+
+    def load(*run) -> Trained:
+        trained = tasks.load(workspace, values, experiment, model, *run)
+        if isinstance(trained.model, TorchRegressor):
+            trained.model.predict_on(values["device"])
+        return trained
+
     scores, parts = [], []
     path, runs = workspace.dataset(experiment), params.runs(values, experiment)
     for protocol, seed, tests in tasks.of(experiment).tested(path, experiment, values[experiment], runs, load):
