@@ -50,12 +50,12 @@ def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     """Return name -> set, in the order in which shards are computed. Raises InputError for a wrong key or value."""
     path = paths.require(folder(workspace) / "shards.yaml", "git checkout evidence/shards.yaml")
     blocks = params.parsed(path)
-    return {
-        name: params.check_block(
-            {**blocks.get(block.get("like"), {}), **block}, ShardSet, name, {name: "evidence/shards.yaml"}
-        )
-        for name, block in blocks.items()
-    }
+    sets = {}
+    for name, block in blocks.items():
+        other = blocks.get(block.get("like"), {})
+        whole = {**other, **block, "set": {**other.get("set", {}), **block.get("set", {})}}
+        sets[name] = params.check_block(whole, ShardSet, name, {name: "evidence/shards.yaml"})
+    return sets
 
 
 def shards(sets: dict[str, ShardSet]) -> list[Shard]:
@@ -65,7 +65,7 @@ def shards(sets: dict[str, ShardSet]) -> list[Shard]:
 
 def budgets(each: ShardSet) -> tuple[str, ...]:
     """Return the budgets of a set; a study has its own recipe, which is run whole."""
-    return (FULL,) if each.study else BUDGETS
+    return (FULL,) if each.study else tuple(each.budgets)
 
 
 def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> Path:

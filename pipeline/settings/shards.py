@@ -1,6 +1,6 @@
 """Settings of the evidence: what evidence/shards.yaml may say."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -23,7 +23,13 @@ class ShardSet(Block):
     )
     variant: str = Field(default="", description="Variant of the rows, where another set has the same protocols")
     minutes: Count = Field(description="Of a `full` shard on two cores, about; the next shards are chosen by it")
+    budgets: Distinct[Literal["half", "full"]] = Field(
+        default=["half", "full"], description="Shares of the epochs; `full` alone where no model is trained in epochs"
+    )
     study: str = Field(default="", description="Module of pipeline/studies that is run, in place of the protocols")
     own_data: bool = Field(default=False, description="Whether the study makes its own data, not the set's")
-    like: str = Field(default="", description="Set whose data it shares, and whose keys it has where it names no own")
+    like: str = Field(
+        default="",
+        description="Set whose data it shares, and whose keys, and entries of `set`, it has where it names no own",
+    )
     set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")
