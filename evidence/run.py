@@ -38,7 +38,7 @@ class Job(NamedTuple):
     """A process to run: its name, arguments, cores, whether it may use the card, and the job that must end before."""
 
     name: str
-    arguments: list[str]
+    arguments: tuple[str, ...]
     cores: int
     card: bool
     after: str = ""
@@ -210,10 +210,10 @@ def jobs_of(shards: list[dict], cores: int, card: bool) -> tuple[list[Job], list
     """Return the jobs that make data, which share the cores, and those that compute shards."""
     data = list(dict.fromkeys(each["data"] for each in shards if each["data"]))
     share = max(1, cores // max(1, len(data)))
-    making = [Job(f"data_{name}", [name], share, card=False) for name in data]
+    making = [Job(f"data_{name}", (name,), share, card=False) for name in data]
     computing = [
         Job(
-            name_of(each), [each["set"], str(each["seed"]), each["budget"]], min(each["processes"], cores),
+            name_of(each), (each["set"], str(each["seed"]), each["budget"]), min(each["processes"], cores),
             card and each["card"], f"data_{each['data']}" if each["data"] else "",
         )
         for each in shards
@@ -255,7 +255,8 @@ def main() -> None:
     runner = Runner(out, given.workers, given.gpu_processes or given.workers, about | {"versions": versions()})
     runner.ended |= {name: {"seconds": None, "status": "there already"} for name in sorted(there)}
     runner.environment = os.environ | ONE_THREAD | {"TQDM_MININTERVAL": "10"}
-    runner.environment["PYTHONPATH"] = os.pathsep.join([str(HERE), str(SITE)])
+    given_path = [os.environ["PYTHONPATH"]] if os.environ.get("PYTHONPATH") else []
+    runner.environment["PYTHONPATH"] = os.pathsep.join([str(HERE), str(SITE), *given_path])
     making, computing = jobs_of(
         [each for each in pack["shards"] if name_of(each) not in there], given.workers, given.card != "no"
     )

@@ -52,7 +52,7 @@ def outputs(workspace: Workspace) -> dict[str, list[Path]]:
 def checked(
     workspace: Workspace, folder: Path, sets: Mapping[str, ShardSet]
 ) -> Iterator[tuple[Shard, dict, list[Path]]]:
-    """Yield (shard, its line of the index, its files below the evidence) of all in a folder; InputError if one is wrong."""
+    """Yield (shard, its line of the index, its files below the evidence); InputError where one is not as indexed."""
     known = {shard.name: shard for shard in shards.shards(sets)}
     written, here = outputs(workspace), shards.folder(workspace).resolve()
     for line in shards.table(folder / "index.csv", shards.INDEX).to_dict("records"):
@@ -83,8 +83,8 @@ def say_other_data(index: pd.DataFrame, sets: Mapping[str, ShardSet], shard: Sha
         )
 
 
-def take(workspace: Workspace, folder: Path, shard: Shard, line: Mapping, kept: list[Path]) -> None:
-    """Copy the files of one shard, and put its lines into the tables."""
+def take(workspace: Workspace, folder: Path, shard: Shard, kept: list[Path]) -> None:
+    """Copy the files of one shard, and put the times of its trainings into the table."""
     here, curves = shards.folder(workspace), Path("curves") / f"{shard.name}.csv"
     for path in [*kept, *([curves] if (folder / curves).is_file() else [])]:
         with files.replacing(here / path) as draft:
@@ -92,7 +92,6 @@ def take(workspace: Workspace, folder: Path, shard: Shard, line: Mapping, kept: 
     times = shards.table(folder / "times.csv", shards.TIMES)
     if len(rows := times[times["shard"] == shard.name].to_dict("records")):
         shards.upsert(here / "times.csv", shards.TIMES, shard.name, rows)
-    shards.upsert(here / "index.csv", shards.INDEX, shard.name, [line])
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
@@ -105,16 +104,15 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     found = list(checked(workspace, given.folder, sets))
     for commit in dict.fromkeys(line["commit"] for _, line, _ in found):
         check_commit(workspace, commit)
-    there = shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
+    index = shards.folder(workspace) / "index.csv"
+    there = shards.table(index, shards.INDEX)
     lines = there.to_dict("records")
     new = [(shard, line, kept) for shard, line, kept in found if line not in lines]
-    for shard, line, kept in new:
-        say_other_data(there, sets, shard, line)
-        take(workspace, given.folder, shard, line, kept)
-        print(
-            f"{shard.name}: {', '.join(path.name for path in kept)}; {line['machine']}, {line['core_s']} core-seconds"
-        )
     with Repo(str(workspace.root)) as repo:
-        for shard, _, _ in new:
+        for shard, line, kept in new:
+            say_other_data(there, sets, shard, line)
+            take(workspace, given.folder, shard, kept)
             repo.commit(f"{workspace.root.resolve() / evidence.FILE}:{evidence.stage(shard)}", force=True)
+            shards.upsert(index, shards.INDEX, shard.name, [line])  # last: of what is not in it, all is taken again
+            print(f"{shard.name}: {', '.join(path.name for path in kept)}; {line['machine']}, {line['core_s']} core-s")
     print(f"{len(new)} shards taken; {len(found) - len(new)} were there")
