@@ -1,8 +1,8 @@
 """Compute the shards of a pack (`tactile pack`) on this machine, which needs no network, DVC or git.
 
-OUT is laid out as evidence/ and holds whole shards at any moment, so that it can be taken away at any moment. Data of
-different sets are made side by side; a shard begins as soon as its data are there. What has not ended after the
-minutes is killed, and the same call again computes what is missing. run.json has the seconds of every job.
+OUT is laid out as evidence/, and every shard that its index.csv names is whole, however this ends. Data of different
+sets are made side by side; a shard begins as soon as its data are there. What has not ended after the minutes is
+killed, and the same call again computes what is missing. run.json has the seconds of every job.
 """
 
 import argparse

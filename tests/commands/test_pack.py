@@ -78,16 +78,22 @@ read word; [ "$word" = quit ] && kill "$(cat "$DAEMON")"
 """
 
 
+def write_wheel(folder, name):
+    """Write a package of one empty module; name: that of the file, which tells the systems that it is for."""
+    module, version, tag = name.split("-", 2)
+    folder.mkdir(exist_ok=True)
+    with zipfile.ZipFile(folder / f"{name}.whl", "w") as wheel:
+        about = f"{module}-{version}.dist-info"
+        wheel.writestr(f"{module}.py", "")
+        wheel.writestr(f"{about}/METADATA", f"Metadata-Version: 2.1\nName: {module}\nVersion: {version}\n")
+        wheel.writestr(f"{about}/WHEEL", f"Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: {tag}\n")
+        wheel.writestr(f"{about}/RECORD", "")
+
+
 def packed(workspace, folder, *names, processes=1):
     """Pack shards in the workspace, unpack the archive in a new folder, and return that; one package comes along."""
     wheels = folder.parent / "wheels"
-    wheels.mkdir(exist_ok=True)
-    with zipfile.ZipFile(wheels / "probe_of_packs-1.0-py3-none-any.whl", "w") as wheel:
-        about = "probe_of_packs-1.0.dist-info"
-        wheel.writestr("probe_of_packs.py", "")
-        wheel.writestr(f"{about}/METADATA", "Metadata-Version: 2.1\nName: probe-of-packs\nVersion: 1.0\n")
-        wheel.writestr(f"{about}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
-        wheel.writestr(f"{about}/RECORD", "")
+    write_wheel(wheels, "probe_of_packs-1.0-py3-none-any")
     archive = folder.parent / "pack.tar"
     given = argparse.Namespace(archive=archive, shards=list(names), processes=processes, wheels=wheels)
     pack.main(workspace, given)
@@ -156,6 +162,27 @@ def test_what_cannot_be_packed_is_named(workspace, tmp_path, monkeypatch, stubs)
     assert not (tmp_path / "pack.tar").exists()
 
 
+@pytest.mark.slow
+def test_packages_come_in_the_versions_of_constraints_and_for_the_other_machine(tmp_path, monkeypatch):
+    index, here, there = tmp_path / "index", "cp311-cp311-win_amd64", "cp312-cp312-manylinux_2_17_x86_64"
+    pins = dict(re.findall(r"^(\S+)==(\S+)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE))
+    for name in pack.PACKAGES:
+        name = name if name in pins else name.replace("-", "_")
+        for tag in (here, there) if name in ("pydantic_core", "ruamel.yaml.clib") else ("py3-none-any",):
+            for version in (pins[name], "99.0"):
+                write_wheel(index, f"{name.replace('-', '_')}-{version}-{tag}")
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(index))
+    (tmp_path / "wheels").mkdir()
+    pack.download(tmp_path / "wheels")
+    found = {path.name for path in (tmp_path / "wheels").iterdir()}
+    assert len(found) == len(pack.PACKAGES) and not any("-99.0-" in name or here in name for name in found)
+    (index / f"skops-{pins['skops']}-py3-none-any.whl").unlink()
+    with pytest.raises(InputError, match="pip could not download .*skops.*; name a folder of them by --wheels"):
+        pack.download(tmp_path / "wheels2")
+
+
+@pytest.mark.slow
 def test_a_run_that_is_killed_at_its_deadline_leaves_whole_shards_and_the_next_goes_on(stubs, tmp_path):
     fate = {"strain-0-full": "fails", "strain-1-half": "stays", "glove_session": "fails"}
     names = ("strain@0-half", "strain@0-full", "strain@1-half", "glove_session@0-half", "physics_strain@0-full")
@@ -192,6 +219,7 @@ def test_a_run_that_is_killed_at_its_deadline_leaves_whole_shards_and_the_next_g
     assert done.returncode == 1 and "name another --out" in done.stderr
 
 
+@pytest.mark.slow
 def test_no_more_processes_than_asked_for_run_at_once(stubs, tmp_path):
     names = [f"touch_press@{seed}-{budget}" for seed in (0, 1) for budget in ("half", "full")]
     folder = stubs(*names, "strain@0-half", "strain@1-half", "strain@2-half", processes=2)
@@ -207,6 +235,7 @@ def test_no_more_processes_than_asked_for_run_at_once(stubs, tmp_path):
     assert all(begun[name] > ended[name.split("-")[0]] for name in begun if "-" in name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", [True, False])
 def test_a_card_is_shared_where_that_works(stubs, tmp_path, shared):
     names = ["touch_press@0-half", "touch_press@1-half", "strain@0-half"]
