@@ -10,8 +10,8 @@ import json
 import re
 import subprocess
 import sys
-import tarfile
 import tempfile
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -37,7 +37,7 @@ MOST_BYTES = 10_000_000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the archive and the shards to the parser of this command."""
-    parser.add_argument("archive", type=Path, metavar="OUT.tar", help="the archive to write")
+    parser.add_argument("archive", type=Path, metavar="OUT.zip", help="the archive to write")
     what = "SET: what is missing or out of date of it; SET@SEED-BUDGET: that shard; without any, as SET for all"
     parser.add_argument("shards", nargs="*", metavar="SET[@SEED-BUDGET]", help=what)
     parser.add_argument("--processes", type=int, default=1, help="of each shard that trains on a card (1)")
@@ -98,11 +98,13 @@ def write(workspace: Workspace, archive: Path, packed: Mapping, wheels: Path) ->
         members = {name: workspace.root / name for name in SETTINGS} | {name: paths.CODE.parent / name for name in CODE}
         members |= {"run.py": paths.require(paths.CODE.parent / RUN, f"git checkout {RUN}"), "pack.json": notes}
         with files.replacing(archive) as draft:
-            with tarfile.open(draft, "w", dereference=True) as tar:
-                for name, path in members.items():
-                    tar.add(path, name, filter=lambda entry: None if "__pycache__" in entry.name else entry)
+            with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as packing:
+                for name, top in members.items():
+                    for path in (top, *sorted(top.rglob("*"))):
+                        if "__pycache__" not in path.parts:
+                            packing.write(path, Path(name) / path.relative_to(top))
                 for wheel in sorted(wheels.glob("*.whl")):
-                    tar.add(wheel, f"wheels/{wheel.name}")
+                    packing.write(wheel, f"wheels/{wheel.name}")
             if (size := draft.stat().st_size) > MOST_BYTES:
                 draft.unlink()
                 most = f"{MOST_BYTES / 1e6:.0f} MB is the most"

@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tarfile
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
@@ -94,11 +93,11 @@ def packed(workspace, folder, *names, processes=1):
     """Pack shards in the workspace, unpack the archive in a new folder, and return that; one package comes along."""
     wheels = folder.parent / "wheels"
     write_wheel(wheels, "probe_of_packs-1.0-py3-none-any")
-    archive = folder.parent / "pack.tar"
+    archive = folder.parent / "pack.zip"
     given = argparse.Namespace(archive=archive, shards=list(names), processes=processes, wheels=wheels)
     pack.main(workspace, given)
-    with tarfile.open(archive) as tar:
-        tar.extractall(folder, filter="data")
+    with zipfile.ZipFile(archive) as unpacking:
+        unpacking.extractall(folder)
     return folder
 
 
@@ -143,7 +142,7 @@ def test_a_pack_holds_code_settings_and_shards_and_no_data(stubs, workspace, tmp
     assert told["touch_press"]["minutes"] == 6  # half of its 12
     there = {path.name for path in folder.iterdir()} - {"fate.json"}
     assert there == {*pack.CODE, "evidence", "pack.json", "params", "params.yaml", "run.py", "wheels"}
-    assert not list(folder.rglob("__pycache__")) and (tmp_path / "pack.tar").stat().st_size < pack.MOST_BYTES
+    assert not list(folder.rglob("__pycache__")) and (tmp_path / "pack.zip").stat().st_size < pack.MOST_BYTES
     assert not (folder / "evidence" / "index.csv").exists()
 
 
@@ -157,9 +156,9 @@ def test_what_cannot_be_packed_is_named(workspace, tmp_path, monkeypatch, stubs)
         with pytest.raises(InputError, match=re.escape(said)):
             packed(workspace, tmp_path / "there", *names)
     monkeypatch.setattr(pack, "MOST_BYTES", 1000)
-    with pytest.raises(InputError, match="pack.tar: .* MB, and 0 MB is the most"):
+    with pytest.raises(InputError, match="pack.zip: .* MB, and 0 MB is the most"):
         packed(workspace, tmp_path / "there", "strain@0-half")
-    assert not (tmp_path / "pack.tar").exists()
+    assert not (tmp_path / "pack.zip").exists()
 
 
 @pytest.mark.slow
