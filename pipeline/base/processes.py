@@ -1,6 +1,10 @@
-"""How a process that computes is set up: one thread, memory that it keeps, an end with its parent's, and locks."""
+"""How a process that computes is set up: one thread, memory that it keeps, an end with its parent's, and locks.
+
+Only the standard library is imported: evidence/run.py begins where nothing else may be installed yet.
+"""
 
 import ctypes
+import platform
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -26,6 +30,16 @@ def die_with_parent() -> None:
     if sys.platform == "linux":
         pr_set_pdeathsig = 1
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
+def processor() -> str:
+    """Return the make of this machine's processor."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            names = [line.partition(":")[2].strip() for line in file if line.startswith("model name")]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or platform.machine()
 
 
 @contextmanager

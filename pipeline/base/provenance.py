@@ -1,29 +1,36 @@
 """Say what the results were made with: the commit of the working tree, and the settings that dvc.lock noted."""
 
+import json
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import file_of
 from pipeline.base.paths import Workspace
 
+UNKNOWN = "unknown (not a git checkout)"
 
-def git_state(workspace: Workspace) -> tuple[str, str]:
-    """Return the commit of the working tree, and "true" if code or params differ from it, else "false".
 
-    `dvc.lock` and `reports/` do not count: the pipeline itself has just written them.
+def git_state(workspace: Workspace, of: Sequence[str] = (".", ":!dvc.lock", ":!reports")) -> tuple[str, str]:
+    """Return the commit of the working tree, and "true" if what `of` names differs from it, else "false".
+
+    `dvc.lock` and `reports/` do not count: the pipeline itself has just written them. Code that `tactile pack` packed
+    is of the commit that its pack.json names.
     """
     try:
         top, commit = _git(workspace, "rev-parse", "--show-toplevel", "HEAD").split("\n")
         if Path(top) != workspace.root.resolve():  # a copy that lies inside somebody else's repository
             raise ValueError
-        changes = _git(workspace, "status", "--porcelain", "--", ".", ":!dvc.lock", ":!reports")
+        changes = _git(workspace, "status", "--porcelain", "--", *of)
     except (OSError, ValueError, subprocess.CalledProcessError):
-        return "unknown (not a git checkout)", "unknown (not a git checkout)"
+        pack = paths.CODE.parent / "pack.json"
+        packed = pack.is_file() and json.loads(pack.read_text(encoding="utf-8"))["commit"]
+        return (packed, "false") if packed else (UNKNOWN, UNKNOWN)
     return commit, "true" if changes else "false"
 
 

@@ -26,6 +26,8 @@ COMMANDS = {  # command -> its module
     "fit-material": "fit_material",
     "fit-strain": "fit_strain",
     "evidence": "evidence",
+    "pack": "pack",
+    "unpack": "unpack",
     "calibrate": "calibrate",
     "rates": "rates",
     "bundle": "bundle",

@@ -11,6 +11,7 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 
 from pipeline.base import provenance
 from pipeline.base.errors import InputError
@@ -18,6 +19,7 @@ from pipeline.base.paths import Workspace
 from pipeline.scoring import shards
 from pipeline.scoring.claim_inputs import HALF
 from pipeline.scoring.shards import Shard
+from pipeline.settings.shards import ShardSet
 
 FILE = "evidence/dvc.yaml"
 LONGEST_MINUTES = 30  # of a shard: what runs longer is ended
@@ -45,6 +47,11 @@ def stale(workspace: Workspace, known: list[Shard]) -> list[Shard]:
     return [shard for shard in known if f"{FILE}:{stage(shard)}" in changed]
 
 
+def minutes(sets: Mapping[str, ShardSet], shard: Shard) -> float:
+    """Return how long a shard takes on two cores, about."""
+    return sets[shard.set].minutes * (0.5 if shard.budget == HALF else 1)
+
+
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Compute shards until the minutes are over."""
     sets = shards.read_sets(workspace)
@@ -53,8 +60,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             raise InputError(f"evidence/shards.yaml has no set '{name}'; known: {', '.join(sets)}")
     chosen = {name: each for name, each in sets.items() if not given.sets or name in given.sets}
     todo = stale(workspace, shards.shards(chosen))
-    minutes = {shard: chosen[shard.set].minutes * (0.5 if shard.budget == HALF else 1) for shard in todo}
-    print(f"{len(todo)} of {len(shards.shards(chosen))} shards to compute, about {sum(minutes.values()):.0f} minutes")
+    whole = sum(minutes(sets, shard) for shard in todo)
+    print(f"{len(todo)} of {len(shards.shards(chosen))} shards to compute, about {whole:.0f} minutes")
     if given.list:
         print(*(shard.name for shard in todo), sep="\n")
         return
@@ -62,7 +69,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         print("the code differs from the last commit; commit it first, so that the index names what made the shards")
     until, done = time.monotonic() + 60 * given.minutes, 0
     for shard in todo:
-        if time.monotonic() + 60 * minutes[shard] > until:
+        if time.monotonic() + 60 * minutes(sets, shard) > until:
             continue
         command = [sys.executable, "-m", "dvc", "repro", "-s", f"{FILE}:{stage(shard)}"]
         try:

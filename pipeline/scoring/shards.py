@@ -9,12 +9,14 @@ set, for each amount of data; its shards are called `<set>-<seed>-<budget>`. The
 * index.csv: of each shard its digest, costs, machine and commit; times.csv: core-seconds of each training.
 """
 
+import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.base import files, params, paths
+from pipeline.base import files, params, paths, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring.claim_inputs import COLUMNS, FULL, HALF
@@ -73,12 +75,26 @@ def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> 
     return folder(workspace) / "studies" / experiment / f"{table}-{seed}.csv"
 
 
+def digest(kept: Iterable[Path]) -> str:
+    """Return the digest of a shard's files: of one its own, of several that of theirs, in the order of their names."""
+    each = [files.sha256(path) for path in sorted(kept)]
+    return each[0] if len(each) == 1 else hashlib.sha256("".join(each).encode()).hexdigest()
+
+
+def table(path: Path, columns: list[str]) -> pd.DataFrame:
+    """Return index.csv or times.csv as text, without a row where there is no such file."""
+    return pd.read_csv(path, dtype=str, keep_default_na=False) if path.exists() else pd.DataFrame(columns=columns)
+
+
 def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None:
-    """Put the rows of one shard into a table, in place of those that it had; the table stays in order of shards."""
-    table = pd.read_csv(path, dtype=str, keep_default_na=False) if path.exists() else pd.DataFrame(columns=columns)
-    new = pd.DataFrame(rows, columns=columns).astype(str)
-    together = pd.concat([table[table["shard"] != shard], new])
-    files.write_table(path, together.sort_values("shard", kind="stable"))
+    """Put the rows of one shard into a table, in place of those that it had; the table stays in order of shards.
+
+    Of several processes that do so at once, one waits for the other.
+    """
+    with processes.holding(path.parent / ".lock", lambda: None):
+        former, new = table(path, columns), pd.DataFrame(rows, columns=columns).astype(str)
+        together = pd.concat([former[former["shard"] != shard], new])
+        files.write_table(path, together.sort_values("shard", kind="stable"))
 
 
 def read(workspace: Workspace) -> pd.DataFrame:

@@ -3,21 +3,22 @@
 The shard of a study trains the models that it looks into, runs it with one seed, and keeps its tables.
 
 The data of a set are made once per machine, in build/evidence/<set>, and made anew where their settings or code
-changed. The shard's own folder, build/evidence/<shard>, goes when its results are written; interrupted, the same call
-goes on where it stopped.
-Usage: python -m pipeline.stages.shard SET SEED half|full
+changed; without a seed they alone are made. The shard's own folder, build/evidence/<shard>, goes when its results are
+written; interrupted, the same call goes on where it stopped.
+Usage: python -m pipeline.stages.shard SET [SEED half|full]
 """
 
-import hashlib
 import math
 import os
-import platform
+import tempfile
 from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
 
 import pandas as pd
 
 from pipeline import experiments, scenes
-from pipeline.base import arguments, files, modules, params, paths, provenance, runs
+from pipeline.base import arguments, files, modules, params, paths, processes, provenance, runs
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
@@ -73,27 +74,35 @@ def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> 
         f"{each.experiment}.protocols.{one}.seeds": list(range(max(other.seeds for other in sharing)))
         for one in each.protocols
     }
-    values = settings_of(workspace, each, data, every)
+    with tempfile.TemporaryDirectory() as folder:  # another shard may be reading those of the data
+        values = settings_of(workspace, each, Workspace(Path(folder)), every)
     block = {key: value for key, value in values[each.experiment].items() if key not in UNMADE}
     code = sorted(path for room in ROOMS for path in (paths.CODE / room).rglob("*.py"))
     made_from, mark = runs.origin(block, code), data.root / "made_from.txt"
-    if mark.is_file() and mark.read_text(encoding="utf-8") == made_from:
-        return data
+    lock = data.root.with_name(f"{name}.lock")
+    with processes.holding(lock, lambda: print(f"{name}: another process makes its data")):
+        if not (mark.is_file() and mark.read_text(encoding="utf-8") == made_from):
+            settings_of(workspace, each, data, every)
+            make(workspace, data, each.experiment, name)
+            files.write_text(mark, made_from)
+    return data
+
+
+def make(workspace: Workspace, data: Workspace, experiment: str, name: str) -> None:
+    """Make the data of a set in their folder, from its settings; InputError where recordings are absent."""
     link = data.sources
     link.parent.mkdir(parents=True, exist_ok=True)
     if not link.is_symlink():  # it may lead to a folder that is not there
         link.symlink_to(workspace.sources.resolve())
-    windows = experiments.module(each.experiment).KIND == "windows"
-    for stage in (*(["simulate"] if each.experiment in scenes.NAMES else []), "ingest"):
-        modules.run(data.root, f"pipeline.stages.{stage}", each.experiment)
-    if reason := why_not_run(data, each.experiment):
+    windows = experiments.module(experiment).KIND == "windows"
+    for stage in (*(["simulate"] if experiment in scenes.NAMES else []), "ingest"):
+        modules.run(data.root, f"pipeline.stages.{stage}", experiment)
+    if reason := why_not_run(data, experiment):
         raise InputError(f"{name}: {reason}")
     for stage in (*(["window"] if windows else []), "dataset"):
-        modules.run(data.root, f"pipeline.stages.{stage}", each.experiment)
-    for log in data.logs(each.experiment).rglob("*.log"):  # what is left is small: the true drift of strands
+        modules.run(data.root, f"pipeline.stages.{stage}", experiment)
+    for log in data.logs(experiment).rglob("*.log"):  # what is left is small: the true drift of strands
         log.unlink()
-    files.write_text(mark, made_from)
-    return data
 
 
 def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) -> None:
@@ -115,7 +124,7 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
             modules.run(own.root, "pipeline.stages.train", each.experiment)
             settings_of(workspace, each.model_copy(update={"models": []}), own, further_of(shard, each))
         modules.run(own.root, f"pipeline.studies.{each.study}", each.experiment, str(shard.seed))
-        keep_study(workspace, own, shard, each, sum(os.times()[:4]) - started)
+        keep_study(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     else:
         for stage in ("train", "evaluate"):
             modules.run(own.root, f"pipeline.stages.{stage}", each.experiment)
@@ -123,14 +132,15 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
     files.remove_folder(own.root, inside=own.root.parent)
 
 
-def keep_study(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, core_s: float) -> None:
+def keep_study(
+    workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, values: Mapping, core_s: float
+) -> None:
     """Keep the tables that a study wrote for one seed, and their line of the index last."""
     kept = []
     for table in sorted(own.study_result(each.experiment, "any").parent.glob("*.csv")):
         kept.append(shards.study_file(workspace, each.experiment, table.stem, shard.seed))
         files.write_text(kept[-1], table.read_text(encoding="utf-8"))
-    digest = hashlib.sha256("".join(map(files.sha256, kept)).encode()).hexdigest() if len(kept) > 1 else ""
-    index(workspace, own, shard, each, shards.STUDY, digest or files.sha256(kept[0]), core_s)
+    index(workspace, own, shard, each, values["device"], shards.STUDY, shards.digest(kept), core_s)
     print(f"{shard.name}: {', '.join(path.name for path in kept)}, {core_s / 60:.1f} core-minutes")
 
 
@@ -154,17 +164,24 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     curves, times = trainings(own, experiment, values)
     files.write_table(target / "curves" / f"{shard.name}.csv", curves)
     shards.upsert(target / "times.csv", shards.TIMES, shard.name, [{"shard": shard.name, **row} for row in times])
-    index(workspace, own, shard, each, "+".join(each.protocols), files.sha256(result), core_s)
+    index(workspace, own, shard, each, values["device"], "+".join(each.protocols), shards.digest([result]), core_s)
     print(f"{shard.name}: {len(rows)} numbers, {core_s / 60:.1f} core-minutes")
 
 
 def index(
-    workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, protocol: str, digest: str, core_s: float
+    workspace: Workspace,
+    own: Workspace,
+    shard: Shard,
+    each: ShardSet,
+    device: str,
+    protocol: str,
+    digest: str,
+    core_s: float,
 ) -> None:
     """Put the line of a shard into the index."""
     line = {
         "shard": shard.name, "experiment": each.experiment, "protocol": protocol, "seed": shard.seed,
-        "budget": shard.budget, "sha256": digest, "core_s": round(core_s), "machine": machine(),
+        "budget": shard.budget, "sha256": digest, "core_s": round(core_s), "machine": machine(each.experiment, device),
         "commit": provenance.git_state(workspace)[0],
         "data_sha256": files.sha256(own.dataset(each.experiment)) if not each.own_data else "",
     }  # fmt: skip
@@ -189,20 +206,33 @@ def trainings(own: Workspace, experiment: str, values: Mapping) -> tuple[pd.Data
     return pd.concat([*curves, pd.DataFrame(columns=columns)])[columns], times
 
 
-def machine() -> str:
-    """Return the make of the processor, on which the last digits of results depend."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            names = [line.partition(":")[2].strip() for line in file if line.startswith("model name")]
-    except OSError:
-        names = []
-    return names[0] if names else platform.processor() or platform.machine()
+def machine(experiment: str, device: str) -> str:
+    """Return what the last digits of an experiment's results depend on.
+
+    It is the make of the processor, that of the card if networks were trained on one, and torch's version if it is not
+    the one that constraints.txt has. device: the setting.
+    """
+    names, torch_version = [processes.processor()], version("torch").partition("+")[0]
+    if device != "cpu" and experiments.module(experiment).KIND != "series":  # series are trained on the processor
+        import torch
+
+        names += [torch.cuda.get_device_name()] if torch.cuda.is_available() else []
+    pins = paths.CODE.parent / "constraints.txt"
+    if pins.is_file() and f"torch=={torch_version}" not in pins.read_text(encoding="utf-8").split():
+        names.append(f"torch {torch_version}")
+    return ", ".join(names)
 
 
 def main(workspace: Workspace) -> None:
-    """Compute the shard named on the command line."""
+    """Compute the shard named on the command line, or make the data of its set."""
     sets = shards.read_sets(workspace)
-    given = arguments.parse(__doc__, set=tuple(sets), seed=None, budget=shards.BUDGETS)
+    seeds = (*map(str, range(max(each.seeds for each in sets.values()))), None)
+    given = arguments.parse(__doc__, set=tuple(sets), seed=seeds, budget=(*shards.BUDGETS, None))
+    if given.seed is None:
+        make_data(workspace, sets, sets[given.set].like or given.set)
+        return
+    if given.budget is None:
+        raise InputError(f"{given.set} {given.seed}: which budget? `half` or `full`")
     params.check_known([given.budget], shards.budgets(sets[given.set]), f"evidence/shards.yaml, {given.set}")
     known = [str(seed) for seed in range(sets[given.set].seeds)]
     params.check_known([given.seed], known, f"evidence/shards.yaml, {given.set}")
