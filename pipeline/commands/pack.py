@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen(workspace: Workspace, sets: Mapping[str, ShardSet], names: list[str]) -> list[Shard]:
-    """Return the shards that were named, in the order in which shards are computed. InputError for a wrong name."""
+    """Return the shards that were named, in that order; they are begun in it. InputError for a wrong name."""
     every = shards.shards(sets)
     known = {evidence.stage(shard): shard for shard in every}
     for name in names:
@@ -54,23 +54,25 @@ def chosen(workspace: Workspace, sets: Mapping[str, ShardSet], names: list[str])
         experiment = sets[name.partition("@")[0]].experiment
         if experiment not in scenes.NAMES:
             raise InputError(f"{name}: {experiment} is of recordings, which do not travel; compute it here")
-    picked = {known[name] for name in names if name in known}
     asked = [each for each in every if each.set in names or not names]
-    for each in evidence.stale(workspace, asked) if asked else ():
-        if sets[each.set].experiment in scenes.NAMES:
-            picked.add(each)
-        else:
+    stale = evidence.stale(workspace, asked) if asked else []
+    picked = []
+    for name in names or sets:
+        picked += [known[name]] if name in known else [each for each in stale if each.set == name]
+    for each in picked:
+        if sets[each.set].experiment not in scenes.NAMES:
             print(f"{each.name}: left out, for its recordings do not travel; compute it here")
-    return [each for each in every if each in picked]
+    return [each for each in dict.fromkeys(picked) if sets[each.set].experiment in scenes.NAMES]
 
 
 def plan(sets: Mapping[str, ShardSet], shard: Shard, processes: int) -> dict:
     """Return what run.py is told of a shard; data: the set whose data it needs, or none."""
     each = sets[shard.set]
     card = experiments.module(each.experiment).KIND != "series"  # series are trained on the processor
+    trainings = len(each.models) * len(each.protocols) or processes  # without `models`, all of the experiment
     return shard._asdict() | {
         "minutes": evidence.minutes(sets, shard),
-        "processes": processes if card else 1,
+        "processes": min(processes, trainings) if card else 1,
         "card": card,
         "data": None if each.own_data else each.like or shard.set,
     }

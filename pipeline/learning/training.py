@@ -1,5 +1,6 @@
 """Train a network: the one loop that the epochs of all networks go through."""
 
+import os
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import NamedTuple
@@ -44,8 +45,9 @@ def device_of(name: str, *, series: bool = False) -> torch.device:
     """
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() and not series else "cpu"
-    if name == "cuda":  # its convolutions are as precise as the CPU's, and repeat
+    if name == "cuda":  # convolutions are as precise there as on the CPU, and repeat
         torch.backends.cudnn.allow_tf32, torch.backends.cudnn.deterministic = False, True
+        os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # its products, too, repeat
     return torch.device(name)
 
 
