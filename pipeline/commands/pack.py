@@ -55,12 +55,11 @@ def chosen(workspace: Workspace, sets: Mapping[str, ShardSet], names: list[str])
         if experiment not in scenes.NAMES:
             raise InputError(f"{name}: {experiment} is of recordings, which do not travel; compute it here")
     picked = {known[name] for name in names if name in known}
-    asked = [each for each in every if each.set in names or not names]
-    for each in evidence.stale(workspace, asked) if asked else ():
-        if sets[each.set].experiment in scenes.NAMES:
-            picked.add(each)
-        else:
-            print(f"{each.name}: left out, for its recordings do not travel; compute it here")
+    if asked := [each for each in every if each.set in names or not names]:
+        stale = evidence.stale(workspace, asked)
+        picked |= {each for each in stale if sets[each.set].experiment in scenes.NAMES}
+        if left := dict.fromkeys(each.set for each in stale if sets[each.set].experiment not in scenes.NAMES):
+            print(f"left out, for their recordings do not travel: {', '.join(left)}; compute them here")
     return [each for each in every if each in picked]
 
 

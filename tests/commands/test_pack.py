@@ -343,6 +343,18 @@ def commit(project, message):
     return git(project, "rev-parse", "HEAD")
 
 
+@pytest.mark.slow
+def test_only_what_is_committed_is_packed(project, tmp_path):
+    project.set({"device": "cpu"})
+    with pytest.raises(InputError, match="code or settings differ from the last commit"):
+        packed(Workspace(project.folder), tmp_path / "there", "strain@0-half")
+    git(project, "checkout", "-q", "params.yaml", "params")
+    told = json.loads(
+        (packed(Workspace(project.folder), tmp_path / "there", "strain@0-half") / "pack.json").read_text()
+    )
+    assert told["commit"] == git(project, "rev-parse", "HEAD")
+
+
 @pytest.fixture
 def take(project, monkeypatch, capsys):
     """Return `take(out)`, which takes the shards of a folder into the project and returns what that prints."""
