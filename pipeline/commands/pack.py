@@ -116,9 +116,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"--processes {given.processes}: expected 1 or more")
     commit, changed = provenance.git_state(workspace, [*SETTINGS, *CODE, RUN])
     if changed == "true":
-        raise InputError(
-            "the code or the settings differ from the last commit, which shards will name; commit them first"
-        )
+        raise InputError("code or settings differ from the last commit, which the shards will name; commit them first")
     sets = shards.read_sets(workspace)
     todo = chosen(workspace, sets, given.shards)
     if not todo:

@@ -349,9 +349,8 @@ def test_only_what_is_committed_is_packed(project, tmp_path):
     with pytest.raises(InputError, match="code or settings differ from the last commit"):
         packed(Workspace(project.folder), tmp_path / "there", "strain@0-half")
     git(project, "checkout", "-q", "params.yaml", "params")
-    told = json.loads(
-        (packed(Workspace(project.folder), tmp_path / "there", "strain@0-half") / "pack.json").read_text()
-    )
+    folder = packed(Workspace(project.folder), tmp_path / "there", "strain@0-half")
+    told = json.loads((folder / "pack.json").read_text())
     assert told["commit"] == git(project, "rev-parse", "HEAD")
 
 
