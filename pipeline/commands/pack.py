@@ -56,12 +56,11 @@ def chosen(workspace: Workspace, sets: Mapping[str, ShardSet], names: list[str])
             raise InputError(f"{name}: {experiment} is of recordings, which do not travel; compute it here")
     asked = [each for each in every if each.set in names or not names]
     stale = evidence.stale(workspace, asked) if asked else []
+    if left := dict.fromkeys(each.set for each in stale if sets[each.set].experiment not in scenes.NAMES):
+        print(f"left out, for their recordings do not travel: {', '.join(left)}; compute them here")
     picked = []
     for name in names or sets:
         picked += [known[name]] if name in known else [each for each in stale if each.set == name]
-    for each in picked:
-        if sets[each.set].experiment not in scenes.NAMES:
-            print(f"{each.name}: left out, for its recordings do not travel; compute it here")
     return [each for each in dict.fromkeys(picked) if sets[each.set].experiment in scenes.NAMES]
 
 
@@ -119,9 +118,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"--processes {given.processes}: expected 1 or more")
     commit, changed = provenance.git_state(workspace, [*SETTINGS, *CODE, RUN])
     if changed == "true":
-        raise InputError(
-            "the code or the settings differ from the last commit, which shards will name; commit them first"
-        )
+        raise InputError("code or settings differ from the last commit, which the shards will name; commit them first")
     sets = shards.read_sets(workspace)
     todo = chosen(workspace, sets, given.shards)
     if not todo:

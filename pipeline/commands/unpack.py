@@ -7,7 +7,8 @@ differs from the commit that they are of, a line says so.
 import argparse
 import shutil
 import subprocess
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -41,31 +42,33 @@ def check_commit(workspace: Workspace, commit: str) -> None:
 
 
 def outputs(workspace: Workspace) -> dict[str, list[Path]]:
-    """Return the stage of each shard -> the files that it writes, in the folder of the evidence."""
+    """Return the stage of each shard -> the files that it writes, below the folder of the evidence."""
     from dvc.repo import Repo
 
     with Repo(str(workspace.root)) as repo:
         stages = repo.stage.load_file(str(workspace.root.resolve() / evidence.FILE))
-        return {stage.name: [Path(out.fs_path) for out in stage.outs] for stage in stages}
+        return {stage.name: [Path(out.def_path).relative_to("evidence") for out in stage.outs] for stage in stages}
 
 
-def checked(
-    workspace: Workspace, folder: Path, sets: Mapping[str, ShardSet]
-) -> Iterator[tuple[Shard, dict, list[Path]]]:
-    """Yield (shard, its line of the index, its files below the evidence); InputError where one is not as indexed."""
+def named(workspace: Workspace, folder: Path, sets: Mapping[str, ShardSet]) -> list[tuple[Shard, dict]]:
+    """Return (shard, its line of the index) of all in a folder. InputError for one that is not of this checkout."""
     known = {shard.name: shard for shard in shards.shards(sets)}
-    written, here = outputs(workspace), shards.folder(workspace).resolve()
-    for line in shards.table(folder / "index.csv", shards.INDEX).to_dict("records"):
-        shard = known.get(line["shard"])
-        if shard is None:
+    lines = shards.table(folder / "index.csv", shards.INDEX).to_dict("records")
+    for line in lines:
+        if line["shard"] not in known:
             raise InputError(f"{folder / 'index.csv'}: evidence/shards.yaml has no shard {line['shard']}")
-        kept = [path.relative_to(here) for path in written[evidence.stage(shard)]]
-        for path in kept:
-            if not (folder / path).is_file():
-                raise InputError(f"{folder / path}: not there, though index.csv tells of {shard.name}; copy it again")
-        if shards.digest(folder / path for path in kept) != line["sha256"]:
-            raise InputError(f"{folder / kept[0]}: not the file that index.csv beside it tells of; copy it again")
-        yield shard, line, kept
+    for commit in dict.fromkeys(line["commit"] for line in lines):
+        check_commit(workspace, commit)
+    return [(known[line["shard"]], line) for line in lines]
+
+
+def check_files(folder: Path, shard: Shard, kept: Sequence[Path], digest: str) -> None:
+    """Raise InputError where the files of a shard are not those that its line of the index tells of."""
+    for path in kept:
+        if not (folder / path).is_file():
+            raise InputError(f"{folder / path}: not there, though index.csv tells of {shard.name}; copy it again")
+    if shards.digest(folder / path for path in kept) != digest:
+        raise InputError(f"{folder / kept[0]}: not the file that index.csv beside it tells of; copy it again")
 
 
 def say_other_data(index: pd.DataFrame, sets: Mapping[str, ShardSet], shard: Shard, line: Mapping) -> None:
@@ -83,7 +86,7 @@ def say_other_data(index: pd.DataFrame, sets: Mapping[str, ShardSet], shard: Sha
         )
 
 
-def take(workspace: Workspace, folder: Path, shard: Shard, kept: list[Path]) -> None:
+def take(workspace: Workspace, folder: Path, shard: Shard, kept: Sequence[Path]) -> None:
     """Copy the files of one shard, and put the times of its trainings into the table."""
     here, curves = shards.folder(workspace), Path("curves") / f"{shard.name}.csv"
     for path in [*kept, *([curves] if (folder / curves).is_file() else [])]:
@@ -96,23 +99,24 @@ def take(workspace: Workspace, folder: Path, shard: Shard, kept: list[Path]) -> 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Take all shards of a folder, and have DVC hold them up to date."""
-    from dvc.repo import Repo
-
     if not (given.folder / "index.csv").is_file():
         raise InputError(f"{given.folder}: no index.csv in it; name the folder that run.py wrote, its --out")
-    sets = shards.read_sets(workspace)
-    found = list(checked(workspace, given.folder, sets))
-    for commit in dict.fromkeys(line["commit"] for _, line, _ in found):
-        check_commit(workspace, commit)
-    index = shards.folder(workspace) / "index.csv"
+    sets, index = shards.read_sets(workspace), shards.folder(workspace) / "index.csv"
     there = shards.table(index, shards.INDEX)
-    lines = there.to_dict("records")
-    new = [(shard, line, kept) for shard, line, kept in found if line not in lines]
-    with Repo(str(workspace.root)) as repo:
-        for shard, line, kept in new:
+    lines, found = there.to_dict("records"), named(workspace, given.folder, sets)
+    if new := [(shard, line) for shard, line in found if line not in lines]:
+        kept = outputs(workspace)
+        for shard, line in new:
+            check_files(given.folder, shard, kept[evidence.stage(shard)], line["sha256"])
+        for shard, line in new:
             say_other_data(there, sets, shard, line)
-            take(workspace, given.folder, shard, kept)
-            repo.commit(f"{workspace.root.resolve() / evidence.FILE}:{evidence.stage(shard)}", force=True)
-            shards.upsert(index, shards.INDEX, shard.name, [line])  # last: of what is not in it, all is taken again
-            print(f"{shard.name}: {', '.join(path.name for path in kept)}; {line['machine']}, {line['core_s']} core-s")
+            take(workspace, given.folder, shard, kept[evidence.stage(shard)])
+            print(f"{shard.name}: {line['machine']}, {line['core_s']} core-seconds")
+        targets = [f"{evidence.FILE}:{evidence.stage(shard)}" for shard, _ in new]
+        command = [sys.executable, "-m", "dvc", "commit", "--quiet", "--force", *targets]
+        done = subprocess.run(command, cwd=workspace.root, capture_output=True, text=True)
+        if done.returncode:
+            raise InputError(f"`dvc commit` failed: {done.stderr.strip()}; call this again when that is mended")
+        for shard, line in new:  # last: a shard that is not in the index is taken again
+            shards.upsert(index, shards.INDEX, shard.name, [line])
     print(f"{len(new)} shards taken; {len(found) - len(new)} were there")
