@@ -115,8 +115,12 @@ def augmentation_table(report: Report, model: str, split: str) -> pd.DataFrame:
 
 def most_confused(report: Report, dataset: str, protocol: str) -> Iterator[tuple[str, str]]:
     """Yield the most confused pairs of objects, and the share of their images that is given the other's name."""
-    rows = report.results.rows(experiment="glove", protocol=protocol, condition=dataset, metric="confusion_rank")
-    for pair in rows.sort_values("value")["variant"].iloc[:MOST_CONFUSED]:
+    rows = report.results.rows(experiment="glove", protocol=protocol, condition=dataset, metric="confusion")
+    pairs = [pair for pair in rows["variant"].unique() if pair != "mean_pair"]
+    means = {
+        pair: report.results.runs("glove", protocol, dataset, "sp_resnet", "confusion", pair).mean() for pair in pairs
+    }
+    for pair in sorted(pairs, key=lambda pair: -means[pair])[:MOST_CONFUSED]:
         yield pair, report.score(protocol, dataset, "sp_resnet", "confusion", pair, percent=True)
 
 

@@ -173,7 +173,7 @@ def glove_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
 def confusions(workspace: Workspace, settings: Mapping, table: pa.Table, protocols: Mapping[str, str]) -> Iterator[Row]:
     """Yield for every two objects the share of their images that SP-ResNet gave the other's name, by seed.
 
-    Beside it the mean over all pairs, and the rank of each pair among them over all runs together.
+    Beside it the mean over all pairs.
     """
     names = classes(table)
     first, second = np.triu_indices(len(names), 1)
@@ -183,11 +183,9 @@ def confusions(workspace: Workspace, settings: Mapping, table: pa.Table, protoco
         if len(counts) < len(seeds):  # a run failed: its score says so
             continue
         place = {"protocol": protocol, "condition": dataset, "model": "sp_resnet", "unit": "1", "n": len(first)}
-        ranks = {pair: rank for rank, pair in enumerate(glove_results.ranked_pairs(counts.sum(axis=0)), start=1)}
         shares = {seed: glove_results.pair_shares(run) / 100 for seed, run in zip(seeds, counts, strict=True)}
         for i, j in zip(first, second, strict=True):
             pair = place | {"variant": f"{names[i]}_and_{names[j]}"}
-            yield pair | {"metric": "confusion_rank", "value": ranks[int(i), int(j)]}
             yield from (
                 pair | {"metric": "confusion", "seed": seed, "value": share[i, j]} for seed, share in shares.items()
             )

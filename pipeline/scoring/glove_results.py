@@ -97,13 +97,6 @@ def pair_shares(counts: np.ndarray) -> np.ndarray:
     return 100 * np.divide(counts + counts.T, both, out=np.zeros(counts.shape), where=both > 0)
 
 
-def ranked_pairs(counts: np.ndarray) -> list[tuple[int, int]]:
-    """Return all pairs of classes, the most confused first."""
-    shares = pair_shares(counts)
-    first, second = np.triu_indices(len(shares), 1)
-    return [(int(first[k]), int(second[k])) for k in np.argsort(-shares[first, second], kind="stable")]
-
-
 def splits(settings: Mapping) -> dict[str, list[str]]:
     """Return split -> its protocols, the first being the main one."""
     by_split = {}
