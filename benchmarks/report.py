@@ -9,6 +9,7 @@ from pipeline.reporting.words.markdown import table
 
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
 TABLES = {  # in the folder of this report, each written by its benchmark
+    "card.csv": "what an update of a training takes on a card, beside one thread of its machine",
     "inference.csv": "what one prediction takes of torch, of the predictor and of ONNX Runtime",
     "repro_stages.csv": "what each stage of a full run takes",
 }

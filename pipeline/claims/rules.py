@@ -128,7 +128,8 @@ def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
     best: the value of no error, such as 100 %; of 95 % right, the band is a share of the 5 % wrong.
     """
     runs, published = only(values), only(printed)
-    mean = interval(runs, results.LOG if best == 0 else results.PLAIN)
+    error = best == 0 and (runs.dropna() > 0).all()  # a gain, which is not, can be below zero
+    mean = interval(runs, results.LOG if error else results.PLAIN)
     band = BAND * abs(published - best)
     verdict = UNDECIDED
     if mean.low > published + band or mean.high < published - band:

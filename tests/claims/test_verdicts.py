@@ -142,6 +142,7 @@ def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
         ("near", [2.4, 2.41, 2.42], {}, NEAR),
         ("near", [2.7, 2.71, 2.72], {}, OFF),
         ("near", [1.9, 2.0, 3.0], {}, UNDECIDED),
+        ("near", [-2.0, -2.2, -2.1], {}, OFF),  # a gain that is a loss
         ("about", [2.4, 2.41, 2.42], {}, REPRODUCED),
         ("about", [2.7, 2.71, 2.72], {}, CONTRADICTED),
         ("near", [10.9, 10.91, 10.92], {"best": 12.0}, MATCHES),  # error 1.1 where the paper's is 10: see printed
