@@ -28,6 +28,7 @@ NEAR_S = 0.05  # around a time: readings that are averaged
 MOVED_MM = 1.0  # a place that moves by more during a press is none
 MIDDLE = 0.25  # of the pitch: so near the middle of an element it is pressed, in x and y
 FEWEST_IN_A_LOG = 10
+MOST = 3000  # presses of a sensor that are looked at, a second or three; of more, every so many
 LOST = 3.0  # intervals; a cycle with a longer silence is left out
 
 
@@ -87,6 +88,7 @@ class Cycles(NamedTuple):
     log: np.ndarray  # (P,) number of the log
     group: np.ndarray  # (P,) number of the log's group
     time_s: np.ndarray  # (P,) where the rest ends
+    end_s: np.ndarray  # (P,) where the next one begins
     place: np.ndarray  # (P, 2) mm
     rest: np.ndarray  # (P, E) reading, of all elements
     quiet: np.ndarray  # (P, 2, E) of all elements, at rest: sum of squares of second differences, and their number
@@ -151,7 +153,7 @@ def cycles(sensor: Sensor) -> Cycles:
 def empty(elements: int) -> list[np.ndarray]:
     """Return the columns of no cycle."""
     by_element, ways, settled = (elements,), (len(LEVELS), elements), (len(SETTLED_S), elements)
-    shapes = dict.fromkeys(("time_s", "stimulus", "stimulus_rise_s", "stimulus_fall_s"), ())
+    shapes = dict.fromkeys(("time_s", "end_s", "stimulus", "stimulus_rise_s", "stimulus_fall_s"), ())
     shapes |= {"place": (2,), "quiet": (2, elements), "busy": (2, elements), "up": ways, "down": ways}
     shapes |= {"settled": settled, "creep": (len(SETTLED_S), len(CREEP_S), elements)}
     numbers = [np.empty(0, dtype=int)] * 2
@@ -168,9 +170,12 @@ def of_log(log: Log, sensor: Sensor, top: float) -> Iterator[tuple]:
     quiet = max(QUIET * top, UNLIKELY * float(white_noise(stimulus)))
     noise = white_noise(log.reading)
     starts, ends = [0, *(press.stop for press in found)], [*(press.first for press in found[1:]), n]
-    for press, before, after in zip(found, starts, ends, strict=False):
-        if stimulus[press.reached : press.left + 1].max() < FULL * top:
-            continue
+    full = [
+        each
+        for each in zip(found, starts, ends, strict=False)
+        if stimulus[each[0].reached : each[0].left + 1].max() >= FULL * top
+    ]
+    for press, before, after in full[:: -(-len(full) * len(sensor.logs) // MOST) or 1]:
         low = at_rest(stimulus, before, press.first, quiet)
         back = at_rest(stimulus, press.stop, after, quiet)
         if not len(low) or not len(back):
@@ -192,6 +197,7 @@ def of_log(log: Log, sensor: Sensor, top: float) -> Iterator[tuple]:
         still, held = middle(low), middle(np.arange(press.reached, press.left + 1))
         yield (
             course.time_s[course.onset],
+            course.time_s[course.end],
             place.mean(axis=0),
             rest,
             quiet_squares(log.reading[still], still),

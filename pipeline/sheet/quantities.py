@@ -194,6 +194,21 @@ def drift_of_rest(given: Known) -> Estimate:
     return ratio_of_sums(above, below, unit, finish=lambda slope: PERCENT * slope / output, n=int(usable.sum()))
 
 
+def spread_of_rest(given: Known) -> Estimate:
+    """Standard deviation of the reading at rest before a press, within a recording: what a slope over time leaves out.
+
+    It is what a sensor without memory and without drift has of noise alone.
+    """
+    if given.untold:
+        return cannot_tell("% FS", given.untold)
+    log = given.cycles.log
+    _, place, count = np.unique(log, return_inverse=True, return_counts=True)
+    left = np.square(centred(given.cycles.rest, log))
+    free = np.broadcast_to(np.where(count > 1, 1 - 1 / count, np.nan)[place][:, None], left.shape)
+    left, free, output = in_blocks(left, BLOCKS), in_blocks(free, BLOCKS), full_scale_output(given)
+    return ratio_of_sums(left, free, "% FS", finish=lambda ratio: PERCENT * np.sqrt(ratio) / output, n=len(log))
+
+
 def drift_of_gain(given: Known) -> Estimate:
     """Slope over time of the response to equal presses, in % of the response (ISA-S37.1: sensitivity shift).
 
@@ -232,7 +247,7 @@ def creep(given: Known, which: int) -> Estimate:
     k = next((k for k, settled_s in enumerate(SETTLED_S) if settled_s >= wait_s), None)
     if k is None:
         return cannot_tell(
-            "%", f"the reading takes {responds.value:.3g} ms to respond, too long to tell a creep from it"
+            "%", f"the reading takes {responds.value:.0f} ms to respond, too long to tell a creep from it"
         )
     few = f"no press is held, within 3 %, for {later_s:g} s after {SETTLED_S[k]:g} s in which it settles"
     return ratio_of_sums(PERCENT * given.cycles.creep[:, k, which], given.cycles.settled[:, k], "%", few=few)
@@ -318,7 +333,7 @@ def dead_time(given: Known) -> Estimate:
     if rise_ms <= 2 * interval_ms and late.value < interval_ms:
         return cannot_tell("ms", "less than the interval of the log", at_most=interval_ms, n=late.n)
     if late.value < rise_ms:
-        return cannot_tell("ms", f"a press takes {rise_ms:.3g} ms from 10 to 90 %; only quicker ones show a delay")
+        return cannot_tell("ms", f"a press takes {rise_ms:.0f} ms from 10 to 90 %; only quicker ones show a delay")
     return late
 
 
@@ -352,7 +367,7 @@ def change_time(given: Known, reading_s: np.ndarray, stimulus_s: np.ndarray, wha
     if found.value < 2 * interval_ms:
         return cannot_tell("ms", "less than two intervals of the log", max(found.value, 2 * interval_ms), found.n)
     if not found.value >= SLOWER * own_ms:
-        return cannot_tell("ms", f"{what} takes {own_ms:.3g} ms", found.value, found.n)
+        return cannot_tell("ms", f"{what} takes {own_ms:.0f} ms", found.value, found.n)
     return found
 
 
@@ -364,8 +379,11 @@ def spread_between_elements(given: Known) -> Estimate:
         return cannot_tell("%", given.untold)
 
     def variation(values: np.ndarray) -> np.ndarray:
-        some = np.isfinite(values).all(axis=0)
-        return PERCENT * values[:, some].std(axis=1, ddof=1) / values[:, some].mean(axis=1)
+        count, here = np.isfinite(values).sum(axis=1), np.isfinite(values)
+        middle = np.where(here, values, 0.0).sum(axis=1) / np.maximum(count, 1)
+        square = np.where(here, values - middle[:, None], 0.0) ** 2
+        deviation = np.sqrt(square.sum(axis=1) / np.maximum(count - 1, 1))
+        return np.where(count > 2, PERCENT * deviation / np.where(middle, middle, np.nan), np.nan)
 
     response, stimulus = given.cycles.response, given.cycles.stimulus[:, None]
     pressed = (np.isfinite(response).sum(axis=0) >= 3).sum()
@@ -382,6 +400,7 @@ QUANTITIES: dict[str, Callable[[Known], Estimate]] = {
     "hysteresis": hysteresis,
     "repeatability": repeatability,
     "drift of rest": drift_of_rest,
+    "spread of rest": spread_of_rest,
     "drift of gain": drift_of_gain,
     "creep, 1 s": creep_1,
     "creep, 10 s": creep_10,

@@ -13,7 +13,7 @@ import pyarrow as pa
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas, specimens
-from pipeline.experiments import glove, strain_recorded
+from pipeline.experiments import glove, strain, strain_recorded
 from pipeline.scenes import material
 from pipeline.sheet import cycles
 from pipeline.sheet.cycles import Log, Sensor
@@ -29,13 +29,39 @@ def sensors(experiment: str, name: str, folder: Path, settings: Mapping, simulat
     holds the logs of the scene. Raises InputError as ingest does.
     """
     module = experiments.module(experiment)
-    read = [module.read_recording(path, settings)[0] for path in module.recordings(folder)]
-    if simulated:  # of one specimen, as recordings are
-        read = [frames for frames in read if specimens.number(frames["recording"][0].as_py()) == 0]
+    paths = [path for path in module.recordings(folder) if not simulated or of_first_specimen(experiment, path.name)]
+    chosen = [path for path in paths if CHOSEN.get(experiment, all_alike)(path, settings)] or paths
+    read = [module.read_recording(path, settings)[0] for path in chosen]
     made = MAKERS[experiment](name, [frames for frames in read if frames.num_rows], settings, simulated)
     if not any(sensor.logs for sensor in made):
         raise InputError(f"{folder}: no recording has frames; `tactile check {experiment} {folder}` says more")
     return made
+
+
+def of_first_specimen(experiment: str, name: str) -> bool:
+    """Tell whether a simulated recording is of the first specimen, by its name: a sheet is of one sensor.
+
+    Fingers have a recording each; of arrays and gloves the name says the number.
+    """
+    return name == "run000" if experiment == "strain" else specimens.number(name) == 0
+
+
+def all_alike(path: Path, settings: Mapping) -> bool:
+    """Tell that a recording is needed."""
+    return True
+
+
+def of_one_tip(path: Path, settings: Mapping) -> bool:
+    """Tell whether a recording of touch has one load cell."""
+    return not (path / "load_cell_2.log").exists()
+
+
+def along_one_axis(path: Path, settings: Mapping) -> bool:
+    """Tell whether the task of a recording of strain asks for one axis."""
+    return len(strain.tasks(settings).get(path.parent.name, ())) == 1
+
+
+CHOSEN = {"touch": of_one_tip, "strain": along_one_axis}
 
 
 def touch(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
@@ -134,7 +160,8 @@ def of_strain_recorded(name: str, read: Sequence[pa.Table], settings: Mapping, s
         reading = schemas.matrix(frames["v"])[:, strain_recorded.SHARED[day]].astype(float)
         place = schemas.matrix(frames["y_mm"]).astype(float)
         logs.append(log_of(frames, reading, -place[:, 2], place[:, :2]))
-    return [Sensor(name, "V", "mm", logs, one_clock=True, note="The stimulus is the commanded depth.")]
+    note = "The stimulus is the commanded depth: what the arm needs to follow it is in all times."
+    return [Sensor(name, "V", "mm", logs, one_clock=True, note=note)]
 
 
 def of_glove_recorded(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:

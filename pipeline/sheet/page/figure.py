@@ -7,12 +7,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from pipeline.reporting.figures import style
-from pipeline.sheet.cycles import LEVELS, WINDOW_S
+from pipeline.sheet.cycles import LEVELS
 from pipeline.sheet.quantities import PERCENT, Known, Sheet, full_scale_output, mean
 
 PANELS = ("Loading curve", "Rest before a press", "A typical press")
 BESIDE_S = 1.0  # drawn before and after a press
-LONGEST_S = 30.0  # of a press that is drawn
 
 
 def draw(path: Path, sheets: Sequence[Sheet]) -> None:
@@ -52,14 +51,14 @@ def loading(ax: plt.Axes, given: Known) -> None:
 
 
 def rests(ax: plt.Axes, given: Known) -> None:
-    """Draw the median over elements of the rest before each press, less a recording's first, in % FS over minutes."""
+    """Draw the median over elements of the rest before each press, less a recording's median, in % FS over minutes."""
     cycles, output = given.cycles, full_scale_output(given)
     if given.untold:
         untold(ax)
         return
     for log in np.unique(cycles.log):
         rows = cycles.log == log
-        change = PERCENT * (cycles.rest[rows] - cycles.rest[rows][0]) * given.sign / output
+        change = PERCENT * (cycles.rest[rows] - np.median(cycles.rest[rows], axis=0)) * given.sign / output
         change = np.nanmedian(change[:, np.isfinite(output)], axis=1)
         minutes = (cycles.time_s[rows] - given.sensor.logs[log].time_s[0]) / 60
         ax.plot(minutes, change, color=style.BLUE, linewidth=0.6, alpha=0.7)
@@ -75,12 +74,8 @@ def typical_press(ax: plt.Axes, given: Known) -> None:
     size = np.nanmax(np.nan_to_num(cycles.response), axis=1)
     chosen = int(np.argsort(size)[len(size) // 2])
     log, element = given.sensor.logs[cycles.log[chosen]], int(np.nanargmax(np.nan_to_num(cycles.response[chosen])))
-    pressed = np.flatnonzero((log.time_s > cycles.time_s[chosen]) & (log.stimulus < 0.1 * given.full_scale))
-    later = log.time_s[pressed] > cycles.time_s[chosen] + WINDOW_S
-    end_s = log.time_s[pressed[later][0]] if later.any() else log.time_s[-1]
-    shown = (log.time_s > cycles.time_s[chosen] - BESIDE_S) & (
-        log.time_s < min(end_s + BESIDE_S, cycles.time_s[chosen] + LONGEST_S)
-    )
+    first_s, last_s = cycles.time_s[chosen] - BESIDE_S, cycles.end_s[chosen] + BESIDE_S
+    shown = (log.time_s > first_s) & (log.time_s < last_s)
     time = log.time_s[shown] - cycles.time_s[chosen]
     stimulus = log.stimulus[shown] / cycles.stimulus[chosen]
     reading = np.abs(log.reading[shown, element] - cycles.rest[chosen, element]) / cycles.response[chosen, element]

@@ -25,7 +25,7 @@ def markdown(sheets: Sequence[Sheet], figure: str = "") -> str:
 
 
 def of_one(sheet: Sheet) -> tuple[list[str], str, list[tuple[str, str]]]:
-    """Return what a sheet is of, its table, and what the logs cannot tell: (quantity, reason)."""
+    """Return what a sheet is of, its table, and what the logs cannot tell: (quantities, reason)."""
     rows = [
         [name, cell(line, interval=False), interval(line), between(line), str(line.n)]
         for name, line in sheet.lines.items()
@@ -42,16 +42,19 @@ def of_one(sheet: Sheet) -> tuple[list[str], str, list[tuple[str, str]]]:
 def of_what(sheet: Sheet) -> list[str]:
     """Return sentences: recordings, elements, presses and the full scale."""
     given, sensor = sheet.given, sheet.given.sensor
+    count = len(sensor.logs)
+    recordings = "One recording" if count == 1 else f"{count} recordings"
     elements = "one element" if sensor.elements == 1 else f"{sensor.elements} elements"
     rate = 1 / given.cycles.interval_s
-    said = [f"{len(sensor.logs)} recordings of {elements}, {significant(rate)} readings a second, in {sensor.unit}."]
+    said = [f"{recordings} of {elements}, {significant(rate)} readings a second, in {sensor.unit}."]
     if sensor.stimulus and np.isfinite(given.full_scale):
         said.append(
-            f"The strongest presses reach {significant(given.full_scale)} {sensor.stimulus}; "
-            f"{len(given.cycles.time_s)} come near it from rest and go back."
+            f"The strongest presses reach {significant(given.full_scale)} {sensor.stimulus}; the sheet is of "
+            f"{len(given.cycles.time_s)} that come near it from rest and go back."
         )
     if given.dead:
-        said.append(f"Without an answer: {', '.join(str(element) for element in given.dead)} (counted from 0).")
+        listed = ", ".join(str(element) for element in given.dead)
+        said.append(f"Elements that hardly answer, left out: {listed}, counted from 0.")
     return [*said, sensor.note] if sensor.note else said
 
 
