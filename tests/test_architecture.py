@@ -30,7 +30,7 @@ ARROWS = {
     "inference": {"reporting/figures", "tasks"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
-    "twins": {"experiments", "scenes", "scoring"},
+    "twins": {"scoring", "sheet"},
     "sheet/page": {"sheet", "reporting/figures"},
     "sheet": {"experiments", "scenes"},
     "models": {"learning"},
