@@ -124,7 +124,7 @@ def presses(time_s: np.ndarray, stimulus: np.ndarray, threshold: float, briefest
 def second_difference_squares(values: np.ndarray) -> np.ndarray:
     """Return the squares of second differences of values (n, ...), (n - 2, ...): six times the variance of white noise.
 
-    A drift that is linear over three values leaves them alone (von Neumann's method of successive differences).
+    A drift that is linear over three values leaves them alone.
     """
     return np.square(values[2:] - 2 * values[1:-1] + values[:-2])
 

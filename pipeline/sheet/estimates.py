@@ -21,7 +21,7 @@ MOST_UNITS = 500  # that are resampled; of more, stretches of neighbours in time
 
 
 class Estimate(NamedTuple):
-    """A line of the sheet. Without a value, `reason` says why; with both, the value is only a bound, "at most"."""
+    """A line of the sheet. Without a value, `reason` says why; with both, the value is only a bound."""
 
     value: float  # median over elements; NaN where the logs cannot tell
     unit: str
@@ -31,6 +31,7 @@ class Estimate(NamedTuple):
     smallest: float = np.nan  # over elements; NaN for a single one
     largest: float = np.nan
     reason: str = ""
+    bound: str = "at most"
 
     @property
     def told(self) -> bool:

@@ -65,7 +65,7 @@ def known(sensor: Sensor) -> Known:
     if not sensor.stimulus:
         untold = NO_STIMULUS
     elif not len(found.time_s):
-        untold = f"no press goes from rest to {PERCENT * FULL:.0f} % of the strongest ones and back"
+        untold = f"no press in one place goes from rest to {PERCENT * FULL:.0f} % of the strongest ones and back"
     noise = np.sqrt(mean(found.quiet[:, 0], found.quiet[:, 1]) / 6)
     size = mean(np.abs(found.response), np.isfinite(found.response))
     dead = size <= ANSWERS * np.nan_to_num(noise)
@@ -137,8 +137,8 @@ def non_linearity(given: Known) -> Estimate:
 def hysteresis(given: Known) -> Estimate:
     """Largest difference of the mean readings at one stimulus, unloading less loading (ISA-S37.1; IEC 61298-2).
 
-    At 10 to 90 % of the stimulus of full cycles. A creep during the hold, and a reading that is late, are part of it.
-    Positive: the reading is higher when unloading.
+    At 10 to 90 % of the stimulus of full cycles. Creep during the hold, and a reading that is late, are part of it, and
+    so are clocks that differ: by one of five readings on a way, a fifth of the way. Positive: higher when unloading.
     """
     if given.untold:
         return cannot_tell("% FS", given.untold)
@@ -197,7 +197,7 @@ def drift_of_rest(given: Known) -> Estimate:
 def spread_of_rest(given: Known) -> Estimate:
     """Standard deviation of the reading at rest before a press, within a recording: what a slope over time leaves out.
 
-    It is what a sensor without memory and without drift has of noise alone.
+    A sensor without drift and without memory has only its noise here.
     """
     if given.untold:
         return cannot_tell("% FS", given.untold)
@@ -254,9 +254,10 @@ def creep(given: Known, which: int) -> Estimate:
 
 
 def noise_at_rest(given: Known) -> Estimate:
-    """Standard deviation of the white noise at rest, from second differences, so that drift is not in it (von Neumann).
+    """Standard deviation of the white noise at rest, from second differences, so that drift is not in it.
 
-    The sum of squares of second differences is six times the variance of white noise.
+    As von Neumann et al. (Annals of Mathematical Statistics 12, 153, 1941) from first ones: the mean square of second
+    differences of white noise is six times its variance.
     """
     if given.untold:
         return cannot_tell(given.sensor.unit, given.untold)
@@ -264,9 +265,9 @@ def noise_at_rest(given: Known) -> Estimate:
 
 
 def noise_pressed(given: Known) -> Estimate:
-    """The same during the hold of a full press; what trembles in the stimulus is in it.
+    """Standard deviation of the white noise in the hold of a full press, as at rest; tremor of the stimulus is in it.
 
-    Without a log of the stimulus: in the last second of a grasp.
+    Without a log of the stimulus: in the last second of a grasp, whose tremor makes it a bound.
     """
     if given.untold == NO_STIMULUS:
         found = noise(given, grasps(given.sensor).quiet, "grasps have fewer than 3 readings")
@@ -288,7 +289,7 @@ def noise(given: Known, sums: np.ndarray, few: str) -> Estimate:
 def signal_to_noise(given: Known) -> Estimate:
     """Full-scale output over the noise, at rest or pressed, whichever is larger: 20 lg of the ratio.
 
-    The interval holds those of both.
+    The interval holds those of both. Where the noise is a bound, so is this.
     """
     signal, noises = span(given), [noise_at_rest(given), noise_pressed(given)]
     known = [line for line in noises if np.isfinite(line.value)]
@@ -297,7 +298,7 @@ def signal_to_noise(given: Known) -> Estimate:
     disturbance = max(known, key=lambda line: line.value)
     ends = (signal.low, disturbance.high), (signal.high, disturbance.low), (signal.value, disturbance.value)
     low, high, value = (float(20 * np.log10(one / other)) for one, other in ends)
-    return Estimate(value, "dB", min(signal.n, disturbance.n), low, high)
+    return Estimate(value, "dB", min(signal.n, disturbance.n), low, high, reason=disturbance.reason, bound="at least")
 
 
 def crosstalk(given: Known) -> Estimate:

@@ -65,20 +65,17 @@ CHOSEN = {"touch": of_one_tip, "strain": along_one_axis}
 
 
 def touch(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
-    """Return an array, or a single element, under a load cell; recordings of several touches at a time are left out."""
+    """Return an array, or a single element, under a load cell; several touches at a time are no loading cycle."""
     sensor, logs = settings["sensor"], []
     for frames in read:
         force = schemas.matrix(frames["force_n"])
-        if np.isfinite(force[:, 1:]).any():
-            continue
         reading = schemas.matrix(frames["v"]).astype(float)
         if simulated:
             circuit = settings["simulate"]["circuit"]
             reading = 1e3 * glove.conductance(reading, circuit["reference_ohm"], circuit["adc_levels"])
         place = np.column_stack([schemas.matrix(frames[axis])[:, 0] for axis in ("x_mm", "y_mm")])
-        logs.append(log_of(frames, reading, force[:, 0].astype(float), place.astype(float)))
-    if not logs:
-        raise InputError("every recording has several touches at a time; record presses of one tip as well")
+        one_tip = not np.isfinite(force[:, 1:]).any()
+        logs.append(log_of(frames, reading, force[:, 0].astype(float) if one_tip else np.empty(0), place.astype(float)))
     several = sensor["rows"] * sensor["cols"] > 1
     return [
         Sensor(
@@ -96,24 +93,22 @@ def touch(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: boo
 def of_strain(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return strands on an arm; the stimulus is the depth, or the one axis along which the arm moves.
 
-    Of recordings in which the arm moves along several axes, only presses count during which it moves in z alone. Where
-    some recordings move along one axis, the others are left out.
+    Where some recordings move along one axis alone, the others are left out; where none does, only presses count
+    during which z alone moves. The depth is that below `sensor.pressed_below_mm`, or else below the highest z.
     """
-    moving = [np.ptp(schemas.matrix(frames["y_mm"]), axis=0) > LEAST_MM for frames in read]
-    single = [moves for moves in moving if moves.sum() == 1]
-    axes = {int(moves.argmax()) for moves in single}
-    axis = 2 if not single or 2 in axes else min(axes)
-    logs = []
-    for frames, moves in zip(read, moving, strict=True):
-        if moves[axis] and (moves.sum() == 1 or not single):
-            place = schemas.matrix(frames["y_mm"]).astype(float)
-            stimulus = -place[:, 2] if axis == 2 else place[:, axis]
-            rest = 0.0 if axis == 2 else stimulus.min()
-            others = np.delete(place, axis, axis=1)
-            logs.append(log_of(frames, schemas.matrix(frames["v"]).astype(float), stimulus - rest, others))
-    if not logs:
-        raise InputError("the arm never moves along z alone, nor along any other axis alone; record such a motion too")
-    unit = settings["sensor"].get("unit", "V") if "sensor" in settings else "V"
+    places = [schemas.matrix(frames["y_mm"]).astype(float) for frames in read]
+    moving = [np.ptp(place, axis=0) > LEAST_MM for place in places]
+    axes = {int(moves.argmax()) for moves in moving if moves.sum() == 1}
+    axis = min(axes) if axes and 2 not in axes else 2
+    chosen = [k for k, moves in enumerate(moving) if moves[axis] and moves.sum() == 1] or range(len(read))
+    logs, below = [], settings["sensor"].get("pressed_below_mm")
+    for k in chosen:
+        along = -places[k][:, 2] if axis == 2 else places[k][:, axis]
+        start = along.min() if below is None or axis != 2 else -below
+        others = np.delete(places[k], axis, axis=1)
+        stimulus = np.maximum(along - start, 0.0)
+        logs.append(log_of(read[k], schemas.matrix(read[k]["v"]).astype(float), stimulus, others))
+    unit = settings["sensor"].get("unit", "V")
     return [Sensor(name, unit, "mm", logs, settings["ingest"].get("clock") == "shared")]
 
 

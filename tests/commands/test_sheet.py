@@ -22,7 +22,7 @@ def single_element(folder, presses=100, **truth):
     place = folder / "single" / "day1"
     place.mkdir(parents=True)
     peaks = np.linspace(17, 23, 7)
-    at, force = pressed_sensors.force(presses, peaks, rest_s=1.0, hold_s=1.5, ramp_s=0.5, hz=50)
+    at, force = pressed_sensors.force(presses, peaks, rest_s=1.0, hold_s=1.5, ramp_s=0.5, hz=25)
     counts = np.rint(pressed_sensors.reading(at, force, **truth))
     (place / "array.log").write_text("\n".join(own_logs.stamped(at, counts[:, None], "%d")) + "\n")
     (place / "load_cell.log").write_text("\n".join(own_logs.stamped(at, force[:, None], "%.3f")) + "\n")
@@ -47,9 +47,10 @@ def test_a_folder_of_logs_gives_numbers_reasons_and_a_picture(workspace, tmp_pat
     assert lines["crosstalk"] == dict.fromkeys(("value", "low", "high", "smallest", "largest")) | {
         "unit": "%",
         "n": 0,
-        "at_most": False,
-        "cannot_tell": "one element has no neighbour",
+        "bound": "",
+        "reason": "one element has no neighbour",
     }
+    assert lines["response time"]["bound"] == "at most" and lines["response time"]["value"] > 300
     picture = tmp_path / "drawn" / "sheet.png"
     page = called(monkeypatch, capsys, workspace, folder, "--figure", picture)
     assert picture.stat().st_size > 10_000 and "](sheet.png)" in page
@@ -57,6 +58,7 @@ def test_a_folder_of_logs_gives_numbers_reasons_and_a_picture(workspace, tmp_pat
     shown = next(line for line in page.splitlines() if line.startswith("| hysteresis"))
     assert text.significant(lines["hysteresis"]["value"]) in shown and shown.endswith(f" {lines['hysteresis']['n']} |")
     assert "- crosstalk: one element has no neighbour.\n" in page
+    assert "| response time   | at most " in page
     for name in QUANTITIES:
         assert f"- {name}: " in page, name  # its definition
 
@@ -76,6 +78,16 @@ def test_arrays_strands_and_gloves_are_read_by_their_logs(workspace):
     own_logs.glove(own / "glove")
     pressure, bend = sheet.sensors(workspace, str(own / "glove"))
     assert (pressure.name, bend.name) == ("glove, pressure", "glove, strain") and pressure.stimulus == ""
+
+
+def test_touches_of_several_tips_are_no_loading_cycles(workspace):
+    folder = workspace.root / "data" / "own" / "array"
+    own_logs.touch(folder, 2, 3, 50, seconds=20, recordings=0)
+    sensor = {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}
+    (folder / "settings.yaml").write_text(f"touch.sensor: {sensor}\n")
+    (array,) = sheet.sensors(workspace, str(folder))
+    lines = quantities.sheet(array).lines
+    assert all("no press in one place" in line.reason for name, line in lines.items() if name != "crosstalk")
 
 
 def test_sheets_stand_side_by_side(workspace, monkeypatch, capsys):

@@ -153,7 +153,7 @@ def test_a_sensor_that_nothing_presses_has_an_empty_sheet():
     for force in (np.zeros(len(time)), np.full(len(time), 5.0)):
         found = quantities.sheet(made.sensor(time, force, np.full(len(time), 50.0))).lines
         assert not any(line.told for line in found.values())
-        assert "no press goes from rest" in found["span"].reason
+        assert "no press in one place goes from rest" in found["span"].reason
 
 
 def test_grasps_without_a_log_of_force_tell_span_and_bounds():
@@ -168,5 +168,6 @@ def test_grasps_without_a_log_of_force_tell_span_and_bounds():
     assert found["span"].told and found["span"].value == pytest.approx(400, rel=0.05)
     assert found["repeatability"].value == pytest.approx(10, rel=0.4) and not found["repeatability"].told
     assert found["noise, pressed"].value == pytest.approx(1.0, rel=0.1) and not found["noise, pressed"].told
+    assert found["signal to noise"].bound == "at least" and not found["signal to noise"].told
     for name in ("sensitivity", "hysteresis", "drift of rest", "dead time", "spread between elements"):
         assert found[name].reason == quantities.NO_STIMULUS, name

@@ -6,6 +6,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
+from pipeline.base.errors import InputError
 from pipeline.reporting.figures import style
 from pipeline.sheet.cycles import LEVELS
 from pipeline.sheet.quantities import PERCENT, Known, Sheet, full_scale_output, mean
@@ -15,10 +16,13 @@ BESIDE_S = 1.0  # drawn before and after a press
 
 
 def draw(path: Path, sheets: Sequence[Sheet]) -> None:
-    """Draw the sheets to `path` (PNG)."""
-    columns = len(PANELS)
-    figure, axes = style.panels(columns * len(sheets), columns, 3.6 * columns, 2.5, 0.2)
-    for row, sheet in zip(axes, sheets, strict=True):
+    """Draw the sheets of sensors with loading cycles to `path` (PNG); InputError where none has any."""
+    shown, columns = [sheet for sheet in sheets if not sheet.given.untold], len(PANELS)
+    if not shown:
+        raise InputError(f"{path}: nothing to draw; {sheets[0].given.untold}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure, axes = style.panels(columns * len(shown), columns, 3.6 * columns, 2.5, 0.2)
+    for row, sheet in zip(axes, shown, strict=True):
         for ax, title, panel in zip(row, PANELS, (loading, rests, typical_press), strict=True):
             ax.set_title(f"{style.literal(sheet.given.sensor.name)}: {title.lower()}")
             panel(ax, sheet.given)
@@ -53,9 +57,6 @@ def loading(ax: plt.Axes, given: Known) -> None:
 def rests(ax: plt.Axes, given: Known) -> None:
     """Draw the median over elements of the rest before each press, less a recording's median, in % FS over minutes."""
     cycles, output = given.cycles, full_scale_output(given)
-    if given.untold:
-        untold(ax)
-        return
     for log in np.unique(cycles.log):
         rows = cycles.log == log
         change = PERCENT * (cycles.rest[rows] - np.median(cycles.rest[rows], axis=0)) * given.sign / output
@@ -67,9 +68,6 @@ def rests(ax: plt.Axes, given: Known) -> None:
 
 def typical_press(ax: plt.Axes, given: Known) -> None:
     """Draw the press of median response: stimulus and the element that answers most, in % of the press, over s."""
-    if given.untold:
-        untold(ax)
-        return
     cycles = given.cycles
     size = np.nanmax(np.nan_to_num(cycles.response), axis=1)
     chosen = int(np.argsort(size)[len(size) // 2])

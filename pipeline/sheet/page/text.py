@@ -62,7 +62,7 @@ def cell(line: Estimate, interval: bool = True) -> str:
     """Return a line's value with its unit, and its interval; "cannot tell" where it has none."""
     if not np.isfinite(line.value):
         return "cannot tell"
-    value = f"{'' if line.told else 'at most '}{significant(line.value)} {line.unit}"
+    value = f"{'' if line.told else f'{line.bound} '}{significant(line.value)} {line.unit}"
     return value + (f" {_ends(line.low, line.high)}" if interval and line.told and np.isfinite(line.low) else "")
 
 
@@ -96,8 +96,8 @@ def _plain(sheet: Sheet) -> dict:
     lines = {}
     for name, line in sheet.lines.items():
         numbers = {key: _number(getattr(line, key)) for key in ("value", "low", "high", "smallest", "largest")}
-        bound = not line.told and np.isfinite(line.value)
-        lines[name] = numbers | {"unit": line.unit, "n": line.n, "at_most": bool(bound), "cannot_tell": line.reason}
+        bound = "" if line.told or not np.isfinite(line.value) else line.bound
+        lines[name] = numbers | {"unit": line.unit, "n": line.n, "bound": bound, "reason": line.reason}
     return {
         "unit": sensor.unit,
         "stimulus": sensor.stimulus,
