@@ -76,8 +76,9 @@ def typical_press(ax: plt.Axes, given: Known) -> None:
     shown = (log.time_s > first_s) & (log.time_s < last_s)
     time = log.time_s[shown] - cycles.time_s[chosen]
     stimulus = log.stimulus[shown] / cycles.stimulus[chosen]
-    reading = np.abs(log.reading[shown, element] - cycles.rest[chosen, element]) / cycles.response[chosen, element]
+    reading = (log.reading[shown, element] - cycles.rest[chosen, element]) / cycles.response[chosen, element]
+    reading = reading * np.sign(np.median(reading[stimulus > 0.9]))  # the response has no sign
     ax.plot(time, PERCENT * stimulus, "--", color=style.GREY, label="stimulus")
     ax.plot(time, PERCENT * reading, color=style.BLUE, label="reading")
     ax.set(xlabel="Time (s)", ylabel="% of the press")
-    ax.legend(loc="upper right")
+    ax.legend(loc="lower center")
