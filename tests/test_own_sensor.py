@@ -445,6 +445,7 @@ def test_own_array_end_to_end(written, tmp_path):
     checked = project.run(*TACTILE, "check", "touch", "data/own/finger").stdout
     assert checked.endswith(
         "ready: `tactile try data/own/finger` for a quick look, `tactile own data/own/finger` for all models\n"
+        "what the sensor itself is worth, before any model: `tactile sheet data/own/finger`\n"
     )
     project.run(*TACTILE, "own", "data/own/finger")
     rmse = errors_in(project, "finger", ["`finger`: touch", "single/day1", "R2 of the force", "Press, double (3 runs)"])

@@ -554,6 +554,15 @@ def own_settings(folder: Path) -> dict:
     return values
 
 
+def settings_of(workspace: Workspace, folder: Path) -> dict:
+    """Return the settings with those of FOLDER/settings.yaml in their place; errors as params.load."""
+    with tempfile.TemporaryDirectory() as draft:
+        changed = copied(workspace.params, Path(draft))
+        of_sensor, source = own_settings(folder), str(folder / SETTINGS)
+        set_values(of_sensor, changed, source)
+        return params.load(changed, dict.fromkeys(of_sensor, source))
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the experiment and the folder of logs to the parser of this command."""
     parser.add_argument("experiment", choices=tuple(LOGS), help="the experiment that the logs are for")
@@ -566,13 +575,10 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
-    with tempfile.TemporaryDirectory() as draft:
-        changed = copied(workspace.params, Path(draft))
-        of_sensor, source = own_settings(folder), str(folder / SETTINGS)
-        set_values(of_sensor, changed, source)
-        values = params.load(changed, dict.fromkeys(of_sensor, source))
+    values = settings_of(workspace, folder)
     first = check(workspace, experiment, folder, values) or own_data.unnoticed(workspace, place)
     if first is not None:
         sys.exit(f"fix first: {first}")
     place = own_data.setting(workspace, place)
     print(f"ready: `tactile try {place}` for a quick look, `tactile own {place}` for all models")
+    print(f"what the sensor itself is worth, before any model: `tactile sheet {place}`")

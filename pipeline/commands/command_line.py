@@ -1,4 +1,4 @@
-"""What people run by hand: check, try, record; predict, export, live; fetch, calibrate, search rates, pack.
+"""What people run by hand: check, sheet, try, record; predict, export, live; fetch, calibrate, search rates, pack.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
 `main(workspace, given)` runs it with the arguments given. Only the module of the command that is called is imported;
@@ -16,6 +16,7 @@ from pipeline.base.errors import run_stage
 
 COMMANDS = {  # command -> its module
     "check": "check",
+    "sheet": "sheet",
     "fetch": "fetch",
     "record": "record",
     "try": "quick_look",

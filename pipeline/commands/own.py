@@ -20,10 +20,11 @@ from pipeline.base import files, modules, params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
-from pipeline.commands import check
+from pipeline.commands import check, sheet
 from pipeline.datasets import images
 from pipeline.logs import own_data
 from pipeline.models import press_difference
+from pipeline.sheet import quantities, sources
 
 STAGES = {
     "touch": ("ingest", "window", "dataset", "train", "evaluate"),
@@ -114,13 +115,15 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     target = checkout.reports / "own" / name
     with files.replacing_folder(target) as draft:
         shutil.copytree(workspace.reports / experiment / "accuracy", draft, dirs_exist_ok=True)
+        of = sources.sensors(experiment, name, folder, values[experiment])
+        sheet.write(draft, "sheet", [quantities.sheet(sensor) for sensor in of])
     trained = workspace.root / "trained"
     shutil.rmtree(trained, ignore_errors=True)
     for model in values[experiment]["models"]:
         if model != "constant":
             package = [f"{experiment}/{model}", str(trained / model)]
             modules.run(workspace.root, "pipeline.commands.command_line", "export", *package, quiet=True)
-    print(f"\n{target}/README.md: what they score")
+    print(f"\n{target}/README.md: what they score; sheet.md beside it: what the sensor itself is worth")
     names = ", ".join(sorted(path.name for path in trained.glob("*")))
     print(f"{trained}: {names}, for `tactile predict MODEL LOGS`")
 

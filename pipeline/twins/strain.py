@@ -18,6 +18,7 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import strain_recorded
 from pipeline.scenes import strain
+from pipeline.sheet import cycles
 
 STATISTICS = {
     "response": ("mV", "Standard deviation of the voltage around its means over 150 s."),
@@ -182,8 +183,7 @@ def slow_and_fast(time_s: np.ndarray, volts: np.ndarray) -> tuple[np.ndarray, np
 def held_noise(volts: np.ndarray, press: np.ndarray) -> np.ndarray:
     """Return the standard deviation of white noise, by strand, from second differences late in presses."""
     held = (press[4:] >= 0) & (press[4:] == press[:-4])  # the last three of five samples of one press
-    second = (volts[4:] - 2 * volts[3:-1] + volts[2:-2])[held]
-    return np.sqrt(np.square(second).mean(axis=0) / 6)
+    return np.sqrt(cycles.second_difference_squares(volts[2:])[held].mean(axis=0) / 6)
 
 
 def presses(volts: np.ndarray, press: np.ndarray, place: np.ndarray) -> Presses:

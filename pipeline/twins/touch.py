@@ -24,6 +24,8 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout, touch, touch_contact, touch_motion
+from pipeline.sheet import cycles
+from pipeline.sheet.cycles import Press
 
 EXPERIMENT = "velostat_recorded"
 LEFT_OUT = ("pike1_force_1", "pike5_force_20")
@@ -71,15 +73,6 @@ class Course(NamedTuple):
     time_s: np.ndarray
     force_n: np.ndarray
     log_reading: np.ndarray
-
-
-class Press(NamedTuple):
-    """Steps of one press: the first pressed one, the first one after it, and where the force was reached and left."""
-
-    first: int
-    stop: int
-    reached: int
-    left: int
 
 
 def recorded(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
@@ -165,14 +158,8 @@ def places_of(number: int, scene: Mapping, sensor: Mapping) -> np.ndarray:
 
 def presses(course: Course) -> list[Press]:
     """Return the presses of a course: the force is above PRESSED for BRIEF_S or more."""
-    step, force = course.time_s[1] - course.time_s[0], course.force_n
-    above = np.concatenate([[False], force > PRESSED * np.percentile(force, 97), [False]])
-    edges = np.flatnonzero(np.diff(above.astype(int))).reshape(-1, 2)
-    result = []
-    for first, stop in edges[(edges[:, 1] - edges[:, 0]) * step >= BRIEF_S]:
-        full = first + np.flatnonzero(force[first:stop] >= 0.9 * np.percentile(force[first:stop], 90))
-        result.append(Press(int(first), int(stop), int(full[0]), int(full[-1])))
-    return result
+    threshold = PRESSED * np.percentile(course.force_n, 97)
+    return cycles.presses(course.time_s, course.force_n, threshold, BRIEF_S)
 
 
 def statistics(courses: Mapping[str, list[Course]]) -> pd.DataFrame:

@@ -1,0 +1,71 @@
+"""Say what a sensor is worth, from its logs alone: the numbers of a data sheet, in seconds, without any training.
+
+SOURCE is a folder of logs as `tactile check` reads it, with its settings.yaml, or the name of an experiment whose logs
+are on this machine, such as velostat_recorded (`tactile fetch velostat_recorded`) or touch (simulated). Several stand
+side by side. Every number has the number of presses that it is of and a 95 % bootstrap interval over them; where logs
+cannot tell a number, the sheet says why.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from pipeline.base import files, params, paths
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
+from pipeline.commands import check
+from pipeline.logs import sources as public
+from pipeline.sheet import quantities, sources
+from pipeline.sheet.cycles import Sensor
+from pipeline.sheet.page import figure, text
+from pipeline.sheet.quantities import Sheet
+
+EVERY = {"strain_recorded": {"every": 1}}  # all samples: of every third, presses have seven readings
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add sources and what is written to the parser of this command."""
+    parser.add_argument("source", nargs="+", metavar="SOURCE", help="such as data/own/finger, or velostat_recorded")
+    parser.add_argument("--json", action="store_true", help="numbers in full precision in place of Markdown")
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="also draw loading curve, rest and a press (PNG)")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="write README.md, sheet.json and sheet.png there")
+
+
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
+    """Print, or write, the sheet of every source named on the command line."""
+    sheets = [quantities.sheet(sensor) for source in given.source for sensor in sensors(workspace, source)]
+    if given.out:
+        write(given.out, "README", sheets)
+        files.write_text(given.out / "sheet.json", text.as_json(sheets) + "\n")
+    if given.figure:
+        figure.draw(given.figure, sheets)
+    if not given.out:
+        print(text.as_json(sheets) if given.json else text.markdown(sheets, given.figure.name if given.figure else ""))
+
+
+def write(folder: Path, name: str, sheets: Sequence[Sheet]) -> None:
+    """Write sheets to <name>.md in a folder, with their picture sheet.png where there is something to draw."""
+    picture = "sheet.png" if any(not sheet.given.untold for sheet in sheets) else ""
+    if picture:
+        figure.draw(folder / picture, sheets)
+    files.write_text(folder / f"{name}.md", text.markdown(sheets, picture))
+
+
+def sensors(workspace: Workspace, source: str) -> Iterator[Sensor]:
+    """Yield the sensors of a folder, or of an experiment; InputError where there are no such logs."""
+    values = params.load(workspace.params)
+    if source not in values["experiments"] or Path(source).is_dir():
+        folder = Path(source)
+        experiment = check.experiment_of(folder)
+        settings = check.settings_of(workspace, folder)[experiment]
+        yield from sources.sensors(experiment, folder.name or str(folder.resolve().name), folder, settings)
+        return
+    settings = dict(values[source])
+    settings["ingest"] = {**settings["ingest"], **EVERY.get(source, {})}
+    if source in public.SOURCES:
+        if not public.is_complete(workspace, source):
+            raise InputError(f"{public.folder(workspace, source)}: no recordings; run `tactile fetch {source}`")
+        yield from sources.sensors(source, source, public.folder(workspace, source), settings)
+        return
+    folder = paths.require(workspace.logs(source), f"python -m pipeline.stages.simulate {source}")
+    yield from sources.sensors(source, source, folder, settings, simulated=True)

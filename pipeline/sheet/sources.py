@@ -1,0 +1,187 @@
+"""Turn recordings, read as ingest reads them, into the one form that the sheet sees: `cycles.Sensor`.
+
+A folder of logs gives readings as they were printed. Of the simulated array and of the recorded taxel, whose circuits
+are known, readings are conductances in mS, so that they can stand side by side.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import experiments
+from pipeline.base.errors import InputError
+from pipeline.datasets import images, schemas, specimens
+from pipeline.experiments import glove, strain, strain_recorded
+from pipeline.scenes import material
+from pipeline.sheet import cycles
+from pipeline.sheet.cycles import Log, Sensor
+
+LEAST_MM = 0.2  # an arm that moves less along an axis rests
+REFERENCE_OHM = 1000.0  # of the recorded taxel's reader, see pipeline/scenes/material.py
+
+
+def sensors(experiment: str, name: str, folder: Path, settings: Mapping, simulated: bool = False) -> list[Sensor]:
+    """Return the sensors of a folder of logs: one, or one for each area of a glove.
+
+    experiment, settings: its name and its block of settings; name: what the sensor is called; simulated: the folder
+    holds the logs of the scene. Raises InputError as ingest does.
+    """
+    module = experiments.module(experiment)
+    paths = [path for path in module.recordings(folder) if not simulated or of_first_specimen(experiment, path.name)]
+    chosen = [path for path in paths if CHOSEN.get(experiment, all_alike)(path, settings)] or paths
+    read = [module.read_recording(path, settings)[0] for path in chosen]
+    made = MAKERS[experiment](name, [frames for frames in read if frames.num_rows], settings, simulated)
+    if not any(sensor.logs for sensor in made):
+        raise InputError(f"{folder}: no recording has frames; `tactile check {experiment} {folder}` says more")
+    return made
+
+
+def of_first_specimen(experiment: str, name: str) -> bool:
+    """Tell whether a simulated recording is of the first specimen, by its name: a sheet is of one sensor.
+
+    Fingers have a recording each; of arrays and gloves the name says the number.
+    """
+    return name == "run000" if experiment == "strain" else specimens.number(name) == 0
+
+
+def all_alike(path: Path, settings: Mapping) -> bool:
+    """Tell that a recording is needed."""
+    return True
+
+
+def of_one_tip(path: Path, settings: Mapping) -> bool:
+    """Tell whether a recording of touch has one load cell."""
+    return not (path / "load_cell_2.log").exists()
+
+
+def along_one_axis(path: Path, settings: Mapping) -> bool:
+    """Tell whether the task of a recording of strain asks for one axis."""
+    return len(strain.tasks(settings).get(path.parent.name, ())) == 1
+
+
+CHOSEN = {"touch": of_one_tip, "strain": along_one_axis}
+
+
+def touch(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+    """Return an array, or a single element, under a load cell; several touches at a time are no loading cycle."""
+    sensor, logs = settings["sensor"], []
+    for frames in read:
+        force = schemas.matrix(frames["force_n"])
+        reading = schemas.matrix(frames["v"]).astype(float)
+        if simulated:
+            circuit = settings["simulate"]["circuit"]
+            reading = 1e3 * glove.conductance(reading, circuit["reference_ohm"], circuit["adc_levels"])
+        place = np.column_stack([schemas.matrix(frames[axis])[:, 0] for axis in ("x_mm", "y_mm")])
+        one_tip = not np.isfinite(force[:, 1:]).any()
+        logs.append(log_of(frames, reading, force[:, 0].astype(float) if one_tip else np.empty(0), place.astype(float)))
+    several = sensor["rows"] * sensor["cols"] > 1
+    return [
+        Sensor(
+            name,
+            "mS" if simulated else "counts",
+            "N",
+            logs,
+            settings["ingest"].get("clock") == "shared",
+            (sensor["rows"], sensor["cols"]) if several else None,
+            sensor["pitch_mm"],
+        )
+    ]
+
+
+def of_strain(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+    """Return strands on an arm; the stimulus is the depth, or the one axis along which the arm moves.
+
+    Where some recordings move along one axis alone, the others are left out; where none does, only presses count
+    during which z alone moves. The depth is that below `sensor.pressed_below_mm`, or else below the highest z.
+    """
+    places = [schemas.matrix(frames["y_mm"]).astype(float) for frames in read]
+    moving = [np.ptp(place, axis=0) > LEAST_MM for place in places]
+    axes = {int(moves.argmax()) for moves in moving if moves.sum() == 1}
+    axis = min(axes) if axes and 2 not in axes else 2
+    chosen = [k for k, moves in enumerate(moving) if moves[axis] and moves.sum() == 1] or range(len(read))
+    logs, below = [], settings["sensor"].get("pressed_below_mm")
+    for k in chosen:
+        along = -places[k][:, 2] if axis == 2 else places[k][:, axis]
+        start = along.min() if below is None or axis != 2 else -below
+        others = np.delete(places[k], axis, axis=1)
+        stimulus = np.maximum(along - start, 0.0)
+        logs.append(log_of(read[k], schemas.matrix(read[k]["v"]).astype(float), stimulus, others))
+    unit = settings["sensor"].get("unit", "V")
+    return [Sensor(name, unit, "mm", logs, settings["ingest"].get("clock") == "shared")]
+
+
+def of_glove(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+    """Return a sensor for each area; no log says how hard its cells are pressed."""
+    made = []
+    areas = images.areas(settings)
+    for area in areas:
+        logs = [bare(frames, schemas.matrix(frames[area]).astype(float)) for frames in read]
+        unit = "counts" if glove.scale(settings) == glove.PER_FRAME else "units"
+        made.append(Sensor(f"{name}, {area}" if len(areas) > 1 else name, unit, "", logs))
+    return made
+
+
+def of_velostat_recorded(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+    """Return the recorded taxel; where a recording has one press for each place of the raster, places are known.
+
+    Readings are resistances in ohm if the reference has 1 kohm; the two logs are stamped by one computer.
+    """
+    columns, steps = material.RASTER[1], material.STEP_MM
+    logs = []
+    for frames in read:
+        reading = 1e3 / (REFERENCE_OHM / 1e3 * schemas.matrix(frames["v"]).astype(float))
+        log = log_of(frames, reading, schemas.matrix(frames["force_n"])[:, 0].astype(float), np.empty((0, 2)))
+        place = np.full((len(log.time_s), 2), np.nan)
+        rest = np.percentile(log.stimulus, 10)
+        log = log._replace(stimulus=log.stimulus - rest)
+        top = cycles.full_scale(Sensor(name, "", "N", [log]))
+        found = cycles.presses(log.time_s, log.stimulus, cycles.REST * top, cycles.BRIEFEST_S)
+        if len(found) == np.prod(material.RASTER):
+            middle = [(a.stop + b.first) // 2 for a, b in zip(found, found[1:], strict=False)]
+            number = np.searchsorted(middle, np.arange(len(place)), side="right")
+            place = np.column_stack([number // columns * steps[0], number % columns * steps[1]]).astype(float)
+        logs.append(log._replace(place=place))
+    note = "The taxel's conductance: 1000 over the printed reading."
+    return [Sensor(name, "mS", "N", logs, one_clock=True, note=note)]
+
+
+def of_strain_recorded(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+    """Return the five strands that both days have; the arm's depth is commanded, its places are random."""
+    logs = []
+    for frames in read:
+        day = frames["condition"][0].as_py()
+        reading = schemas.matrix(frames["v"])[:, strain_recorded.SHARED[day]].astype(float)
+        place = schemas.matrix(frames["y_mm"]).astype(float)
+        logs.append(log_of(frames, reading, -place[:, 2], place[:, :2]))
+    note = "The stimulus is the commanded depth: what the arm needs to follow it is in all times."
+    return [Sensor(name, "V", "mm", logs, one_clock=True, note=note)]
+
+
+def of_glove_recorded(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+    """Return the hand's tactile matrices; its joint angles are those of encoders, no tactile sensor."""
+    return [
+        Sensor(name, "counts", "", [bare(frames, schemas.matrix(frames["pressure"]).astype(float)) for frames in read])
+    ]
+
+
+def log_of(frames: pa.Table, reading: np.ndarray, stimulus: np.ndarray, place: np.ndarray) -> Log:
+    """Return a recording of a frames table, in the order of time."""
+    group, name = frames["condition"][0].as_py(), frames["recording"][0].as_py()
+    return Log(f"{group}/{name}", group, frames["t_s"].to_numpy(), reading, stimulus, place)
+
+
+def bare(frames: pa.Table, reading: np.ndarray) -> Log:
+    """Return a recording without a stimulus."""
+    return log_of(frames, reading, np.empty(0), np.empty((0, 2)))
+
+
+MAKERS = {
+    "touch": touch,
+    "strain": of_strain,
+    "glove": of_glove,
+    "velostat_recorded": of_velostat_recorded,
+    "strain_recorded": of_strain_recorded,
+    "glove_recorded": of_glove_recorded,
+}
