@@ -7,6 +7,7 @@ first thing to fix and status 1.
 """
 
 import argparse
+import io
 import os
 import re
 import sys
@@ -19,22 +20,23 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from ruamel.yaml import YAML
 from scipy.optimize import linear_sum_assignment
 
 from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
+from pipeline.commands import own_settings
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
-from pipeline.logs import diagnosis, own_data, parse
+from pipeline.logs import diagnosis, layout, own_data, parse, sniff
 from pipeline.logs.report import log_report
+from pipeline.logs.sniff import Proposal
 from pipeline.reporting.figures import check as check_figures
 
 LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}  # experiment -> the sensor's log
-SETTINGS = "settings.yaml"  # in a folder of logs
 DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, from which the number of its columns is taken
 STEP = 1  # counts; an element that never changes by more is dead
@@ -54,6 +56,8 @@ FEW_TESTS = 50  # rows
 OFTEN = 0.05  # share of a log's lines that have a gap before them
 SLOW_HZ = 25  # a touch device that is slower cannot be aligned to a press's rise of 0.1 s
 FEW = 3  # firm contacts that tell which column answers at one place
+PLAIN = {"separator": ","}  # the layout of the product's logs, without empty lines and with counts such as 12.0
+LAID_OUT = "is laid out in another way; paste the block `format` above into settings.yaml"
 ORDER = "row by row from the bottom row, each from left to right"
 
 
@@ -73,6 +77,7 @@ class Checked(NamedTuple):
     frames: pa.Table | None
     report: dict  # of ingest, file -> its numbers; {} where ingest refused the recording
     problems: list[str]
+    proposals: dict[str, Proposal]  # log -> how it can be read, where it is laid out in another way
 
     @property
     def name(self) -> str:
@@ -98,46 +103,139 @@ def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse
 
 def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     """Read one recording; what cannot be used becomes a problem, not an exception."""
-    read, problems = {}, []
+    read, problems, proposals = {}, [], {}
     expected = formats(experiment, folder, settings)
     for name, fmt in expected.items():
-        path = folder / name
+        path, laid_out = folder / name, layout.of(settings["ingest"], name)
         if not path.is_file():
             problems.append(diagnosis.missing(path, fmt, expected))
             continue
         try:
-            printed = parse.printed_format(path, fmt)
+            read[name] = read_one(path, fmt, laid_out)
+            check_rejects(experiment, path, read[name], settings)
+            wrong = list(conventions(path, read[name], settings))
         except InputError as error:
-            problems.append(str(error))
+            wrong = [str(error)]
+            if laid_out is None:
+                wrong = [unread(experiment, path, fmt, settings, read.get(name)) or str(error)]
+        if not wrong:
             continue
-        try:
-            rows, rejects = parse.read_log(path, fmt)
-        except InputError as error:
-            wrong = diagnosis.unreadable(path, printed) or wrong_columns(experiment, path, printed, settings)
-            problems.append(wrong or str(error))
-            continue
-        if fmt is touch.LOAD_CELL:
-            rows, rejects = touch.without_spikes(path, rows, rejects)
-        if rejects.num_rows > settings["ingest"]["max_reject_fraction"] * (rows.num_rows + rejects.num_rows):
-            beyond = rejects.filter(pc.equal(rejects["reason"], parse.OUT_OF_RANGE))
-            if wrong := (
-                wrong_columns(experiment, path, printed, settings)
-                or diagnosis.out_of_range(path, beyond.slice(0, parse.TEXTS).to_pylist(), printed)
-                or diagnosis.unreadable(path, printed)
-            ):
-                problems.append(wrong)
-                continue
-        time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
-        report = log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
-        read[name] = Log(rows.append_column("time_s", pa.array(time)), rejects, report)
+        found = proposed(experiment, path, fmt, settings, laid_out)
+        if isinstance(found, Proposal) and (found.layout != PLAIN or name not in read):
+            proposals[name], wrong = found, [f"{path}: {LAID_OUT}"]
+        elif isinstance(found, str):
+            wrong = [found]
+        problems += wrong
+    for name, proposal in proposals.items():
+        if proposal.layout.get("rate_hz", 0) is None:
+            proposals[name] = with_rate(folder / name, expected[name], proposal, read)
     frames, report = None, {}
     if not problems:
-        problems += conventions(folder, read, settings)
         try:
             frames, _, report = experiments.module(experiment).read_recording(folder, settings)
         except InputError as error:
             problems.append(f"{error}{lengths(read, settings)}")
-    return Checked(folder, read, frames, report, problems)
+            if isinstance(error, touch.Falls):
+                falls = {**(layout.of(settings["ingest"], "array.log") or PLAIN), "rises_when_pressed": False}
+                proposals["array.log"] = Proposal(falls, [])
+    return Checked(folder, read, frames, report, problems, proposals)
+
+
+def read_one(path: Path, fmt: parse.Format, laid_out: Mapping | None) -> Log:
+    """Read one log, whatever share of its lines is rejected; errors as parse.read_log."""
+    rows, rejects = parse.read_log(path, fmt, layout=laid_out)
+    if fmt is touch.LOAD_CELL:
+        rows, rejects = touch.without_spikes(path, rows, rejects)
+    time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
+    report = log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
+    return Log(rows.append_column("time_s", pa.array(time)), rejects, report)
+
+
+def check_rejects(experiment: str, path: Path, log: Log, settings: Mapping) -> None:
+    """Raise InputError where more lines of a log are rejected than may be."""
+    limit, key = settings["ingest"]["max_reject_fraction"], f"{experiment}.ingest.max_reject_fraction"
+    parse.check_rejects(path, log.report["lines"], log.report["rejects"], limit, key)
+
+
+def proposed(
+    experiment: str, path: Path, fmt: parse.Format, settings: Mapping, laid_out: Mapping | None
+) -> Proposal | str | None:
+    """Return how a log can be read, as `sniff.proposed`; None also where it could not be read so."""
+    found = sniff.proposed(path, fmt)
+    if not isinstance(found, Proposal):
+        return found
+    if found.layout == laid_out:
+        return None
+    try:
+        trial = found.layout | ({"rate_hz": 1.0} if found.layout.get("rate_hz", 0) is None else {})
+        check_rejects(experiment, path, read_one(path, fmt, trial), settings)
+    except InputError:
+        return None
+    return found
+
+
+def with_rate(path: Path, fmt: parse.Format, proposal: Proposal, read: Mapping[str, Log]) -> Proposal:
+    """Return the proposal for a log without times with its rate, where logs beside it say how long it lasts."""
+    lasts = max((np.ptp(log.rows["time_s"].to_numpy()) for log in read.values()), default=0)
+    if not lasts:
+        return proposal
+    rows, _ = parse.read_log(path, fmt, layout=proposal.layout | {"rate_hz": 1.0})
+    rate = float(f"{rows.num_rows / lasts:.2g}")
+    guesses = [*proposal.guesses, "the rate, from how long the other logs last: write the device's own"]
+    return Proposal(proposal.layout | {"rate_hz": rate}, guesses)
+
+
+def unread(experiment: str, path: Path, fmt: parse.Format, settings: Mapping, log: Log | None) -> str | None:
+    """Return the sentence for a log of which too few lines can be read, or None where its lines do not show why.
+
+    log: its lines as far as they are read.
+    """
+    try:
+        printed = parse.printed_format(path, fmt)
+    except InputError as error:
+        return str(error)
+    if log is None:
+        return diagnosis.unreadable(path, printed) or wrong_columns(experiment, path, printed, settings)
+    beyond = log.rejects.filter(pc.equal(log.rejects["reason"], parse.OUT_OF_RANGE))
+    return (
+        wrong_columns(experiment, path, printed, settings)
+        or diagnosis.out_of_range(path, beyond.slice(0, parse.TEXTS).to_pylist(), printed)
+        or diagnosis.unreadable(path, printed)
+    )
+
+
+def format_block(experiment: str, read: list[Checked], settings: Mapping) -> list[str]:
+    """Return the lines of settings that read the logs of another layout, with what is guessed; [] without such logs."""
+    found: dict[str, list[Proposal]] = {}
+    for recording in read:
+        for name, proposal in recording.proposals.items():
+            found.setdefault(name, []).append(proposal)
+    if not found:
+        return []
+    best = {
+        name: max(all_, key=lambda one: sum(one.layout == other.layout for other in all_))
+        for name, all_ in found.items()
+    }
+    layouts = {**settings["ingest"].get("format", {}), **{name: proposal.layout for name, proposal in best.items()}}
+    lines = [f"{experiment}.ingest.format:"]
+    for name, described in layouts.items():
+        guesses = best[name].guesses if name in best else []
+        lines += [f"  # {name}: guessed is {guess}" for guess in dict.fromkeys(guesses)]
+        if described.get("rate_hz", 0) is None:
+            lines.append(f"  # {name}: has no times; write how many frames a second the device prints")
+        lines.append(f"  {name}: {on_a_line(described)}")
+    timeless = [name for name in best if "rate_hz" in best[name].layout]
+    if timeless and settings["ingest"].get("clock") == "shared":
+        lines += [f"{experiment}.ingest.clock: own  # in place of shared, since {timeless[0]} has no times"]
+    return lines
+
+
+def on_a_line(block: Mapping) -> str:
+    """Return a block of settings as YAML, on one line."""
+    writer, text = YAML(typ="safe"), io.StringIO()
+    writer.default_flow_style, writer.width, writer.sort_base_mapping_type_on_output = True, 1 << 20, False
+    writer.dump(dict(block), text)
+    return text.getvalue().strip()
 
 
 def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
@@ -177,32 +275,31 @@ def _begins_with_time(path: Path) -> bool:
     return len(times) > 1 and np.mean(np.diff(times) > 0) > diagnosis.USUAL
 
 
-def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
-    """Yield problems of logs that can be read: wrong units of time, force and place."""
-    for name, log in read.items():
-        path, rate = folder / name, log.report["rate_hz"]
-        if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
-            unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
-            advice = TIMES.get((unit, rate > FASTEST_HZ), "")
-            yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
-        if "fz_n" in log.rows.column_names:
-            force = log.rows["fz_n"].to_numpy()
-            low, rest, high = np.percentile(force, [0.5, 10, 99.5])
-            threshold = settings["window"]["contact_threshold_n"]
-            if -low > high:
-                yield f"{path}: {touch.PULLED}"
-            elif rest > threshold:
-                yield (
-                    f"{path}: fz_n rests at {rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
-                    "that presses never end; subtract what the load cell shows at rest"
-                )
-        if name == "cnc.log" and not (log.rows["z_mm"].to_numpy() < 0).any():
-            yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
-        if name == "robot.log":
-            axes = [name for name in log.rows.column_names if name.endswith("_mm")]
-            moves = max(np.ptp(log.rows[axis].to_numpy()) for axis in axes)
-            if moves < LEAST_MM:
-                yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
+def conventions(path: Path, log: Log, settings: Mapping) -> Iterator[str]:
+    """Yield problems of a log that can be read: wrong units of time, force and place."""
+    rate = log.report["rate_hz"]
+    if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
+        unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
+        advice = TIMES.get((unit, rate > FASTEST_HZ), "")
+        yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
+    if "fz_n" in log.rows.column_names:
+        force = log.rows["fz_n"].to_numpy()
+        low, rest, high = np.percentile(force, [0.5, 10, 99.5])
+        threshold = settings["window"]["contact_threshold_n"]
+        if -low > high:
+            yield f"{path}: {touch.PULLED}"
+        elif rest > threshold:
+            yield (
+                f"{path}: fz_n rests at {rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
+                "that presses never end; subtract what the load cell shows at rest"
+            )
+    if path.name == "cnc.log" and not (log.rows["z_mm"].to_numpy() < 0).any():
+        yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
+    if path.name == "robot.log":
+        axes = [name for name in log.rows.column_names if name.endswith("_mm")]
+        moves = max(np.ptp(log.rows[axis].to_numpy()) for axis in axes)
+        if moves < LEAST_MM:
+            yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
 
 
 def lengths(read: Mapping[str, Log], settings: Mapping) -> str:
@@ -521,6 +618,8 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     if drawn:
         check_figures.draw(target, experiment, drawn, settings)
         print(f"picture: {target}")
+    if block := format_block(experiment, read, settings):
+        print(f"\nfor {folder / own_settings.FILE}:", *block, sep="\n")
     if len(problems) > 1:
         print("\nto fix:", *dict.fromkeys(problems), sep="\n  ")
     return problems[0] if problems else None
@@ -543,17 +642,6 @@ def kinds_of(folder: Path) -> list[str]:
     return [experiment for experiment, log in LOGS.items() if next(folder.glob(f"*/*/{log}"), None)]
 
 
-def own_settings(folder: Path) -> dict:
-    """Return the dotted keys and values of FOLDER/settings.yaml; {} where there is none. Errors as params.parsed."""
-    path = folder / SETTINGS
-    if not path.is_file():
-        return {}
-    values = params.parsed(path)
-    if not isinstance(values, dict):
-        raise InputError(f"{path}: expected dotted keys and values such as `touch.sensor.rows: 4`")
-    return values
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the experiment and the folder of logs to the parser of this command."""
     parser.add_argument("experiment", choices=tuple(LOGS), help="the experiment that the logs are for")
@@ -567,10 +655,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"{folder}: there is no such folder")
     place = Path(os.path.abspath(folder))  # without ..
     with tempfile.TemporaryDirectory() as draft:
-        changed = copied(workspace.params, Path(draft))
-        of_sensor, source = own_settings(folder), str(folder / SETTINGS)
-        set_values(of_sensor, changed, source)
-        values = params.load(changed, dict.fromkeys(of_sensor, source))
+        seeds = own_settings.SEEDS
+        values = params.load(own_settings.write(workspace.params, Path(draft), experiment, folder, seeds, None))
     first = check(workspace, experiment, folder, values) or own_data.unnoticed(workspace, place)
     if first is not None:
         sys.exit(f"fix first: {first}")

@@ -61,14 +61,14 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         )
         model = onnx_export.faster(predictor.load(folder), Path(draft))
     card = model.card
-    who, fmt = f"{card.experiment}/{card.model}", source.line_format(card)
+    who, fmt, laid_out = f"{card.experiment}/{card.model}", source.line_format(card), source.line_layout(card)
     say(f"{who}: {comes_from}")
     order = card.reading.get("sensor", {}).get("order", [])
-    lines = source.Lines(fmt, str(given.port or given.replay), who, order)
+    lines = source.Lines(fmt, str(given.port or given.replay), who, order, laid_out)
     session = Session(model, lines, say)
     places = [outputs.Datagrams(given.udp, card)] if given.udp else []
     if given.replay:
-        chunks = source.replay(given.replay, fmt, stop, given.speed, given.loop)
+        chunks = source.replay(given.replay, fmt, stop, given.speed, given.loop, laid_out)
     else:
         chunks = record.Port(given.port, given.baud, stop).chunks()
         if given.record:

@@ -14,8 +14,8 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas, specimens
 from pipeline.datasets.seeding import generator
-from pipeline.logs import parse
-from pipeline.logs.parse import Column, Format
+from pipeline.logs import layout, parse
+from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "images"
@@ -90,7 +90,8 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         "glove.ingest.max_reject_fraction",
         scanner_format(settings),
     )
-    rows, rejects = parse.read_log(folder / LOG, fmt, limit=limit, key=key)
+    laid_out = layout.of(settings["ingest"], LOG)
+    rows, rejects = parse.read_log(folder / LOG, fmt, limit=limit, key=key, layout=laid_out)
     reasons = Counter(rejects["reason"].to_pylist())
     parse.check_rejects(folder / LOG, rejects.num_rows + rows.num_rows, reasons, limit, key)
 

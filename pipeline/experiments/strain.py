@@ -10,8 +10,8 @@ from scipy.stats import theilslopes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
-from pipeline.logs import alignment, parse
-from pipeline.logs.parse import Column, Format
+from pipeline.logs import alignment, layout, parse
+from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "series"
@@ -97,7 +97,9 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     rows, rejects = {}, {}
     for name, fmt in formats(settings).items():
         limit, key = ingest["max_reject_fraction"], "strain.ingest.max_reject_fraction"
-        rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=limit, key=key)
+        rows[name], rejects[name] = parse.read_log(
+            folder / name, fmt, limit=limit, key=key, layout=layout.of(ingest, name)
+        )
         if rows[name]["segment"][-1].as_py() > 0:
             raise InputError(f"{folder / name}: the time steps back for good; the clock was set, record again")
         lasts, least = (

@@ -14,8 +14,8 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import labels as labels_kpa
 from pipeline.datasets import schemas, specimens, windowing
 from pipeline.datasets.seeding import generator
-from pipeline.logs import alignment, parse
-from pipeline.logs.parse import Column, Format
+from pipeline.logs import alignment, layout, parse
+from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "windows"
@@ -45,6 +45,10 @@ PRESSED = 0.1  # of a strong press: force above it is a press, to measure clocks
 FEWEST_PRESSES = 5  # to measure clocks by: fewer agree by chance
 SHIFTED = 0.1  # of a press; a larger offset of logs said to be of one clock is named
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
+
+
+class Falls(InputError):
+    """The array's counts fall when it is pressed."""
 
 
 def array_format(settings: Mapping) -> Format:
@@ -115,7 +119,9 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
             formats |= {f"cnc{suffix}.log": CNC}
     rows, rejects = {}, {}
     for name, fmt in formats.items():
-        rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
+        rows[name], rejects[name] = parse.read_log(
+            folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT, layout=layout.of(ingest, name)
+        )
         if fmt is LOAD_CELL:
             lines = rows[name].num_rows + rejects[name].num_rows
             rows[name], rejects[name] = without_spikes(folder / name, rows[name], rejects[name])
@@ -325,9 +331,9 @@ def _check_signs(folder: Path, rows: Mapping[str, pa.Table], ingest: Mapping) ->
         )
     if falls:
         highest = ingest["highest_count"]
-        raise InputError(
+        raise Falls(
             f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest} minus the count, "
-            "which rises"
+            "which rises, or set rises_when_pressed: false in its format"
         )
 
 

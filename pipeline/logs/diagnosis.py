@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.logs.parse import OUT_OF_RANGE, Column, Format
+from pipeline.logs.formats import OUT_OF_RANGE, Column, Format
 
 START = 1 << 18  # bytes of a log that are looked at: a hundred lines of the widest log
 LINES = 200

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.logs import parse
-from pipeline.logs.parse import Column, Format, read_log
+from pipeline.logs.formats import Column, Format
+from pipeline.logs.parse import read_log
 
 
 def write(tmp_path: Path, content: bytes) -> Path:
@@ -112,8 +113,8 @@ def test_a_time_far_in_the_future_costs_one_line(tmp_path):
     assert rejects_of(content, tmp_path) == [(11, parse.OUT_OF_ORDER)]
 
 
-def test_same_time_with_other_values_is_out_of_order(tmp_path):
-    assert rejects_of(frame(0) + frame(1) + b"20000,9,9\n" + frame(2), tmp_path) == [(3, parse.OUT_OF_ORDER)]
+def test_same_time_with_other_values_has_its_own_reason(tmp_path):
+    assert rejects_of(frame(0) + frame(1) + b"20000,9,9\n" + frame(2), tmp_path) == [(3, parse.REPEATED)]
 
 
 def test_a_clock_that_stands_still(tmp_path):
@@ -343,7 +344,7 @@ def test_a_line_is_judged_by_itself(lines, tmp_path):
     """What the fast routes accept is what the line-by-line rule accepts, whatever stands around the line."""
     content = b"".join(line + b"\n" for line in [b"0,1,2", *lines])
     _, rejects = read_log(write(tmp_path, content), COUNTS)
-    sequence = {parse.DUPLICATE, parse.OUT_OF_ORDER}
+    sequence = {parse.DUPLICATE, parse.OUT_OF_ORDER, parse.REPEATED}
     judged = zip(rejects["line"].to_pylist(), rejects["reason"].to_pylist(), strict=True)
     found = {line: reason for line, reason in judged if reason not in sequence}
     alone = {k: parse._reason(line, COUNTS) for k, line in enumerate([b"0,1,2", *lines], start=1)}
