@@ -57,7 +57,8 @@ OFTEN = 0.05  # share of a log's lines that have a gap before them
 SLOW_HZ = 25  # a touch device that is slower cannot be aligned to a press's rise of 0.1 s
 FEW = 3  # firm contacts that tell which column answers at one place
 PLAIN = {"separator": ","}  # the layout of the product's logs, without empty lines and with counts such as 12.0
-LAID_OUT = "is laid out in another way; paste the block `format` above into settings.yaml"
+PASTE = "paste the block `format` above into settings.yaml"
+LAID_OUT = f"is laid out in another way; {PASTE}"
 ORDER = "row by row from the bottom row, each from left to right"
 
 
@@ -122,7 +123,9 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
             continue
         found = proposed(experiment, path, fmt, settings, laid_out)
         if isinstance(found, Proposal) and (found.layout != PLAIN or name not in read):
-            proposals[name], wrong = found, [f"{path}: {LAID_OUT}"]
+            proposals[name] = found
+            own_lines = found.layout.keys() <= {"separator", "scale", "time_unit"} and found.layout["separator"] == ","
+            wrong = [f"{wrong[0]}; or {PASTE}"] if own_lines and found.layout != PLAIN else [f"{path}: {LAID_OUT}"]
         elif isinstance(found, str):
             wrong = [found]
         problems += wrong

@@ -50,7 +50,7 @@ def scanner_format(settings: Mapping) -> Format:
         for name, area in tactile.areas(settings).items()
         for k in range(area.cells)
     )
-    return Format((Column("t_us", "us", 0, 2**53, integer=True), *cells), time="t_us")
+    return Format((Column("t_us", "us", -(2.0**31), 2**53, integer=True), *cells), time="t_us")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:

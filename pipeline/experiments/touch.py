@@ -22,8 +22,9 @@ KIND = "windows"
 SCORES = "touch"
 STRESSED = ("single", "double")
 
-# Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
-CLOCK = Column("t_us", "us", 0, 4e15, integer=True)
+# Ranges are what no such device can exceed: time since its start or since 1970, below 0 where micros() is printed
+# with a sign, a 1 kN load cell, a 2 m CNC.
+CLOCK = Column("t_us", "us", -(2.0**31), 4e15, integer=True)
 LOAD_CELL = Format((CLOCK, Column("fz_n", "N", -1e3, 1e3)), time="t_us")
 CNC = Format((CLOCK, *(Column(name, "mm", -2e3, 2e3) for name in ("x_mm", "y_mm", "z_mm"))), time="t_us")
 

@@ -74,6 +74,8 @@ class Lines:
         self._last: float | None = None  # time of the last good line, s
         self._late: list[float] = []  # times of the latest lines, one after the other, that are not later than _last
         self._interrupted = False
+        self._printed_times: list[float] = []  # of the last three good lines
+        self._turns = 0  # us that the clock has gone on since it began anew
         self._columns = Counter()  # of the first lines that have another number of them
 
     def take(self, data: bytes | None) -> list[Reading]:
@@ -117,7 +119,7 @@ class Lines:
             self._interrupted |= reason == parse.TEXT
             return self._reject(reason, line)
         values = np.array(line.split(self._separator), np.float64)[self._places]
-        t_s = values[self._time] / self._second
+        t_s = self._unwrapped(values[self._time]) / self._second
         restarted = self._last is None
         if not restarted and t_s <= self._last:
             in_order = bool(self._late) and t_s > self._late[-1]
@@ -128,6 +130,12 @@ class Lines:
         self._last, self._late, self._interrupted = t_s, [], False
         values = np.delete(values, self._time)
         return Reading(t_s, values[self.order] if self.order else values, restarted)
+
+    def _unwrapped(self, time: float) -> float:
+        """Return a time of which microseconds of 32 bits go on after they began anew, as `parse.unwrapped`."""
+        self._printed_times = [*self._printed_times[-2:], time]
+        self._turns += parse.TURN * parse.unwrapped(np.array(self._printed_times), self._second)[1]
+        return time + self._turns
 
     def _is_header(self, line: bytes) -> bool:
         """Tell whether a line names the columns, and take their order from it.

@@ -59,6 +59,7 @@ MOST_NOTED = 1000  # lines per piece that are noted because the clock does not r
 HEAD = 200  # lines; banners and comments before the names of the columns are fewer
 LISTED = 6  # names in a sentence
 LONGEST_NAME = 40  # characters
+TURN, WRAPPED_US = 2**32, 10_000_000  # us after which micros() begins anew; how near lines are to it
 STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
 
 
@@ -243,6 +244,7 @@ def read_log(
 
     time = np.concatenate([piece[fmt.time].to_numpy() for piece in pieces])
     line = np.concatenate([piece["line"].to_numpy() for piece in pieces])
+    time, wrapped = unwrapped(time, second(fmt))
     lines = len(line) + sum(rejects.reasons().values())  # without the header
     back = np.count_nonzero(time[1:] <= time[:-1])
     if back > HOPELESS:  # each is a reset or a lost line, but to find out which takes minutes
@@ -263,7 +265,8 @@ def read_log(
     known = noted | dict(zip(unknown, texts(path, unknown) if unknown else [], strict=True))
     rejects.texts |= {number: known[number] for number in wanted if known[number] is not None}
     printed_at, rate = packets.spread(time[keep], segment[keep], second(fmt) * 1e-6)
-    if not rate.packet:
+    new_times = rate.packet or wrapped
+    if not new_times:
         del printed_at  # of the times as they are
     del time, line  # a third of what is in memory
     start = 0
@@ -273,9 +276,10 @@ def read_log(
         piece = piece.append_column("segment", pa.array(segment[rows], pa.int16()))
         pieces[index] = piece if keep[rows].all() else piece.filter(pa.array(keep[rows]))
     rows = pa.concat_tables(pieces).select([*names, "line", "segment"])
-    if rate.packet:
+    if new_times:
         place = rows.column_names.index(fmt.time)
         rows = rows.set_column(place, rows.schema.field(place), pa.array(printed_at))
+    if rate.packet:
         rows = rows.replace_schema_metadata({PACKET: repr(rate.packet / second(fmt))})
     return rows, rejects.table(path.name if name is None else name)
 
@@ -287,6 +291,25 @@ def _check_headers(path: Path, fmt: Format, rejects: _Rejects) -> None:
             raise InputError(
                 f"{path}: line {number} names the columns in another order than those above; divide the log there"
             )
+
+
+def unwrapped(time: np.ndarray, second: float) -> tuple[np.ndarray, bool]:
+    """Return times (n,) of which microseconds of 32 bits go on after they began anew, and whether any did.
+
+    Arduino's micros() begins anew at 0 after 2**32, or 71.6 minutes, or at -2**31 where it is printed with a sign.
+    A clock that was reset starts elsewhere: both sides have to be within WRAPPED_US of the two ends.
+    """
+    if second != 1e6 or len(time) < 3:
+        return time, False
+    back = np.flatnonzero(np.diff(time[1:]) < -(2**31)) + 2
+    before, after = time[back - 1], time[back]
+    near = (after + TURN - before < WRAPPED_US) & (np.abs(time[back - 2] - before) < WRAPPED_US)
+    ends = (abs(before - TURN) < WRAPPED_US) | (abs(before - TURN // 2) < WRAPPED_US)
+    if not (begun := back[near & ends]).size:
+        return time, False
+    turns = np.zeros(len(time), np.int64)
+    turns[begun] = TURN
+    return time + np.cumsum(turns), True
 
 
 def packet_s(rows: pa.Table) -> float | None:
@@ -355,11 +378,12 @@ def check_rejects(
     count = sum(reasons.values())
     if count > limit * (lines + following):
         reason = max(sorted(reasons), key=reasons.get)
+        more = "; its times have too few digits: write more, or set repeats: spread in its format"
         of = f"the first {lines}" if following else f"the {lines}"
         raise InputError(
             f"{path}: {count / lines:.1%} of {of} lines cannot be used, most often '{reason}' "
-            f"({reasons[reason]} lines), and the limit is {limit:.1%}; fix or remove the recording, "
-            f"or raise {key} in {file_of(key)}"
+            f"({reasons[reason]} lines), and the limit is {limit:.1%}"
+            f"{more if reason == REPEATED else ''}; fix or remove the recording, or raise {key} in {file_of(key)}"
         )
 
 

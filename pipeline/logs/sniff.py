@@ -196,7 +196,7 @@ def _of_rows(lines: list[str], fmt: Format, common: dict, timed: bool) -> Propos
             return _finished(exact[0], fmt, common, None, list(range(readings)), lines, [])
     for table in tables:
         if timed and len(table.numeric) == table.width == readings + 1:
-            return _finished(table, fmt, common, _time(table, None), None, lines, [])
+            return _in_order(table, fmt, common, lines)
     for table in tables:
         if len(table.numeric) == table.width == readings and _time(table, None, strict=True) is None:
             return _without_time(table, fmt, common, lines)
@@ -221,29 +221,52 @@ def _time(table: _Table, names: list[str] | None, strict: bool = False) -> int |
     return min(rising)[-1] if rising else None
 
 
+def _in_order(table: _Table, fmt: Format, common: dict, lines: list[str]) -> Proposal | None:
+    """Return how lines can be read that have as many columns as are wanted: in their order, unless a header says other.
+
+    A header of which no name is known is taken for one of the usual order, which is a guess.
+    """
+    names = _names(table, lines) if table.separator != layout.TEXT else None
+    time, guesses = _time(table, names), []
+    readings = [column.name for column in fmt.columns if column.name != fmt.time]
+    if names is not None and time is not None:
+        left = [place for place in range(table.width) if place != time]
+        named = _by_name(names, left, readings)
+        if named is not None and named[0] != left:
+            return _chosen(table, fmt, common, lines, timed=True)
+        if named is None and len(readings) > 1:
+            listed = ", ".join([names[left[0]], "...", names[left[-1]]])
+            guesses = [f"that {listed} are {readings[0]}, ..., {readings[-1]}, in this order"]
+    return _finished(table, fmt, common, time, None, lines, guesses)
+
+
+def _by_name(names: list[str], left: list[int], readings: list[str]) -> tuple[list[int], list[str]] | None:
+    """Return the places of the readings among the columns `left`, by their names, and what is guessed; or None."""
+    plain = [re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in names]
+    if all(name in plain for name in readings):
+        return [plain.index(name) for name in readings], []
+    if all(name in ALIKE for name in readings):
+        fits = [next((place for place in left if ALIKE[name].search(names[place])), None) for name in readings]
+        if None not in fits and len(set(fits)) == len(fits):
+            said = ", ".join(f"'{names[place]}' is {name}" for place, name in zip(fits, readings, strict=True))
+            return fits, [f"that {said}"]
+        return None
+    stems = [re.sub(r"[0-9]+", "#", name) for name in plain]
+    groups = Counter(stems[place] for place in left)
+    same = [stem for stem, count in groups.items() if count == len(readings) and "#" in stem]
+    return ([place for place in left if stems[place] == same[0]], []) if len(same) == 1 else None
+
+
 def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: bool) -> Proposal | None:
     """Return how lines can be read that have more columns than are wanted."""
     readings = [column.name for column in fmt.columns if column.name != fmt.time]
-    names, guesses = _names(table, lines), []
+    names = _names(table, lines)
     by_name = names is not None and table.separator != layout.TEXT
     time = _time(table, names) if timed else None
     if timed and time is None:
         return None
     left = [place for place in table.numeric if place != time]
-    places = None
-    if names is not None:
-        plain = [re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in names]
-        stems = [re.sub(r"[0-9]+", "#", name) for name in plain]
-        groups = Counter(stems[place] for place in left)
-        if all(name in plain for name in readings):
-            places = [plain.index(name) for name in readings]
-        elif all(name in ALIKE for name in readings):
-            fits = [next((p for p in left if ALIKE[name].search(names[p])), None) for name in readings]
-            if None not in fits and len(set(fits)) == len(fits):
-                places = fits
-                guesses.append("that " + ", ".join(f"'{names[p]}' is {r}" for p, r in zip(fits, readings, strict=True)))
-        elif len(same := [stem for stem, count in groups.items() if count == len(readings)]) == 1:
-            places = [place for place in left if stems[place] == same[0]]
+    places, guesses = (_by_name(names, left, readings) if names is not None else None) or (None, [])
     if places is None:
         counts = [place for place in left if _counts(table.values[:, place])]
         left = [place for place in left if place not in counts]
