@@ -17,6 +17,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import record
+from pipeline.logs import diagnosis
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,6 +69,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     session = Session(model, lines, say)
     places = [outputs.Datagrams(given.udp, card)] if given.udp else []
     if given.replay:
+        source.check_log(given.replay)
         chunks = source.replay(given.replay, fmt, stop, given.speed, given.loop, laid_out)
     else:
         chunks = record.Port(given.port, given.baud, stop).chunks()
@@ -92,6 +94,10 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         if page is not None:
             page.close()
     say(sentence(session))
+    if given.replay and lines.count == sum(lines.rejects.values()):
+        raise InputError(
+            f"{given.replay}: no line is a reading of {who}, {diagnosis.header(fmt)}; name a log of this sensor"
+        )
 
 
 def hand_on(predictions, places: list) -> None:

@@ -21,6 +21,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
 from pipeline.base.paths import Workspace
 from pipeline.commands import check, own_settings
+from pipeline.datasets import schemas
 from pipeline.logs import own_data
 
 STAGES = {
@@ -31,12 +32,13 @@ STAGES = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the folder of logs to the parser of this command."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
+    """Add the experiment and the folder of logs to the parser of this command."""
+    check.add_arguments(parser)
 
 
 def main(checkout: Workspace, given: argparse.Namespace) -> None:
     """Train all models of the settings on the logs named on the command line."""
+    check.experiment_of(given.folder, given.experiment)
     with prepared(checkout, given.folder, own_settings.SEEDS) as sensor:
         run(checkout, sensor, params.load(sensor.workspace.params))
 
@@ -101,6 +103,8 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     if problem := check.check(checkout, experiment, folder, values):
         raise InputError(f"fix first: {problem}")
     for stage in STAGES[experiment]:
+        if stage == "train":
+            fit_centres(workspace, experiment, values)
         modules.run(workspace.root, f"pipeline.stages.{stage}", experiment)
     modules.run(workspace.root, "pipeline.stages.render", experiment)
     target = checkout.reports / "own" / name
@@ -115,6 +119,21 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     print(f"\n{target}/README.md: what they score")
     names = ", ".join(sorted(path.name for path in trained.glob("*")))
     print(f"{trained}: {names}, for `tactile predict MODEL LOGS`")
+
+
+def fit_centres(workspace: Workspace, experiment: str, values: Mapping) -> None:
+    """Lower `rbf.centres`, and say so, to half of the windows that the smallest run trains on, where these are fewer.
+
+    With as many centres as windows the model would keep each window by heart. values: the settings of the workspace.
+    """
+    centres = values[experiment]["models"].get("rbf", {}).get("centres", 0)
+    runs = [schemas.split_column(*run) for run in params.runs(values, experiment)] if centres else []
+    table = schemas.read(workspace.dataset(experiment), runs) if runs else {}
+    least = min((int((schemas.names(table[name]) == "train").sum()) for name in runs), default=centres)
+    if least < centres:
+        fewer = max(1, least // 2)
+        set_values({f"{experiment}.models.rbf.centres": fewer}, workspace.params)
+        print(f"rbf: {least} windows train, fewer than {centres} centres; it has {fewer}, half as many as windows")
 
 
 def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) -> None:

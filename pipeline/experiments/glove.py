@@ -20,6 +20,8 @@ from pipeline.logs.report import log_report
 
 KIND = "images"
 
+CLOCK = Column("t_us", "us", -(2.0**31), 2**53, integer=True)
+
 PRESSURE_CELLS, STRAIN_CELLS = (area.cells for area in tactile.GLOVE.values())  # of the paper's glove
 LEVELS = 1024  # of its scanner's converter, equation 2
 LOG = "scanner.log"
@@ -50,7 +52,17 @@ def scanner_format(settings: Mapping) -> Format:
         for name, area in tactile.areas(settings).items()
         for k in range(area.cells)
     )
-    return Format((Column("t_us", "us", -(2.0**31), 2**53, integer=True), *cells), time="t_us")
+    return Format((CLOCK, *cells), time="t_us")
+
+
+def any_readings(settings: Mapping) -> Format:
+    """Return `scanner_format` for readings of any size, to find out what they are."""
+    cells = [
+        Column(f"{name[0]}{k}", "1", area.lowest - 1e9, area.highest + 1e9)
+        for name, area in tactile.areas(settings).items()
+        for k in range(area.cells)
+    ]
+    return Format((CLOCK, *cells), time="t_us")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
@@ -65,12 +77,12 @@ def recordings(folder: Path) -> list[Path]:
 
     Raises InputError for fewer than two objects, and for an object without a session.
     """
-    objects = sorted(path for path in folder.glob("*") if path.is_dir())
+    objects = parse.folders(folder, "*")
     if len(objects) < 2:
         raise InputError(f"{folder}: {len(objects)} objects found; expected two or more as <object>/<session>/{LOG}")
     sessions = []
     for grasped in objects:
-        folders = sorted(path for path in grasped.glob("*") if path.is_dir())
+        folders = parse.folders(grasped, "*")
         if not folders:
             raise InputError(f"{grasped}: no session of this object; add <session>/{LOG} or remove the folder")
         sessions += folders

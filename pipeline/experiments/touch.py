@@ -88,7 +88,7 @@ def recordings(folder: Path) -> list[Path]:
 
     Raises InputError where there is none, or for a name that is no line of text.
     """
-    folders = sorted(path for path in folder.glob("*/*") if path.is_dir())
+    folders = parse.folders(folder, "*/*")
     if not folders:
         raise InputError(f"{folder}: no recordings found; expected <condition>/<recording>/array.log in it")
     parse.check_names(folders)
@@ -145,6 +145,12 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     array, at = rows["array.log"], time["array.log"]
     middle = np.array([settings["sensor"][side] * settings["sensor"]["pitch_mm"] / 2 for side in ("cols", "rows")])
     truth, known = _ground_truth(rows, time, touches, middle)
+    if not known.any() and ingest.get("clock") == "shared":
+        spans = ", ".join(f"{name} {time_s[0]:.10g} to {time_s[-1]:.10g} s" for name, time_s in time.items())
+        raise alignment.NotOneClock(
+            f"{folder}: the logs have no time in common ({spans}), so they do not share a clock; set "
+            "touch.ingest.clock: own"
+        )
     if not known.any():
         raise InputError(f"{folder}: no frame falls into the time of load cell and CNC; record again")
     # The devices start and stop up to max_clock_offset_s apart, so frames without truth are expected there.

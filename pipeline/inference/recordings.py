@@ -45,6 +45,8 @@ def logs(place: Path, experiment: str) -> list[Path]:
     """Return the sensor's logs in a folder, or the one log that is named; InputError where there is none."""
     pattern = LOGS.get(experiment, PATTERNS.get(experiment))
     if place.is_file():
+        if experiment == "glove" and place.name != pattern:
+            raise InputError(f"{place}: a log of {experiment} is called {pattern}; name such a log, or its folder")
         return [place]
     if not place.is_dir():
         raise InputError(f"{place}: not found; name a log or a folder with {pattern} in it")

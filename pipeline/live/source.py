@@ -171,6 +171,14 @@ class Lines:
             )
 
 
+def check_log(path: Path) -> None:
+    """Raise InputError where there is no log to replay."""
+    if not path.is_file():
+        raise InputError(f"{path}: log not found; name a recorded log such as array.log")
+    if not path.stat().st_size:
+        raise InputError(f"{path}: the file is empty; name a recorded log such as array.log")
+
+
 def replay(
     path: Path, fmt: Format, stop, speed: float = 1.0, loop: bool = False, laid_out: Mapping | None = None
 ) -> Iterator[bytes | None]:
@@ -179,10 +187,7 @@ def replay(
     stop: true once the replay is to end; speed: 2 is twice as fast; laid_out: as of `Lines`. Raises InputError where
     there is no such log.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: log not found; name a recorded log such as array.log")
-    if not path.stat().st_size:
-        raise InputError(f"{path}: the file is empty; name a recorded log such as array.log")
+    check_log(path)
     fmt = fmt if laid_out else parse.printed_format(path, fmt)
     place, separator = fmt.names.index(fmt.time), fmt.separator.encode()
     due = time.monotonic()

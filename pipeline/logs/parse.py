@@ -59,6 +59,7 @@ MOST_NOTED = 1000  # lines per piece that are noted because the clock does not r
 HEAD = 200  # lines; banners and comments before the names of the columns are fewer
 LISTED = 6  # names in a sentence
 LONGEST_NAME = 40  # characters
+MOST_STEPS = 20_000  # values of which the finest step is taken
 TURN, WRAPPED_US = 2**32, 10_000_000  # us after which micros() begins anew; how near lines are to it
 STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
 
@@ -232,7 +233,7 @@ def read_log(
     that limit in params.yaml.
     """
     if not path.is_file():
-        raise InputError(f"{path}: log not found; check the folder named in params.yaml")
+        raise InputError(f"{path}: log not found; name a log that is there")
     names = fmt.names
     if layout is None:
         fmt = printed_format(path, fmt)
@@ -293,6 +294,12 @@ def _check_headers(path: Path, fmt: Format, rejects: _Rejects) -> None:
             )
 
 
+def finest_step(values: np.ndarray) -> float:
+    """Return the least difference between two values, of the first ones of many; inf where all are alike."""
+    apart = np.diff(np.unique(values[:MOST_STEPS]))
+    return float(apart.min()) if len(apart) else np.inf
+
+
 def unwrapped(time: np.ndarray, second: float) -> tuple[np.ndarray, bool]:
     """Return times (n,) of which microseconds of 32 bits go on after they began anew, and whether any did.
 
@@ -351,6 +358,15 @@ def add_rejects(rejects: pa.Table, path: Path, numbers: np.ndarray, reason: str,
         pa.concat_arrays([known, pa.nulls(len(numbers) - len(first), pa.string())]),
     ]
     return pa.concat_tables([rejects, pa.table(columns, schema=REJECTS)]).sort_by("line")
+
+
+def folders(source: Path, pattern: str) -> list[Path]:
+    """Return the folders in `source` that match, sorted, without what systems and editors leave there."""
+    found = sorted(path for path in source.glob(pattern) if path.is_dir())
+    return [path for path in found if not any(_LITTER.match(name) for name in path.relative_to(source).parts)]
+
+
+_LITTER = re.compile(r"\.(?!\.)|__MACOSX$")  # hidden folders, such as .ipynb_checkpoints
 
 
 def check_names(recordings: Iterable[Path]) -> None:
