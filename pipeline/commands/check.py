@@ -548,6 +548,10 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     for recording in read:
         for name, proposal in recording.proposals.items():
             found.setdefault(name, []).append(proposal)
+    for name, several in found.items():
+        ways = {own_logs.on_a_line(one.layout | {"rate_hz": 1.0}) for one in several}
+        if len(ways) > 1:
+            problems.append(f"{folder}: {name} is laid out in {len(ways)} ways; bring all to that of the block above")
     ranges = areas_of(read, settings) if experiment == "glove" else own_logs.Ranges([], [], [], False)
     if ranges.falls:
         laid_out = layout.of(settings["ingest"], LOGS["glove"]) or own_logs.PLAIN

@@ -22,6 +22,9 @@ from pipeline.settings.shared import Layout
 
 TEXT = "text"  # the separator that stands for anything between two numbers
 BLOCK = 1 << 20  # bytes read at once
+ABOVE = 200  # lines, of which those above the first row are left out; banners and titles are fewer
+LONGEST_LINE = 1 << 24  # characters; a log without line ends must not fill the memory
+LATEST = 10**18  # in the unit of a log; a time beyond is none
 MOST_ALIKE = 10_000  # lines of one time that are spread; a clock that stands still for longer has no times
 NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 UNITS = "m?N|k?g|[mcu]?m|m?V|[mun]?s|k?Pa|[kM]?ohm"
@@ -86,7 +89,7 @@ def divided(line: str, separator: str) -> list[str]:
     """Return the columns of a line, without blanks and quotation marks around them."""
     if separator == " ":
         fields = line.split()
-    elif '"' in line:
+    elif '"' in line and len(line) < csv.field_size_limit():
         fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     else:
         fields = line.split(separator)
@@ -147,6 +150,7 @@ class Reader:
         self._unit = NANOSECONDS[fmt.columns[self._time_at].unit]
         self._linear = list(zip(*map(self._of_each, (given.scale, given.offset)), strict=True))
         self._wanted = self._names()
+        self._named = not self._wanted  # the places of columns with names are known
         self._places: list[int] | None = None  # of the readings; None: not known yet
         self._time_place: int | None = None
         if not self._wanted:
@@ -207,13 +211,20 @@ class Reader:
 
         Raises InputError where a header lacks a column that the layout names.
         """
-        self._rest += self._decode(data, last)
+        try:
+            self._rest += self._decode(data, last)
+        except UnicodeError as error:
+            raise InputError(
+                f"{self.where}: is not {self.layout.encoding} ({error}); fix encoding in its format"
+            ) from error
         if self._end is None:
             self._end = line_end(self._rest)
-            if self._end is None and not last:
+            if self._end is None and not last and len(self._rest) <= LONGEST_LINE:
                 return []
             self._end = self._end or "\n"
         *lines, self._rest = self._rest.split(self._end)
+        if len(self._rest) > LONGEST_LINE:
+            raise InputError(f"{self.where}: no line end within {LONGEST_LINE >> 20} MiB; end each frame by a line end")
         if last and self._rest:
             lines, self._rest = [*lines, self._rest], ""
         taken = [line for text in lines for line in self._line(text.strip("\r\n\ufeff"))]
@@ -257,8 +268,8 @@ class Reader:
 
     def _reject(self, text: str, reason: str) -> Iterator[Line]:
         """Yield a reject, but not of what stands above the first row: titles, units, the names of the columns."""
-        self._count += self._begun
-        if self._begun:
+        if self._begun or self._number > ABOVE:
+            self._count += 1
             yield Line(self._number, text, reason)
 
     def _is_header(self, line: str) -> bool:
@@ -276,8 +287,17 @@ class Reader:
             places = [place[end] if end in place else int(end) - 1 for end in ends]
             self._places = places if isinstance(columns, list) else list(range(places[0], places[1] + 1))
             self._check_count(len(self._places))
-        self._width = self.layout.width or len(names)
+        self._width, self._named = self.layout.width or len(names), True
         return True
+
+    def check_named(self) -> None:
+        """Raise InputError where no line so far named the columns that the layout has by their names."""
+        if not self._named:
+            names = ", ".join(sorted(self._wanted))
+            raise InputError(
+                f"{self.where}: no line names the column{'s' * (len(self._wanted) > 1)} {names} of its format in the "
+                "settings; name them as the log does, or give their numbers"
+            )
 
     def _of_frame(self, text: str, fields: list[str]) -> Iterator[Line]:
         """Yield the frame that a line ends, or the line where it belongs to none."""
@@ -324,7 +344,7 @@ class Reader:
 
     def _row(self, fields: list[str], stamp: str | None) -> tuple[Decimal, bool, list[str]] | None:
         """Return (time, whether it is rounded, readings as text) of a row, or None where the fields are no row."""
-        if len(fields) != self._expected() or (self._wanted and self._time_place is None and self._places is None):
+        if len(fields) != self._expected() or not self._named:
             return None
         places = self._places
         if places is None:
@@ -345,7 +365,8 @@ class Reader:
             time, rounded = self._in_unit(seconds * NANOSECONDS["s"] / self._unit), False
         else:
             stamp = fields[self._time_place] if self._field_of_time else stamp
-            if stamp is None or (time := self._time(stamp)) is None:
+            time = None if stamp is None else self._time(stamp)
+            if time is None or not abs(time) < LATEST:
                 return None
             rounded = "." in stamp or "e" in stamp.lower()
         self._keep(values)
@@ -363,6 +384,8 @@ class Reader:
             try:
                 value = Decimal(stamp)
             except InvalidOperation:
+                return None
+            if not value.is_finite():
                 return None
             unit = self.layout.time_unit
             return self._in_unit(value * NANOSECONDS[unit] / self._unit if unit else value)
@@ -382,9 +405,7 @@ class Reader:
 
     def _in_unit(self, time: Decimal) -> Decimal:
         """Return a time as the log has it: whole, where its times are."""
-        if not time.is_finite() or not self.format.columns[self._time_at].integer:
-            return time
-        return time.to_integral_value()
+        return time.to_integral_value() if self.format.columns[self._time_at].integer else time
 
     def _reading(self, k: int, value: str) -> str:
         """Return the text of a reading in the log's unit; counts that come as 12.0 are whole numbers."""
@@ -430,6 +451,7 @@ def lines(path: Path, layout: Mapping, fmt: Format) -> Iterator[list[Line]]:
     except BROKEN as error:
         raise InputError(f"{path}: its gzip compression is broken ({error}); compress it again") from error
     yield reader.take(b"", last=True)
+    reader.check_named()
 
 
 def printed_lines(path: Path) -> Iterator[bytes]:

@@ -330,7 +330,7 @@ def texts(path: Path, numbers: list[int]) -> list[str | None]:
     None stands for the text of a line that ends in CR alone.
     """
     printable, first = [], 1  # first: the number of a piece's first line
-    for piece in _pieces(path):
+    for piece in _pieces(path, packed=True):
         count = piece.count(b"\n") + (not piece.endswith(b"\n"))
         wanted = numbers[len(printable) : bisect_left(numbers, first + count)]
         if wanted:
@@ -546,10 +546,13 @@ def _parse_laid_out(path: Path, fmt: Format, layout: Mapping) -> tuple[list[pa.T
     return tables, rejects, lines, noted
 
 
-def _pieces(path: Path) -> Iterator[bytes]:
-    """Yield the file in pieces of whole lines, without the byte order mark that some editors put first."""
+def _pieces(path: Path, packed: bool = False) -> Iterator[bytes]:
+    """Yield the file in pieces of whole lines, without the byte order mark that some editors put first.
+
+    packed: it may be compressed by gzip.
+    """
     carry: list[bytes] = []
-    with layouts.opened(path) as file:
+    with layouts.opened(path) if packed else path.open("rb") as file:
         if file.read(3) != b"\xef\xbb\xbf":
             file.seek(0)
         while block := file.read(PIECE):

@@ -54,7 +54,8 @@ def test_an_unknown_command_gets_the_likely_one():
 
 def test_a_matplotlibrc_changes_no_figure(tmp_path):
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 30\n")
-    code = "from pipeline.reporting.figures.style import plt as p; print(*map(p.rcParams.get, ('text.usetex', 'font.size')))"
+    style = "from pipeline.reporting.figures.style import plt"
+    code = f"{style}; print(plt.rcParams['text.usetex'], plt.rcParams['font.size'])"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
     )

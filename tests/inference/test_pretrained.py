@@ -205,6 +205,17 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
     assert "scores" not in said
 
 
+def test_a_log_is_read_as_the_card_says_that_it_is_laid_out(tmp_path):
+    """As the logs were that the model was trained on."""
+    log = write_log(tmp_path / "run" / "array.log")
+    card = cards.read(TOUCH)
+    usual = recordings.read(log, "run", card)
+    log.write_text("\n\n".join(f"<{line.replace(',', ' ; ')}>" for line in log.read_text().splitlines()))
+    ingest = card.reading["ingest"] | {"format": {"array.log": {"separator": "text"}}}
+    other = recordings.read(log, "run", card.model_copy(update={"reading": card.reading | {"ingest": ingest}}))
+    assert np.array_equal(other.x, usual.x) and np.array_equal(other.t_s, usual.t_s) and len(other.x) == LINES
+
+
 def test_a_bad_log_among_others_is_listed_and_the_others_are_predicted(workspace, undrawn, tmp_path, capsys):
     good = write_log(tmp_path / "logs" / "a" / "array.log")
     bad = tmp_path / "logs" / "b" / "array.log"

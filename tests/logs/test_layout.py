@@ -6,6 +6,8 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.experiments import strain, touch
@@ -214,6 +216,32 @@ def test_nothing_is_proposed_for_another_sensor(tmp_path):
     assert sniff.proposed(written(tmp_path, "ready\nready\n"), DAQ) is None
 
 
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    kind=st.sampled_from(sorted(READ)),
+    cut=st.tuples(st.floats(0, 1), st.integers(0, 400)),
+    noise=st.binary(max_size=12),
+)
+def test_damage_ends_in_rows_and_rejects_or_in_one_sentence(kind, cut, noise, tmp_path):
+    fmt, content, laid_out = READ[kind]
+    content = content if isinstance(content, bytes) else content.encode()
+    at = int(cut[0] * len(content))
+    path = written(tmp_path, content[:at] + noise + content[at + cut[1] :])
+    sniff.proposed(path, fmt)
+    try:
+        rows, rejects = parse.read_log(
+            path, fmt, layout=laid_out | ({"rate_hz": 20.0} if without_rate(laid_out) else {})
+        )
+    except InputError as error:
+        assert str(error).startswith(str(path))
+        return
+    numbers = rows["line"].to_pylist() + rejects["line"].to_pylist()
+    assert len(set(numbers)) == len(numbers) and rejects["line"].to_pylist() == sorted(rejects["line"].to_pylist())
+    for column in fmt.columns:
+        values = rows[column.name].to_numpy()
+        assert ((values >= column.low) & (values <= column.high)).all()
+
+
 @pytest.mark.parametrize("separator", [",", "text"])
 def test_torn_lines_are_rejects_with_their_numbers(separator, tmp_path):
     lines = counts(lambda t, v: f"{t},{csv(v)}").splitlines()
@@ -265,7 +293,7 @@ def test_midnight_is_passed(tmp_path):
     ("laid_out", "words"),
     [
         ({"separator": ";"}, "no line is laid out as `format`"),
-        ({"columns": ["force"]}, "no line is laid out as `format`"),
+        ({"columns": ["force"]}, "no line names the column force of its format"),
         ({"columns": [2, 3], "width": 3}, "names 2 columns, but the sensor has 1 reading"),
         ({"scale": [1, 2]}, "has 2 scales or offsets for 1 reading"),
     ],
@@ -279,7 +307,7 @@ def test_live_reads_as_ingest_does(tmp_path):
     """In pieces of any size, and replayed."""
     for kind in ("time of day", "lines of a frame, apart", "CR", "time repeats"):
         fmt, content, laid_out = READ[kind]
-        laid_out = laid_out | ({"rate_hz": 20.0} if wanted_rate(laid_out) else {})
+        laid_out = laid_out | ({"rate_hz": 20.0} if without_rate(laid_out) else {})
         path = written(tmp_path, content)
         rows, _ = parse.read_log(path, fmt, layout=laid_out)
         data = path.read_bytes()
@@ -294,7 +322,7 @@ def test_live_reads_as_ingest_does(tmp_path):
             assert [one.t_s for one in replayed] == [one.t_s for one in readings]
 
 
-def wanted_rate(laid_out):
+def without_rate(laid_out):
     return laid_out.get("rate_hz", 0) is None
 
 
