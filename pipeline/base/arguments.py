@@ -22,7 +22,7 @@ def _workspace(text: str) -> Workspace:
     return Workspace(Path(text))
 
 
-def of_study(doc: str, experiments: Sequence[str]) -> tuple[str, int]:
+def of_study(doc: str | None, experiments: Sequence[str]) -> tuple[str, int]:
     """Return the experiment and the seed that the command line of a study names."""
     given = parse(doc, experiment=experiments, seed=None)
     if not given.seed.isdecimal():
@@ -38,7 +38,7 @@ def run(main: Callable[[Workspace], None]) -> None:
     run_stage(lambda: main(workspace), workspace.params)
 
 
-def parse(description: str, **positionals: Sequence[str | None] | None) -> argparse.Namespace:
+def parse(description: str | None, **positionals: Sequence[str | None] | None) -> argparse.Namespace:
     """Return the positional arguments of the module that runs; a wrong one ends it with a sentence (exit status 2).
 
     description: the module's docstring; positionals: name -> allowed words, or None where any text will do. An
@@ -47,7 +47,7 @@ def parse(description: str, **positionals: Sequence[str | None] | None) -> argpa
     spec = getattr(sys.modules["__main__"], "__spec__", None)
     parser = argparse.ArgumentParser(
         prog=f"python -m {spec.name}" if spec else None,
-        description=description.partition("\nUsage:")[0],
+        description=(description or "").partition("\nUsage:")[0],  # python -OO has no docstrings
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )

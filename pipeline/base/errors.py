@@ -1,6 +1,7 @@
 """Turn bad input, a disk that is full or locked, and a lack of memory into one sentence instead of a traceback."""
 
 import errno
+import io
 import os
 import re
 import signal
@@ -13,6 +14,8 @@ from pipeline.base.processes import die_with_parent
 # Errors that end a write through no fault of the code.
 STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 FULL = (errno.ENOSPC, errno.EDQUOT)  # these also cut the files that DVC writes in place
+
+PIPE_CLOSED = 141  # exit status that a shell gives a command which writes to a closed pipe
 
 # Words of torch and of the system for what Python calls MemoryError.
 NO_MEMORY = re.compile(r"can't allocate memory|cannot allocate memory|out of memory|bad_alloc", re.IGNORECASE)
@@ -28,17 +31,21 @@ class InputError(Exception):
 def run_stage(main: Callable[[], None], params: Path) -> None:
     """Run a stage's `main`; bad input, a disk and a lack of memory become a sentence on stderr and exit status 1.
 
-    Ctrl-C prints nothing and ends with the status that a shell gives it. A stage that DVC started ends when DVC does:
-    otherwise the next `dvc repro` would find the stage still writing. The stage fails where the settings, of `params`
-    and the files beside it, changed while it ran: DVC reads them after the stage, and would take the results for
-    results of the new values.
+    Ctrl-C, and a reader that closes the pipe, print nothing and end with the status that a shell gives them. A stage
+    that DVC started ends when DVC does: otherwise the next `dvc repro` would find the stage still writing. The stage
+    fails where the settings, of `params` and the files beside it, changed while it ran: DVC reads them after the stage,
+    and would take the results for results of the new values.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names of folders that a terminal's or a file's encoding lacks
+            stream.reconfigure(errors="backslashreplace")
     by_dvc = "DVC_STAGE" in os.environ
     if by_dvc:
         die_with_parent()
     settings = _settings(params)
     try:
         main()
+        sys.stdout.flush()
         if by_dvc and (changed := sorted(name for name, _ in settings ^ _settings(params))):
             raise InputError(
                 f"{changed[0]} changed while this ran; run `dvc repro` again, for results of the new values"
@@ -47,6 +54,9 @@ def run_stage(main: Callable[[], None], params: Path) -> None:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGINT)
+    except BrokenPipeError:  # who read has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(PIPE_CLOSED)
     except Exception as error:
         if (sentence := storage_error(error)) is None and (reason := memory_error(error)) is not None:
             sentence = f"{reason}; free memory or make the settings smaller, and run the command again"

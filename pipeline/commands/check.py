@@ -10,7 +10,6 @@ import argparse
 import os
 import re
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -22,22 +21,19 @@ import pyarrow.compute as pc
 from scipy.optimize import linear_sum_assignment
 
 from pipeline import experiments
-from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
+from pipeline.commands import own_logs, own_settings
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
-from pipeline.logs import diagnosis, own_data, parse
-from pipeline.logs.report import log_report
+from pipeline.logs import alignment, diagnosis, layout, own_data, parse
+from pipeline.logs.sniff import Proposal
 from pipeline.reporting.figures import check as check_figures
 
 LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}  # experiment -> the sensor's log
-SETTINGS = "settings.yaml"  # in a folder of logs
 DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, from which the number of its columns is taken
-STEP = 1  # counts; an element that never changes by more is dead
 OUTSIDE = 0.02  # share of contacts that may lie beside the array
 SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # every scan and every serial line is within this range
 TIMES = {  # unit wanted, whether too fast -> advice on the unit that is probably there
@@ -57,22 +53,16 @@ FEW = 3  # firm contacts that tell which column answers at one place
 ORDER = "row by row from the bottom row, each from left to right"
 
 
-class Log(NamedTuple):
-    """One file as it was read."""
-
-    rows: pa.Table
-    rejects: pa.Table
-    report: dict  # as `log_report` returns it
-
-
 class Checked(NamedTuple):
     """One recording: its files as far as they can be read, and its frames, if ingest can make them."""
 
     folder: Path
-    logs: dict[str, Log]
+    logs: dict[str, own_logs.Log]
     frames: pa.Table | None
     report: dict  # of ingest, file -> its numbers; {} where ingest refused the recording
     problems: list[str]
+    proposals: dict[str, Proposal]  # log -> how it can be read, where it is laid out in another way
+    clock_own: bool  # its logs are said to share a clock, and do not
 
     @property
     def name(self) -> str:
@@ -98,46 +88,87 @@ def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse
 
 def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     """Read one recording; what cannot be used becomes a problem, not an exception."""
-    read, problems = {}, []
+    read, problems, proposals = {}, [], {}
     expected = formats(experiment, folder, settings)
     for name, fmt in expected.items():
-        path = folder / name
+        path, laid_out = folder / name, layout.of(settings["ingest"], name)
         if not path.is_file():
             problems.append(diagnosis.missing(path, fmt, expected))
             continue
+        unusable = False
         try:
-            printed = parse.printed_format(path, fmt)
+            read[name] = own_logs.read_one(path, fmt, laid_out)
+            own_logs.check_rejects(experiment, path, read[name], settings)
+            wrong = list(conventions(path, read[name], settings))
         except InputError as error:
-            problems.append(str(error))
+            wrong = [str(error)]
+            unusable = True
+            if laid_out is None:
+                wrong = [unread(experiment, path, fmt, settings, read.get(name)) or str(error)]
+        if not wrong:
             continue
-        try:
-            rows, rejects = parse.read_log(path, fmt)
-        except InputError as error:
-            wrong = diagnosis.unreadable(path, printed) or wrong_columns(experiment, path, printed, settings)
-            problems.append(wrong or str(error))
-            continue
-        if fmt is touch.LOAD_CELL:
-            rows, rejects = touch.without_spikes(path, rows, rejects)
-        if rejects.num_rows > settings["ingest"]["max_reject_fraction"] * (rows.num_rows + rejects.num_rows):
-            beyond = rejects.filter(pc.equal(rejects["reason"], parse.OUT_OF_RANGE))
-            if wrong := (
-                wrong_columns(experiment, path, printed, settings)
-                or diagnosis.out_of_range(path, beyond.slice(0, parse.TEXTS).to_pylist(), printed)
-                or diagnosis.unreadable(path, printed)
+        found = own_logs.proposed(experiment, path, fmt, settings, laid_out)
+        if isinstance(found, Proposal) and (unusable or found.layout != own_logs.PLAIN):
+            proposals[name] = found
+            if (
+                found.layout != own_logs.PLAIN
+                and found.layout.items() >= own_logs.PLAIN.items()
+                and (found.layout.keys() <= {"separator", "scale", "time_unit"})
             ):
-                problems.append(wrong)
-                continue
-        time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
-        report = log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
-        read[name] = Log(rows.append_column("time_s", pa.array(time)), rejects, report)
-    frames, report = None, {}
+                wrong = [f"{wrong[0]}; or {own_logs.PASTE}"]
+            else:
+                wrong = [f"{path}: {own_logs.LAID_OUT}"]
+        elif isinstance(found, str):
+            wrong = [found]
+        problems += wrong
+    for name, proposal in proposals.items():
+        if proposal.layout.get("rate_hz", 0) is None:
+            proposals[name] = own_logs.with_rate(folder / name, expected[name], proposal, read)
+    frames, report, clock_own = None, {}, False
     if not problems:
-        problems += conventions(folder, read, settings)
         try:
             frames, _, report = experiments.module(experiment).read_recording(folder, settings)
         except InputError as error:
             problems.append(f"{error}{lengths(read, settings)}")
-    return Checked(folder, read, frames, report, problems)
+            if isinstance(error, touch.Falls):
+                falls = {**(layout.of(settings["ingest"], "array.log") or own_logs.PLAIN), "rises_when_pressed": False}
+                proposals["array.log"] = Proposal(falls, [])
+            clock_own = isinstance(error, alignment.NotOneClock)
+    return Checked(folder, read, frames, report, problems, proposals, clock_own)
+
+
+def areas_of(read: list[Checked], settings: Mapping) -> own_logs.Ranges:
+    """Return what there is to say of the ranges of a scanner's readings; one that is said to rise is not doubted."""
+    laid_out = layout.of(settings["ingest"], LOGS["glove"])
+    logs = {}
+    for recording in read:
+        proposal = recording.proposals.get(LOGS["glove"])
+        logs[recording.folder / LOGS["glove"]] = own_logs.trial(proposal) if proposal else laid_out
+    ranges = own_logs.of_areas(logs, settings)
+    if ranges.falls and "rises_when_pressed" in (laid_out or {}):
+        return ranges._replace(problems=[p for p in ranges.problems if "rises_when_pressed" not in p], falls=False)
+    return ranges
+
+
+def unread(experiment: str, path: Path, fmt: parse.Format, settings: Mapping, log: own_logs.Log | None) -> str | None:
+    """Return the sentence for a log of which too few lines can be read, or None where its lines do not show why.
+
+    log: its lines as far as they are read.
+    """
+    try:
+        printed = parse.printed_format(path, fmt)
+    except InputError as error:
+        return str(error)
+    if log is None:
+        return diagnosis.unreadable(path, printed) or wrong_columns(experiment, path, printed, settings)
+    beyond = log.rejects.filter(pc.equal(log.rejects["reason"], parse.OUT_OF_RANGE))
+    lacking = log.rejects.filter(pc.equal(log.rejects["reason"], parse.NOT_A_NUMBER)).slice(0, 1).to_pylist()
+    return (
+        wrong_columns(experiment, path, printed, settings)
+        or diagnosis.without_values(path, lacking, printed)
+        or diagnosis.out_of_range(path, beyond.slice(0, parse.TEXTS).to_pylist(), printed)
+        or diagnosis.unreadable(path, printed)
+    )
 
 
 def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
@@ -177,35 +208,34 @@ def _begins_with_time(path: Path) -> bool:
     return len(times) > 1 and np.mean(np.diff(times) > 0) > diagnosis.USUAL
 
 
-def conventions(folder: Path, read: Mapping[str, Log], settings: Mapping) -> Iterator[str]:
-    """Yield problems of logs that can be read: wrong units of time, force and place."""
-    for name, log in read.items():
-        path, rate = folder / name, log.report["rate_hz"]
-        if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
-            unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
-            advice = TIMES.get((unit, rate > FASTEST_HZ), "")
-            yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
-        if "fz_n" in log.rows.column_names:
-            force = log.rows["fz_n"].to_numpy()
-            low, rest, high = np.percentile(force, [0.5, 10, 99.5])
-            threshold = settings["window"]["contact_threshold_n"]
-            if -low > high:
-                yield f"{path}: {touch.PULLED}"
-            elif rest > threshold:
-                yield (
-                    f"{path}: fz_n rests at {rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
-                    "that presses never end; subtract what the load cell shows at rest"
-                )
-        if name == "cnc.log" and not (log.rows["z_mm"].to_numpy() < 0).any():
-            yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
-        if name == "robot.log":
-            axes = [name for name in log.rows.column_names if name.endswith("_mm")]
-            moves = max(np.ptp(log.rows[axis].to_numpy()) for axis in axes)
-            if moves < LEAST_MM:
-                yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
+def conventions(path: Path, log: own_logs.Log, settings: Mapping) -> Iterator[str]:
+    """Yield problems of a log that can be read: wrong units of time, force and place."""
+    rate = log.report["rate_hz"]
+    if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
+        unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
+        advice = TIMES.get((unit, rate > FASTEST_HZ), "")
+        yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
+    if "fz_n" in log.rows.column_names:
+        force = log.rows["fz_n"].to_numpy()
+        low, rest, high = np.percentile(force, [0.5, 10, 99.5])
+        threshold = settings["window"]["contact_threshold_n"]
+        if -low > high:
+            yield f"{path}: {touch.PULLED}"
+        elif rest > threshold:
+            yield (
+                f"{path}: fz_n rests at {rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
+                "that presses never end; subtract what the load cell shows at rest"
+            )
+    if path.name == "cnc.log" and not (log.rows["z_mm"].to_numpy() < 0).any():
+        yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
+    if path.name == "robot.log":
+        axes = [name for name in log.rows.column_names if name.endswith("_mm")]
+        moves = max(np.ptp(log.rows[axis].to_numpy()) for axis in axes)
+        if moves < LEAST_MM:
+            yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
 
 
-def lengths(read: Mapping[str, Log], settings: Mapping) -> str:
+def lengths(read: Mapping[str, own_logs.Log], settings: Mapping) -> str:
     """Say how long each log lasts, where they differ by more than the devices may start apart; else ''."""
     lasts = {}
     for name, log in read.items():
@@ -481,8 +511,11 @@ def unfit(experiment: str, settings: Mapping) -> list[str]:
 
 
 def still(experiment: str, read: list[Checked]) -> list[str]:
-    """Return a finding that names the elements and cells that do not change in any recording."""
-    lowest, highest = {}, {}
+    """Return a finding that names the elements and cells that change in no recording by more than their finest step.
+
+    The step is the finest of all columns of a kind, a count or a digit of the log.
+    """
+    lowest, highest, steps = {}, {}, {}
     for recording in read:
         for name, log in recording.logs.items():
             for column in log.rows.column_names:
@@ -491,7 +524,10 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
                     key = column if name == "array.log" or experiment == "glove" else f"{name} {column}"
                     lowest[key] = min(lowest.get(key, np.inf), values.min())
                     highest[key] = max(highest.get(key, -np.inf), values.max())
-    dead = [key for key in lowest if highest[key] - lowest[key] <= STEP]
+                    kind = re.sub(r"\d+$", "", key)
+                    steps[kind] = min(steps.get(kind, np.inf), parse.finest_step(values))
+    moves = {key: highest[key] - lowest[key] for key in lowest}
+    dead = [key for key in moves if not moves[key] > 1.001 * steps[re.sub(r"\d+$", "", key)]]
     listed = ", ".join(dead[:10]) + (", ..." if len(dead) > 10 else "")
     return [f"{len(dead)} of {len(lowest)} elements never change (dead, or never touched): {listed}"] if dead else []
 
@@ -506,8 +542,21 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
         print("\n".join(understood(read[-1])))
     problems = [problem for recording in read for problem in recording.problems]
     usable = [recording for recording in read if recording.frames is not None]
+    found: dict[str, list[Proposal]] = {}
+    for recording in read:
+        for name, proposal in recording.proposals.items():
+            found.setdefault(name, []).append(proposal)
+    for name, several in found.items():
+        ways = {own_logs.on_a_line(one.layout | {"rate_hz": 1.0}) for one in several}
+        if len(ways) > 1:
+            problems.append(f"{folder}: {name} is laid out in {len(ways)} ways; bring all to that of the block above")
+    ranges = areas_of(read, settings) if experiment == "glove" else own_logs.Ranges([], [], [], False)
+    if ranges.falls:
+        laid_out = layout.of(settings["ingest"], LOGS["glove"]) or own_logs.PLAIN
+        found.setdefault(LOGS["glove"], [Proposal({**laid_out, "rises_when_pressed": False}, [])])
+    problems = [f"{folder}: {problem}" for problem in ranges.problems] + problems
     print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
-    said = still(experiment, read)
+    said = still(experiment, read) + ranges.findings
     if usable:
         rows, findings, wrong = whole(experiment, usable, settings)
         said, problems = said + findings, problems + wrong + unfit(experiment, settings)
@@ -521,16 +570,36 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     if drawn:
         check_figures.draw(target, experiment, drawn, settings)
         print(f"picture: {target}")
+    clock = [f"{experiment}.ingest.clock: own  # in place of shared"] * any(one.clock_own for one in read)
+    if block := own_logs.format_block(experiment, found, settings) + ranges.settings + clock:
+        print(f"\nfor {folder / own_settings.FILE}:", *block, sep="\n")
     if len(problems) > 1:
-        print("\nto fix:", *dict.fromkeys(problems), sep="\n  ")
+        print("\nto fix:", *of_each_kind(problems), sep="\n  ")
     return problems[0] if problems else None
 
 
-def experiment_of(folder: Path) -> str:
-    """Return the experiment that the logs in a folder are of, by their names; InputError where that is not clear."""
-    if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder")
+def of_each_kind(problems: list[str]) -> list[str]:
+    """Return the first problem of each kind, with how many more there are that differ in files and numbers alone."""
+    kinds: dict[str, list[str]] = {}
+    for problem in dict.fromkeys(problems):
+        words = re.sub(r"^.*?\.log: |'[^']*'|[-+.\d]+", "", problem)
+        kinds.setdefault(words, []).append(problem)
+    more = {several[0]: len(several) - 1 for several in kinds.values()}
+    return [f"{first} (and {count} more like this)" if count else first for first, count in more.items()]
+
+
+def experiment_of(folder: Path, named: str | None = None) -> str:
+    """Return the experiment that the logs in a folder are of, by their names, or by the keys of settings.yaml.
+
+    named: the one that the user names. Raises InputError where neither is clear, and where it is another.
+    """
+    check_folder(folder)
+    if named is not None and kinds_of(folder) not in ([named], []):
+        raise InputError(f"{folder}: holds no {LOGS[named]}, but {LOGS[kinds_of(folder)[0]]}; leave '{named}' out")
     present = kinds_of(folder)
+    if len(present) != 1:
+        keys = {str(key).partition(".")[0] for key in own_settings.read(folder)}
+        present = [experiment for experiment in LOGS if experiment in keys] or present
     if len(present) != 1:
         wanted = ", ".join(f"{log} ({experiment})" for experiment, log in LOGS.items())
         held = "logs of several kinds" if present else "no log of a sensor"
@@ -538,44 +607,33 @@ def experiment_of(folder: Path) -> str:
     return present[0]
 
 
+def check_folder(folder: Path) -> None:
+    """Raise InputError for a path that is no folder."""
+    if folder.is_file():
+        raise InputError(f"{folder}: is a file; name the folder of the sensor, with <folder>/<recording>/ in it")
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder")
+
+
 def kinds_of(folder: Path) -> list[str]:
     """Return the experiments of which a folder holds logs, each in <folder>/<recording>/."""
     return [experiment for experiment, log in LOGS.items() if next(folder.glob(f"*/*/{log}"), None)]
 
 
-def own_settings(folder: Path) -> dict:
-    """Return the dotted keys and values of FOLDER/settings.yaml; {} where there is none. Errors as params.parsed."""
-    path = folder / SETTINGS
-    if not path.is_file():
-        return {}
-    values = params.parsed(path)
-    if not isinstance(values, dict):
-        raise InputError(f"{path}: expected dotted keys and values such as `touch.sensor.rows: 4`")
-    return values
-
-
-def settings_of(workspace: Workspace, folder: Path) -> dict:
-    """Return the settings with those of FOLDER/settings.yaml in their place; errors as params.load."""
-    with tempfile.TemporaryDirectory() as draft:
-        changed = copied(workspace.params, Path(draft))
-        of_sensor, source = own_settings(folder), str(folder / SETTINGS)
-        set_values(of_sensor, changed, source)
-        return params.load(changed, dict.fromkeys(of_sensor, source))
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the experiment and the folder of logs to the parser of this command."""
-    parser.add_argument("experiment", choices=tuple(LOGS), help="the experiment that the logs are for")
+    kinds = "what the logs are of, where their names or settings.yaml do not tell it"
+    parser.add_argument("experiment", nargs="?", choices=tuple(LOGS), help=kinds)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Check the folder named on the command line."""
-    experiment, folder = given.experiment, given.folder
-    if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder")
+    folder = given.folder
+    check_folder(folder)
+    experiment = given.experiment or experiment_of(folder)
     place = Path(os.path.abspath(folder))  # without ..
-    values = settings_of(workspace, folder)
+    values = own_settings.of_logs(workspace, experiment, folder)
     first = check(workspace, experiment, folder, values) or own_data.unnoticed(workspace, place)
     if first is not None:
         sys.exit(f"fix first: {first}")

@@ -6,12 +6,13 @@ Each command of `tactile` is a module of this room: its `add_arguments(parser)` 
 """
 
 import argparse
+import ast
 import importlib
 import sys
 from collections.abc import Collection
 from pathlib import Path
 
-from pipeline.base import arguments
+from pipeline.base import arguments, params
 from pipeline.base.errors import run_stage
 
 COMMANDS = {  # command -> its module
@@ -37,14 +38,14 @@ COMMANDS = {  # command -> its module
 
 def parser_of(called: Collection[str]) -> argparse.ArgumentParser:
     """Return the parser of `tactile`, in which the commands `called` know their arguments and the others do not."""
-    parser = argparse.ArgumentParser(prog="tactile", description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(prog="tactile", description=_words("command_line").partition("\n")[0])
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, module in COMMANDS.items():
-        text = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
-        command = commands.add_parser(name, help=text.partition("\n")[0].strip('"'))
+        words = _words(module)
+        command = commands.add_parser(name, help=words.partition("\n")[0])
         if name in called:
             imported = importlib.import_module(f"pipeline.commands.{module}")
-            command.description = imported.__doc__
+            command.description = words
             command.formatter_class = argparse.RawDescriptionHelpFormatter
             arguments.add_root(command)
             imported.add_arguments(command)
@@ -52,8 +53,20 @@ def parser_of(called: Collection[str]) -> argparse.ArgumentParser:
     return parser
 
 
+def _words(module: str) -> str:
+    """Return the docstring of a module of this room, which is not imported, and which python -OO would not keep."""
+    text = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+    return ast.get_docstring(ast.parse(text))
+
+
 def main() -> None:
     """Run the command named on the command line; a wrong one ends with a sentence and exit status 2."""
+    if not sys.argv[1:]:
+        parser_of(()).print_help()
+        return
+    name = sys.argv[1]
+    if not name.startswith("-") and name not in COMMANDS:
+        sys.exit(f"error: there is no command '{name}'; {params.hint(name, COMMANDS)}")
     given = parser_of(sys.argv[1:2]).parse_args()
     run_stage(lambda: given.main(given.root, given), given.root.params)
 

@@ -17,6 +17,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import record
+from pipeline.logs import diagnosis
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,14 +62,15 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         )
         model = onnx_export.faster(predictor.load(folder), Path(draft))
     card = model.card
-    who, fmt = f"{card.experiment}/{card.model}", source.line_format(card)
+    who, fmt, laid_out = f"{card.experiment}/{card.model}", source.line_format(card), source.line_layout(card)
     say(f"{who}: {comes_from}")
     order = card.reading.get("sensor", {}).get("order", [])
-    lines = source.Lines(fmt, str(given.port or given.replay), who, order)
+    lines = source.Lines(fmt, str(given.port or given.replay), who, order, laid_out)
     session = Session(model, lines, say)
     places = [outputs.Datagrams(given.udp, card)] if given.udp else []
     if given.replay:
-        chunks = source.replay(given.replay, fmt, stop, given.speed, given.loop)
+        source.check_log(given.replay)
+        chunks = source.replay(given.replay, fmt, stop, given.speed, given.loop, laid_out)
     else:
         chunks = record.Port(given.port, given.baud, stop).chunks()
         if given.record:
@@ -92,6 +94,10 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         if page is not None:
             page.close()
     say(sentence(session))
+    if given.replay and lines.count == sum(lines.rejects.values()):
+        raise InputError(
+            f"{given.replay}: no line is a reading of {who}, {diagnosis.header(fmt)}; name a log of this sensor"
+        )
 
 
 def hand_on(predictions, places: list) -> None:

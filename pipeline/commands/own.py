@@ -18,12 +18,11 @@ from typing import NamedTuple
 
 from pipeline.base import files, modules, params, processes
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
+from pipeline.base.params_file import set_values
 from pipeline.base.paths import Workspace
-from pipeline.commands import check, sheet
-from pipeline.datasets import images
+from pipeline.commands import check, own_settings, sheet
+from pipeline.datasets import schemas
 from pipeline.logs import own_data
-from pipeline.models import press_difference
 from pipeline.sheet import quantities, sources
 
 STAGES = {
@@ -31,22 +30,17 @@ STAGES = {
     "strain": ("ingest", "dataset", "train", "evaluate"),
     "glove": ("ingest", "dataset", "train", "evaluate"),
 }
-SMALLEST_IMAGE = 8  # pixels of a side; the networks halve an image two to five times
-WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree")  # for sensors of a few channels, whose image is no picture
-PRESSED = "strain.sensor.pressed_below_mm"  # the setting that says what a press is
-OF_PRESSES, TREES = "press_difference", {"trees": 50, "min_samples_leaf": 5}  # a model that must know it
-OVERLAPPING = "random"  # protocols whose test part holds what was trained on: the papers' own, of no use here
-SEEDS = [0, 1, 2]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the folder of logs to the parser of this command."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
+    """Add the experiment and the folder of logs to the parser of this command."""
+    check.add_arguments(parser)
 
 
 def main(checkout: Workspace, given: argparse.Namespace) -> None:
     """Train all models of the settings on the logs named on the command line."""
-    with prepared(checkout, given.folder, SEEDS) as sensor:
+    check.experiment_of(given.folder, given.experiment)
+    with prepared(checkout, given.folder, own_settings.SEEDS) as sensor:
         run(checkout, sensor, params.load(sensor.workspace.params))
 
 
@@ -110,6 +104,8 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     if problem := check.check(checkout, experiment, folder, values):
         raise InputError(f"fix first: {problem}")
     for stage in STAGES[experiment]:
+        if stage == "train":
+            fit_centres(workspace, experiment, values)
         modules.run(workspace.root, f"pipeline.stages.{stage}", experiment)
     modules.run(workspace.root, "pipeline.stages.render", experiment)
     target = checkout.reports / "own" / name
@@ -128,6 +124,21 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     print(f"{trained}: {names}, for `tactile predict MODEL LOGS`")
 
 
+def fit_centres(workspace: Workspace, experiment: str, values: Mapping) -> None:
+    """Lower `rbf.centres`, and say so, to half of the windows that the smallest run trains on, where these are fewer.
+
+    With as many centres as windows the model would keep each window by heart. values: the settings of the workspace.
+    """
+    centres = values[experiment]["models"].get("rbf", {}).get("centres", 0)
+    runs = [schemas.split_column(*run) for run in params.runs(values, experiment)] if centres else []
+    table = schemas.read(workspace.dataset(experiment), runs) if runs else {}
+    least = min((int((schemas.names(table[name]) == "train").sum()) for name in runs), default=centres)
+    if least < centres:
+        fewer = max(1, least // 2)
+        set_values({f"{experiment}.models.rbf.centres": fewer}, workspace.params)
+        print(f"rbf: {least} windows train, fewer than {centres} centres; it has {fewer}, half as many as windows")
+
+
 def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: Sequence[str] | None) -> None:
     """Make or renew a workspace: the settings with this sensor's settings, its logs.
 
@@ -135,26 +146,8 @@ def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: S
     models: keys of the settings, None: all that there are.
     """
     experiment, folder, name, workspace = sensor
-    settings = copied(checkout.params, workspace.root)
-    block = params.read(settings)[experiment]
-    kept = {key: dict(value) for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)}
-    changed = {
-        f"{experiment}.source": f"data/own/{name}",
-        f"{experiment}.budget": 1.0,
-        f"{experiment}.protocols": {key: value | {"seeds": list(seeds)} for key, value in kept.items()},
-    }
-    of_sensor, known = check.own_settings(folder), dict(block["models"])
-    if of_sensor.get(PRESSED) is not None:
-        frames = of_sensor.get("strain.window.frames", block["window"]["frames"])
-        known[OF_PRESSES] = TREES | {"press": frames - max(press_difference.REST)}
-    changed[f"{experiment}.models"] = {model: known[model] for model in models or known if model in known}
-    set_values({key: value for key, value in changed.items() if key not in of_sensor}, settings)
-    source = str(folder / check.SETTINGS)
-    set_values(of_sensor, settings, source)
-    values = params.read(settings)
-    params.check(values, dict.fromkeys(of_sensor, source))
-    if experiment == "glove":
-        set_values(_of_images(values["glove"], seeds, of_sensor), settings)
+    settings = own_settings.write(checkout.params, workspace.root, experiment, folder, seeds, models)
+    set_values({f"{experiment}.source": f"data/own/{name}"}, settings)
     logs = workspace.root / "data" / "own"
     shutil.rmtree(logs, ignore_errors=True)
     for path in sorted(folder.rglob("*")):
@@ -162,17 +155,3 @@ def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: S
             link = logs / name / path.relative_to(folder)
             link.parent.mkdir(parents=True, exist_ok=True)
             link.symlink_to(path.resolve())
-
-
-def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict:
-    """Return the settings that follow from a sensor's areas: one protocol per dataset of images, and which models.
-
-    block: the settings of `glove` with this sensor's settings; of_sensor: these settings, which go first.
-    """
-    changed = {"glove.window.stride": 1}  # every frame; the settings thin out the simulated sessions
-    changed["glove.protocols"] = {f"session_{name}": {"seeds": list(seeds)} for name in images.modalities(block)}
-    if min(images.shape(block)) < SMALLEST_IMAGE:
-        models = {key: value for key, value in block["models"].items() if key in WITHOUT_NETWORKS}
-        changed["glove.models"] = models
-        print(f"fewer than {SMALLEST_IMAGE} pixels on a side: {', '.join(models)}, no networks of images")
-    return {key: value for key, value in changed.items() if key not in of_sensor}

@@ -5,8 +5,9 @@ trained, else the pretrained one), EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of 
 sensor (array.log, daq.log, scanner.log), or a folder with such logs in it or below. Lines are read, cut into windows
 and normalised as in training. OUT gets predictions.parquet (one row per reading), summary.json, of each recording a
 picture, and of a touch sensor's an animation. Where the ground truth lies beside a log, the model is scored against it.
-A recording is called by its path below LOGS. OUT is predictions/NAME where --out does not say it, NAME that of the
-folder or log; there, predictions of another model or of other logs are not replaced.
+A log among several that cannot be read is listed, with exit status 1, and the others are predicted. A recording is
+called by its path below LOGS. OUT is predictions/NAME where --out does not say it, NAME that of the folder or log;
+there, predictions of another model or of other logs are not replaced.
 """
 
 import argparse
@@ -52,14 +53,22 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     target = given.out or _default_place(place, card)
     if target.exists() and predictions.held(target) is None:
         raise InputError(f"{target}: holds something else than predictions; give another place by --out")
-    predicted, scores, notes = [], [], []
+    predicted, scores, notes, unread = [], [], [], []
     for path, name in zip(tqdm(logs, desc="predict", unit="log"), names, strict=True):
-        recording = recordings.read(path, name, card)
+        try:
+            recording = recordings.read(path, name, card)
+        except InputError as error:
+            if len(logs) == 1:
+                raise
+            unread.append(str(error))
+            continue
         values, said = recordings.predict(model, recording)
         predicted.append((recording, values))
         notes += [f"{recording.name}: {sentence}" for sentence in said]
         known = recordings.has_truth(recording, card)
         scores.append(recordings.scores(model, path) if known else ())
+    if not predicted:
+        raise InputError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
     print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     with files.replacing_folder(target) as draft:
         summaries = predictions.write(draft, place, predicted, card, scores)
@@ -68,10 +77,14 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         if len(summaries) > MOST_LINES:
             print(f"and {len(summaries) - MOST_LINES} more recordings, in summary.json")
         if not given.no_pictures:
-            _draw(draft, predicted[:MOST_PICTURES], predictions.file_names(names), card)
+            drawn = [recording.name for recording, _ in predicted]
+            _draw(draft, predicted[:MOST_PICTURES], predictions.file_names(drawn), card)
     if len(predicted) > MOST_PICTURES and not given.no_pictures:
         print(f"the first {MOST_PICTURES} recordings are drawn")
     print(f"written to {target}")
+    if unread:
+        print("not read:", *unread, sep="\n  ")
+        raise InputError(f"{len(unread)} of {len(logs)} logs cannot be read; the others are predicted")
 
 
 def _default_place(logs: Path, card) -> Path:

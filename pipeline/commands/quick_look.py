@@ -4,11 +4,10 @@ FOLDER is as `tactile own` takes it, and what is written as there, until `tactil
 """
 
 import argparse
-from pathlib import Path
 
 from pipeline.base import params
 from pipeline.base.paths import Workspace
-from pipeline.commands import own
+from pipeline.commands import check, own
 
 MODELS = {  # one that knows nothing, quick ones and a network of the papers
     "touch": ("constant", "rbf", "lomp"),
@@ -18,11 +17,12 @@ MODELS = {  # one that knows nothing, quick ones and a network of the papers
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the folder of logs to the parser of this command."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
+    """Add the experiment and the folder of logs to the parser of this command."""
+    check.add_arguments(parser)
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Look at the logs named on the command line."""
+    check.experiment_of(given.folder, given.experiment)
     with own.prepared(workspace, given.folder, [0], MODELS) as sensor:
         own.run(workspace, sensor, params.load(sensor.workspace.params))

@@ -13,7 +13,7 @@ from pathlib import Path
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.commands import check
+from pipeline.commands import check, own_settings
 from pipeline.logs import sources as public
 from pipeline.sheet import quantities, sources
 from pipeline.sheet.cycles import Sensor
@@ -57,7 +57,7 @@ def sensors(workspace: Workspace, source: str) -> Iterator[Sensor]:
     if source not in values["experiments"] or Path(source).is_dir():
         folder = Path(source)
         experiment = check.experiment_of(folder)
-        settings = check.settings_of(workspace, folder)[experiment]
+        settings = own_settings.of_logs(workspace, experiment, folder)[experiment]
         yield from sources.sensors(experiment, folder.name or str(folder.resolve().name), folder, settings)
         return
     settings = dict(values[source])

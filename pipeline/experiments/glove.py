@@ -14,11 +14,13 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas, specimens
 from pipeline.datasets.seeding import generator
-from pipeline.logs import parse
-from pipeline.logs.parse import Column, Format
+from pipeline.logs import layout, parse
+from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "images"
+
+CLOCK = Column("t_us", "us", -(2.0**31), 2**53, integer=True)
 
 PRESSURE_CELLS, STRAIN_CELLS = (area.cells for area in tactile.GLOVE.values())  # of the paper's glove
 LEVELS = 1024  # of its scanner's converter, equation 2
@@ -50,7 +52,17 @@ def scanner_format(settings: Mapping) -> Format:
         for name, area in tactile.areas(settings).items()
         for k in range(area.cells)
     )
-    return Format((Column("t_us", "us", 0, 2**53, integer=True), *cells), time="t_us")
+    return Format((CLOCK, *cells), time="t_us")
+
+
+def any_readings(settings: Mapping) -> Format:
+    """Return `scanner_format` for readings of any size, to find out what they are."""
+    cells = [
+        Column(f"{name[0]}{k}", "1", area.lowest - 1e9, area.highest + 1e9)
+        for name, area in tactile.areas(settings).items()
+        for k in range(area.cells)
+    ]
+    return Format((CLOCK, *cells), time="t_us")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
@@ -65,12 +77,12 @@ def recordings(folder: Path) -> list[Path]:
 
     Raises InputError for fewer than two objects, and for an object without a session.
     """
-    objects = sorted(path for path in folder.glob("*") if path.is_dir())
+    objects = parse.folders(folder, "*")
     if len(objects) < 2:
         raise InputError(f"{folder}: {len(objects)} objects found; expected two or more as <object>/<session>/{LOG}")
     sessions = []
     for grasped in objects:
-        folders = sorted(path for path in grasped.glob("*") if path.is_dir())
+        folders = parse.folders(grasped, "*")
         if not folders:
             raise InputError(f"{grasped}: no session of this object; add <session>/{LOG} or remove the folder")
         sessions += folders
@@ -90,7 +102,8 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         "glove.ingest.max_reject_fraction",
         scanner_format(settings),
     )
-    rows, rejects = parse.read_log(folder / LOG, fmt, limit=limit, key=key)
+    laid_out = layout.of(settings["ingest"], LOG)
+    rows, rejects = parse.read_log(folder / LOG, fmt, limit=limit, key=key, layout=laid_out)
     reasons = Counter(rejects["reason"].to_pylist())
     parse.check_rejects(folder / LOG, rejects.num_rows + rows.num_rows, reasons, limit, key)
 

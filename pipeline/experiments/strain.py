@@ -10,8 +10,8 @@ from scipy.stats import theilslopes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
-from pipeline.logs import alignment, parse
-from pipeline.logs.parse import Column, Format
+from pipeline.logs import alignment, layout, parse
+from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "series"
@@ -19,7 +19,7 @@ KIND = "series"
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)
 AXES = "xyz"
-UNITS = {"V": (-10, 10), "ohm": (0, 1e9)}  # of a sensor's readings, and their range
+UNITS = {"V": (-10, 10), "ohm": (0, 1e9), "any": (-1e9, 1e9)}  # of a sensor's readings, and their range
 
 TASKS = {"task_0": (0, 1, 2), "task_1": (2,), "task_2": (0, 1)}  # columns of x, y, z that are asked for
 MODEL_ZERO_TASK = "task_0"
@@ -37,6 +37,7 @@ FINE_S = 0.4  # reach of the fine search: rates alone misplace simulated stretch
 CLIP = 95  # percentile: a slip changes voltages far more than the arm's motion
 STUCK_S = 60.0  # the voltage of a working sensor changes within this time
 STEP_V = 3.2e-4  # a step of a 16-bit converter for +-10 V (0.305 mV), rounded: a dead input may flicker by one
+SMALL_STEPS = 100
 # Offset of logs said to be of one clock that is named: simulated recordings on one clock are placed 0.11 s beside the
 # truth at most, and a strand's own delay looks the same. One of more than 1 s is no delay: logs are refused then, also
 # where slow strokes keep 0.9 of the correlation (simulated sliding, the robot 1.5 s early; 0.3 where it is late).
@@ -66,7 +67,7 @@ def frames_schema(settings: Mapping) -> pa.Schema:
 
 def recordings(folder: Path) -> list[Path]:
     """Return the folders `<task>/<recording>` in `folder`, sorted; raise InputError where there is none."""
-    folders = sorted(path for path in folder.glob("*/*") if path.is_dir())
+    folders = parse.folders(folder, "*/*")
     if not folders:
         raise InputError(f"{folder}: no recordings found; expected <task>/<recording>/daq.log in it")
     parse.check_names(folders)
@@ -97,7 +98,9 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     rows, rejects = {}, {}
     for name, fmt in formats(settings).items():
         limit, key = ingest["max_reject_fraction"], "strain.ingest.max_reject_fraction"
-        rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=limit, key=key)
+        rows[name], rejects[name] = parse.read_log(
+            folder / name, fmt, limit=limit, key=key, layout=layout.of(ingest, name)
+        )
         if rows[name]["segment"][-1].as_py() > 0:
             raise InputError(f"{folder / name}: the time steps back for good; the clock was set, record again")
         lasts, least = (
@@ -113,7 +116,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     for column, axis in enumerate(AXES):
         if f"{axis}_mm" in robot.column_names:
             place[:, column] = robot[f"{axis}_mm"].to_numpy()
-    channels = stuck(folder / "daq.log", at, volts, STEP_V if settings["sensor"].get("unit", "V") == "V" else 0.0)
+    channels = stuck(folder / "daq.log", at, volts, _step(volts, settings["sensor"].get("unit", "V")))
     if ingest.get("clock") == "shared":
         clock = alignment.Clock(0.0)
         measured = shared_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
@@ -121,6 +124,11 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         clock = robot_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
         measured = {"clock": clock.report()}
     truth, known = alignment.interpolated(at, clock(robot["t_s"].to_numpy()), place)
+    if not known.any() and ingest.get("clock") == "shared":
+        raise alignment.NotOneClock(
+            f"{folder / 'robot.log'}: its times, {_span(robot['t_s'].to_numpy())}, are none of daq.log's, {_span(at)}, "
+            "so they do not share a clock; set strain.ingest.clock: own"
+        )
     if known.mean() < LEAST_TRUTH:
         raise InputError(
             f"{folder / 'robot.log'}: covers {100 * known.mean():.0f} % of the DAQ's log; it ended early, record again"
@@ -439,6 +447,24 @@ def _peak(scores: np.ndarray) -> tuple[float, float]:
     bend = below - 2 * top + above
     shift = float(np.clip((below - above) / (2 * bend), -1, 1)) if bend < 0 else 0.0
     return best + shift, float(top)
+
+
+def _span(time_s: np.ndarray) -> str:
+    """Return the first and the last of some times in words."""
+    return f"{time_s[0]:.10g} to {time_s[-1]:.10g} s"
+
+
+def _step(readings: np.ndarray, unit: str) -> float:
+    """Return by how much a dead channel may change; readings: (n, channels).
+
+    It is STEP_V of volts; but where no channel moves by SMALL_STEPS of these, as mV/V of a bridge given as volts, the
+    finest step of the readings.
+    """
+    if unit != "V":
+        return 0.0
+    if np.ptp(readings, axis=0).max(initial=0) > SMALL_STEPS * STEP_V:
+        return STEP_V
+    return min(STEP_V, min((parse.finest_step(channel) for channel in readings.T), default=STEP_V))
 
 
 def stuck(path: Path, time_s: np.ndarray, volts: np.ndarray, step: float = STEP_V) -> dict[str, dict]:

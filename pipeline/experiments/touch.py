@@ -14,16 +14,17 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import labels as labels_kpa
 from pipeline.datasets import schemas, specimens, windowing
 from pipeline.datasets.seeding import generator
-from pipeline.logs import alignment, parse
-from pipeline.logs.parse import Column, Format
+from pipeline.logs import alignment, layout, parse
+from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "windows"
 SCORES = "touch"
 STRESSED = ("single", "double")
 
-# Ranges are what no such device can exceed: time since its start or since 1970, a 1 kN load cell, a 2 m CNC.
-CLOCK = Column("t_us", "us", 0, 4e15, integer=True)
+# Ranges are what no such device can exceed: time since its start or since 1970, below 0 where micros() is printed
+# with a sign, a 1 kN load cell, a 2 m CNC.
+CLOCK = Column("t_us", "us", -(2.0**31), 4e15, integer=True)
 LOAD_CELL = Format((CLOCK, Column("fz_n", "N", -1e3, 1e3)), time="t_us")
 CNC = Format((CLOCK, *(Column(name, "mm", -2e3, 2e3) for name in ("x_mm", "y_mm", "z_mm"))), time="t_us")
 
@@ -45,6 +46,10 @@ PRESSED = 0.1  # of a strong press: force above it is a press, to measure clocks
 FEWEST_PRESSES = 5  # to measure clocks by: fewer agree by chance
 SHIFTED = 0.1  # of a press; a larger offset of logs said to be of one clock is named
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
+
+
+class Falls(InputError):
+    """The array's counts fall when it is pressed."""
 
 
 def array_format(settings: Mapping) -> Format:
@@ -83,7 +88,7 @@ def recordings(folder: Path) -> list[Path]:
 
     Raises InputError where there is none, or for a name that is no line of text.
     """
-    folders = sorted(path for path in folder.glob("*/*") if path.is_dir())
+    folders = parse.folders(folder, "*/*")
     if not folders:
         raise InputError(f"{folder}: no recordings found; expected <condition>/<recording>/array.log in it")
     parse.check_names(folders)
@@ -115,7 +120,9 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
             formats |= {f"cnc{suffix}.log": CNC}
     rows, rejects = {}, {}
     for name, fmt in formats.items():
-        rows[name], rejects[name] = parse.read_log(folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT)
+        rows[name], rejects[name] = parse.read_log(
+            folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT, layout=layout.of(ingest, name)
+        )
         if fmt is LOAD_CELL:
             lines = rows[name].num_rows + rejects[name].num_rows
             rows[name], rejects[name] = without_spikes(folder / name, rows[name], rejects[name])
@@ -138,6 +145,12 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     array, at = rows["array.log"], time["array.log"]
     middle = np.array([settings["sensor"][side] * settings["sensor"]["pitch_mm"] / 2 for side in ("cols", "rows")])
     truth, known = _ground_truth(rows, time, touches, middle)
+    if not known.any() and ingest.get("clock") == "shared":
+        spans = ", ".join(f"{name} {time_s[0]:.10g} to {time_s[-1]:.10g} s" for name, time_s in time.items())
+        raise alignment.NotOneClock(
+            f"{folder}: the logs have no time in common ({spans}), so they do not share a clock; set "
+            "touch.ingest.clock: own"
+        )
     if not known.any():
         raise InputError(f"{folder}: no frame falls into the time of load cell and CNC; record again")
     # The devices start and stop up to max_clock_offset_s apart, so frames without truth are expected there.
@@ -325,9 +338,9 @@ def _check_signs(folder: Path, rows: Mapping[str, pa.Table], ingest: Mapping) ->
         )
     if falls:
         highest = ingest["highest_count"]
-        raise InputError(
+        raise Falls(
             f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest} minus the count, "
-            "which rises"
+            "which rises, or set rises_when_pressed: false in its format"
         )
 
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.logs import alignment, parse
-from pipeline.logs.parse import Column, Format
+from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "windows"

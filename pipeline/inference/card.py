@@ -33,7 +33,7 @@ class Inputs(Part):
     """What one reading is: `columns` values in `unit`, one reading every `interval_s` seconds."""
 
     columns: int
-    unit: Literal["counts", "V", "ohm", "levels"]
+    unit: Literal["counts", "V", "ohm", "any", "levels"]
     order: str
     interval_s: float
     frame_step: int  # readings from one frame of a window to the next

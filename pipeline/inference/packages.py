@@ -53,11 +53,19 @@ def locate(workspace: Workspace, name: str, values: Mapping, draft: Path) -> tup
         return mlflow_store.downloaded(workspace, name, draft), "from MLflow"
     words = name.strip("/").split("/")
     if len(words) not in (2, 4) or words[0] not in values["experiments"]:
+        near = (
+            params.hint(words[0], values["experiments"]) if len(words) in (2, 4) else "experiments: touch, strain, ..."
+        )
         raise InputError(
-            f"{name}: no such model; name a folder with {cards.NAME}, or EXPERIMENT/MODEL such as touch/lomp "
-            f"(experiments: {', '.join(values['experiments'])})"
+            f"{name}: no such model; name a folder with {cards.NAME}, or EXPERIMENT/MODEL such as touch/lomp ({near})"
         )
     experiment, model = words[:2]
+    models = {
+        *values[experiment]["models"],
+        *(path.name for path in (workspace.root / "pretrained" / experiment).glob("*")),
+    }
+    if model not in models | {paths.MODEL_ZERO}:
+        raise InputError(f"{name}: no such model; {params.hint(model, sorted(models))}")
     protocol, seed = params.runs(values, experiment)[0] if len(words) == 2 else (words[2], _number(words[3], name))
     if workspace.run_folder(experiment, model, protocol, seed).is_dir():
         make(workspace, values, experiment, model, protocol, seed, draft)

@@ -18,7 +18,7 @@ from pipeline.datasets.series import Record
 from pipeline.inference import timing
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
-from pipeline.logs import packets, parse
+from pipeline.logs import layout, packets, parse
 from pipeline.scoring import classification, metrics
 
 # The sensor's log of each experiment, and the logs beside it that hold the ground truth.
@@ -45,6 +45,8 @@ def logs(place: Path, experiment: str) -> list[Path]:
     """Return the sensor's logs in a folder, or the one log that is named; InputError where there is none."""
     pattern = LOGS.get(experiment, PATTERNS.get(experiment))
     if place.is_file():
+        if experiment == "glove" and place.name != pattern:
+            raise InputError(f"{place}: a log of {experiment} is called {pattern}; name such a log, or its folder")
         return [place]
     if not place.is_dir():
         raise InputError(f"{place}: not found; name a log or a folder with {pattern} in it")
@@ -90,7 +92,8 @@ def read(path: Path, name: str, card: Card) -> Recording:
         frames, rejects, _ = module.read_recording(path.parent if experiment in LOGS else path, settings)
         return _of_frames(path, name, frames, rejects)
     fmt = module.array_format(settings) if experiment == "touch" else module.formats(settings)[LOGS[experiment]]
-    rows, rejects = parse.read_log(path, fmt, limit=settings["ingest"]["max_reject_fraction"], key=limit)
+    ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], LOGS[experiment])
+    rows, rejects = parse.read_log(path, fmt, limit=ingest["max_reject_fraction"], key=limit, layout=laid_out)
     time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
     values = np.column_stack([rows[column].to_numpy() for column in fmt.names[1:]])
     condition = path.parent.parent.name

@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +11,8 @@ import numpy as np
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.inference.card import Card
-from pipeline.logs import parse
+from pipeline.inference.recordings import LOGS
+from pipeline.logs import layout, parse
 from pipeline.logs.parse import Format
 
 LONGEST_LINE = 1 << 16  # bytes without a line end that are thrown away: a wrong baud rate
@@ -44,6 +45,11 @@ def line_format(card: Card) -> Format:
     return module.scanner_format(card.reading) if card.experiment == "glove" else module.VELOSTAT
 
 
+def line_layout(card: Card) -> Mapping | None:
+    """Return the layout of the lines that a model's sensor prints, None for the usual one."""
+    return layout.of(card.reading.get("ingest", {}), LOGS.get(card.experiment, ""))
+
+
 class Lines:
     """Takes bytes as they come and gives readings; counts the lines that are none, by the reasons of `ingest`.
 
@@ -53,11 +59,13 @@ class Lines:
     there on; until then they are in the format's.
     """
 
-    def __init__(self, fmt: Format, name: str, who: str, order: Sequence[int] = ()):
+    def __init__(self, fmt: Format, name: str, who: str, order: Sequence[int] = (), laid_out: Mapping | None = None):
         """fmt: of the lines; name: what they come from; who: the model, for a sentence about another sensor.
 
-        order: numbers of the printed values in the order in which the model takes them; () where it is the same.
+        order: numbers of the printed values in the order in which the model takes them; () where it is the same;
+        laid_out: the layout of the lines, as of `layout.of`.
         """
+        self._laid_out, self._reader = laid_out, laid_out and layout.Reader(laid_out, fmt, name)
         self.format, self.name, self.who, self.order = fmt, name, who, list(order)
         self._printed, self._places = fmt, list(range(len(fmt.columns)))  # as printed, and where each column is then
         self.count, self.rejects, self.rejected = 0, Counter(), ""  # rejected: the last such line
@@ -66,6 +74,8 @@ class Lines:
         self._last: float | None = None  # time of the last good line, s
         self._late: list[float] = []  # times of the latest lines, one after the other, that are not later than _last
         self._interrupted = False
+        self._printed_times: list[float] = []  # of the last three good lines
+        self._turns = 0  # us that the clock has gone on since it began anew
         self._columns = Counter()  # of the first lines that have another number of them
 
     def take(self, data: bytes | None) -> list[Reading]:
@@ -73,6 +83,8 @@ class Lines:
 
         Raises InputError where the lines are those of another sensor, or name other columns.
         """
+        if self._reader is not None:
+            return self._take_laid_out(data)
         if data is None:
             lines, self._rest, self._interrupted = [self._rest] if self._rest else [], b"", True
         else:
@@ -80,6 +92,20 @@ class Lines:
             if len(self._rest) > LONGEST_LINE:
                 lines, self._rest = [*lines, self._rest], b""
         return [reading for reading in map(self._reading, lines) if reading is not None]
+
+    def _take_laid_out(self, data: bytes | None) -> list[Reading]:
+        """Return `take` for lines of another layout; a frame or a time that a break cuts is lost."""
+        if data is None:
+            self._reader, self._interrupted = layout.Reader(self._laid_out, self.format, self.name), True
+            return []
+        readings = []
+        for line in self._reader.take(data):
+            if line.reason is None:
+                readings.append(self._reading(line.text.encode("ascii", "replace")))
+            else:
+                self.count += 1
+                self._reject(line.reason, line.text.encode("utf-8"))
+        return [reading for reading in readings if reading is not None]
 
     def _reading(self, line: bytes) -> Reading | None:
         """Return what a line says, or None for one that is counted as rejected or that names the columns."""
@@ -93,7 +119,7 @@ class Lines:
             self._interrupted |= reason == parse.TEXT
             return self._reject(reason, line)
         values = np.array(line.split(self._separator), np.float64)[self._places]
-        t_s = values[self._time] / self._second
+        t_s = self._unwrapped(values[self._time]) / self._second
         restarted = self._last is None
         if not restarted and t_s <= self._last:
             in_order = bool(self._late) and t_s > self._late[-1]
@@ -104,6 +130,12 @@ class Lines:
         self._last, self._late, self._interrupted = t_s, [], False
         values = np.delete(values, self._time)
         return Reading(t_s, values[self.order] if self.order else values, restarted)
+
+    def _unwrapped(self, time: float) -> float:
+        """Return a time of which microseconds of 32 bits go on after they began anew, as `parse.unwrapped`."""
+        self._printed_times = [*self._printed_times[-2:], time]
+        self._turns += parse.TURN * parse.unwrapped(np.array(self._printed_times), self._second)[1]
+        return time + self._turns
 
     def _is_header(self, line: bytes) -> bool:
         """Tell whether a line names the columns, and take their order from it.
@@ -139,31 +171,39 @@ class Lines:
             )
 
 
-def replay(path: Path, fmt: Format, stop, speed: float = 1.0, loop: bool = False) -> Iterator[bytes | None]:
-    """Yield the lines of a recorded log when the device printed them, from now on; None where it starts again (`loop`).
-
-    stop: true once the replay is to end; speed: 2 is twice as fast. Raises InputError where there is no such log.
-    """
+def check_log(path: Path) -> None:
+    """Raise InputError where there is no log to replay."""
     if not path.is_file():
         raise InputError(f"{path}: log not found; name a recorded log such as array.log")
     if not path.stat().st_size:
         raise InputError(f"{path}: the file is empty; name a recorded log such as array.log")
-    fmt = parse.printed_format(path, fmt)
+
+
+def replay(
+    path: Path, fmt: Format, stop, speed: float = 1.0, loop: bool = False, laid_out: Mapping | None = None
+) -> Iterator[bytes | None]:
+    """Yield the lines of a recorded log when the device printed them, from now on; None where it starts again (`loop`).
+
+    stop: true once the replay is to end; speed: 2 is twice as fast; laid_out: as of `Lines`. Raises InputError where
+    there is no such log.
+    """
+    check_log(path)
+    fmt = fmt if laid_out else parse.printed_format(path, fmt)
     place, separator = fmt.names.index(fmt.time), fmt.separator.encode()
     due = time.monotonic()
     while True:
-        last = None
-        with path.open("rb") as file:
-            for line in file:
-                if parse._reason(line, fmt) is None:
-                    t_s = float(line.split(separator)[place]) / parse.second(fmt)
+        last, reader = None, laid_out and layout.Reader(laid_out, fmt, str(path))
+        for line in layout.printed_lines(path):
+            for row in (row.text.encode("ascii", "replace") for row in reader.take(line)) if reader else [line]:
+                if parse._reason(row, fmt) is None:
+                    t_s = float(row.split(separator)[place]) / parse.second(fmt)
                     due += min(max(0.0, t_s - (t_s if last is None else last)), LONGEST_WAIT_S) / speed
                     last = t_s
-                while not stop and (wait := due - time.monotonic()) > 0:
-                    time.sleep(min(wait, WAIT_S))
-                if stop:
-                    return
-                yield line
+            while not stop and (wait := due - time.monotonic()) > 0:
+                time.sleep(min(wait, WAIT_S))
+            if stop:
+                return
+            yield line
         if not loop:
             return
         yield None

@@ -48,6 +48,10 @@ KEPT = 0.75
 AMBIGUOUS = 0.97  # another offset with this share of the best correlation: presses too regular to tell
 
 
+class NotOneClock(InputError):
+    """Logs that are said to be of one clock have no time in common."""
+
+
 @dataclass(frozen=True)
 class Signal:
     """One device during one segment: rising times (n,) in s, and a strength (n,), 0 at rest."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.logs.parse import OUT_OF_RANGE, Column, Format
+from pipeline.logs.formats import OUT_OF_RANGE, Column, Format
 
 START = 1 << 18  # bytes of a log that are looked at: a hundred lines of the widest log
 LINES = 200
@@ -19,14 +19,17 @@ SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
 ROW = re.compile(r"""[-+0-9.,;:|eETZ_/"'\t ]*[0-9][-+0-9.,;:|eETZ_/"'\t ]*""")  # numbers and dates, not words
 HEXADECIMAL = re.compile(r"[0-9a-fA-FxX,;: \t]*[0-9][a-fA-FxX][0-9a-fA-FxX,;: \t]*")
 NUMBER = re.compile(r"[ \t]*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?[ \t]*")
+NONE = re.compile(r"\s*([-+]?nan|null|none)?\s*", re.IGNORECASE)
 CONVERSIONS = {  # unit -> advice for values that are far outside
     "us": "write microseconds, from any zero",
     "s": "write seconds, from any zero",
     "N": "write newtons (grams times 0.00981, millinewtons divided by 1000)",
     "mm": "write millimetres",
-    "V": "write volts (millivolts divided by 1000)",
+    "V": "write volts (millivolts divided by 1000), or set strain.sensor.unit: any for readings that are no voltages",
+    "ohm": "write ohms, or set strain.sensor.unit: any",
+    "any": "write readings below a milliard",
     "counts": "set touch.ingest.highest_count to 4095 for a converter of 12 bits, 65535 for 16",
-    "1": "write counts of 10 bits",
+    "1": "set highest and lowest of its area in glove.sensor.areas",
 }
 
 
@@ -120,6 +123,22 @@ def beyond(rows: Iterable[list[str]], fmt: Format) -> str | None:
         for field, column in zip(row, fmt.columns, strict=False):
             if NUMBER.fullmatch(field) and not column.low <= float(field) <= column.high:
                 return f"{column.name} is {float(field):g}, outside {span(column)}; {CONVERSIONS[column.unit]}"
+    return None
+
+
+def without_values(path: Path, rejects: Iterable[Mapping], fmt: Format) -> str | None:
+    """Return the sentence for a log of which many lines lack a value, or None; rejects: rows of `parse.REJECTS`."""
+    for reject in rejects:
+        fields = (reject["text"] or "").split(fmt.separator)
+        if len(fields) == len(fmt.columns) and (
+            lacking := [k for k, field in enumerate(fields) if NONE.fullmatch(field)]
+        ):
+            names = ", ".join(fmt.names[k] for k in lacking[:5])
+            return (
+                f"{path}: line {reject['line']} is {reject['text'][:QUOTED]!r}: no value of {names}, as in many lines; "
+                f"mend the wire or the program, or, to take the value before, write {path.name}: {{missing: previous}} "
+                "into the block ingest.format of settings.yaml"
+            )
     return None
 
 

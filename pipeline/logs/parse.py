@@ -12,7 +12,7 @@ from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
@@ -23,21 +23,24 @@ import pyarrow.csv
 
 from pipeline.base.errors import InputError
 from pipeline.base.params import file_of
+from pipeline.logs import layout as layouts
 from pipeline.logs import packets
-
-EMPTY = "empty line"
-UNREADABLE = "unreadable bytes"  # NUL, control or non-ASCII bytes: noise on the line, a wrong baud rate
-TEXT = "banner or text"
-COLUMNS = "column count"
-NOT_A_NUMBER = "not a number"
-NOT_AN_INTEGER = "not an integer"
-OUT_OF_RANGE = "out of range"
-DUPLICATE = "duplicate"
-OUT_OF_ORDER = "out of order"
-REASONS = (
-    *(EMPTY, UNREADABLE, TEXT, COLUMNS, NOT_A_NUMBER, NOT_AN_INTEGER),
-    *(OUT_OF_RANGE, DUPLICATE, OUT_OF_ORDER),
+from pipeline.logs.formats import (
+    COLUMNS,
+    DUPLICATE,
+    EMPTY,
+    NOT_A_NUMBER,
+    NOT_AN_INTEGER,
+    OUT_OF_ORDER,
+    OUT_OF_RANGE,
+    REASONS,
+    REPEATED,
+    TEXT,
+    UNREADABLE,
+    Format,
+    second,
 )
+
 REJECTS = pa.schema([("file", pa.string()), ("line", pa.int64()), ("reason", pa.string()), ("text", pa.string())])
 
 PACKET = b"packet_s"  # key in the metadata of rows whose lines came in packets
@@ -56,44 +59,9 @@ MOST_NOTED = 1000  # lines per piece that are noted because the clock does not r
 HEAD = 200  # lines; banners and comments before the names of the columns are fewer
 LISTED = 6  # names in a sentence
 LONGEST_NAME = 40  # characters
+MOST_STEPS = 20_000  # values of which the finest step is taken
+TURN, WRAPPED_US = 2**32, 10_000_000  # us after which micros() begins anew; how near lines are to it
 STRAY = 100  # lines; a clock that stays back for longer was reset, a shorter stretch is out of order
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column: values outside `low` to `high` (inclusive, in `unit`) cannot come from the device."""
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    integer: bool = False
-
-    @property
-    def type(self) -> pa.DataType:
-        """Return the smallest of int16, int64 and float64 that holds the range."""
-        if not self.integer:
-            return pa.float64()
-        return pa.int16() if -(2**15) <= self.low and self.high < 2**15 else pa.int64()
-
-
-@dataclass(frozen=True)
-class Format:
-    """The format of one device's lines; `time` names the column with the device's clock."""
-
-    columns: tuple[Column, ...]
-    time: str
-    separator: str = ","
-
-    @property
-    def names(self) -> list[str]:
-        """Return the column names in the order of the line."""
-        return [column.name for column in self.columns]
-
-    @property
-    def header(self) -> str:
-        """Return the line that would name the columns."""
-        return self.separator.join(self.names)
 
 
 def printed(line: bytes, fmt: Format, where: str) -> Format | None:
@@ -247,7 +215,7 @@ def _first_of_each(codes: np.ndarray, before: np.ndarray) -> np.ndarray:
 
 
 def read_log(
-    path: Path, fmt: Format, name: str | None = None, limit: float = 1.0, key: str = ""
+    path: Path, fmt: Format, name: str | None = None, limit: float = 1.0, key: str = "", layout: Mapping | None = None
 ) -> tuple[pa.Table, pa.Table]:
     """Read a log: `(rows, rejects)`; rows + rejects (+ 1 if line 1 is the header) = lines of the file.
 
@@ -256,7 +224,8 @@ def read_log(
     from 0; a new one after each reset of the device); its time rises strictly within a segment. Lines that came in
     packets have the times at which they were printed, see `packets.spread`, and `packet_s` tells it. `rejects` has the
     columns of `REJECTS` in the order of the lines, with `name` (default: the file's name) as its file; the text of a
-    line is null after the first `TEXTS` lines of its reason.
+    line is null after the first `TEXTS` lines of its reason. layout: how the lines are laid out, as of `layout.of`,
+    where it is another than the format's; then lines that belong to no row, such as empty ones, are not counted.
 
     Raises InputError when the file is missing or empty, has a header of other names or, further on, of another order,
     has no line of this format, lasts more than `LONGEST_S`, is of a device that was reset more than `MOST_RESETS`
@@ -264,20 +233,26 @@ def read_log(
     that limit in params.yaml.
     """
     if not path.is_file():
-        raise InputError(f"{path}: log not found; check the folder named in params.yaml")
-    names, fmt = fmt.names, printed_format(path, fmt)
-    pieces, rejects, lines, noted = _parse_file(path, fmt, limit, key)
+        raise InputError(f"{path}: log not found; name a log that is there")
+    names = fmt.names
+    if layout is None:
+        fmt = printed_format(path, fmt)
+        pieces, rejects, lines, noted = _parse_file(path, fmt, limit, key)
+    else:
+        pieces, rejects, lines, noted = _parse_laid_out(path, fmt, layout)
     if not pieces:
-        raise InputError(_nothing_parsed(path, fmt, lines))
+        raise InputError(_nothing_parsed(path, fmt, lines) if layout is None else _nothing_laid_out(path))
 
     time = np.concatenate([piece[fmt.time].to_numpy() for piece in pieces])
     line = np.concatenate([piece["line"].to_numpy() for piece in pieces])
+    time, wrapped = unwrapped(time, second(fmt))
     lines = len(line) + sum(rejects.reasons().values())  # without the header
     back = np.count_nonzero(time[1:] <= time[:-1])
     if back > HOPELESS:  # each is a reset or a lost line, but to find out which takes minutes
         lost = {f"{DUPLICATE} or {OUT_OF_ORDER}": int(back) - MOST_RESETS}
         check_rejects(path, lines, rejects.reasons() | lost, limit, key)
-    _check_headers(path, fmt, rejects)
+    if layout is None:
+        _check_headers(path, fmt, rejects)
     keep, segment = order(time, line, rejects.lines(TEXT))
     _check_clock(path, fmt, time[keep], line[keep], segment[keep])
     wanted = []
@@ -289,9 +264,10 @@ def read_log(
     check_rejects(path, lines, rejects.reasons(), limit, key)
     unknown = [number for number in wanted if number not in noted]
     known = noted | dict(zip(unknown, texts(path, unknown) if unknown else [], strict=True))
-    rejects.texts |= {number: known[number] for number in wanted}
+    rejects.texts |= {number: known[number] for number in wanted if known[number] is not None}
     printed_at, rate = packets.spread(time[keep], segment[keep], second(fmt) * 1e-6)
-    if not rate.packet:
+    new_times = rate.packet or wrapped
+    if not new_times:
         del printed_at  # of the times as they are
     del time, line  # a third of what is in memory
     start = 0
@@ -301,9 +277,10 @@ def read_log(
         piece = piece.append_column("segment", pa.array(segment[rows], pa.int16()))
         pieces[index] = piece if keep[rows].all() else piece.filter(pa.array(keep[rows]))
     rows = pa.concat_tables(pieces).select([*names, "line", "segment"])
-    if rate.packet:
+    if new_times:
         place = rows.column_names.index(fmt.time)
         rows = rows.set_column(place, rows.schema.field(place), pa.array(printed_at))
+    if rate.packet:
         rows = rows.replace_schema_metadata({PACKET: repr(rate.packet / second(fmt))})
     return rows, rejects.table(path.name if name is None else name)
 
@@ -317,9 +294,29 @@ def _check_headers(path: Path, fmt: Format, rejects: _Rejects) -> None:
             )
 
 
-def second(fmt: Format) -> float:
-    """Return what a second is in the unit of a format's time."""
-    return 1e6 if next(column.unit for column in fmt.columns if column.name == fmt.time) == "us" else 1.0
+def finest_step(values: np.ndarray) -> float:
+    """Return the least difference between two values, of the first ones of many; inf where all are alike."""
+    apart = np.diff(np.unique(values[:MOST_STEPS]))
+    return float(apart.min()) if len(apart) else np.inf
+
+
+def unwrapped(time: np.ndarray, second: float) -> tuple[np.ndarray, bool]:
+    """Return times (n,) of which microseconds of 32 bits go on after they began anew, and whether any did.
+
+    Arduino's micros() begins anew at 0 after 2**32, or 71.6 minutes, or at -2**31 where it is printed with a sign.
+    A clock that was reset starts elsewhere: both sides have to be within WRAPPED_US of the two ends.
+    """
+    if second != 1e6 or len(time) < 3:
+        return time, False
+    back = np.flatnonzero(np.diff(time[1:]) < -(2**31)) + 2
+    before, after = time[back - 1], time[back]
+    near = (after + TURN - before < WRAPPED_US) & (np.abs(time[back - 2] - before) < WRAPPED_US)
+    ends = (abs(before - TURN) < WRAPPED_US) | (abs(before - TURN // 2) < WRAPPED_US)
+    if not (begun := back[near & ends]).size:
+        return time, False
+    turns = np.zeros(len(time), np.int64)
+    turns[begun] = TURN
+    return time + np.cumsum(turns), True
 
 
 def packet_s(rows: pa.Table) -> float | None:
@@ -327,10 +324,13 @@ def packet_s(rows: pa.Table) -> float | None:
     return float(rows.schema.metadata[PACKET]) if rows.schema.metadata else None
 
 
-def texts(path: Path, numbers: list[int]) -> list[str]:
-    """Return the lines with these numbers (from 1, rising) as printable text, cut to TEXT_LENGTH characters."""
+def texts(path: Path, numbers: list[int]) -> list[str | None]:
+    """Return the lines with these numbers (from 1, rising) as printable text, cut to TEXT_LENGTH characters.
+
+    None stands for the text of a line that ends in CR alone.
+    """
     printable, first = [], 1  # first: the number of a piece's first line
-    for piece in _pieces(path):
+    for piece in _pieces(path, packed=True):
         count = piece.count(b"\n") + (not piece.endswith(b"\n"))
         wanted = numbers[len(printable) : bisect_left(numbers, first + count)]
         if wanted:
@@ -340,7 +340,7 @@ def texts(path: Path, numbers: list[int]) -> list[str]:
         first += count
         if len(printable) == len(numbers):
             break
-    return printable
+    return printable + [None] * (len(numbers) - len(printable))
 
 
 def add_rejects(rejects: pa.Table, path: Path, numbers: np.ndarray, reason: str, name: str | None = None) -> pa.Table:
@@ -358,6 +358,15 @@ def add_rejects(rejects: pa.Table, path: Path, numbers: np.ndarray, reason: str,
         pa.concat_arrays([known, pa.nulls(len(numbers) - len(first), pa.string())]),
     ]
     return pa.concat_tables([rejects, pa.table(columns, schema=REJECTS)]).sort_by("line")
+
+
+def folders(source: Path, pattern: str) -> list[Path]:
+    """Return the folders in `source` that match, sorted, without what systems and editors leave there."""
+    found = sorted(path for path in source.glob(pattern) if path.is_dir())
+    return [path for path in found if not any(_LITTER.match(name) for name in path.relative_to(source).parts)]
+
+
+_LITTER = re.compile(r"\.(?!\.)|__MACOSX$")  # hidden folders, such as .ipynb_checkpoints
 
 
 def check_names(recordings: Iterable[Path]) -> None:
@@ -385,11 +394,12 @@ def check_rejects(
     count = sum(reasons.values())
     if count > limit * (lines + following):
         reason = max(sorted(reasons), key=reasons.get)
+        more = "; its times have too few digits: write more, or set repeats: spread in its format"
         of = f"the first {lines}" if following else f"the {lines}"
         raise InputError(
             f"{path}: {count / lines:.1%} of {of} lines cannot be used, most often '{reason}' "
-            f"({reasons[reason]} lines), and the limit is {limit:.1%}; fix or remove the recording, "
-            f"or raise {key} in {file_of(key)}"
+            f"({reasons[reason]} lines), and the limit is {limit:.1%}"
+            f"{more if reason == REPEATED else ''}; fix or remove the recording, or raise {key} in {file_of(key)}"
         )
 
 
@@ -510,10 +520,39 @@ def _parse_file(
     return tables, rejects, lines, noted
 
 
-def _pieces(path: Path) -> Iterator[bytes]:
-    """Yield the file in pieces of whole lines, without the byte order mark that some editors put first."""
+def _parse_laid_out(path: Path, fmt: Format, layout: Mapping) -> tuple[list[pa.Table], _Rejects, int, dict[int, str]]:
+    """Parse a file of another layout as `_parse_file` does; errors as `layout.Reader`."""
+    tables: list[pa.Table] = []
+    rejects, noted, lines = _Rejects(), {}, 0
+    for block in layouts.lines(path, layout, fmt):
+        good, bad = ([line for line in block if (line.reason is None) == wanted] for wanted in (True, False))
+        if bad:
+            printed_as = {line.number: line.text for line in bad}
+            codes = np.array([REASONS.index(line.reason) for line in bad], np.int8)
+            for wanted in rejects.add(np.array(list(printed_as), np.int32), codes):
+                rejects.texts[wanted] = _printable(printed_as[wanted].encode("utf-8", "replace"))
+        if good:
+            number = np.array([line.number for line in good], np.int32)
+            piece = _parse_piece("".join(f"{line.text}\n" for line in good).encode("utf-8", "replace"), fmt)
+            for wanted in rejects.add(number[piece.bad], piece.codes) if len(piece.bad) else ():
+                rejects.texts[wanted] = piece.texts[int(np.searchsorted(number, wanted))]
+            noted |= {int(number[index]): text for index, text in piece.noted.items()}
+            if piece.rows.num_rows:
+                place, rows = piece.rows.num_columns - 1, number[piece.rows["line"].to_numpy()]
+                tables.append(piece.rows.set_column(place, "line", pa.array(rows)))
+        lines += len(block)
+        if not tables and lines > HOPELESS:
+            break
+    return tables, rejects, lines, noted
+
+
+def _pieces(path: Path, packed: bool = False) -> Iterator[bytes]:
+    """Yield the file in pieces of whole lines, without the byte order mark that some editors put first.
+
+    packed: it may be compressed by gzip.
+    """
     carry: list[bytes] = []
-    with path.open("rb") as file:
+    with layouts.opened(path) if packed else path.open("rb") as file:
         if file.read(3) != b"\xef\xbb\xbf":
             file.seek(0)
         while block := file.read(PIECE):
@@ -696,7 +735,8 @@ def _order_codes(
 ) -> np.ndarray:
     """Return the places in REASONS, int8, of the rows `dropped` (places, rising).
 
-    A duplicate equals a kept row of its segment; any other row is out of order. pieces: all rows of the log; time,
+    A duplicate equals a kept row of its segment; one with other values at the time of the row before repeats the time;
+    any other row is out of order. pieces: all rows of the log; time,
     keep, segment: (rows,), where `keep` is False for every dropped row.
     """
     rows = pa.concat_tables(pieces)
@@ -709,12 +749,24 @@ def _order_codes(
         inside = slice(*np.searchsorted(dropped, [first, stop]))
         near = kept[np.searchsorted(time[kept], time[dropped[inside]]).clip(max=len(kept) - 1)]
         twin[inside] = np.where(time[near] == time[dropped[inside]], near, -1)
+    repeats = (time[dropped] == time[np.maximum(dropped - 1, 0)]) & (dropped > 0)
     equal = twin >= 0
     for column in fmt.columns:
         alike = np.flatnonzero(equal)
         values, twins = (rows[column.name].take(pa.array(at[alike])).to_numpy() for at in (dropped, twin))
         equal[alike] = values == twins
-    return np.where(equal, np.int8(REASONS.index(DUPLICATE)), np.int8(REASONS.index(OUT_OF_ORDER)))
+    other = np.where(repeats, np.int8(REASONS.index(REPEATED)), np.int8(REASONS.index(OUT_OF_ORDER)))
+    return np.where(equal, np.int8(REASONS.index(DUPLICATE)), other)
+
+
+def _nothing_laid_out(path: Path) -> str:
+    """Return the sentence for a file without a line of the layout that the settings say."""
+    if not path.stat().st_size:
+        return f"{path}: the file is empty; put the file that the device printed there"
+    return (
+        f"{path}: no line is laid out as `format` in the settings says; fix or remove the block, and `tactile check` "
+        "proposes another"
+    )
 
 
 def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:

@@ -4,9 +4,11 @@ Limits keep a typing error from asking for more memory or time than a machine ha
 largest value of any setting here.
 """
 
+import codecs
+import re
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 
 class Block(BaseModel):
@@ -137,10 +139,90 @@ class LineFaults(Block):
     out_of_order: Fraction = Field(description="Probability that a line comes one place late")
 
 
+Place = Count | Text  # of a column: its number, from 1, or its name
+
+
+class Layout(Block):
+    """How the lines of a log are laid out, where they are not as docs/own_sensor.md has them."""
+
+    separator: Literal[",", ";", "\t", "|", " ", "text"] = Field(
+        default=",", description="What stands between two columns; text: anything, each number of a line is a column"
+    )
+    decimal: Literal[".", ","] = Field(default=".", description="Decimal sign")
+    strip: list[Text] = Field(default=[], description="Text to remove from a line first, as regular expressions")
+    skip_lines: CountOrNone = Field(default=0, description="Lines to leave out at the beginning")
+    encoding: Text = Field(default="utf-8", description="Encoding of the text, by Python's names")
+    time: Place = Field(default=1, description="Column of the time")
+    time_unit: Literal["s", "ms", "us", "ns"] = Field(default=None, description="Unit of the time, unless the log's")
+    time_pattern: Text = Field(
+        default=None,
+        description="Pattern of a time that is no number, such as %H:%M:%S.%f (Python's strptime); without `time` it "
+        "is found anywhere in a line, and taken out before columns are counted",
+    )
+    rate_hz: RateHz = Field(default=None, description="Frames per second of a log without times (Hz)")
+    width: Count = Field(default=None, description="Columns of a line; lines with more or fewer are rejected")
+    columns: Text | Annotated[list[Place], Field(min_length=1)] = Field(
+        default=None,
+        description="Columns of the readings in the log's order, as a list or as 2..17, by number or by name; without "
+        "it, all but the time",
+    )
+    scale: Number | list[Number] = Field(default=1, description="Factor of all readings, or of each, to the log's unit")
+    offset: Number | list[Number] = Field(default=0, description="Added to all readings, or to each, in the log's unit")
+    rises_when_pressed: bool = Field(
+        default=True, description="False where readings fall when pressed: lowest + highest - reading is taken"
+    )
+    lines_per_frame: Count = Field(default=1, description="Lines of one frame")
+    frame_begins: str = Field(
+        default=None,
+        description="Line that stands before each frame, as a regular expression, '' of an empty one; what its "
+        "brackets hold is the time",
+    )
+    repeats: Literal["refuse", "spread"] = Field(
+        default="refuse", description="Lines of one time: refused, or spread up to the next time"
+    )
+    missing: Literal["refuse", "previous"] = Field(
+        default="refuse", description="Readings that are NaN or empty: refused, or the previous one of their column"
+    )
+
+    @field_validator("strip", "frame_begins")
+    @classmethod
+    def _is_a_pattern(cls, given):
+        for pattern in [given] if isinstance(given, str) else given or []:
+            try:
+                re.compile(pattern)
+            except re.error as error:
+                raise ValueError(f"'{pattern}' is no regular expression ({error})") from error
+        return given
+
+    @field_validator("encoding")
+    @classmethod
+    def _is_known(cls, given: str) -> str:
+        try:
+            codecs.getincrementaldecoder(given)
+        except LookupError as error:
+            raise ValueError(f"no encoding is called '{given}'; utf-8, utf-16 and latin-1 are") from error
+        return given
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "Layout":
+        by_number = isinstance(self.columns, list) and any(isinstance(column, int) for column in self.columns)
+        by_number |= isinstance(self.columns, str) and re.fullmatch(r"\d+\.\.\d+", self.columns) is not None
+        if by_number and self.width is None:
+            raise ValueError("columns by number need `width`, so that a line that is cut is noticed")
+        if isinstance(self.columns, str) and ".." not in self.columns:
+            raise ValueError("columns are a list such as [2, 3], or the first and the last, such as 2..17")
+        if self.rate_hz is not None and {"time", "time_unit", "time_pattern"} & self.model_fields_set:
+            raise ValueError("rate_hz is for logs without times; remove it, or the keys that begin with time")
+        return self
+
+
 class Ingest(Block):
     """What is asked of logs before they become frames."""
 
     max_reject_fraction: Fraction = Field(description="Largest share of a file's lines that may be rejected")
+    format: dict[Text, Layout] = Field(
+        default={}, description="Logs that are laid out in another way, by their names such as array.log"
+    )
 
 
 class AlignedIngest(Ingest):

@@ -37,7 +37,7 @@ class Sensor(Block):
     """The strain sensors."""
 
     channels: int = Field(ge=1, le=1024, description="Readings of a line of the DAQ's log, one per strand")
-    unit: Literal["V", "ohm"] = Field(default="V", description="Unit of the readings")
+    unit: Literal["V", "ohm", "any"] = Field(default="V", description="Unit of the readings; any: pF, mV/V and others")
     tasks: dict[Text, Distinct[Literal["x", "y", "z"]]] = Field(
         default={},
         description="Tasks of your own, folder to axes, such as {stretch: [x]}; {}: task_0 (x, y, z), task_1 (z), "

@@ -142,7 +142,9 @@ def test_a_card_belongs_to_its_weights(tmp_path):
         ("touch", "no such model"),
         ("feet/lomp", "no such model"),
         ("touch/lomp/press/x", "'x' is no seed"),
-        ("touch/nothing", r"not trained in this checkout; .* the pretrained \(glove/sp_resnet, strain/lstm_direct"),
+        ("feat/lomp", "no such model; .*"),
+        ("touch/lomp_strem", "touch/lomp_strem: no such model; did you mean 'lomp_stream'"),
+        ("touch/tree", r"not trained in this checkout; .* the pretrained \(glove/sp_resnet, strain/lstm_direct"),
     ],
 )
 def test_a_model_that_is_not_there_is_named(name, problem, tmp_path):
@@ -201,6 +203,31 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
     (said,) = json.loads((out / "summary.json").read_text())["recordings"]
     assert said["readings"] + sum(said["rejected_lines"].values()) == len(lines)
     assert "scores" not in said
+
+
+def test_a_log_is_read_as_the_card_says_that_it_is_laid_out(tmp_path):
+    """As the logs were that the model was trained on."""
+    log = write_log(tmp_path / "run" / "array.log")
+    card = cards.read(TOUCH)
+    usual = recordings.read(log, "run", card)
+    log.write_text("\n\n".join(f"<{line.replace(',', ' ; ')}>" for line in log.read_text().splitlines()))
+    ingest = card.reading["ingest"] | {"format": {"array.log": {"separator": "text"}}}
+    other = recordings.read(log, "run", card.model_copy(update={"reading": card.reading | {"ingest": ingest}}))
+    assert np.array_equal(other.x, usual.x) and np.array_equal(other.t_s, usual.t_s) and len(other.x) == LINES
+
+
+def test_a_bad_log_among_others_is_listed_and_the_others_are_predicted(workspace, undrawn, tmp_path, capsys):
+    good = write_log(tmp_path / "logs" / "a" / "array.log")
+    bad = tmp_path / "logs" / "b" / "array.log"
+    bad.parent.mkdir()
+    bad.write_text("ready\n" * 50)
+    with pytest.raises(InputError, match="1 of 2 logs cannot be read; the others are predicted"):
+        predicted(workspace, good.parents[1], tmp_path / "out")
+    assert f"not read:\n  {bad}: " in capsys.readouterr().out
+    (summary,) = json.loads((tmp_path / "out" / "summary.json").read_text())["recordings"]
+    assert summary["recording"] == "a"
+    with pytest.raises(InputError, match="no line"):
+        predicted(workspace, bad, tmp_path / "other")
 
 
 def test_a_folder_of_something_else_is_kept(workspace, double, tmp_path):

@@ -13,8 +13,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
+from pipeline.live.source import Lines
 from pipeline.logs import parse
-from pipeline.logs.parse import Column, Format, read_log
+from pipeline.logs.formats import Column, Format
+from pipeline.logs.parse import read_log
 
 
 def write(tmp_path: Path, content: bytes) -> Path:
@@ -112,8 +114,8 @@ def test_a_time_far_in_the_future_costs_one_line(tmp_path):
     assert rejects_of(content, tmp_path) == [(11, parse.OUT_OF_ORDER)]
 
 
-def test_same_time_with_other_values_is_out_of_order(tmp_path):
-    assert rejects_of(frame(0) + frame(1) + b"20000,9,9\n" + frame(2), tmp_path) == [(3, parse.OUT_OF_ORDER)]
+def test_same_time_with_other_values_has_its_own_reason(tmp_path):
+    assert rejects_of(frame(0) + frame(1) + b"20000,9,9\n" + frame(2), tmp_path) == [(3, parse.REPEATED)]
 
 
 def test_a_clock_that_stands_still(tmp_path):
@@ -343,7 +345,7 @@ def test_a_line_is_judged_by_itself(lines, tmp_path):
     """What the fast routes accept is what the line-by-line rule accepts, whatever stands around the line."""
     content = b"".join(line + b"\n" for line in [b"0,1,2", *lines])
     _, rejects = read_log(write(tmp_path, content), COUNTS)
-    sequence = {parse.DUPLICATE, parse.OUT_OF_ORDER}
+    sequence = {parse.DUPLICATE, parse.OUT_OF_ORDER, parse.REPEATED}
     judged = zip(rejects["line"].to_pylist(), rejects["reason"].to_pylist(), strict=True)
     found = {line: reason for line, reason in judged if reason not in sequence}
     alone = {k: parse._reason(line, COUNTS) for k, line in enumerate([b"0,1,2", *lines], start=1)}
@@ -424,3 +426,20 @@ def test_a_header_of_another_order_further_on_is_refused(tmp_path):
     content = frame(1) + b"t_us,v0,v1\n" + frame(2) + b"t_us,v1,v0\n" + frame(3)
     with pytest.raises(InputError, match=r"device\.log: line 4 names the columns in another order than those above"):
         read_log(write(tmp_path, content), COUNTS)
+
+
+@pytest.mark.parametrize("begin", [2**32 - 100_000, 2**31 - 100_000], ids=["unsigned", "signed"])
+def test_micros_that_begin_anew_go_on(begin, tmp_path):
+    """A clock that was reset starts elsewhere, and is a new segment."""
+    signed = begin < 2**31
+    times = [(begin + 20_000 * k + 2**31 * signed) % 2**32 - 2**31 * signed for k in range(40)]
+    fmt = Format((Column("t_us", "us", -(2.0**31), 4e15, True), COUNTS.columns[1]), "t_us")
+    rows, rejects = read_log(write(tmp_path, b"".join(b"%d,%d\n" % (t, k) for k, t in enumerate(times))), fmt)
+    assert rows["t_us"].to_pylist() == [begin + 20_000 * k for k in range(40)] and rejects.num_rows == 0
+    assert set(rows["segment"].to_pylist()) == {0}
+    live = Lines(fmt, "port", "a model")
+    readings = live.take(b"".join(b"%d,%d\n" % (t, k) for k, t in enumerate(times)))
+    assert [reading.t_s for reading in readings] == pytest.approx([begin / 1e6 + 0.02 * k for k in range(40)])
+    restarted = [3_000_000_000 + 20_000 * k for k in range(200)] + [500_000 + 20_000 * k for k in range(200)]
+    rows, _ = read_log(write(tmp_path, b"".join(b"%d,1\n" % t for t in restarted)), fmt)
+    assert rows["t_us"].to_pylist() == restarted and set(rows["segment"].to_pylist()) == {0, 1}

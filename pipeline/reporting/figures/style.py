@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
@@ -63,6 +61,7 @@ STYLES = {  # colour, marker, line
     "sp_resnet": (VERMILION, "*", "-"),
 }
 
+matplotlib.rcdefaults()  # whatever a matplotlibrc of the user says
 plt.rcParams.update(
     {
         "figure.constrained_layout.use": True,

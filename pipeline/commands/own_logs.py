@@ -1,0 +1,196 @@
+"""Read the logs of a sensor of your own one by one, and propose the settings that read those of another layout."""
+
+import io
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from ruamel.yaml import YAML
+
+from pipeline.base.errors import InputError
+from pipeline.datasets import images
+from pipeline.experiments import glove, touch
+from pipeline.logs import parse, sniff
+from pipeline.logs.report import log_report
+from pipeline.logs.sniff import Proposal
+
+PLAIN = {"separator": ","}  # the layout of the product's logs, without empty lines and with counts such as 12.0
+PASTE = "paste the block `format` above into settings.yaml"
+LAID_OUT = f"is laid out in another way; {PASTE}"
+HIGH_REST = 0.75  # of the range of an area; a mat whose usual reading is beyond falls when it is pressed
+DIM = 0.25  # of the range of an area; images of readings that reach no further are dark
+MARGIN = 1.1  # of the largest reading, where that is no converter's
+RARE = 0.01  # of the frames, whose extremes are noise
+BITS = (1023, 4095, 16383, 65535)  # largest counts of converters
+
+
+class Log(NamedTuple):
+    """One file as it was read."""
+
+    rows: pa.Table
+    rejects: pa.Table
+    report: dict  # as `log_report` returns it
+
+
+def read_one(path: Path, fmt: parse.Format, laid_out: Mapping | None) -> Log:
+    """Read one log, whatever share of its lines is rejected; errors as parse.read_log."""
+    rows, rejects = parse.read_log(path, fmt, layout=laid_out)
+    if fmt is touch.LOAD_CELL:
+        rows, rejects = touch.without_spikes(path, rows, rejects)
+    time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
+    report = log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
+    return Log(rows.append_column("time_s", pa.array(time)), rejects, report)
+
+
+def check_rejects(experiment: str, path: Path, log: Log, settings: Mapping) -> None:
+    """Raise InputError where more lines of a log are rejected than may be."""
+    limit, key = settings["ingest"]["max_reject_fraction"], f"{experiment}.ingest.max_reject_fraction"
+    parse.check_rejects(path, log.report["lines"], log.report["rejects"], limit, key)
+
+
+def proposed(
+    experiment: str, path: Path, fmt: parse.Format, settings: Mapping, laid_out: Mapping | None
+) -> Proposal | str | None:
+    """Return how a log can be read, as `sniff.proposed`; None also where it could not be read so."""
+    found = sniff.proposed(path, fmt)
+    if not isinstance(found, Proposal):
+        return found
+    if found.layout == laid_out:
+        return None
+    try:
+        check_rejects(experiment, path, read_one(path, fmt, trial(found)), settings)
+    except InputError:
+        return None
+    return found
+
+
+def trial(proposal: Proposal) -> dict:
+    """Return the layout of a proposal, with a rate in place of one that the log does not tell."""
+    return proposal.layout | ({"rate_hz": 1.0} if proposal.layout.get("rate_hz", 0) is None else {})
+
+
+def with_rate(path: Path, fmt: parse.Format, proposal: Proposal, read: Mapping[str, Log]) -> Proposal:
+    """Return the proposal for a log without times with its rate, where logs beside it say how long it lasts."""
+    lasts = max((np.ptp(log.rows["time_s"].to_numpy()) for log in read.values()), default=0)
+    if not lasts:
+        return proposal
+    rows, _ = parse.read_log(path, fmt, layout=proposal.layout | {"rate_hz": 1.0})
+    rate = float(f"{rows.num_rows / lasts:.2g}")
+    guesses = [*proposal.guesses, "the rate, from how long the other logs last: write the device's own"]
+    return Proposal(proposal.layout | {"rate_hz": rate}, guesses)
+
+
+class Ranges(NamedTuple):
+    """What is to be said of the readings of a scanner's areas."""
+
+    findings: list[str]
+    problems: list[str]
+    settings: list[str]  # lines that mend them
+    falls: bool  # when pressed
+
+
+def of_areas(scanner_logs: Mapping[Path, Mapping | None], settings: Mapping) -> Ranges:
+    """Return what there is to say of readings outside of their area's range, that use little of it, or rest high in it.
+
+    scanner_logs: path -> layout; settings: the block `glove`.
+    """
+    areas = images.areas(settings)
+    read: dict[str, list[list[float]]] = {name: [] for name in areas}
+    for path, laid_out in scanner_logs.items():
+        try:
+            rows, _ = parse.read_log(path, glove.any_readings(settings), layout=laid_out)
+        except InputError:  # which the check of this log says
+            continue
+        for name, area in areas.items():
+            columns = [column for column in rows.column_names if re.fullmatch(rf"{name[0]}\d+", column)]
+            values = np.column_stack([rows[column].to_numpy() for column in columns])
+            least, most = values.min(axis=1), values.max(axis=1)
+            beyond = np.mean((least < area.lowest) | (most > area.highest))
+            ends = (
+                np.quantile(end, share, method=method)  # without single lines of noise
+                for end, share, method in ((least, RARE, "lower"), (most, 1 - RARE, "higher"))
+            )
+            read[name].append([*ends, np.median(values), (values == np.rint(values)).all(), beyond])
+    findings, problems, fitting, falls, counts = [], [], {}, False, True
+    for name, area in areas.items():
+        if not read[name]:
+            continue
+        key, span = f"glove.sensor.areas.{name}", area.highest - area.lowest
+        lows, highs, rests, wholes, beyond = np.array(read[name], float).T
+        low, high, rest, whole = lows.min(), highs.max(), np.median(rests), bool(wholes.all())
+        lowest, highest = fitting_range(low, high, whole)
+        if beyond.max() > settings["ingest"]["max_reject_fraction"]:
+            counts &= low >= 0 and whole
+            fitting[name] = {"highest": highest} | ({"lowest": lowest} if lowest else {})
+            problems.append(
+                f"readings of '{name}' are {low:g} to {high:g}, outside {area.lowest:g} to {area.highest:g}; set "
+                f"{key}, as above"
+            )
+        elif rest > area.lowest + HIGH_REST * span:
+            falls = True
+            problems.append(
+                f"readings of '{name}' are mostly near their highest ({rest:g} of {area.highest:g}), as with pull-ups; "
+                "set rises_when_pressed: false in their format, or true where they do rise"
+            )
+        elif glove.scale(settings) == glove.PER_AREA and high - area.lowest < DIM * span:
+            findings.append(
+                f"readings of '{name}' reach {high:g} of {area.highest:g}, so images are dark: set {key}.highest to "
+                f"{highest:g}"
+            )
+    lines = []
+    if fitting and (given := settings["sensor"].get("areas")):
+        described = {name: {**block, **fitting.get(name, {})} for name, block in given.items()}
+        lines.append(f"glove.sensor.areas: {on_a_line(described)}")
+        if not counts:
+            lines.append("glove.sensor.scale: range")
+    return Ranges(findings, problems, lines, falls)
+
+
+def fitting_range(low: float, high: float, whole: bool) -> tuple[float, float]:
+    """Return the range to set for readings from low to high: of a converter where they are whole, else two digits."""
+    highest = next((most for most in BITS if whole and 0 <= low and high <= most), None)
+    highest = highest or _outwards(MARGIN * high)
+    return (0 if low >= 0 else -_outwards(-MARGIN * low)), highest
+
+
+def _outwards(value: float) -> float:
+    """Return the next number of two digits that is no less than a positive number."""
+    digit = 10.0 ** (np.floor(np.log10(max(value, 1e-9))) - 1)
+    rounded = float(f"{np.ceil(value / digit - 1e-9) * digit:.6g}")
+    return int(rounded) if rounded.is_integer() else rounded
+
+
+def format_block(experiment: str, found: Mapping[str, list[Proposal]], settings: Mapping) -> list[str]:
+    """Return the lines of settings that read logs of another layout, with what is guessed; [] without such logs.
+
+    found: log -> proposals, of which the one that most recordings have is taken.
+    """
+    if not found:
+        return []
+    best = {
+        name: max(several, key=lambda one: sum(one.layout == other.layout for other in several))
+        for name, several in found.items()
+    }
+    layouts = {**settings["ingest"].get("format", {}), **{name: proposal.layout for name, proposal in best.items()}}
+    lines = [f"{experiment}.ingest.format:"]
+    for name, described in layouts.items():
+        guesses = best[name].guesses if name in best else []
+        lines += [f"  # {name}: guessed is {guess}" for guess in dict.fromkeys(guesses)]
+        if described.get("rate_hz", 0) is None:
+            lines.append(f"  # {name}: has no times; write how many frames a second the device prints")
+        lines.append(f"  {name}: {on_a_line(described)}")
+    timeless = [name for name in best if "rate_hz" in best[name].layout]
+    if timeless and settings["ingest"].get("clock") == "shared":
+        lines.append(f"{experiment}.ingest.clock: own  # in place of shared, since {timeless[0]} has no times")
+    return lines
+
+
+def on_a_line(block: Mapping) -> str:
+    """Return a block of settings as YAML, on one line."""
+    writer, text = YAML(typ="safe"), io.StringIO()
+    writer.default_flow_style, writer.width, writer.sort_base_mapping_type_on_output = True, 1 << 20, False
+    writer.dump(dict(block), text)
+    return text.getvalue().strip()

@@ -1,0 +1,62 @@
+"""What the lines of a device's log hold, column by column, and the reasons why a line is none of them."""
+
+from dataclasses import dataclass
+
+import pyarrow as pa
+
+EMPTY = "empty line"
+UNREADABLE = "unreadable bytes"  # NUL, control or non-ASCII bytes: noise on the line, a wrong baud rate
+TEXT = "banner or text"
+COLUMNS = "column count"
+NOT_A_NUMBER = "not a number"
+NOT_AN_INTEGER = "not an integer"
+OUT_OF_RANGE = "out of range"
+DUPLICATE = "duplicate"
+OUT_OF_ORDER = "out of order"
+REPEATED = "time repeats"  # the time of the line before, with other values
+REASONS = (
+    *(EMPTY, UNREADABLE, TEXT, COLUMNS, NOT_A_NUMBER, NOT_AN_INTEGER),
+    *(OUT_OF_RANGE, DUPLICATE, OUT_OF_ORDER, REPEATED),
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: values outside `low` to `high` (inclusive, in `unit`) cannot come from the device."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    integer: bool = False
+
+    @property
+    def type(self) -> pa.DataType:
+        """Return the smallest of int16, int64 and float64 that holds the range."""
+        if not self.integer:
+            return pa.float64()
+        return pa.int16() if -(2**15) <= self.low and self.high < 2**15 else pa.int64()
+
+
+@dataclass(frozen=True)
+class Format:
+    """The format of one device's lines; `time` names the column with the device's clock."""
+
+    columns: tuple[Column, ...]
+    time: str
+    separator: str = ","
+
+    @property
+    def names(self) -> list[str]:
+        """Return the column names in the order of the line."""
+        return [column.name for column in self.columns]
+
+    @property
+    def header(self) -> str:
+        """Return the line that would name the columns."""
+        return self.separator.join(self.names)
+
+
+def second(fmt: Format) -> float:
+    """Return what a second is in the unit of a format's time."""
+    return 1e6 if next(column.unit for column in fmt.columns if column.name == fmt.time) == "us" else 1.0

@@ -1,0 +1,461 @@
+"""Read lines that are laid out in another way than the product's logs: what `ingest.format` of the settings describes.
+
+Every line becomes the line that the device would have printed in the product's own format, or a reject; all that
+follows (types, ranges, order, packets) is the same for every log. Ingest, check, predict and live read through here.
+"""
+
+import codecs
+import csv
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from pipeline.base.errors import InputError
+from pipeline.logs.formats import COLUMNS, NOT_A_NUMBER, UNREADABLE, Format
+from pipeline.settings.shared import Layout
+
+TEXT = "text"  # the separator that stands for anything between two numbers
+BLOCK = 1 << 20  # bytes read at once
+ABOVE = 200  # lines, of which those above the first row are left out; banners and titles are fewer
+LONGEST_LINE = 1 << 24  # characters; a log without line ends must not fill the memory
+LATEST = 10**18  # in the unit of a log; a time beyond is none
+MOST_ALIKE = 10_000  # lines of one time that are spread; a clock that stands still for longer has no times
+NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+UNITS = "m?N|k?g|[mcu]?m|m?V|[mun]?s|k?Pa|[kM]?ohm"
+GZIP = b"\x1f\x8b"
+BROKEN = (EOFError, gzip.BadGzipFile, zlib.error)  # what reading a damaged file by gzip raises
+
+_LINE_END = re.compile(r"\n|\r(?=[^\r\n])")  # CR LF and LF CR end a line once
+_UNREADABLE = re.compile("[^\t\x20-\x7e\xa0-\ufffc]")  # U+FFFD stands for bytes that are no text
+_WHOLE = re.compile(r"[-+]?[0-9]+")
+_THOUSANDS = {
+    ".": re.compile(r"[-+]?[0-9]{1,3}(,[0-9]{3})+\.[0-9]+"),
+    ",": re.compile(r"[-+]?[0-9]{1,3}(\.[0-9]{3})+,[0-9]+"),
+}
+_FLOAT = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_NAN = re.compile(r"[-+]?nan|null|none|n/a|na", re.IGNORECASE)
+_DIRECTIVES = {"Y": "[0-9]{4}", "f": "[0-9]{1,9}", "b": "[A-Za-z]{3}", "B": "[A-Za-z]+", "p": "[AaPp][Mm]"}
+
+
+def _numbers(decimal: str) -> re.Pattern:
+    """Return what a number looks like that is no part of a word or of a date; a unit may follow it."""
+    point = re.escape(decimal)
+    digits = rf"(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)(?:[eE][-+]?[0-9]+)?"
+    after = rf"(?=(?:{UNITS})(?!\w))|(?!\w|{point}[0-9])"
+    return re.compile(rf"(?<![\w{point}])(?:[-+]?{digits}|[-+]?(?:nan|NaN|NAN|inf))(?:{after})")
+
+
+NUMBERS = {decimal: _numbers(decimal) for decimal in ".,"}
+
+
+class Line(NamedTuple):
+    """What one line, or one frame of several lines, came to; for a frame the number is that of its last line."""
+
+    number: int  # from 1, of the file
+    text: str  # in the product's own format, or as printed where it is rejected
+    reason: str | None  # why it is rejected
+
+
+def of(ingest: Mapping, name: str) -> Mapping | None:
+    """Return the layout that the settings have for a log; load_cell_2.log has that of load_cell.log. None: the usual.
+
+    ingest: the block `ingest` of an experiment.
+    """
+    given = ingest.get("format", {})
+    return given.get(name, given.get(re.sub(r"_\d+\.log$", ".log", name)))
+
+
+def opened(path: Path) -> BinaryIO:
+    """Open a log, compressed by gzip or not."""
+    file = path.open("rb")
+    start = file.read(2)
+    file.seek(0)
+    return gzip.open(file) if start == GZIP else file
+
+
+def line_end(text: str) -> str | None:
+    """Return the character that ends the lines of a text, LF or CR; None where none shows."""
+    found = _LINE_END.search(text)
+    return found[0] if found else None
+
+
+def divided(line: str, separator: str) -> list[str]:
+    """Return the columns of a line, without blanks and quotation marks around them."""
+    if separator == " ":
+        fields = line.split()
+    elif '"' in line and len(line) < csv.field_size_limit():
+        fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    else:
+        fields = line.split(separator)
+    return [field.strip(" \t'\"") for field in fields]
+
+
+def numbers(line: str, separator: str, decimal: str) -> list[str]:
+    """Return the columns of a line as text with a decimal point; with TEXT as separator, the numbers in it."""
+    fields = NUMBERS[decimal].findall(line) if separator == TEXT else divided(line, separator)
+    return [with_point(field, decimal) for field in fields]
+
+
+def with_point(field: str, decimal: str) -> str:
+    """Return a number's text with a decimal point and without signs between thousands."""
+    if _THOUSANDS[decimal].fullmatch(field):
+        field = field.replace("," if decimal == "." else ".", "")
+    return field.replace(",", ".") if decimal == "," else field
+
+
+def is_number(field: str) -> bool:
+    """Tell whether a field is a finite number."""
+    return _FLOAT.fullmatch(field) is not None
+
+
+def is_missing(field: str) -> bool:
+    """Tell whether a field is empty or says that there is no value."""
+    return not field or _NAN.fullmatch(field) is not None
+
+
+def expression(pattern: str) -> str:
+    """Return the regular expression of what a pattern of strptime can stand for."""
+    parts = re.split(r"%(.)", pattern)
+    fixed = (re.escape(part) if k % 2 == 0 else _DIRECTIVES.get(part, "[0-9]{1,2}") for k, part in enumerate(parts))
+    return "".join(fixed)
+
+
+class Reader:
+    """Takes the bytes of one log as they come and gives its lines."""
+
+    def __init__(self, layout: Mapping, fmt: Format, where: str):
+        """layout: as of `settings.shared.Layout`; fmt: of the lines to give; where: a sentence about the log begins so.
+
+        Raises InputError for scales or offsets that are not as many as the columns.
+        """
+        self.layout, self.format, self.where = Layout.model_validate(layout), fmt, where
+        given = self.layout
+        self._decode = codecs.getincrementaldecoder(given.encoding)("replace").decode
+        self._rest, self._end, self._number, self._count, self._begun = "", None, 0, 0, False
+        self._strip = [re.compile(pattern) for pattern in given.strip]
+        self._begins = None if given.frame_begins is None else re.compile(given.frame_begins)
+        self._blanks = " \t" if given.separator == TEXT else f" \t{given.separator}"
+        self._timed = given.rate_hz is None and (self._begins is None or not self._begins.groups)  # a line has its time
+        self._searched = None  # what the time looks like, where it is found anywhere in a line
+        if given.time_pattern is not None and "time" not in given.model_fields_set:
+            self._searched = re.compile(rf"(?<![0-9]){expression(given.time_pattern)}")
+        self._time_at = fmt.names.index(fmt.time)
+        self._readings = [column for column in fmt.columns if column.name != fmt.time]
+        self._unit = NANOSECONDS[fmt.columns[self._time_at].unit]
+        self._linear = list(zip(*map(self._of_each, (given.scale, given.offset)), strict=True))
+        self._wanted = self._names()
+        self._named = not self._wanted  # the places of columns with names are known
+        self._places: list[int] | None = None  # of the readings; None: not known yet
+        self._time_place: int | None = None
+        if not self._wanted:
+            self._places = self._by_number()
+            self._time_place = given.time - 1 if self._field_of_time else None
+        self._width = given.width
+        self._frame: list[tuple[int, str, list[str]]] = []  # number, text and fields of the lines of a frame so far
+        self._frame_time: str | None = None
+        self._frame_over = False  # a whole frame was taken, and the next has not begun
+        self._previous: list[str | None] = [None] * len(self._readings)
+        self._alike: list[tuple[int, Decimal, list[str]]] = []  # lines of one time, while they may be spread
+        self._rounded = False  # their time, which was not cut
+        self._before: Decimal | None = None  # time of those before
+        self._days, self._last_s = 0, None
+
+    @property
+    def _field_of_time(self) -> bool:
+        """Tell whether the time is a column of each line."""
+        return self._timed and self._searched is None
+
+    def _of_each(self, given) -> list[float]:
+        """Return a factor or summand for each reading."""
+        each = given if isinstance(given, list) else [given] * len(self._readings)
+        if len(each) != len(self._readings):
+            raise InputError(
+                f"{self.where}: its format in the settings has {len(each)} scales or offsets for "
+                f"{len(self._readings)} readings; write one number, or as many as readings"
+            )
+        return each
+
+    def _names(self) -> set[str]:
+        """Return the names of columns that a header must have."""
+        columns = self.layout.columns or []
+        ends = columns if isinstance(columns, list) else columns.split("..")
+        names = {end for end in ends if isinstance(end, str) and not (isinstance(columns, str) and end.isdecimal())}
+        return names | ({self.layout.time} if isinstance(self.layout.time, str) and self._field_of_time else set())
+
+    def _by_number(self) -> list[int] | None:
+        """Return the places of the readings where the layout has numbers; None: all columns but the time."""
+        columns = self.layout.columns
+        if columns is None:
+            return None
+        if isinstance(columns, str):
+            first, last = map(int, columns.split(".."))
+            columns = list(range(first, last + 1))
+        self._check_count(len(columns))
+        return [column - 1 for column in columns]
+
+    def _check_count(self, count: int) -> None:
+        if count != len(self._readings):
+            raise InputError(
+                f"{self.where}: its format in the settings names {count} columns, but the sensor has "
+                f"{len(self._readings)} readings; name as many, or fix the sensor's size"
+            )
+
+    def take(self, data: bytes, last: bool = False) -> list[Line]:
+        """Return the lines that are whole with these bytes; last: the log ends with them.
+
+        Raises InputError where a header lacks a column that the layout names.
+        """
+        try:
+            self._rest += self._decode(data, last)
+        except UnicodeError as error:
+            raise InputError(
+                f"{self.where}: is not {self.layout.encoding} ({error}); fix encoding in its format"
+            ) from error
+        if self._end is None:
+            self._end = line_end(self._rest)
+            if self._end is None and not last and len(self._rest) <= LONGEST_LINE:
+                return []
+            self._end = self._end or "\n"
+        *lines, self._rest = self._rest.split(self._end)
+        if len(self._rest) > LONGEST_LINE:
+            raise InputError(f"{self.where}: no line end within {LONGEST_LINE >> 20} MiB; end each frame by a line end")
+        if last and self._rest:
+            lines, self._rest = [*lines, self._rest], ""
+        taken = [line for text in lines for line in self._line(text.strip("\r\n\ufeff"))]
+        if last:
+            taken += [*self._torn(), *self._spread(None)]
+        return taken
+
+    def _line(self, text: str) -> Iterator[Line]:
+        """Yield what follows from one more line."""
+        self._number += 1
+        if self._number <= self.layout.skip_lines:
+            return
+        line = text
+        for pattern in self._strip:
+            line = pattern.sub("", line)
+        line = line.strip(" \t" if self._wanted else self._blanks)
+        if self._begins is not None and (begins := self._begins.fullmatch(line)):
+            yield from self._torn()
+            self._frame_time = with_point(begins[1], self.layout.decimal) if self._begins.groups else None
+            self._frame_over = False
+            return
+        if not line.strip(self._blanks):
+            return
+        if _UNREADABLE.search(line):
+            yield from self._reject(text, UNREADABLE)
+            return
+        if self._wanted and self._is_header(line):
+            return
+        stamp = None
+        if self._searched is not None:
+            if (found := self._searched.search(line)) is None:
+                yield from self._reject(text, NOT_A_NUMBER)
+                return
+            stamp = found[0]
+            line = (line[: found.start()] + line[found.end() :]).replace('""', "").strip(self._blanks)
+        fields = numbers(line, self.layout.separator, self.layout.decimal)
+        if self.layout.lines_per_frame > 1:
+            yield from self._of_frame(text, fields)
+        else:
+            yield from self._taken(self._number, text, fields, stamp)
+
+    def _reject(self, text: str, reason: str) -> Iterator[Line]:
+        """Yield a reject, but not of what stands above the first row: titles, units, the names of the columns."""
+        if self._begun or self._number > ABOVE:
+            self._count += 1
+            yield Line(self._number, text, reason)
+
+    def _is_header(self, line: str) -> bool:
+        """Tell whether a line names the columns, and find the places of those that are wanted."""
+        names = divided(line, self.layout.separator)
+        if not self._wanted <= set(names):
+            return False
+        if twice := next((name for name in sorted(self._wanted) if names.count(name) > 1), None):
+            raise InputError(f"{self.where}: line {self._number} names {twice} twice; name columns by number instead")
+        columns, time = self.layout.columns, self.layout.time
+        place = {name: k for k, name in enumerate(names)}
+        self._time_place = (place[time] if isinstance(time, str) else time - 1) if self._field_of_time else None
+        if columns is not None:
+            ends = columns if isinstance(columns, list) else columns.split("..")
+            places = [place[end] if end in place else int(end) - 1 for end in ends]
+            self._places = places if isinstance(columns, list) else list(range(places[0], places[1] + 1))
+            self._check_count(len(self._places))
+        self._width, self._named = self.layout.width or len(names), True
+        return True
+
+    def check_named(self) -> None:
+        """Raise InputError where no line so far named the columns that the layout has by their names."""
+        if not self._named:
+            names = ", ".join(sorted(self._wanted))
+            raise InputError(
+                f"{self.where}: no line names the column{'s' * (len(self._wanted) > 1)} {names} of its format in the "
+                "settings; name them as the log does, or give their numbers"
+            )
+
+    def _of_frame(self, text: str, fields: list[str]) -> Iterator[Line]:
+        """Yield the frame that a line ends, or the line where it belongs to none."""
+        lines = self.layout.lines_per_frame
+        width = self._width or len(self._readings) // lines
+        if self._frame_over or len(fields) != width or not all(map(is_number, fields)):
+            yield from self._reject(text, COLUMNS)
+            return
+        self._frame.append((self._number, text, fields))
+        if len(self._frame) == lines:
+            whole = [field for _, _, fields in self._frame for field in fields]
+            self._frame, self._frame_over = [], self._begins is not None
+            yield from self._taken(self._number, text, whole, self._frame_time)
+
+    def _torn(self) -> Iterator[Line]:
+        """Yield the lines of a frame that ended before it was whole."""
+        self._count += bool(self._frame) and self._begun
+        if self._begun:
+            yield from (Line(number, text, COLUMNS) for number, text, _ in self._frame)
+        self._frame = []
+
+    def _taken(self, number: int, text: str, fields: list[str], stamp: str | None) -> Iterator[Line]:
+        """Yield the row of one frame's fields; stamp: its time, where that is not among the fields."""
+        row = self._row(fields, stamp)
+        if row is None:
+            yield from self._reject(text, COLUMNS if len(fields) != self._expected() else NOT_A_NUMBER)
+            return
+        self._begun = True
+        self._count += 1
+        time, rounded, readings = row
+        if self.layout.repeats == "refuse":
+            yield Line(number, self._text(time, readings), None)
+            return
+        if self._alike and (time != self._alike[0][1] or len(self._alike) == MOST_ALIKE):
+            yield from self._spread(time)
+        self._alike.append((number, time, readings))
+        self._rounded = rounded
+
+    def _expected(self) -> int:
+        """Return how many fields a line, or a frame, has."""
+        if self.layout.lines_per_frame > 1:
+            return (self._width or len(self._readings) // self.layout.lines_per_frame) * self.layout.lines_per_frame
+        return self._width or len(self._readings) + self._field_of_time
+
+    def _row(self, fields: list[str], stamp: str | None) -> tuple[Decimal, bool, list[str]] | None:
+        """Return (time, whether it is rounded, readings as text) of a row, or None where the fields are no row."""
+        if len(fields) != self._expected() or not self._named:
+            return None
+        places = self._places
+        if places is None:
+            places = [k for k in range(len(fields)) if k != self._time_place]
+        if len(places) != len(self._readings) or max(places) >= len(fields):
+            return None
+        values = [fields[place] for place in places]
+        for k, value in enumerate(values):
+            if is_missing(value):
+                if self.layout.missing != "previous" or self._previous[k] is None:
+                    self._keep(values)
+                    return None
+                values[k] = self._previous[k]
+            elif not is_number(value):
+                return None
+        if self.layout.rate_hz is not None:
+            seconds = self._count / Decimal(repr(self.layout.rate_hz))
+            time, rounded = self._in_unit(seconds * NANOSECONDS["s"] / self._unit), False
+        else:
+            stamp = fields[self._time_place] if self._field_of_time else stamp
+            time = None if stamp is None else self._time(stamp)
+            if time is None or not abs(time) < LATEST:
+                return None
+            rounded = "." in stamp or "e" in stamp.lower()
+        self._keep(values)
+        return time, rounded, [self._reading(k, value) for k, value in enumerate(values)]
+
+    def _keep(self, values: list[str]) -> None:
+        """Keep the values of a row for gaps in the next."""
+        if self.layout.missing == "previous":
+            kept = zip(values, self._previous, strict=True)
+            self._previous = [value if is_number(value) else before for value, before in kept]
+
+    def _time(self, stamp: str) -> Decimal | None:
+        """Return a time in the unit of the log, or None where it is none."""
+        if self.layout.time_pattern is None:
+            try:
+                value = Decimal(stamp)
+            except InvalidOperation:
+                return None
+            if not value.is_finite():
+                return None
+            unit = self.layout.time_unit
+            return self._in_unit(value * NANOSECONDS[unit] / self._unit if unit else value)
+        pattern, stamp = self.layout.time_pattern, re.sub(r"([.,][0-9]{6})[0-9]+", r"\1", stamp)
+        try:
+            read = datetime.strptime(stamp, pattern)
+        except ValueError:
+            return None
+        dated = any(directive in pattern for directive in ("%Y", "%y", "%d", "%j"))
+        since = read.replace(tzinfo=None) - datetime(1970 if dated else 1900, 1, 1)
+        seconds = Decimal(since.days * 86_400 + since.seconds) + Decimal(since.microseconds) / 10**6
+        if not dated:  # midnight
+            self._days += self._last_s is not None and seconds < self._last_s - 43_200
+            self._last_s = seconds
+            seconds += 86_400 * self._days
+        return self._in_unit(seconds * NANOSECONDS["s"] / self._unit)
+
+    def _in_unit(self, time: Decimal) -> Decimal:
+        """Return a time as the log has it: whole, where its times are."""
+        return time.to_integral_value() if self.format.columns[self._time_at].integer else time
+
+    def _reading(self, k: int, value: str) -> str:
+        """Return the text of a reading in the log's unit; counts that come as 12.0 are whole numbers."""
+        column, (scale, offset) = self._readings[k], self._linear[k]
+        falls = not self.layout.rises_when_pressed and column.name not in ("x_mm", "y_mm")
+        if scale == 1 and offset == 0 and not falls:
+            if column.integer and not _WHOLE.fullmatch(value) and float(value).is_integer():
+                return str(int(float(value)))
+            return value
+        changed = float(value) * scale + offset
+        changed = column.low + column.high - changed if falls else changed
+        return str(round(changed)) if column.integer and abs(changed) < 2**62 else repr(changed)
+
+    def _text(self, time: Decimal, readings: list[str]) -> str:
+        """Return a row as a line of the log's format."""
+        fields = [*readings[: self._time_at], format(time, "f"), *readings[self._time_at :]]
+        return self.format.separator.join(fields)
+
+    def _spread(self, following: Decimal | None) -> Iterator[Line]:
+        """Yield the lines of one time, evenly over the time that they stand for; following: the next time.
+
+        A whole number was cut, so that the lines follow it; one with decimals was rounded, so that they are around it.
+        """
+        alike, self._alike = self._alike, []
+        if not alike:
+            return
+        time = alike[0][1]
+        steps = [abs(one - time) for one in (following, self._before) if one is not None and one != time]
+        step, many = min(steps, default=Decimal(0)), len(alike)
+        self._before = time
+        for k, (number, _, readings) in enumerate(alike):
+            part = step * (2 * k - (many - 1) * self._rounded) / (2 * many)
+            yield Line(number, self._text(self._in_unit(time + part), readings), None)
+
+
+def lines(path: Path, layout: Mapping, fmt: Format) -> Iterator[list[Line]]:
+    """Yield the lines of a log, block by block; errors as `Reader`."""
+    reader = Reader(layout, fmt, str(path))
+    try:
+        with opened(path) as file:
+            while block := file.read(BLOCK):
+                yield reader.take(block)
+    except BROKEN as error:
+        raise InputError(f"{path}: its gzip compression is broken ({error}); compress it again") from error
+    yield reader.take(b"", last=True)
+    reader.check_named()
+
+
+def printed_lines(path: Path) -> Iterator[bytes]:
+    """Yield the lines of a log as they are in the file, one after the other, with their ends: LF, CR, or both."""
+    with opened(path) as file, io.TextIOWrapper(file, encoding="latin-1", newline="") as text:
+        for line in text:
+            yield line.encode("latin-1")

@@ -1,0 +1,62 @@
+"""What surrounds a command ends in no traceback: closed pipes, encodings, python -OO, a notebook's plots."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from builders.project import ROOT
+
+RUN = """
+import sys
+from pathlib import Path
+from pipeline.base.errors import run_stage
+run_stage(lambda: [print("größe 双指", k) for k in range(int(sys.argv[1]))], Path("none"))
+"""
+
+
+def ran(code, *arguments, **environment):
+    """Start a program with other variables of its surroundings."""
+    return subprocess.Popen(
+        [sys.executable, *code, *arguments],
+        env=os.environ | {"PYTHONPATH": str(ROOT)} | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def test_a_name_that_the_encoding_lacks_is_printed_escaped():
+    said, wrong = ran(["-c", RUN], "1", PYTHONIOENCODING="cp1252").communicate()
+    assert said.decode("cp1252").split() == ["größe", "\\u53cc\\u6307", "0"] and not wrong
+
+
+def test_who_closes_the_pipe_hears_no_more():
+    process = ran(["-c", RUN], "100000")
+    process.stdout.readline()
+    process.stdout.close()
+    assert process.stderr.read() == b"" and process.wait() == 141
+    process.stderr.close()
+
+
+@pytest.mark.parametrize("arguments", [["--help"], [], ["check", "--help"]])
+def test_help_stands_without_docstrings_and_in_a_notebook(arguments):
+    backend = {"MPLBACKEND": "module://not_installed.backend"}
+    said, wrong = ran(["-OO", "-m", "pipeline.commands.command_line"], *arguments, **backend).communicate()
+    assert b"usage: tactile" in said and not wrong
+    words = b"Read a folder of your own logs" if "check" in arguments else b"What people run by hand"
+    assert words in said
+
+
+def test_an_unknown_command_gets_the_likely_one():
+    _, wrong = ran(["-m", "pipeline.commands.command_line"], "chek", "x").communicate()
+    assert wrong == b"error: there is no command 'chek'; did you mean 'check'?\n"
+
+
+def test_a_matplotlibrc_changes_no_figure(tmp_path):
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 30\n")
+    style = "from pipeline.reporting.figures.style import plt"
+    code = f"{style}; print(plt.rcParams['text.usetex'], plt.rcParams['font.size'])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
+    )
+    assert done.stdout.split() == [b"False", b"9.0"]

@@ -1,0 +1,230 @@
+"""What `check` proposes for logs of other layouts and other ranges reads them once it is pasted into settings.yaml."""
+
+import argparse
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import yaml
+from builders import own_logs as written
+from builders.project import ROOT
+
+from pipeline.base import params
+from pipeline.base.errors import InputError
+from pipeline.commands import check, own, own_logs, own_settings
+from pipeline.datasets import schemas
+from pipeline.experiments import strain
+from pipeline.logs import layout
+from pipeline.logs.sniff import Proposal
+from pipeline.reporting.figures import check as check_figures
+
+PARAMS = params.load(ROOT / "params.yaml")
+SENSOR = {"touch.sensor": {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}}
+SENSOR |= {"touch.label.map_rows": 8, "touch.label.map_cols": 9}
+
+
+@pytest.fixture(autouse=True)
+def undrawn(monkeypatch):
+    """Without the picture, most of the time of a check."""
+    monkeypatch.setattr(check_figures, "draw", lambda *arguments: None)
+
+
+def values_of(folder, experiment):
+    """The settings of a folder of logs, as `check`, `try` and `own` make them."""
+    made = own_settings.write(ROOT / "params.yaml", folder.parent / "made", experiment, folder, [0], None)
+    return params.load(made)
+
+
+def checked(workspace, experiment, folder, capsys):
+    """What `check` says first, and the lines of settings that it prints."""
+    first = check.check(workspace, experiment, folder, values_of(folder, experiment))
+    said = capsys.readouterr().out
+    block = said.partition("settings.yaml:\n")[2].partition("\n\n")[0]
+    return first, yaml.safe_load(block)
+
+
+def pasted(folder, block):
+    """Put lines of settings beside the logs."""
+    given = own_settings.read(folder) | block
+    (folder / own_settings.FILE).write_text(yaml.safe_dump(given))
+
+
+@pytest.fixture(scope="module")
+def touch_logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("touch") / "logs"
+    written.touch(folder, 2, 3, 40.0, seconds=30.0, recordings=1, conditions=())
+    pasted(folder, SENSOR)
+    return folder
+
+
+def edited(source, target, **edits):
+    """A copy of logs in which each edit has changed the lines of the log that is called so."""
+    for path in source.rglob("*"):
+        if path.is_file():
+            copy = target / path.relative_to(source)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            lines = path.read_text(errors="replace").splitlines()
+            edit = edits.get(path.stem, lambda lines: lines)
+            copy.write_text("\n".join(edit(lines)) + "\n")
+    return target
+
+
+def test_a_block_that_is_proposed_reads_the_logs_once_pasted(workspace, touch_logs, tmp_path, capsys):
+    """Counts that fall, separated otherwise, and a load cell in words: found one after the other."""
+
+    def turned(lines):
+        for line in lines:
+            time, *counts = line.split(",")
+            yield "\t".join([time, *(str(1023 - int(v)) if v.isdigit() else v for v in counts)])
+
+    def in_words(lines):
+        return [line.replace(",", ", load ") for line in lines if line[:1].isdigit()]
+
+    logs = edited(touch_logs, tmp_path / "logs", array=turned, load_cell=in_words)
+    first, block = checked(workspace, "touch", logs, capsys)
+    assert "array.log: is laid out in another way; paste the block" in first
+    assert block == {"touch.ingest.format": {"array.log": {"separator": "\t"}, "load_cell.log": {"separator": "text"}}}
+    pasted(logs, block)
+    first, block = checked(workspace, "touch", logs, capsys)
+    assert "the counts seem to fall when pressed" in first
+    assert block["touch.ingest.format"]["array.log"] == {"separator": "\t", "rises_when_pressed": False}
+    pasted(logs, block)
+    assert checked(workspace, "touch", logs, capsys)[0] is None
+    usual, other = (
+        check.checked("touch", folder / "single" / "day1_0", values_of(folder, "touch")["touch"]).frames
+        for folder in (touch_logs, logs)
+    )
+    assert np.array_equal(schemas.matrix(usual["v"]), schemas.matrix(other["v"]))
+    assert schemas.matrix(other["force_n"]) == pytest.approx(schemas.matrix(usual["force_n"]), abs=1e-5, nan_ok=True)
+
+
+def test_what_is_in_another_unit_keeps_its_sentence_beside_the_block(workspace, touch_logs, tmp_path, capsys):
+    grams = edited(touch_logs, tmp_path / "logs", load_cell=lambda lines: [
+        f"{line.split(',')[0]},{102 * float(line.split(',')[1]):.1f}" for line in lines if line.count(",") == 1
+        and line[:1].isdigit() and line.split(",")[1].strip("-.0123456789") == "" and len(line.split(",")[1]) > 2
+    ])  # fmt: skip
+    first, block = checked(workspace, "touch", grams, capsys)
+    assert "write newtons" in first and first.endswith(f"; or {own_logs.PASTE}")
+    assert block["touch.ingest.format"] == {"load_cell.log": {"scale": 0.00981, "separator": ","}}
+
+
+@pytest.mark.parametrize(
+    ("change", "mended"),
+    [
+        (lambda v: v * 4, {"glove.sensor.areas": {"pressure": {"rows": 4, "cols": 4, "highest": 4095}}}),
+        (
+            lambda v: v - 20,
+            {
+                "glove.sensor.areas": {"pressure": {"rows": 4, "cols": 4, "lowest": -21, "highest": 1100}},
+                "glove.sensor.scale": "range",
+            },
+        ),
+        (
+            lambda v: 1023 - v,
+            {"glove.ingest.format": {"scanner.log": {"separator": ",", "rises_when_pressed": False}}},
+        ),
+    ],
+    ids=["12 bits", "rest subtracted", "pull-ups"],
+)
+def test_a_mat_needs_its_areas_and_nothing_more(workspace, change, mended, tmp_path, capsys):
+    """The manual's own kind of sensor: no protocols, no models; what its range should be is proposed."""
+    rng, folder = np.random.default_rng(0), tmp_path / "logs"
+    for name in ("ball", "cup"):
+        for session in range(3):
+            readings = np.clip(rng.normal(20, 5, (12, 16)), 0, None)
+            readings[:, :3] = 980
+            lines = [
+                f"{50_000 * k}," + ",".join(map(str, change(np.rint(v)).astype(int))) for k, v in enumerate(readings)
+            ]
+            (folder / name / f"day{session}").mkdir(parents=True)
+            (folder / name / f"day{session}" / "scanner.log").write_text("\n".join(lines) + "\n")
+    (folder / "__MACOSX" / "._x").mkdir(parents=True)
+    (folder / ".ipynb_checkpoints").mkdir()
+    pasted(folder, {"glove.sensor.areas": {"pressure": {"rows": 4, "cols": 4}}})
+    first, block = checked(workspace, "glove", folder, capsys)
+    assert "readings of 'pressure' are" in first and block == mended
+    pasted(folder, block)
+    assert checked(workspace, "glove", folder, capsys)[0] is None
+    assert list(values_of(folder, "glove")["glove"]["protocols"]) == ["session_pressure"]
+
+
+def test_tasks_of_ones_own_are_run_without_a_word_of_protocols(tmp_path):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    pasted(folder, {"strain.sensor.tasks": {"stretch": ["x"]}})
+    assert values_of(folder, "strain")["strain"]["protocols"] == {"stretch": {"seeds": [0]}}
+
+
+def test_a_log_without_times_takes_its_rate_from_the_others(tmp_path):
+    (tmp_path / "array.log").write_text("1\n" * 401)
+    beside = {"load_cell.log": own_logs.Log(pa.table({"time_s": np.linspace(3, 11.03, 500)}), None, {})}
+    fmt = strain.Format((strain.CLOCK, strain.Column("v0", "V", -10, 10)), "t_s")
+    found = own_logs.with_rate(tmp_path / "array.log", fmt, Proposal({"rate_hz": None}, []), beside)
+    assert found.layout == {"rate_hz": 50.0} and "from how long the other logs last" in found.guesses[0]
+    lines = own_logs.format_block("touch", {"array.log": [found]}, {"ingest": {"clock": "shared"}})
+    assert lines[-1].startswith("touch.ingest.clock: own")
+
+
+def test_elements_are_dead_by_the_step_of_their_own_kind():
+    """A range of 0.7 V is no dead channel, and a mat in kPa has steps of 0.05."""
+
+    def said(columns):
+        rows = pa.table(columns)
+        log = own_logs.Log(rows, None, {})
+        return check.still("strain", [check.Checked(None, {"daq.log": log}, None, {}, [], {}, False)])
+
+    moves, flickers = np.linspace(2.1, 2.8, 50).round(3), np.where(np.arange(50) % 9, 2.5, 2.5 + 0.014)
+    assert said({"u0": moves, "u1": moves + 0.5}) == []
+    (finding,) = said({"u0": np.linspace(2, 2.7, 51)[:50].round(3), "u1": flickers, "u2": np.full(50, 5.0)})
+    assert finding == "2 of 3 elements never change (dead, or never touched): daq.log u1, daq.log u2"
+
+
+def test_a_bridge_in_mv_per_v_is_not_dead():
+    readings = -4e-4 + 2e-4 * np.sin(np.arange(400)[:, None] / [7, 11])
+    assert strain._step(readings, "V") < 1e-6 and strain._step(1000 * readings, "V") == strain.STEP_V
+    dead = np.where(np.arange(400)[:, None] % [5, 7], 2.5, 2.5 + 3.05e-4)
+    assert strain._step(dead, "V") == pytest.approx(3.05e-4)
+
+
+def test_problems_of_one_kind_are_one_line():
+    alike = [f"a/{k}/array.log: line {k} is '{k},2': v0 is {k}, outside 0 to 1" for k in range(5)]
+    assert check.of_each_kind([*alike, "x.log: empty"]) == [f"{alike[0]} (and 4 more like this)", "x.log: empty"]
+
+
+def test_the_kind_of_a_folder_is_told_by_its_logs_or_its_settings(tmp_path):
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    with pytest.raises(InputError, match="no log of a sensor"):
+        check.experiment_of(tmp_path)
+    pasted(tmp_path, {"strain.sensor.channels": 3})
+    assert check.experiment_of(tmp_path) == "strain"
+    (tmp_path / "a" / "b" / "array.log").touch()
+    assert check.experiment_of(tmp_path) == "touch"
+    with pytest.raises(InputError, match="holds no scanner.log, but array.log; leave 'glove' out"):
+        check.experiment_of(tmp_path, "glove")
+    with pytest.raises(InputError, match="array.log: is a file; name the folder"):
+        check.main(None, argparse.Namespace(experiment="touch", folder=tmp_path / "a" / "b" / "array.log"))
+
+
+def test_centres_of_rbf_are_fewer_than_the_windows(workspace, capsys):
+    """500 centres would need 500 windows; the paper's are far more."""
+    values = params.load(workspace.params)
+    values["touch"]["protocols"] = {"press": {"seeds": [0]}}
+    part = pa.array(["train"] * 120 + ["test"] * 900).dictionary_encode()
+    table = pa.table({schemas.split_column("press", 0): part})
+    workspace.dataset("touch").parent.mkdir(parents=True)
+    schemas.write(workspace.dataset("touch"), table.schema, [table])
+    own.fit_centres(workspace, "touch", values)
+    assert params.load(workspace.params)["touch"]["models"]["rbf"]["centres"] == 60
+    assert "rbf: 120 windows train, fewer than 500 centres; it has 60" in capsys.readouterr().out
+
+
+def test_logs_that_share_no_time_are_said_not_to_share_a_clock(tmp_path):
+    folder = tmp_path / "stretch" / "run"
+    folder.mkdir(parents=True)
+    (folder / "daq.log").write_text("".join(f"{0.05 * k:.2f},{2 + k % 7 / 10}\n" for k in range(400)))
+    (folder / "robot.log").write_text("".join(f"{1.7e9 + 0.05 * k:.2f},{k % 9}\n" for k in range(400)))
+    block = PARAMS["strain"] | {"sensor": {"channels": 1, "tasks": {"stretch": ["x"]}}}
+    block["ingest"] = block["ingest"] | {"clock": "shared"}
+    recording = check.checked("strain", folder, block)
+    assert "are none of daq.log's, 0 to 19.95 s, so they do not share a clock" in recording.problems[0]
+    assert recording.clock_own and layout.of(block["ingest"], "daq.log") is None
