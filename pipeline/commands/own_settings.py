@@ -72,7 +72,7 @@ def write(
 def of_logs(workspace: Workspace, experiment: str, folder: Path) -> dict:
     """Return all settings for a sensor's logs; errors as `write`."""
     with tempfile.TemporaryDirectory() as draft:
-        return params.load(write(workspace.params, Path(draft), experiment, folder, SEEDS, None))
+        return params.read(write(workspace.params, Path(draft), experiment, folder, SEEDS, None))
 
 
 def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict:

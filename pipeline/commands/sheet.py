@@ -7,7 +7,7 @@ cannot tell a number, the sheet says why.
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from pipeline.base import files, params, paths
@@ -33,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Print, or write, the sheet of every source named on the command line."""
-    sheets = [quantities.sheet(sensor) for source in given.source for sensor in sensors(workspace, source)]
+    values = params.load(workspace.params)
+    sheets = [quantities.sheet(sensor) for source in given.source for sensor in sensors(workspace, values, source)]
     if given.out:
         write(given.out, "README", sheets)
         files.write_text(given.out / "sheet.json", text.as_json(sheets) + "\n")
@@ -51,9 +52,8 @@ def write(folder: Path, name: str, sheets: Sequence[Sheet]) -> None:
     files.write_text(folder / f"{name}.md", text.markdown(sheets, picture))
 
 
-def sensors(workspace: Workspace, source: str) -> Iterator[Sensor]:
-    """Yield the sensors of a folder, or of an experiment; InputError where there are no such logs."""
-    values = params.load(workspace.params)
+def sensors(workspace: Workspace, values: Mapping, source: str) -> Iterator[Sensor]:
+    """Yield the sensors of a folder, or of an experiment; InputError where there are no such logs. values: settings."""
     if source not in values["experiments"] or Path(source).is_dir():
         folder = Path(source)
         experiment = check.experiment_of(folder)
