@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from builders import own_logs, pressed_sensors
 
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import command_line, sheet
 from pipeline.sheet import quantities
@@ -68,15 +69,15 @@ def test_arrays_strands_and_gloves_are_read_by_their_logs(workspace):
     own_logs.touch(own / "array", 3, 4, 50, seconds=20)
     sensor = {"rows": 3, "cols": 4, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}
     (own / "array" / "settings.yaml").write_text(f"touch.sensor: {sensor}\n")
-    (array,) = sheet.sensors(workspace, str(own / "array"))
+    (array,) = sheet.sensors(workspace, params.load(workspace.params), str(own / "array"))
     assert array.shape == (3, 4) and [log.group for log in array.logs] == ["single", "single"]  # not `double`
     own_logs.strain(own / "finger", 4, 10, seconds=80)
     (own / "finger" / "settings.yaml").write_text("strain.sensor.channels: 4\n")
-    (finger,) = sheet.sensors(workspace, str(own / "finger"))
+    (finger,) = sheet.sensors(workspace, params.load(workspace.params), str(own / "finger"))
     assert finger.elements == 4 and [log.group for log in finger.logs] == ["task_1"]  # z alone
     assert finger.logs[0].stimulus.min() >= 0
     own_logs.glove(own / "glove")
-    pressure, bend = sheet.sensors(workspace, str(own / "glove"))
+    pressure, bend = sheet.sensors(workspace, params.load(workspace.params), str(own / "glove"))
     assert (pressure.name, bend.name) == ("glove, pressure", "glove, strain") and pressure.stimulus == ""
 
 
@@ -85,7 +86,7 @@ def test_touches_of_several_tips_are_no_loading_cycles(workspace):
     own_logs.touch(folder, 2, 3, 50, seconds=20, recordings=0)
     sensor = {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}
     (folder / "settings.yaml").write_text(f"touch.sensor: {sensor}\n")
-    (array,) = sheet.sensors(workspace, str(folder))
+    (array,) = sheet.sensors(workspace, params.load(workspace.params), str(folder))
     lines = quantities.sheet(array).lines
     assert all("no press in one place" in line.reason for name, line in lines.items() if name != "crosstalk")
 
@@ -106,7 +107,7 @@ def test_what_is_not_there_is_said(workspace):
         ("data/own/nothing", "there is no such folder"),
     ):
         with pytest.raises(InputError, match=words):
-            list(sheet.sensors(workspace, source))
+            list(sheet.sensors(workspace, params.load(workspace.params), source))
 
 
 @pytest.mark.parametrize("value, shown", [(126.41, "126"), (0.007979, "0.00798"), (12345.6, "12300"), (-0.0, "0")])
@@ -121,7 +122,7 @@ def test_recorded_sensors_have_the_sheet_that_is_committed(recordings, workspace
     place = workspace.sources / name
     place.parent.mkdir(parents=True)
     place.symlink_to(recordings(name))
-    (sensor,) = sheet.sensors(workspace, name)
+    (sensor,) = sheet.sensors(workspace, params.load(workspace.params), name)
     lines = quantities.sheet(sensor).lines
     expected = {
         "velostat_recorded": {"hysteresis": (15, 35), "creep, 1 s": (8, 18), "signal to noise": (20, 40)},
