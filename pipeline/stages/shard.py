@@ -156,7 +156,8 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     rows = pd.concat(tables).reindex(columns=claim_inputs.COLUMNS).astype({"variant": object})
     rows = rows[rows["metric"] != MEASURED]
     models = values[experiment]["models"]
-    rows["budget"] = [shard.budget if "training" in models.get(model, {}) else "" for model in rows["model"]]
+    trained = {model for model in models if "training" in models[model] or params.transfers(model)}  # from a network
+    rows["budget"] = [shard.budget if model in trained else "" for model in rows["model"]]
     rows["variant"] = rows["variant"].fillna(each.variant)
     rows["protocol"] = rows["protocol"].fillna(each.protocols[0])  # of the data of a set, not of all
     result = target / "results" / f"{shard.name}.csv"
