@@ -87,7 +87,7 @@ def test_a_shard_says_what_it_is_of_and_comes_out_the_same(strain):
     first = result.read_bytes()
     table = shards.read(workspace)
     trained = set(table[table["budget"] == "half"]["model"])
-    assert {"lstm_direct", "lstm_transfer"} <= trained and "ridge" not in trained
+    assert {"lstm_direct", "lstm_transfer", "lstm_transfer_ridge"} <= trained and "ridge" not in trained
     table = table[table["model"] != "data"]  # of all recordings, the same in every shard
     assert set(table["seed"]) == {0} and not table.duplicated(["protocol", "condition", "model", "metric"]).any()
     assert {"error", "r2", "params"} <= set(table["metric"]) and "train_s" not in set(table["metric"])
