@@ -157,11 +157,10 @@ def repeatability(given: Known) -> Estimate:
         held = grasps(given.sensor)
         total = held.held.sum(axis=1, keepdims=True)
         left = centred(total, held.group)
+        share = np.divide(left, total - left, out=np.full(left.shape, np.nan), where=total > left)
         _, place, count = np.unique(held.group, return_inverse=True, return_counts=True)
         free = np.where(count > 1, 1 - 1 / count, np.nan)[place][:, None]
-        found = ratio_of_sums(
-            np.square(left / (total - left)), free, "%", finish=lambda ratio: PERCENT * np.sqrt(ratio), few=SINGLE
-        )
+        found = ratio_of_sums(np.square(share), free, "%", finish=lambda ratio: PERCENT * np.sqrt(ratio), few=SINGLE)
         return found._replace(reason=found.reason or HAND)
     if given.untold:
         return cannot_tell("% FS", given.untold)
@@ -293,7 +292,7 @@ def signal_to_noise(given: Known) -> Estimate:
     """
     signal, noises = span(given), [noise_at_rest(given), noise_pressed(given)]
     known = [line for line in noises if np.isfinite(line.value)]
-    if np.isnan(signal.value) or not known:
+    if not signal.value > 0 or not known:
         return cannot_tell("dB", signal.reason or noises[-1].reason)
     disturbance = max(known, key=lambda line: line.value)
     ends = (signal.low, disturbance.high), (signal.high, disturbance.low), (signal.value, disturbance.value)
@@ -522,7 +521,7 @@ def grasps(sensor: Sensor) -> Grasps:
         found = squares(last) if len(last) > 2 else np.full((1, len(lowest)), np.nan)
         quiet.append([found.sum(axis=0), np.where(np.isnan(found[0]), np.nan, len(found))])
     held = np.array(held)
-    live = held.max(axis=0) > LIVE * held.max()
+    live = held.max(axis=0) >= LIVE * held.max()
     return Grasps(np.array([log.group for log in sensor.logs]), held[:, live], np.array(quiet)[:, :, live])
 
 

@@ -81,6 +81,18 @@ def test_arrays_strands_and_gloves_are_read_by_their_logs(workspace):
     assert (pressure.name, bend.name) == ("glove, pressure", "glove, strain") and pressure.stimulus == ""
 
 
+def test_a_reason_that_many_quantities_have_is_said_once(workspace, monkeypatch, capsys):
+    folder = workspace.root / "data" / "own" / "glove"
+    own_logs.few_channels(folder)
+    areas = {"force": {"rows": 1, "cols": 5}, "motion": {"rows": 1, "cols": 5, "lowest": -180, "highest": 180}}
+    (folder / "settings.yaml").write_text(f"glove.sensor.scale: range\nglove.sensor.areas: {areas}\n")
+    page = called(monkeypatch, capsys, workspace, folder, "--out", workspace.root / "out")
+    assert not page and not (workspace.root / "out" / "sheet.png").exists()  # no press, nothing to draw
+    page = (workspace.root / "out" / "README.md").read_text(encoding="utf-8")
+    assert page.count("- sensitivity, non-linearity, hysteresis, ") == 2 == page.count(f": {quantities.NO_STIMULUS}.")
+    assert set(json.loads((workspace.root / "out" / "sheet.json").read_text())) == {"glove, force", "glove, motion"}
+
+
 def test_touches_of_several_tips_are_no_loading_cycles(workspace):
     folder = workspace.root / "data" / "own" / "array"
     own_logs.touch(folder, 2, 3, 50, seconds=20, recordings=0)

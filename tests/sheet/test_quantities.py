@@ -171,3 +171,10 @@ def test_grasps_without_a_log_of_force_tell_span_and_bounds():
     assert found["signal to noise"].bound == "at least" and not found["signal to noise"].told
     for name in ("sensitivity", "hysteresis", "drift of rest", "dead time", "spread between elements"):
         assert found[name].reason == quantities.NO_STIMULUS, name
+
+
+def test_a_glove_that_touches_nothing_tells_nothing():
+    time = np.arange(0, 3, 0.1)
+    logs = [Log(f"none/{k}", "none", time, np.full((30, 4), 7.0), np.empty(0), np.empty((0, 2))) for k in range(6)]
+    found = quantities.sheet(Sensor("hand", "counts", "", logs)).lines
+    assert found["span"].value == 0 and not any(line.told for name, line in found.items() if name != "span")

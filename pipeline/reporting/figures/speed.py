@@ -14,7 +14,10 @@ from pipeline.reporting.figures.style import model_style
 from pipeline.reporting.words.labels import FRONTS, SPREAD
 
 TOP = 0.97  # height of a failed model's mark, share of the axis
-TIMES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time in the look, a share of the epochs (s)"}
+TIMES = {
+    "p50_ms": "Median time of a prediction (ms)",
+    "train_s": "Training time in the look, a share of the epochs (s)",
+}
 
 
 def chart(path: Path, table: pd.DataFrame, time: str) -> None:

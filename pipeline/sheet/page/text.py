@@ -32,11 +32,11 @@ def of_one(sheet: Sheet) -> tuple[list[str], str, list[tuple[str, str]]]:
         if np.isfinite(line.value)
     ]
     header = ["Quantity", "Value", "95 % interval", "Elements", "n"]
-    return (
-        of_what(sheet),
-        table(header, rows),
-        [(name, line.reason) for name, line in sheet.lines.items() if line.reason],
-    )
+    reasons = dict.fromkeys(line.reason for line in sheet.lines.values() if line.reason)
+    untold = [
+        (", ".join(name for name, line in sheet.lines.items() if line.reason == reason), reason) for reason in reasons
+    ]
+    return of_what(sheet), table(header, rows), untold
 
 
 def of_what(sheet: Sheet) -> list[str]:
