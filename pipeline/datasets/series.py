@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute
 
 from pipeline.datasets import schemas
 
@@ -60,16 +61,17 @@ class Piece(NamedTuple):
 
 def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
     """Read the recordings of a dataset that one run uses, in the order of the table."""
-    table = schemas.read(path)
-    part = schemas.names(table[schemas.split_column(protocol, seed)])
+    split = schemas.split_column(protocol, seed)
+    table = schemas.read(path, ["condition", "recording", "t_s", "press", "v", "y", split])
+    used = pyarrow.compute.not_equal(table[split], "unused").to_numpy()  # names of all samples would take 6 s
+    numbers, table = np.flatnonzero(used), table.filter(pa.array(used))
+    part = schemas.names(table[split])
     condition, recording = schemas.names(table["condition"]), schemas.names(table["recording"])
     v, y, press = schemas.matrix(table["v"]), schemas.matrix(table["y"]), table["press"].to_numpy()
     pieces = []
     for name in task.channels:
         for recorded in np.unique(recording[condition == name]):
-            rows = np.flatnonzero((condition == name) & (recording == recorded) & (part != "unused"))
-            if not len(rows):
-                continue
+            rows = np.flatnonzero((condition == name) & (recording == recorded))
             record = Record(
                 x=v[rows][:, task.channels[name]],
                 y=y[rows][:, list(task.outputs)],
@@ -77,7 +79,7 @@ def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
                 training=part[rows] == "train",
                 press=press[rows],
             )
-            pieces.append(Piece(name, rows, part[rows], table["t_s"].to_numpy()[rows], record))
+            pieces.append(Piece(name, numbers[rows], part[rows], table["t_s"].to_numpy()[rows], record))
     return pieces
 
 
