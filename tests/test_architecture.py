@@ -25,7 +25,8 @@ CODE.remove("pipeline/__init__.py")
 ARROWS = {
     "stages": {"inference", "reporting/page", "stability", "twins"},
     "studies": {"reporting/page", "stability"},
-    "commands": {"live", "reporting/page", "sheet/page", "stability", "twins"},
+    "commands": {"live", "own", "reporting/page", "sheet/page", "stability", "twins"},
+    "own": {"tasks"},  # sensors of your own: their settings, and what their logs need
     "live": {"inference"},
     "inference": {"reporting/figures", "tasks"},
     "stability": {"tasks", "scenes"},

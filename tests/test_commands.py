@@ -240,7 +240,7 @@ def test_help_imports_no_heavy_library():
         "run `dvc repro train@touch@lomp` again",
         "dvc repro render@touch && dvc repro rendr",
         "run `tactile fecth velostat_recorded`",
-        "`tactile check touch`",
+        "`tactile check tuch FOLDER`",
         "python tests/kil.py",
         "pip install -c constraints.txt -e '.[claster]'",
     ],

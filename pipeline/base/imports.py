@@ -31,14 +31,11 @@ def imported_names(file: str) -> frozenset[str]:
 
 
 def imports(file: str) -> set[str]:
-    """Return the files of this project that Python runs for a file's imports, less an __init__ that does nothing.
-
-    That of the package itself says where figures go, which no file needs to know.
-    """
+    """Return the files of this project that Python runs for a file's imports, less an __init__ that does nothing."""
     files = set()
     for name in imported_names(file):
         steps = name.split(".") if name.split(".")[0] == "pipeline" else []
-        for k in range(2, len(steps) + 1):
+        for k in range(1, len(steps) + 1):
             place = "/".join(steps[:k])
             both = f"{place}.py", f"{place}/__init__.py"
             files |= {other for other in both if (paths.CODE.parent / other).is_file()}

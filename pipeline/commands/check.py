@@ -10,7 +10,6 @@ import argparse
 import os
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -23,17 +22,19 @@ from scipy.optimize import linear_sum_assignment
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.commands import own_logs, own_settings
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
-from pipeline.logs import alignment, diagnosis, layout, own_data, parse
+from pipeline.logs import alignment, diagnosis, layout, own_data, parse, sniff
 from pipeline.logs.sniff import Proposal
+from pipeline.own import logs as own_logs
+from pipeline.own import settings as own_settings
 from pipeline.reporting.figures import check as check_figures
 
 LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}  # experiment -> the sensor's log
 DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, from which the number of its columns is taken
+SHAPES = 8  # of an array that are listed
 OUTSIDE = 0.02  # share of contacts that may lie beside the array
 SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # every scan and every serial line is within this range
 TIMES = {  # unit wanted, whether too fast -> advice on the unit that is probably there
@@ -173,11 +174,9 @@ def unread(experiment: str, path: Path, fmt: parse.Format, settings: Mapping, lo
 
 def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
     """Name the key to change where most lines of a log have another number of columns than the settings say."""
-    with path.open("rb") as file:
-        counts = Counter(line.count(b",") for line, _ in zip(file, range(LINES), strict=False) if b"," in line)
-    values = max(counts, key=counts.get) if counts else 0
+    values = sniff.numbers_a_line(path) - 1
     expected = len(fmt.columns) - 1
-    if values == expected or not values:
+    if values == expected or values < 1:
         return None
     if values == expected - 1 and not _begins_with_time(path):
         return (
@@ -186,7 +185,8 @@ def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapp
         )
     if path.name == "array.log":
         sensor = settings["sensor"]
-        shapes = " or ".join(f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0)
+        shapes = [f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0]
+        shapes = " or ".join(shapes if len(shapes) <= SHAPES else [*shapes[: SHAPES - 1], "..."])
         return (
             f"{path}: {values} values per line, but touch.sensor in params/touch.yaml is {sensor['rows']} rows x "
             f"{sensor['cols']} cols = {expected}; set touch.sensor.rows and touch.sensor.cols ({shapes})"

@@ -7,12 +7,13 @@ Each command of `tactile` is a module of this room: its `add_arguments(parser)` 
 
 import argparse
 import ast
+import difflib
 import importlib
 import sys
 from collections.abc import Collection
 from pathlib import Path
 
-from pipeline.base import arguments, params
+from pipeline.base import arguments
 from pipeline.base.errors import run_stage
 
 COMMANDS = {  # command -> its module
@@ -66,7 +67,9 @@ def main() -> None:
         return
     name = sys.argv[1]
     if not name.startswith("-") and name not in COMMANDS:
-        sys.exit(f"error: there is no command '{name}'; {params.hint(name, COMMANDS)}")
+        near = difflib.get_close_matches(name, COMMANDS, n=1)
+        said = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(COMMANDS)}"
+        sys.exit(f"error: there is no command '{name}'; {said}")
     given = parser_of(sys.argv[1:2]).parse_args()
     run_stage(lambda: given.main(given.root, given), given.root.params)
 

@@ -20,9 +20,10 @@ from pipeline.base import files, modules, params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
 from pipeline.base.paths import Workspace
-from pipeline.commands import check, own_settings, sheet
+from pipeline.commands import check, sheet
 from pipeline.datasets import schemas
 from pipeline.logs import own_data
+from pipeline.own import settings as own_settings
 from pipeline.sheet import quantities, sources
 
 STAGES = {

@@ -13,8 +13,9 @@ from pathlib import Path
 from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.commands import check, own_settings
+from pipeline.commands import check
 from pipeline.logs import sources as public
+from pipeline.own import settings as own_settings
 from pipeline.sheet import quantities, sources
 from pipeline.sheet.cycles import Sensor
 from pipeline.sheet.page import figure, text

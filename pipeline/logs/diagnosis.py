@@ -1,4 +1,4 @@
-"""Say why a log cannot be read: quote its usual line, and what to write in its place."""
+"""Say why a log cannot be read that `sniff` finds no layout for: quote its usual line, and what to write instead."""
 
 import re
 from collections import Counter
@@ -15,7 +15,6 @@ FEW_LINES = 3  # with a number in them, below which words may be all that a log 
 QUOTED = 60  # characters of a line that are quoted
 USUAL = 0.9  # share of the lines in which the time rises
 SLOW_S = 5.0  # no device prints a line in so long
-SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
 ROW = re.compile(r"""[-+0-9.,;:|eETZ_/"'\t ]*[0-9][-+0-9.,;:|eETZ_/"'\t ]*""")  # numbers and dates, not words
 HEXADECIMAL = re.compile(r"[0-9a-fA-FxX,;: \t]*[0-9][a-fA-FxX][0-9a-fA-FxX,;: \t]*")
 NUMBER = re.compile(r"[ \t]*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?[ \t]*")
@@ -27,7 +26,7 @@ CONVERSIONS = {  # unit -> advice for values that are far outside
     "mm": "write millimetres",
     "V": "write volts (millivolts divided by 1000), or set strain.sensor.unit: any for readings that are no voltages",
     "ohm": "write ohms, or set strain.sensor.unit: any",
-    "any": "write readings below a milliard",
+    "any": "write readings of less than 1e9",
     "counts": "set touch.ingest.highest_count to 4095 for a converter of 12 bits, 65535 for 16",
     "1": "set highest and lowest of its area in glove.sensor.areas",
 }
@@ -40,14 +39,8 @@ def unreadable(path: Path, fmt: Format) -> str | None:
     """
     with path.open("rb") as file:
         start = file.read(START)
-    if start[:2] in (b"\xff\xfe", b"\xfe\xff") or start.count(0) > len(start) / 4:
-        return f"{path}: is UTF-16 (PowerShell's > and some editors write it); save it as ASCII or UTF-8"
-    if start.count(b"\r\r\n") > start.count(b"\n") / 2:
-        return f"{path}: lines end in CR CR LF (CR LF written once more as text); end them in LF or CR LF"
     lines = list(enumerate(start.decode("ascii", "replace").splitlines()[:LINES], start=1))
     filled = [(number, line) for number, line in lines if line.strip()]
-    if filled and 3 * len(filled) < 2 * len(lines):
-        return f"{path}: {len(lines) - len(filled)} of the first {len(lines)} lines are empty; leave empty lines out"
     numbers = [(number, line.strip(" ")) for number, line in filled if ROW.fullmatch(line)]
     if not numbers or 2 * len(numbers) < len(filled):
         return in_words(path, filled, fmt)
@@ -73,15 +66,6 @@ def in_words(path: Path, lines: list[tuple[int, str]], fmt: Format) -> str | Non
 def separated(line: str, fmt: Format) -> str | None:
     """Say what is wrong between the numbers of a line, or None."""
     wanted, fields = len(fmt.columns), len(line.split(","))
-    if re.search("[\"']", line):
-        return "numbers in quotation marks; write them without"
-    for separator, name in SEPARATORS.items():
-        parts = line.split() if separator == " " else line.split(separator)
-        if len(parts) == wanted != fields or (separator != " " and len(parts) == wanted):
-            point = ", decimals with a point" if "," in line else ""
-            return f"the columns are separated by {name}; separate them by commas{point}"
-    if fields == wanted + 1 and line.endswith(","):
-        return "it ends with a comma; leave that out"
     if fields == 2 * wanted - 1 and "." not in line:
         return "decimals seem to have a comma; write them with a point"
     return None

@@ -126,6 +126,11 @@ def expression(pattern: str) -> str:
     return "".join(fixed)
 
 
+def without_nanoseconds(stamp: str) -> str:
+    """Return the text of a time with six digits of its second at most, which is what strptime takes."""
+    return re.sub(r"([.,][0-9]{6})[0-9]+", r"\1", stamp)
+
+
 class Reader:
     """Takes the bytes of one log as they come and gives its lines."""
 
@@ -389,9 +394,9 @@ class Reader:
                 return None
             unit = self.layout.time_unit
             return self._in_unit(value * NANOSECONDS[unit] / self._unit if unit else value)
-        pattern, stamp = self.layout.time_pattern, re.sub(r"([.,][0-9]{6})[0-9]+", r"\1", stamp)
+        pattern = self.layout.time_pattern
         try:
-            read = datetime.strptime(stamp, pattern)
+            read = datetime.strptime(without_nanoseconds(stamp), pattern)
         except ValueError:
             return None
         dated = any(directive in pattern for directive in ("%Y", "%y", "%d", "%j"))

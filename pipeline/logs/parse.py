@@ -764,8 +764,8 @@ def _nothing_laid_out(path: Path) -> str:
     if not path.stat().st_size:
         return f"{path}: the file is empty; put the file that the device printed there"
     return (
-        f"{path}: no line is laid out as `format` in the settings says; fix or remove the block, and `tactile check` "
-        "proposes another"
+        f"{path}: no line is laid out as `format` in the settings says; fix or remove the block, and `tactile check "
+        "FOLDER` proposes another"
     )
 
 

@@ -7,6 +7,7 @@ several columns is the force.
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +22,6 @@ SHARE = 0.8  # of the lines with a number in them that have to be alike
 RISES = 0.9  # share of the lines in which a clock rises
 LEAST_RISES = 2  # of a clock with few digits
 CONTROL = 0.02  # share of control bytes in a log that is no text
-WIDEST = 1 << 14  # bytes of a line, per reading; longer ones have no ends
 PLAUSIBLE_S = (1 / 5000, 5.0)  # between two lines
 USUAL_S = (1 / 1000, 0.2)
 WIDEST_STEP_S = 0.11  # of a clock with few digits, up to which lines are spread over a step
@@ -30,8 +30,9 @@ EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # since 1970, at least
 MANY_MISSING = 0.3  # share of rows without a value: columns that are read at other times
 SMALL_M = 0.2  # an arm that moves by less than 0.2 mm moves in metres
 GRAMS = (1e3, 2e5)  # what a load cell shows at most where it shows grams
-DATES = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d/%m/%Y", "%d-%m-%Y")
-CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S")
+TRIED = 50  # lines on which a pattern of times is tried
+DATES = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
+CLOCKS = ("%I:%M:%S.%f %p", "%I:%M:%S %p", "%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S")
 PATTERNS = (*(f"{date}{gap}{clock}" for clock in CLOCKS for date in DATES for gap in " T,;\t"), *CLOCKS)
 ZONE = r"(?<=[0-9])(Z|[+-][0-9]{2}:[0-9]{2})(?![0-9:])"
 CHECKSUM = r"\*[0-9A-Fa-f]{2}$"
@@ -109,6 +110,15 @@ def proposed(path: Path, fmt: Format) -> Proposal | str | None:
     return found._replace(layout=first | found.layout)
 
 
+def numbers_a_line(path: Path) -> int:
+    """Return how many numbers most lines of a log have, whatever is between them; 0 where none has two."""
+    with path.open("rb") as file:
+        lines = file.read(START).decode("utf-8", "replace").splitlines()[:LINES]
+    counts = Counter(len(layout.NUMBERS["."].findall(line)) for line in lines)
+    often = [(count, width) for width, count in counts.items() if width > 1]
+    return max(often)[1] if often else 0
+
+
 def _encoding(start: bytes) -> str | None:
     """Return the encoding of a text by its first bytes; None for what is no text."""
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -136,7 +146,7 @@ def _laid_out(lines: list[str], fmt: Format) -> Proposal | None:
     if _in_most(CHECKSUM, filled):
         common["strip"] = [CHECKSUM]
         lines, filled = ([re.sub(CHECKSUM, "", line) for line in some] for some in (lines, filled))
-    pattern = next((p for p in PATTERNS if _in_most(rf"(?<![0-9]){layout.expression(p)}", filled)), None)
+    pattern = next((pattern for pattern in PATTERNS if _is_time(pattern, filled[-TRIED:])), None)
     if pattern is not None:
         stamp = re.compile(rf"(?<![0-9]){layout.expression(pattern)}")
         if _in_most(stamp.pattern + ZONE, filled):
@@ -146,6 +156,19 @@ def _laid_out(lines: list[str], fmt: Format) -> Proposal | None:
         common["time_pattern"] = pattern
         return _of_rows(bare, fmt, common, timed=False)
     return _of_rows(lines, fmt, common, timed=True) or _of_frames(lines, fmt, common)
+
+
+def _is_time(pattern: str, lines: Sequence[str]) -> bool:
+    """Tell whether most lines have a time of this pattern, of which day and month are possible."""
+    stamp, good = re.compile(rf"(?<![0-9]){layout.expression(pattern)}"), 0
+    for line in lines:
+        if found := stamp.search(line):
+            try:
+                datetime.strptime(layout.without_nanoseconds(found[0]), pattern)
+            except ValueError:
+                continue
+            good += 1
+    return good > SHARE * len(lines)
 
 
 def _in_most(pattern: str, lines: Sequence[str]) -> bool:
@@ -206,8 +229,11 @@ def _of_rows(lines: list[str], fmt: Format, common: dict, timed: bool) -> Propos
     return None
 
 
-def _time(table: _Table, names: list[str] | None, strict: bool = False) -> int | None:
-    """Return the place of the column that is the time; strict: of a column that rises in nearly every line."""
+def _time(table: _Table, names: list[str] | None, strict: bool = False, index: bool = False) -> int | None:
+    """Return the place of the column that is the time: one that is called so, else the first that rises.
+
+    strict: in nearly every line; index: a column that counts the lines may stand before it.
+    """
     rising = []
     for place in table.numeric:
         values = table.values[:, place]
@@ -217,7 +243,7 @@ def _time(table: _Table, names: list[str] | None, strict: bool = False) -> int |
         few_digits = not strict and back == 0 and (steps > 0).sum() >= LEAST_RISES
         if len(steps) > 2 and back < 1 - RISES and (up > RISES or few_digits):
             called = names is not None and bool(TIME.search(names[place]))
-            rising.append((not called, bool((steps == 1).all()), up <= RISES, place))
+            rising.append((not called, index and bool((steps == 1).all()), up <= RISES, place))
     return min(rising)[-1] if rising else None
 
 
@@ -262,7 +288,7 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
     readings = [column.name for column in fmt.columns if column.name != fmt.time]
     names = _names(table, lines)
     by_name = names is not None and table.separator != layout.TEXT
-    time = _time(table, names) if timed else None
+    time = _time(table, names, index=True) if timed else None
     if timed and time is None:
         return None
     left = [place for place in table.numeric if place != time]

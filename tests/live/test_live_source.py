@@ -1,5 +1,6 @@
 """Lines become readings as in ingest, one by one, and a recorded log is replayed at its speed."""
 
+import argparse
 import time
 from collections import Counter
 
@@ -7,6 +8,7 @@ import pytest
 from builders.live_models import COLS, ROWS, press, printed
 
 from pipeline.base.errors import InputError
+from pipeline.commands import live
 from pipeline.inference import card as cards
 from pipeline.live.source import Lines, line_format, replay
 
@@ -86,3 +88,16 @@ def test_a_header_of_other_names_is_refused(lines):
         InputError, match="array.log: line 2 names the column force; known are t_us, v0, ..., v5: rename"
     ):
         lines.take(b"boot\n" + lines.format.header.replace("v3", "force").encode() + b"\n" + printed(press(2)))
+
+
+def test_a_replay_of_what_is_no_log_fails(package, workspace, tmp_path, capsys):
+    given = {"model": str(package("linear")), "port": None, "record": None, "speed": 1e6, "loop": False, "page": False}
+    given |= {"csv": True, "udp": None, "http_port": 0, "baud": 115200}
+    (tmp_path / "README.md").write_text("# A sensor\nwith 12 cells, and words\n")
+    for name, words in (
+        ("README.md", "README.md: no line is a reading of touch/linear"),
+        ("none.log", "log not found"),
+    ):
+        with pytest.raises(InputError, match=words):
+            live.main(workspace, argparse.Namespace(**given, replay=tmp_path / name))
+    assert "http://" not in capsys.readouterr().err

@@ -18,29 +18,11 @@ def each(change):
 
 
 WRONG = {  # file, edit of its lines, what is said
-    "semicolons": (
-        "load_cell.log",
-        lambda lines: [line.replace(",", ";") for line in lines],
-        "separated by semicolons",
-    ),
-    "tabs": ("daq.log", lambda lines: [line.replace(",", "\t") for line in lines], "separated by tabs; .* by commas$"),
-    "spaces": (
-        "daq.log",
-        lambda lines: [line.replace(",", "  ") for line in lines],
-        "separated by spaces; .* by commas$",
-    ),
-    "decimal comma": (
-        "load_cell.log",
-        lambda lines: [line.replace(",", ";").replace(".", ",") for line in lines],
-        "separated by semicolons; separate them by commas, decimals with a point",
-    ),
     "commas only": (
         "load_cell.log",
         lambda lines: [line.replace(".", ",") for line in lines],
         "have a comma; .* a point",
     ),
-    "comma at the end": ("daq.log", lambda lines: [line + "," for line in lines], "ends with a comma; leave that out"),
-    "quotation marks": ("daq.log", each(lambda v: [f'"{one}"' for one in v]), "quotation marks; write them without"),
     "time last": ("load_cell.log", each(lambda v: v[::-1]), "column 2 seems to be the time; the order is t_us,fz_n"),
     "date": (
         "daq.log",
@@ -91,21 +73,6 @@ def test_the_mistake_is_named_with_a_line_of_the_log(case, header, tmp_path):
     number, quoted = re.match(rf"{tmp_path / name}: line (\d+) is '(.*?)': ", said.replace("\\t", "\t")).groups()
     assert (tmp_path / name).read_text().splitlines()[int(number) - 1] == quoted
     assert re.search(words, said), said
-
-
-@pytest.mark.parametrize(
-    ("end", "words"),
-    [("\r\r\n", "lines end in CR CR LF.*end them in LF"), ("\n\n", "are empty; leave empty lines out")],
-)
-def test_line_ends_are_named(end, words, tmp_path):
-    (tmp_path / "daq.log").write_bytes("".join(line + end for line in DAQ).encode())
-    assert re.search(words, diagnosis.unreadable(tmp_path / "daq.log", FORMATS["daq.log"]))
-
-
-def test_utf16_is_named(tmp_path):
-    for encoding in ("utf-16", "utf-16-le"):
-        (tmp_path / "daq.log").write_text("\n".join(DAQ), encoding=encoding)
-        assert "is UTF-16" in diagnosis.unreadable(tmp_path / "daq.log", FORMATS["daq.log"])
 
 
 def test_a_log_without_numbers_or_of_another_width_is_left_to_others(tmp_path):

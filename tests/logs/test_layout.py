@@ -103,6 +103,16 @@ READ = {  # kind: format, file, layout that is proposed
         counts(lambda t, v: f"[2024-01-12 {clock(t / 1e6)}] {csv(v)}"),
         {"separator": "text", "time_pattern": "%Y-%m-%d %H:%M:%S.%f"},
     ),
+    "American date, half of a day": (
+        ARRAY,
+        counts(lambda t, v: f"01/13/2024 {clock(t / 1e6)} PM\t{csv(v, chr(9))}"),
+        {"separator": "\t", "time_pattern": "%m/%d/%Y %I:%M:%S.%f %p"},
+    ),
+    "ISO time with nanoseconds and zone": (
+        ARRAY,
+        counts(lambda t, v: f"2024-01-12T{clock(t / 1e6)}000000+01:00,{csv(v)}"),
+        {"separator": ",", "strip": [sniff.ZONE], "time_pattern": "%Y-%m-%dT%H:%M:%S.%f"},
+    ),
     "words, milliseconds": (
         ARRAY,
         counts(lambda t, v: f"I ({t // 1000}) MAT: {csv(v)}"),
@@ -144,6 +154,8 @@ READ = {  # kind: format, file, layout that is proposed
     "no time": (ARRAY, counts(lambda t, v: csv(v, " ")), {"separator": " ", "rate_hz": None}),
     "CR": (ARRAY, counts(lambda t, v: f"{t},{csv(v)}").replace("\n", "\r"), {"separator": ","}),
     "LF CR": (ARRAY, counts(lambda t, v: f"{t},{csv(v)}").replace("\n", "\n\r"), {"separator": ","}),
+    "CR CR LF": (ARRAY, counts(lambda t, v: f"{t},{csv(v)}").replace("\n", "\r\r\n"), {"separator": ","}),
+    "commas at the end": (ARRAY, counts(lambda t, v: f"{t},{csv(v)},"), {"separator": ","}),
     "empty lines": (ARRAY, counts(lambda t, v: f"{t},{csv(v)}\n"), {"separator": ","}),
     "tail of commas": (ARRAY, counts(lambda t, v: f"{t},{csv(v)}") + ("," * 16 + "\n") * 40, {"separator": ","}),
     "gzip": (ARRAY, gzip.compress(counts(lambda t, v: f"{t},{csv(v)}").encode()), {"separator": ","}),
@@ -208,6 +220,14 @@ REFUSED = {  # kind: format, file, words
 def test_a_log_that_cannot_be_read_is_refused_with_the_reason(kind, tmp_path):
     fmt, content, words = REFUSED[kind]
     assert re.search(words, sniff.proposed(written(tmp_path, content), fmt))
+
+
+def test_a_time_that_counts_milliseconds_is_no_index(tmp_path):
+    """Beside a reading that rises as evenly."""
+    lines = "".join(f"{k},{k / 100:.2f}\n" for k in range(100))
+    assert sniff.proposed(written(tmp_path, lines), ROBOT).layout == {"separator": ","}
+    found = sniff.proposed(written(tmp_path, "t_ms,x_mm\n" + lines), ROBOT)
+    assert found.layout == {"separator": ",", "time_unit": "ms"}
 
 
 def test_nothing_is_proposed_for_another_sensor(tmp_path):

@@ -54,16 +54,23 @@ def check_rejects(experiment: str, path: Path, log: Log, settings: Mapping) -> N
 def proposed(
     experiment: str, path: Path, fmt: parse.Format, settings: Mapping, laid_out: Mapping | None
 ) -> Proposal | str | None:
-    """Return how a log can be read, as `sniff.proposed`; None also where it could not be read so."""
+    """Return how a log can be read, as `sniff.proposed`; None also where it could not be read so.
+
+    The sentence also says of a layout that is found that too many lines are none of it.
+    """
     found = sniff.proposed(path, fmt)
     if not isinstance(found, Proposal):
         return found
     if found.layout == laid_out:
         return None
     try:
-        check_rejects(experiment, path, read_one(path, fmt, trial(found)), settings)
+        log = read_one(path, fmt, trial(found))
     except InputError:
         return None
+    try:
+        check_rejects(experiment, path, log, settings)
+    except InputError as error:
+        return None if found.layout == PLAIN else str(error)
     return found
 
 

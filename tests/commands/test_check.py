@@ -11,11 +11,13 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.commands import check, own, own_logs, own_settings
+from pipeline.commands import check, own
 from pipeline.datasets import schemas
 from pipeline.experiments import strain
 from pipeline.logs import layout
 from pipeline.logs.sniff import Proposal
+from pipeline.own import logs as own_logs
+from pipeline.own import settings as own_settings
 from pipeline.reporting.figures import check as check_figures
 
 PARAMS = params.load(ROOT / "params.yaml")
