@@ -45,7 +45,7 @@ def run_stage(main: Callable[[], None], params: Path) -> None:
     settings = _settings(params)
     try:
         main()
-        sys.stdout.flush()
+        print(end="", flush=True)  # also where there is no standard output
         if by_dvc and (changed := sorted(name for name, _ in settings ^ _settings(params))):
             raise InputError(
                 f"{changed[0]} changed while this ran; run `dvc repro` again, for results of the new values"

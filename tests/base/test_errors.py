@@ -1,6 +1,7 @@
 """What surrounds a command ends in no traceback: closed pipes, encodings, python -OO, a notebook's plots."""
 
 import os
+import shlex
 import subprocess
 import sys
 
@@ -60,3 +61,10 @@ def test_a_matplotlibrc_changes_no_figure(tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
     )
     assert done.stdout.split() == [b"False", b"9.0"]
+
+
+def test_a_command_without_standard_output_runs():
+    code = [sys.executable, "-c", RUN, "3"]
+    shell = f"exec {' '.join(map(shlex.quote, code))} >&-"
+    done = subprocess.run(["sh", "-c", shell], env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True)
+    assert done.returncode == 0 and not done.stderr
