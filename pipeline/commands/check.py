@@ -634,6 +634,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     experiment = given.experiment or experiment_of(folder)
     place = Path(os.path.abspath(folder))  # without ..
     values = own_settings.of_logs(workspace, experiment, folder)
+    own_settings.say_left_out(values[experiment], experiment)
     first = check(workspace, experiment, folder, values) or own_data.unnoticed(workspace, place)
     if first is not None:
         sys.exit(f"fix first: {first}")

@@ -148,6 +148,7 @@ def prepare(checkout: Workspace, sensor: Sensor, seeds: Sequence[int], models: S
     """
     experiment, folder, name, workspace = sensor
     settings = own_settings.write(checkout.params, workspace.root, experiment, folder, seeds, models)
+    own_settings.say_left_out(params.read(settings)[experiment], experiment)
     set_values({f"{experiment}.source": f"data/own/{name}"}, settings)
     logs = workspace.root / "data" / "own"
     shutil.rmtree(logs, ignore_errors=True)

@@ -75,6 +75,12 @@ def of_logs(workspace: Workspace, experiment: str, folder: Path) -> dict:
         return params.read(write(workspace.params, Path(draft), experiment, folder, SEEDS, None))
 
 
+def say_left_out(block: Mapping, experiment: str) -> None:
+    """Print which models there are where networks of images are left out; block: the experiment's, as `write` left it."""
+    if experiment == "glove" and min(images.shape(block)) < SMALLEST_IMAGE:
+        print(f"fewer than {SMALLEST_IMAGE} pixels on a side: {', '.join(block['models'])}, no networks of images")
+
+
 def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict:
     """Return the settings that follow from a sensor's areas: one protocol per dataset of images, and which models.
 
@@ -85,5 +91,4 @@ def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict
     if min(images.shape(block)) < SMALLEST_IMAGE:
         models = {key: value for key, value in block["models"].items() if key in WITHOUT_NETWORKS}
         changed["glove.models"] = models
-        print(f"fewer than {SMALLEST_IMAGE} pixels on a side: {', '.join(models)}, no networks of images")
     return {key: value for key, value in changed.items() if key not in of_sensor}
