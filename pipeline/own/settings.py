@@ -76,7 +76,7 @@ def of_logs(workspace: Workspace, experiment: str, folder: Path) -> dict:
 
 
 def say_left_out(block: Mapping, experiment: str) -> None:
-    """Print which models there are where networks of images are left out; block: the experiment's, as `write` left it."""
+    """Print which models there are where networks of images are left out; block: settings of the experiment."""
     if experiment == "glove" and min(images.shape(block)) < SMALLEST_IMAGE:
         print(f"fewer than {SMALLEST_IMAGE} pixels on a side: {', '.join(block['models'])}, no networks of images")
 
