@@ -35,13 +35,11 @@ PACKAGES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy", "torch")  # w
 
 
 class Job(NamedTuple):
-    """A process to run: its name, arguments, cores that are kept for it, the processes that it starts, whether it may
-    use the card, and the job that must end before."""
+    """A process to run: its name, arguments, cores, whether it may use the card, and the job that must end before."""
 
     name: str
     arguments: tuple[str, ...]
     cores: int
-    workers: int
     card: bool
     after: str = ""
 
@@ -80,7 +78,7 @@ class Runner:
 
     def begin(self, job: Job) -> subprocess.Popen:
         """Start a job in a process group of its own."""
-        variables = self.environment | {"WORKERS": str(job.workers)} | (self.card if job.card else NO_CARD)
+        variables = self.environment | {"WORKERS": str(job.cores)} | (self.card if job.card else NO_CARD)
         command = [sys.executable, "-P", "-m", "pipeline.stages.shard", *job.arguments, "--root", str(WORK)]
         with open(self.out / "logs" / f"{job.name}.txt", "w") as log:
             return subprocess.Popen(
@@ -212,12 +210,12 @@ def jobs_of(shards: list[dict], cores: int, card: bool) -> tuple[list[Job], list
     """Return the jobs that make data, which share the cores, and those that compute shards."""
     data = list(dict.fromkeys(each["data"] for each in shards if each["data"]))
     share = max(1, cores // max(1, len(data)))
-    making = [Job(f"data_{name}", (name,), share, cores, card=False) for name in data]  # the last one has all cores
+    making = [Job(f"data_{name}", (name,), share, card=False) for name in data]
     computing = []
     for each in shards:
         arguments, processes = (each["set"], str(each["seed"]), each["budget"]), min(each["processes"], cores)
         after = f"data_{each['data']}" if each["data"] else ""
-        computing.append(Job(name_of(each), arguments, processes, processes, card and each["card"], after))
+        computing.append(Job(name_of(each), arguments, processes, card and each["card"], after))
     return making, computing
 
 

@@ -137,7 +137,7 @@ def jobs(out):
 def test_a_pack_holds_code_settings_and_shards_and_no_data(stubs, workspace, tmp_path):
     folder = stubs("glove_frames_strain@1-half", "touch_press@0-half", "physics_strain@2-full", processes=4)
     told = {each.pop("set"): each for each in json.loads((folder / "pack.json").read_text())["shards"]}
-    assert list(told) == ["touch_press", "glove_frames_strain", "physics_strain"]  # as they are computed
+    assert list(told) == ["glove_frames_strain", "touch_press", "physics_strain"]  # as they were named
     assert told["glove_frames_strain"]["data"] == "glove_frames_pressure" and told["physics_strain"]["data"] is None
     assert [each["processes"] for each in told.values()] == [4, 4, 1]
     assert told["touch_press"]["minutes"] == 6  # half of its 12
