@@ -16,7 +16,7 @@ from pipeline.reporting.words.labels import FRONTS, SPREAD
 TOP = 0.97  # height of a failed model's mark, share of the axis
 TIMES = {
     "p50_ms": "Median time of a prediction (ms)",
-    "train_s": "Training time in the look, some epochs (s)",
+    "train_s": "Training time in the look, with few epochs (s)",
 }
 
 
