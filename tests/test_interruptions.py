@@ -3,7 +3,6 @@
 import errno
 import json
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from builders.project import ROOT
+from builders.project import ROOT, copy_project
 
 from pipeline.base import errors
 from pipeline.base.errors import InputError
@@ -64,10 +63,7 @@ def outputs(project, stage: str) -> dict[str, bytes]:
 
 
 def test_a_full_disk_is_one_sentence_and_leaves_the_old_files_or_none(miniature, tmp_path):
-    project = type(miniature).__new__(type(miniature))
-    project.folder = tmp_path / "project"
-    shutil.copytree(miniature.folder, project.folder, ignore=shutil.ignore_patterns("cache"))
-    project.environment = miniature.environment | {"PYTHONPATH": str(project.folder)}
+    project = copy_project(miniature, tmp_path)
     with open(project.folder / "pipeline" / "stages" / "train.py", "a") as code:
         code.write("# changed: without this nothing would be trained\n")
     before = {stage: outputs(project, stage) for stage in STAGES}

@@ -16,7 +16,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from builders.project import copy_code, lock, mlflow_runs
+from builders.project import copy_project, lock, mlflow_runs
 
 from pipeline.base import params
 
@@ -189,14 +189,8 @@ def changed_at(folder: Path) -> dict[str, int]:
 
 def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     """A model is a file and a block: no other edit. In a copy, so that the other tests keep theirs."""
-    copy = tmp_path / "project"
-    shutil.copytree(miniature.folder, copy, symlinks=True)
-    copy_code(copy)
-    project = type(miniature).__new__(type(miniature))
-    project.folder = copy
-    project.environment = miniature.environment | {"PYTHONPATH": str(copy)}
-    # MLflow stores absolute paths: a copied store is refused, a new one is made.
-    shutil.rmtree(copy / "mlruns")
+    project = copy_project(miniature, tmp_path)
+    copy = project.folder
     (copy / "pipeline" / "models" / "nearest.py").write_text(
         "from pydantic import Field\nfrom sklearn.neighbors import KNeighborsRegressor\n\n"
         "from pipeline.learning.estimators import SklearnRegressor\n"

@@ -1,5 +1,6 @@
 """Make scratch workspaces, in which the pipeline runs without touching the checkout."""
 
+import contextlib
 import os
 import shutil
 import sqlite3
@@ -87,6 +88,26 @@ class Project:
         )
         assert not check or done.returncode == 0, f"{arguments}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
         return done
+
+
+def copy_project(project: "Project", folder: Path) -> "Project":
+    """Return a copy of a project that ran, with its own copy of the code, without its MLflow store.
+
+    The other process of tests may run a stage in the original meanwhile: a file that is removed before its turn comes
+    (of the cache, under a passing name) is left out, and so are DVC's locks.
+    """
+
+    def copy_if_there(source: str, target: str) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            shutil.copy2(source, target)
+
+    copy = Project.__new__(Project)
+    copy.folder = folder / "project"
+    passing = shutil.ignore_patterns("tmp", "mlruns")
+    shutil.copytree(project.folder, copy.folder, symlinks=True, ignore=passing, copy_function=copy_if_there)
+    copy_code(copy.folder)
+    copy.environment = project.environment | {"PYTHONPATH": str(copy.folder)}
+    return copy
 
 
 def copy_code(folder: Path) -> None:
