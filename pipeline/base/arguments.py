@@ -1,12 +1,16 @@
 """Command lines of stages, studies and commands: one parser, with `--help` from the module's own docstring."""
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from pipeline.base.errors import InputError, run_stage
 from pipeline.base.paths import Workspace
+from pipeline.base.processes import ONE_THREAD
 
 
 def add_root(parser: argparse.ArgumentParser) -> None:
@@ -31,11 +35,17 @@ def of_study(doc: str | None, experiments: Sequence[str]) -> tuple[str, int]:
 
 
 def run(main: Callable[[Workspace], None]) -> None:
-    """Run the `main` of a stage or study, as `run_stage`, in the workspace that the command line names."""
+    """Run the `main` of a stage or study, as `run_stage`, in the workspace that the command line names, on one thread.
+
+    With more, the last digits of a sum depend on the number of cores, and the many small products of a search for
+    clocks take three to six times the processor time, because threads wait for each other.
+    """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     add_root(parser)
     workspace = parser.parse_known_args()[0].root
-    run_stage(lambda: main(workspace), workspace.params)
+    os.environ |= ONE_THREAD  # of libraries that `main` loads
+    with threadpool_limits(1):
+        run_stage(lambda: main(workspace), workspace.params)
 
 
 def parse(description: str | None, **positionals: Sequence[str | None] | None) -> argparse.Namespace:

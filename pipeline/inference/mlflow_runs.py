@@ -134,7 +134,7 @@ def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: li
         if run.data.tags.get("current") != (mark := str(run.info.run_id in current).lower()):
             client.set_tag(run.info.run_id, "current", mark)
     first = next(iter(runs[0].metrics))  # of scores.csv
-    ascending = results.scale_of(first.rpartition(".")[2]) == results.PLAIN
+    ascending = results.scale_of(first.rpartition(".")[2]) in (results.PLAIN, results.LOG)
     return len(new), mlflow_store.link(in_mlflow, runs[0].protocol, first, ascending)
 
 

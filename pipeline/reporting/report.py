@@ -18,7 +18,7 @@ from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring import one_table, published, shards
 from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
 from pipeline.scoring.published import ANY
-from pipeline.scoring.results import SHARE, Estimate, estimate, scale_of
+from pipeline.scoring.results import LOG, R2, SHARE, Estimate, estimate, scale_of
 
 COUNTS = ("params", "macs")  # metrics that are whole numbers
 BUDGETS = {LOOK: "the look of this machine", HALF: "half of the budget", FULL: "the full budget"}
@@ -115,7 +115,7 @@ class Report:
             return "not run"
         if metric in COUNTS and value.runs:
             return size(value.mean)
-        digits = digits if percent or not scale_of(metric) else 3
+        digits = digits if percent or scale_of(metric) not in (SHARE, R2) else 3
         said = interval(value.percent() if percent else value, digits)
         return said if value.runs + value.failed >= runs else f"{said}, of {value.runs + value.failed}"
 
@@ -172,7 +172,7 @@ class Report:
             for runs in [self.results.runs(self.experiment, *place)]
         )
         both = first.index.intersection(second.index)
-        return estimate(first[both] / second[both])
+        return estimate(first[both] / second[both], LOG)
 
     def differences(self) -> str:
         """Return where the code differs from the paper, one line each."""

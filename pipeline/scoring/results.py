@@ -22,6 +22,7 @@ SAME = 1e-12  # relative: runs closer to one another have one value
 PLAIN, SHARE, R2, LOG = "", "share", "r2", "log"  # scales of values
 EDGE = 1e-3  # a share nearer to a bound counts as this far from it: one test item in a thousand
 SHARES = ("accuracy", "macro_precision", "touches_found")  # metrics from 0 to 1
+ERRORS = ("rmse", "error", "location_error", "force_rmse", "press_error")  # metrics above 0
 # Scale -> the function that its values are near a normal distribution by, and its inverse.
 SCALES: dict[str, tuple[Callable, Callable]] = {
     PLAIN: (np.asarray, float),
@@ -49,8 +50,9 @@ class Estimate(NamedTuple):
 def estimate(values: Sequence[float], scale: str = "", trials: int = 0) -> Estimate:
     """Return mean and 95 % interval of one value per run; a run has failed where its value is not finite.
 
-    scale: PLAIN, for a t interval of the values; SHARE (0 to 1) or R2 (up to 1), for one of their logits, or of the
-    logarithms of what is missing to 1, turned back, so that it stays inside the bounds. Runs that all have one value
+    scale: PLAIN, for a t interval of the values; LOG (above 0), SHARE (0 to 1) or R2 (up to 1), for one of their
+    logarithms, of their logits, or of the logarithms of what is missing to 1, turned back, so that it stays inside the
+    bounds. Runs that all have one value
     tell nothing of their spread: they have no interval, but for shares of `trials`, and for shares at a bound, as of as
     many trials as there are runs (`binomial`).
     """
@@ -63,7 +65,7 @@ def estimate(values: Sequence[float], scale: str = "", trials: int = 0) -> Estim
     if n == 1 or np.ptp(good) <= SAME * np.abs(good).max():
         known = n > 1 and scale == SHARE and (trials or mean in (0.0, 1.0))
         return Estimate(mean, *(binomial(mean, trials or n) if known else (np.nan, np.nan)), n, failed)
-    there, back = SCALES[scale]
+    there, back = SCALES[PLAIN if scale == LOG and good.min() <= 0 else scale]
     seen = there(good)
     half = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * seen.std(ddof=1) / np.sqrt(n))
     low, high = sorted(float(back(seen.mean() + side * half)) for side in (-1, 1))
@@ -78,7 +80,7 @@ def binomial(share: float, trials: int) -> tuple[float, float]:
 
 def scale_of(metric: str) -> str:
     """Return the scale of a metric's values, for `estimate`."""
-    return SHARE if metric in SHARES else R2 if "r2" in metric else PLAIN
+    return SHARE if metric in SHARES else LOG if metric in ERRORS else R2 if "r2" in metric else PLAIN
 
 
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:

@@ -98,14 +98,29 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 
 
 def read(workspace: Workspace) -> pd.DataFrame:
-    """Return the rows of all committed shards, none where there are none. InputError where a file is not as indexed."""
+    """Return the rows of all committed shards, with the time of each training in core-seconds (metric `train_s`).
+
+    None where there are none. Raises InputError where a file is not as indexed.
+    """
     tables = [pd.DataFrame(columns=COLUMNS)]
-    index = folder(workspace) / "index.csv"
+    index, times = folder(workspace) / "index.csv", table(folder(workspace) / "times.csv", TIMES)
+    of_shard = dict(list(times.astype({"seed": int, "train_s": float}).groupby("shard")))
     for row in pd.read_csv(index, dtype=str).itertuples() if index.exists() else ():
         if row.protocol == STUDY:
             continue
         path = paths.require(folder(workspace) / "results" / f"{row.shard}.csv", MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
-        tables.append(read_csv(path, COLUMNS, MADE_BY))
+        rows = read_csv(path, COLUMNS, MADE_BY)
+        tables.append(rows)
+        if row.shard in of_shard:
+            tables.append(_training_times(of_shard[row.shard], rows, row.budget))
     return pd.concat(tables, ignore_index=True).drop_duplicates()
+
+
+def _training_times(times: pd.DataFrame, rows: pd.DataFrame, budget: str) -> pd.DataFrame:
+    """Return the lines of times.csv of one shard as rows of the one table; rows: those of its results."""
+    variants = rows.drop_duplicates("model").set_index("model")["variant"]
+    place = {"experiment": rows["experiment"].iloc[0], "condition": times["protocol"], "budget": budget}
+    place |= {"variant": times["model"].map(variants), "metric": "train_s", "unit": "s", "value": times["train_s"]}
+    return times.assign(**place).reindex(columns=COLUMNS)

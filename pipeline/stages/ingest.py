@@ -21,7 +21,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.logs import own_data, sources
 
-SMALL = 64 << 20  # bytes of logs: one process reads them in about 2 s, and to start others takes as long
+SMALL = 16 << 20  # bytes of logs: one process reads most in a second, and to start others takes three
 Read = tuple[str, pa.Table, dict]  # `condition/recording`, its rejects, its report
 
 

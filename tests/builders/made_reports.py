@@ -14,7 +14,7 @@ from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
 from pipeline.datasets import images, labels, schemas
 from pipeline.scoring import claim_inputs, one_table, shards
-from pipeline.scoring.results import scale_of
+from pipeline.scoring.results import R2, SHARE, scale_of
 from pipeline.stages import render
 
 TRAINING = {"training": {"epochs": 3}}
@@ -72,7 +72,7 @@ def settings_of(experiment: str) -> dict:
 def made_score(settings: dict, model: str, seed: int, metric: str, condition: str) -> float:
     """Return a score that is better the later the model comes, tenfold on double touch; no two seeds have one."""
     place = list(settings["models"]).index(model)
-    if scale_of(metric):
+    if scale_of(metric) in (R2, SHARE):
         return round(0.4 + 0.06 * place + 0.01 * seed, 3)
     return (10.0 * (len(settings["models"]) - place) + seed) * (10 if condition == "double" else 1)
 

@@ -107,7 +107,12 @@ def test_failures_follow_from_the_stress_tests(experiment):
 
 
 INTERVALS = [path for path in sorted(REPORTS.rglob("*.csv")) if {"low", "high"} <= set(pd.read_csv(path, nrows=0))]
-BOUNDS = {results.SHARE: (0.0, 1.0), results.R2: (-np.inf, 1.0), results.PLAIN: (-np.inf, np.inf)}
+BOUNDS = {
+    results.SHARE: (0.0, 1.0),
+    results.LOG: (0.0, np.inf),
+    results.R2: (-np.inf, 1.0),
+    results.PLAIN: (-np.inf, np.inf),
+}
 EXACT = "physics.csv"  # of exact changes: an effect that a model cannot see changes nothing
 
 

@@ -13,7 +13,12 @@ TABLES = [
     for path in sorted((ROOT / "reports").rglob("*.csv"))
     if {"low", "high"} <= set(pd.read_csv(path, nrows=0)) and path.name != EFFECTS
 ]
-BOUNDS = {results.SHARE: (0.0, 1.0), results.R2: (-np.inf, 1.0), results.PLAIN: (-np.inf, np.inf)}
+BOUNDS = {
+    results.SHARE: (0.0, 1.0),
+    results.LOG: (0.0, np.inf),
+    results.R2: (-np.inf, 1.0),
+    results.PLAIN: (-np.inf, np.inf),
+}
 
 
 def test_tables_with_intervals_are_there():
