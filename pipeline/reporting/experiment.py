@@ -49,6 +49,9 @@ def write_speed(
     folder, latency = target / "speed", results.read_latency(workspace, report.experiment, settings)
     table = speed_report.speed_table(workspace, report, settings, latency, panels, measure)
     files.write_table(folder / "table2.csv", table)
-    files.write_text(folder / "table2.md", speed_report.speed_text(table, settings["latency"]["calls"], note) + end)
+    files.write_text(
+        folder / "table2.md",
+        speed_report.speed_text(table, settings["latency"]["calls"], report.machines(), note) + end,
+    )
     speed_figures.chart(folder / "tradeoff.png", table, "p50_ms")
     speed_figures.chart(folder / "training.png", table, "train_s")

@@ -31,7 +31,7 @@ class Report:
 
     def __init__(self, workspace: Workspace, experiment: str, settings: Mapping):
         """Read the one table and judge the claims; settings: the experiment's block of settings."""
-        self.experiment, self.models = experiment, list(settings["models"])
+        self.workspace, self.experiment, self.models = workspace, experiment, list(settings["models"])
         self.simulated = settings.get("source", "simulated") == "simulated"
         self.protocols = list(settings["protocols"])
         paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
@@ -51,6 +51,16 @@ class Report:
     def estimate(self, protocol: str, condition: str, model: str, metric: str, variant: str = "") -> Estimate:
         """Return mean and interval over the seeds of one protocol."""
         return self.results.estimate(self.experiment, protocol, condition, model, metric, variant=variant)
+
+    def training_times(self, protocol: str, model: str, budget: str) -> list[float]:
+        """Return the core-seconds of each training of the evidence at a budget."""
+        return self.results.runs(self.experiment, protocol, protocol, model, "train_s", budget=budget).tolist()
+
+    def machines(self) -> str:
+        """Name the processors and cards that the shards of the evidence were trained on; empty where there are none."""
+        index = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX)
+        kept = index[(index["experiment"] == self.experiment) & (index["protocol"] != shards.STUDY)]
+        return " or ".join(dict.fromkeys(kept["machine"])) if self.simulated else ""
 
     def scored(self) -> dict[tuple[str, str], list[str]]:
         """Return (protocol, condition) -> the metrics that the models were scored by, in the order of scores.csv."""

@@ -11,9 +11,11 @@ from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name, plain
 from pipeline.reporting.words.markdown import interval, size
 from pipeline.reporting.words.templates import render
+from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
 from pipeline.scoring.results import Estimate, read_training_times
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
+LEAST_S = 1e-3  # of a training's time, which the evidence keeps in whole milliseconds
 
 
 def pareto(time: Sequence[tuple[float, float]], error: Sequence[float]) -> np.ndarray:
@@ -30,9 +32,12 @@ def pareto(time: Sequence[tuple[float, float]], error: Sequence[float]) -> np.nd
     return known & ~beaten.any(axis=1)
 
 
-def error_of(report: Report, protocol: str, condition: str, model: str, metric: str) -> Estimate:
-    """Return mean and interval of a metric of which less is better; an accuracy becomes the share of errors in %."""
-    value = report.estimate(protocol, condition, model, metric)
+def error_of(report: Report, protocol: str, condition: str, model: str, metric: str, budget: str = "") -> Estimate:
+    """Return mean and interval of a metric of which less is better; an accuracy becomes the share of errors in %.
+
+    budget: the one that is shown, if none is given.
+    """
+    value = report.results.estimate(report.experiment, protocol, condition, model, metric, budget=budget)
     if metric != "accuracy":
         return value
     return value._replace(mean=100 * (1 - value.mean), low=100 * (1 - value.high), high=100 * (1 - value.low))
@@ -49,7 +54,8 @@ def speed_table(
     """Return table2.csv, one row per panel and model, in full precision; charts and table2.md are drawn from it.
 
     panels: title -> (protocol, condition); measure: (metric, its name and unit as an axis shows it). `p50_ms`,
-    `p95_ms`: of one call at `batch`; `predictions_per_s`: at `large_batch`; `train_s`: median over the panel's seeds.
+    `p95_ms`: of one call at `batch`; `predictions_per_s`: at `large_batch`; `train_s`: median over the panel's seeds,
+    of the budget that the error is of. `half_error`, `half_train_s`: at half of it, NaN where that was not run.
     `p50_low_ms` to `p50_high_ms` and `train_low_s` to `train_high_s`: smallest and largest median of a round, and seed.
     """
     (metric, name), batches = measure, settings["latency"]["batches"]
@@ -57,14 +63,22 @@ def speed_table(
     for panel, (protocol, condition) in panels.items():
         for model in settings["models"]:
             single, large = latency[model, batches[0]], latency[model, batches[-1]]
-            times = read_training_times(workspace, report.experiment, model, protocol)
+            kept = {at: report.training_times(protocol, model, at) for at in (HALF, FULL)}
+            budget = report.results.shown(report.experiment, protocol)
+            times = kept.get(budget) or read_training_times(workspace, report.experiment, model, protocol)
             row = {"panel": panel, "protocol": protocol, "condition": condition, "model": model, "measure": name}
             row |= dict(zip(ESTIMATE, error_of(report, protocol, condition, model, metric), strict=True))
             row |= {"threads": single["threads"], "batch": batches[0]}
             row |= {key: single[key] for key in ("p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")}
             row |= {"large_batch": batches[-1], "predictions_per_s": 1e3 * batches[-1] / large["p50_ms"]}
-            spread = (float(of(times)) if times else np.nan for of in (np.median, np.min, np.max))
+            spread = (max(float(of(times)), LEAST_S) if times else np.nan for of in (np.median, np.min, np.max))
             row |= dict(zip(("train_s", "train_low_s", "train_high_s"), spread, strict=True))
+            less = budget == FULL and len(kept[HALF]) > 0
+            row |= {
+                "half_error": error_of(report, protocol, condition, model, metric, HALF).mean if less else np.nan,
+                "half_train_s": max(float(np.median(kept[HALF])), LEAST_S) if less else np.nan,
+                "budget": budget if kept.get(budget) else LOOK,
+            }
             rows.append(row | {key: single[key] for key in ("params", "macs", "size_bytes")})
             for key in FRONTS:
                 if not 0 < rows[-1][key] < np.inf:
@@ -81,8 +95,11 @@ def speed_table(
     return table
 
 
-def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
-    """Return table2.md from table2.csv; calls: how many predictions were timed; note: more to know."""
+def speed_text(speeds: pd.DataFrame, calls: int, machines: str, note: str = "") -> str:
+    """Return table2.md from table2.csv.
+
+    calls: how many predictions were timed; machines: what the shards were trained on; note: more to know.
+    """
     threads, batch, large, measure = (speeds[key].iloc[0] for key in ("threads", "batch", "large_batch", "measure"))
     panels, protocols = list(dict.fromkeys(speeds["panel"])), list(dict.fromkeys(speeds["protocol"]))
     digits = 3 if speeds["error"].min() < 1 else 2
@@ -105,7 +122,7 @@ def speed_text(speeds: pd.DataFrame, calls: int, note: str = "") -> str:
     header += [f"Median of batch {batch} [of rounds] (ms)", "95th percentile (ms)"]
     header += [f"Predictions per second, batch {large}", *training, "Trained parameters", "Multiply-accumulates"]
     header += ["File (bytes)", "On the front of time", "On the front of training time"]
-    return render("speed", calls=calls, threads=threads, note=note, table_of_models=(header, rows))
+    return render("speed", calls=calls, threads=threads, machines=machines, note=note, table_of_models=(header, rows))
 
 
 def fronts(by_panel: pd.DataFrame, column: str) -> str:

@@ -8,7 +8,8 @@ from pipeline.base.errors import InputError
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.figures import style
-from pipeline.scoring import results
+from pipeline.reporting.report import Report
+from pipeline.scoring.one_table import Results
 
 
 def test_the_front_of_a_hand_made_example():
@@ -77,7 +78,7 @@ def measured(workspace, tmp_path, monkeypatch):
         for place, model in enumerate(right)
         for batch in (1, 256)
     }
-    return settings, results.Scores(workspace, "glove", settings), latency
+    return settings, Report(workspace, "glove", settings), latency
 
 
 PANELS = {"strain": ("session_strain", "strain"), "pressure": ("session_pressure", "pressure")}
@@ -85,8 +86,8 @@ WRONG = ("accuracy", "Images classified incorrectly (%)")
 
 
 def test_table_holds_what_was_measured(workspace, measured):
-    settings, scores, latency = measured
-    found = speed_report.speed_table(workspace, scores, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
+    settings, report, latency = measured
+    found = speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
     tree = found.loc["strain", "tree"]
     assert tree["error"] == pytest.approx(40) and tree["low"] < 40 < tree["high"]
     assert tree["predictions_per_s"] == pytest.approx(1000) and tree["p50_ms"] == 1.0
@@ -98,10 +99,31 @@ def test_table_holds_what_was_measured(workspace, measured):
     assert found["training_front"].to_numpy().reshape(2, 3).tolist() == [[0, 1, 0], [1, 1, 0]]
 
 
+def test_times_of_the_evidence_are_of_the_budget_of_the_errors(workspace, measured):
+    settings, report, latency = measured
+    place = {"experiment": "glove", "protocol": "session_strain", "model": "tree", "variant": ""}
+    of_budgets = {"half": (0.5, 20.0), "full": (0.6, 40.0)}
+    rows = [
+        place | {"condition": condition, "metric": metric, "seed": seed, "budget": budget, "unit": "", "value": value}
+        for budget, (right, seconds) in of_budgets.items()
+        for seed in (0, 1, 2)
+        for condition, metric, value in (("strain", "accuracy", right), ("session_strain", "train_s", seconds + seed))
+    ]
+    report.results = Results(pd.concat([report.results.table, pd.DataFrame(rows)], ignore_index=True))
+    found = speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
+    tree, cnn = found.loc["strain", "tree"], found.loc["strain", "cnn"]
+    assert (tree["budget"], tree["train_s"], tree["train_low_s"], tree["train_high_s"]) == ("full", 41.0, 40.0, 42.0)
+    assert (tree["half_error"], tree["half_train_s"]) == (pytest.approx(50), 21.0) and tree["error"] == pytest.approx(
+        40
+    )
+    assert cnn["budget"] == "look" and np.isnan(cnn["half_train_s"])  # no shard has it
+    assert found.loc["pressure", "tree"]["budget"] == "look"
+
+
 def test_text_says_failed_and_names_the_fronts(workspace, measured):
-    settings, scores, latency = measured
+    settings, report, latency = measured
     text = speed_report.speed_text(
-        speed_report.speed_table(workspace, scores, settings, latency, PANELS, WRONG), 7, "A note."
+        speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG), 7, "", "A note."
     )
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
     (cnn,) = [row for row in rows if row[0] == "CNN"]
@@ -116,7 +138,7 @@ def test_text_says_failed_and_names_the_fronts(workspace, measured):
     ("spoilt", "words"), [("time", "tree has no p50_ms"), ("training", "tree has no train_s .* session_pressure")]
 )
 def test_a_model_without_a_time_is_named(workspace, measured, spoilt, words):
-    settings, scores, latency = measured
+    settings, report, latency = measured
     if spoilt == "time":
         latency["tree", 1]["p50_ms"] = 0.0
     else:
@@ -124,12 +146,12 @@ def test_a_model_without_a_time_is_named(workspace, measured, spoilt, words):
         times = pd.read_csv(path)
         times[times["protocol"] != "session_pressure"].to_csv(path, index=False)
     with pytest.raises(InputError, match=words):
-        speed_report.speed_table(workspace, scores, settings, latency, PANELS, WRONG)
+        speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG)
 
 
 def test_a_failed_model_is_at_the_top_and_an_error_of_zero_on_the_chart(workspace, measured, monkeypatch, tmp_path):
-    settings, scores, latency = measured
-    table = speed_report.speed_table(workspace, scores, settings, latency, PANELS, WRONG)
+    settings, report, latency = measured
+    table = speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG)
     table.loc[table["model"] == "constant", ["error", "low", "high"]] = 0.0
     saved = []
     monkeypatch.setattr(style, "save", lambda figure, path: saved.append(figure))

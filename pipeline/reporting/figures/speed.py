@@ -16,7 +16,7 @@ from pipeline.reporting.words.labels import FRONTS, SPREAD
 TOP = 0.97  # height of a failed model's mark, share of the axis
 TIMES = {
     "p50_ms": "Median time of a prediction (ms)",
-    "train_s": "Training time in the look, with few epochs (s)",
+    "train_s": "Training time (s)",
 }
 
 
@@ -33,10 +33,16 @@ def chart(path: Path, table: pd.DataFrame, time: str) -> None:
         rows = table[table["panel"] == panel]
         first = rows.iloc[0]
         draw(ax, rows, time)
-        ax.set(title=f"{panel}, seeds: {first['runs'] + first['failed']}", xlabel=f"{TIMES[time]}, log scale")
+        title = f"{panel}, seeds: {first['runs'] + first['failed']}"
+        if time == "train_s":
+            title += f", budget: {', '.join(dict.fromkeys(rows['budget']))}"
+        ax.set(title=title, xlabel=f"{TIMES[time]}, log scale")
         ax.set_ylabel(f"{first['measure']}, log scale")
     handles = [Line2D([], [], color=style.GREY, linewidth=1.2, label="Pareto front")]
     handles.append(Line2D([], [], marker="x", linestyle="", color=style.BLACK, label="cross at the top: a run failed"))
+    if time == "train_s" and table["half_train_s"].notna().any():
+        half = {"color": style.BLACK, "linewidth": 1.0, "marker": "o", "markersize": 4, "markerfacecolor": "white"}
+        handles.append(Line2D([], [], **half, label="small: at half of the budget"))
     for look in map(model_style, dict.fromkeys(table["model"])):
         handles.append(Line2D([], [], marker=look.marker, linestyle="", color=look.color, label=look.label))
     figure.suptitle("Error with 95 % interval against time; filled: on the Pareto front (lower left is better)")
@@ -50,7 +56,9 @@ def draw(ax: plt.Axes, rows: pd.DataFrame, time: str) -> None:
     least = good["error"][good["error"] > 0].min() / 3 if (good["error"] > 0).any() else 0.1
     heights = good["error"].clip(lower=least)
     bottom, top = (heights.min() / 1.7, 1.7 * heights.max()) if len(good) else (0.1, 1.0)
-    ax.set(xscale="log", yscale="log", ylim=(bottom, top), xlim=(times.min() / 1.6, 1.6 * times.max()))
+    half = rows[rows["half_error"].gt(0) & (rows["failed"] == 0)] if time == "train_s" else rows[:0]
+    top, shortest = max(top, 1.2 * half["half_error"].max()) if len(half) else top, min([*times, *half["half_train_s"]])
+    ax.set(xscale="log", yscale="log", ylim=(bottom, top), xlim=(shortest / 1.6, 1.6 * times.max()))
     style.plain_log(ax.xaxis)
     plain_errors(ax.yaxis)
     for row in rows.itertuples():
@@ -69,6 +77,10 @@ def draw(ax: plt.Axes, rows: pd.DataFrame, time: str) -> None:
         edge = style.BLACK if filled and look.marker != "x" else look.color
         face = look.color if filled else "white"
         ax.plot(at, height, look.marker, markersize=9, color=face, markeredgecolor=edge, mew=1.2, zorder=3)
+    for row in half.itertuples():
+        look, at = model_style(row.model), ((row.half_train_s, row.train_s), (row.half_error, max(row.error, least)))
+        ax.plot(*at, color=look.color, linewidth=0.9, zorder=2)
+        ax.plot(at[0][0], at[1][0], look.marker, color=look.color, markerfacecolor="white", markersize=4, zorder=3)
     front = good[good[FRONTS[time]] == 1].sort_values([time, "error"])
     if len(front):
         steps = heights[front.index]
