@@ -153,9 +153,21 @@ def _laid_out(lines: list[str], fmt: Format) -> Proposal | None:
             common["strip"] = [*common.get("strip", []), ZONE]
             lines = [re.sub(ZONE, "", line) for line in lines]
         bare = [stamp.sub("", line, count=1).replace('""', "") if stamp.search(line) else "" for line in lines]
+        first = next(k for k, line in enumerate(lines) if stamp.search(line))
+        bare[:first] = _without_field(lines[:first], lines[first], stamp.search(lines[first]).span())
         common["time_pattern"] = pattern
         return _of_rows(bare, fmt, common, timed=False)
     return _of_rows(lines, fmt, common, timed=True) or _of_frames(lines, fmt, common)
+
+
+def _without_field(above: list[str], line: str, span: tuple[int, int]) -> list[str]:
+    """Return the lines above the first row without the field that names a time, which a row has at `span`."""
+    separator = line[span[1] :].lstrip(" '\"")[:1]
+    if separator not in (",", ";", "\t", "|"):
+        return [""] * len(above)
+    place = line[: span[0]].count(separator)
+    split = [one.split(separator) for one in above]
+    return [separator.join(fields[:place] + fields[place + 1 :]) for fields in split]
 
 
 def _is_time(pattern: str, lines: Sequence[str]) -> bool:
@@ -223,7 +235,10 @@ def _of_rows(lines: list[str], fmt: Format, common: dict, timed: bool) -> Propos
     for table in tables:
         if len(table.numeric) == table.width == readings and _time(table, None, strict=True) is None:
             return _without_time(table, fmt, common, lines)
+    most = max((len(table.numeric) for table in tables if table.separator != layout.TEXT), default=0)
     for table in sorted(tables, key=lambda table: table.separator == layout.TEXT):
+        if table.separator != layout.TEXT and len(table.numeric) < most:
+            continue  # of 1;2,5;3 the columns that commas divide are none
         if (found := _chosen(table, fmt, common, lines, timed)) is not None:
             return found
     return None
@@ -287,7 +302,7 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
     """Return how lines can be read that have more columns than are wanted."""
     readings = [column.name for column in fmt.columns if column.name != fmt.time]
     names = _names(table, lines)
-    by_name = names is not None and table.separator != layout.TEXT
+    by_name = timed and names is not None and table.separator != layout.TEXT
     time = _time(table, names, index=True) if timed else None
     if timed and time is None:
         return None
