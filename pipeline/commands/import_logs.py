@@ -147,7 +147,7 @@ def _read(path: Path) -> dict:
 
 def _write_origin(path: Path, sources: list[Path], found: Mapping[str, Found]) -> None:
     """Write what each log was made from; guesses are comments."""
-    lines = ["# Made by `tactile import`. To correct a guess, change the line below it and run the command again.", ""]
+    lines = ["# Imported. To correct a guess, change the line below it and run the command again.", ""]
     lines += [f"sha256: {own_logs.on_a_line({str(source): files.sha256(source) for source in sources})}", "logs:"]
     for name, one in found.items():
         lines += [f"  # guessed is {guess}" for guess in one.proposal.guesses]
