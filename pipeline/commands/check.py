@@ -564,18 +564,25 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
             findings, wrong = parts(experiment, rows, values)
             said, problems = said + findings, problems + wrong
     print("\n".join(f"  {line}" for line in said))
-    target = workspace.check(experiment)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    drawn = [recording for recording in read if recording.logs][:DRAWN]
-    if drawn:
-        check_figures.draw(target, experiment, drawn, settings)
-        print(f"picture: {target}")
+    if drawn := [recording for recording in read if recording.logs][:DRAWN]:
+        draw(workspace.check(experiment), experiment, drawn, settings)
     clock = [f"{experiment}.ingest.clock: own  # in place of shared"] * any(one.clock_own for one in read)
     if block := own_logs.format_block(experiment, found, settings) + ranges.settings + clock:
         print(f"\nfor {folder / own_settings.FILE}:", *block, sep="\n")
     if len(problems) > 1:
         print("\nto fix:", *of_each_kind(problems), sep="\n  ")
     return problems[0] if problems else None
+
+
+def draw(target: Path, experiment: str, recordings: list[Checked], settings: Mapping) -> None:
+    """Draw recordings to a file, or say why that cannot be written: what was found counts without it."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        check_figures.draw(target, experiment, recordings, settings)
+    except OSError as error:
+        print(f"no picture: {target} cannot be written ({error.strerror})")
+    else:
+        print(f"picture: {target}")
 
 
 def of_each_kind(problems: list[str]) -> list[str]:
