@@ -12,14 +12,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from pydantic import ValidationError
-
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
-from pipeline.logs import diagnosis, layout
-from pipeline.logs.formats import Format
+from pipeline.logs import layout
+from pipeline.logs.formats import LOGS, Format
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
@@ -42,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="such as run0.mat")
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger/single/run0")
     kinds = "what the logs are of, where other logs of the sensor or its settings.yaml do not tell it"
-    parser.add_argument("--of", choices=tuple(check.LOGS), help=kinds)
+    parser.add_argument("--of", choices=tuple(LOGS), help=kinds)
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="rows a second of files without times")
 
 
@@ -62,9 +60,9 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         found = {}
         for name, fmt in check.formats(experiment, folder, settings).items():
             known = origin.get(name)
-            one = _told(texts, known, folder) if known else _sniffed(experiment, name, fmt, texts, settings)
+            one = _told(texts, name, known, folder) if known else _sniffed(experiment, name, fmt, texts, settings)
             if one is None:
-                print(f"{name}: not found in {', '.join(texts)}, as columns of {diagnosis.header(fmt)}")
+                print(f"{name}: not found in {', '.join(texts)}, as columns of {fmt.shown}")
                 continue
             if given.rate_hz and "rate_hz" in one.proposal.layout:
                 one.proposal.layout["rate_hz"] = given.rate_hz
@@ -77,7 +75,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             raise InputError(
                 f"{given.files[0]}: no column of it is known, or there are not as many readings as {experiment}.sensor "
                 f"has; fix {sensor / own_settings.FILE}, or name the columns in {folder / ORIGIN}, such as logs: "
-                f"{{{check.LOGS[experiment]}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}"
+                f"{{{LOGS[experiment]}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}"
             )
         folder.mkdir(parents=True, exist_ok=True)
         for name, one in found.items():
@@ -98,22 +96,17 @@ def _sniffed(experiment: str, name: str, fmt: Format, texts: Mapping[str, Path],
             ways.append((not called, len(proposal.guesses), len(ways), Found(table, text, proposal)))
         elif isinstance(proposal, str) and len(texts) == 1:
             refused.append(proposal.replace(str(text), table))
-    if refused and name == check.LOGS[experiment]:
+    if refused and name == LOGS[experiment]:
         raise InputError(refused[0])
     return min(ways)[-1] if ways else None
 
 
-def _told(texts: Mapping[str, Path], block: Mapping, folder: Path) -> Found:
+def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) -> Found:
     """Return what origin.yaml says of a log."""
     table, described = block.get(FROM), {key: value for key, value in block.items() if key != FROM}
     if table not in texts:
         raise InputError(f"{folder / ORIGIN}: {FROM} is '{table}', but the files are {', '.join(texts)}")
-    try:
-        layout.Layout.model_validate(described)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        raise InputError(f"{folder / ORIGIN}: {key}: {first['msg']}; fix it, or remove the line of the log") from error
+    params.check_block(described, layout.Layout, name, {name: str(folder / ORIGIN)})
     return Found(table, texts[table], Proposal(described, []))
 
 

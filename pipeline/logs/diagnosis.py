@@ -47,7 +47,10 @@ def unreadable(path: Path, fmt: Format) -> str | None:
     commas = Counter(line.count(",") for _, line in numbers).most_common(1)[0][0]
     alike = [(number, line) for number, line in numbers if line.count(",") == commas]
     number, line = alike[len(alike) // 2]
-    wrong = separated(line, fmt) or columns([line.split(",") for _, line in alike], line.split(","), fmt)
+    if commas == 2 * len(fmt.columns) - 2 and "." not in line:
+        wrong = "decimals seem to have a comma; write them with a point"
+    else:
+        wrong = columns([line.split(",") for _, line in alike], line.split(","), fmt)
     return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}" if wrong else None
 
 
@@ -60,15 +63,7 @@ def in_words(path: Path, lines: list[tuple[int, str]], fmt: Format) -> str | Non
     wrong = "words or units beside the numbers"
     if sum(bool(HEXADECIMAL.fullmatch(text)) for _, text in lines) > len(lines) / 2:
         wrong = "hexadecimal numbers; write them in decimal"
-    return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}; a line is {header(fmt)} and nothing else"
-
-
-def separated(line: str, fmt: Format) -> str | None:
-    """Say what is wrong between the numbers of a line, or None."""
-    wanted, fields = len(fmt.columns), len(line.split(","))
-    if fields == 2 * wanted - 1 and "." not in line:
-        return "decimals seem to have a comma; write them with a point"
-    return None
+    return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}; a line is {fmt.shown} and nothing else"
 
 
 def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
@@ -85,7 +80,7 @@ def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
     values = [[float(field) for field in row] for row in rows if all(map(NUMBER.fullmatch, row))]
     rising = np.mean(np.diff(np.array(values), axis=0) > 0, axis=0) if len(values) > 2 else np.ones(len(usual))
     if rising[time] < USUAL <= rising.max():
-        return f"column {rising.argmax() + 1} seems to be the time; the order is {header(fmt)}"
+        return f"column {rising.argmax() + 1} seems to be the time; the order is {fmt.shown}"
     interval = np.median(np.diff([row[time] for row in values])) if len(values) > 1 else 0.0
     unit = fmt.columns[time].unit
     if interval * (1e-6 if unit == "us" else 1) > SLOW_S:
@@ -126,12 +121,6 @@ def without_values(path: Path, rejects: Iterable[Mapping], fmt: Format) -> str |
     return None
 
 
-def header(fmt: Format) -> str:
-    """Return the names of the columns, the middle ones left out where there are many."""
-    names = fmt.names if len(fmt.names) < 7 else [*fmt.names[:2], "...", fmt.names[-1]]
-    return fmt.separator.join(names)
-
-
 def span(column: Column) -> str:
     """Return the range of a column with its unit."""
     unit = "" if column.unit == "1" else f" {column.unit}"
@@ -150,6 +139,6 @@ def missing(path: Path, fmt: Format, known: Iterable[str]) -> str:
     """Return the sentence for a log that is not there; it names the folder's files whose names are not `known`."""
     others = sorted(other.name for other in path.parent.iterdir() if other.name not in set(known))
     if not others:
-        return f"{path}: log not found; add it, with lines of {header(fmt)}"
+        return f"{path}: log not found; add it, with lines of {fmt.shown}"
     listed = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
     return f"{path}: log not found; the folder has {listed}: if that is it, rename it"

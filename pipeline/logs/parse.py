@@ -778,8 +778,7 @@ def _nothing_laid_out(path: Path) -> str:
 
 def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:
     """Return the sentence for a file without a single good line."""
-    header = fmt.header if len(fmt.names) <= 6 else fmt.separator.join([*fmt.names[:2], "...", fmt.names[-1]])
-    expected = f"expected lines of {len(fmt.names)} columns, {header}"
+    expected = f"expected lines of {len(fmt.names)} columns, {fmt.shown}"
     if lines == 0:
         return f"{path}: the file is empty; {expected}"
     with path.open("rb") as file:

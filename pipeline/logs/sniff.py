@@ -86,8 +86,7 @@ def proposed(path: Path, fmt: Format) -> Proposal | str | None:
     encoding = _encoding(start)
     if encoding is None:
         return (
-            f"{path}: holds binary data, not lines of text; write each frame as text, {_header(fmt)}, before it is "
-            "saved"
+            f"{path}: holds binary data, not lines of text; write each frame as text, {fmt.shown}, before it is saved"
         )
     text = start.decode(encoding, "replace").lstrip("\ufeff")
     end = layout.line_end(text) or "\n"
@@ -527,9 +526,3 @@ def _of_frames(lines: list[str], fmt: Format, common: dict) -> Proposal | None:
             guesses: list[str] = []
             return Proposal(found | _unit(np.array(times), before, fmt, guesses), guesses)
     return None
-
-
-def _header(fmt: Format) -> str:
-    """Return the names of the columns, the middle ones left out where there are many."""
-    names = fmt.names if len(fmt.names) < 7 else [*fmt.names[:2], "...", fmt.names[-1]]
-    return fmt.separator.join(names)

@@ -110,6 +110,9 @@ def test_a_guess_is_marked_and_can_be_corrected(run0, tmp_path, capsys):
     origin.write_text(origin.read_text().replace("separator:", "scale: 0.01, separator:"))
     imported(file, run0, "--of", "touch")
     assert matrix(logs_of_cell(run0))[:, 0] == pytest.approx(np.round(100 * FORCE) / 100)
+    origin.write_text(origin.read_text().replace("scale:", "scael:"))
+    with pytest.raises(InputError, match=r"origin.yaml, load_cell.log: unknown key 'scael'; did you mean 'scale'"):
+        imported(file, run0, "--of", "touch")
 
 
 def logs_of_cell(folder):
