@@ -308,7 +308,7 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
     left = [place for place in table.numeric if place != time]
     places, guesses = (_by_name(names, left, readings) if names is not None else None) or (None, [])
     if places is None:
-        counts = [place for place in left if _counts(table.values[:, place])]
+        counts = [place for place in left if len(table.values) > 2 and (np.diff(table.values[:, place]) == 1).all()]
         left = [place for place in left if place not in counts]
         if len(left) != len(readings):
             return None
@@ -324,11 +324,6 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
         chosen = [names[place] for place in places]
         found.layout["columns"] = f"{chosen[0]}..{chosen[-1]}" if run else chosen
     return found
-
-
-def _counts(values: np.ndarray) -> bool:
-    """Tell whether a column counts the lines."""
-    return len(values) > 2 and bool((np.diff(values) == 1).all())
 
 
 def _names(table: _Table, lines: list[str]) -> list[str] | None:
@@ -422,19 +417,14 @@ def _unit(values: np.ndarray, name: str, fmt: Format, guesses: list[str]) -> dic
     if still > 0.02:
         wide = step * second[unit]
         if wide > WIDEST_STEP_S or 1 / max(1 - still, 1e-9) > MOST_OF_A_STEP:
+            edges = np.flatnonzero(np.concatenate([[True], steps != 0, [True]]))
             raise InputError(
-                f"the time has too few digits: it rises in steps of {wide:.3g} s, and up to "
-                f"{_longest_run(steps)} lines have the same; write more digits"
+                f"the time has too few digits: it rises in steps of {wide:.3g} s, and up to {np.diff(edges).max()} "
+                "lines have the same; write more digits"
             )
         found["repeats"] = "spread"
         guesses.append(f"that lines of one time, in steps of {1e3 * wide:.3g} ms, came evenly")
     return found
-
-
-def _longest_run(steps: np.ndarray) -> int:
-    """Return how many lines in a row have one time."""
-    edges = np.flatnonzero(np.concatenate([[True], steps != 0, [True]]))
-    return int(np.diff(edges).max())
 
 
 def _scale(readings: np.ndarray, fmt: Format, guesses: list[str]) -> dict:
