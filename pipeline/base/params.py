@@ -32,18 +32,30 @@ def load(path: Path, sources: Mapping[str, str] | None = None) -> dict:
     on: a file that changes while a stage runs must not reach a part of it. sources: as in `check`.
     Raises InputError when the file is missing or not YAML, or a key is unknown, missing or of the wrong kind.
     """
-    if not path.is_file():
-        raise InputError(
-            f"{path.name}: not found; run the command from a checkout of the repository, or name one by --root"
-        )
     values = read(path)
     check(values, sources)
     return values
 
 
 def settings_files(path: Path) -> list[Path]:
-    """Return the files of settings: params.yaml, which is `path`, and those in the folder `params` beside it."""
-    return [path, *sorted((path.parent / "params").glob("*.yaml"))]
+    """Return the files of settings: params.yaml, which is `path`, and those in the folder `params` beside it.
+
+    Raises InputError where params.yaml is missing, or one of them is no file.
+    """
+    if not path.exists():
+        raise InputError(
+            f"{path.name}: not found; run the command from a checkout of the repository, or name one by --root"
+        )
+    files = [path, *sorted((path.parent / "params").glob("*.yaml"))]
+    for file in files:
+        _check_file(file)
+    return files
+
+
+def _check_file(path: Path) -> None:
+    """Raise InputError for what is there and no file of text: a folder, a pipe, whose reader would wait for ever."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{name_of(path)}: is a folder or a device, not a file; put a file of settings in its place")
 
 
 def file_of(dotted: str) -> str:
@@ -56,10 +68,9 @@ def read(path: Path):
     """Return the blocks of all files of settings as one mapping, unchecked. Raises InputError as `parsed`, and where a
     block is in two files.
     """
-    if not path.is_file():
-        raise InputError(f"{path.name}: not found; run the command from a checkout of the repository")
+    path, *others = settings_files(path)
     values, file_with = parsed(path), {}
-    for file in settings_files(path)[1:]:
+    for file in others:
         blocks = parsed(file)
         if not isinstance(values, dict) or not isinstance(blocks, dict):
             wrong = name_of(path if isinstance(blocks, dict) else file)
@@ -91,6 +102,7 @@ def check(values, sources: Mapping[str, str] | None = None) -> None:
 def parsed(path: Path):
     """Return a YAML file's content, read as DVC reads it: YAML 1.2, each key once; InputError where it is not YAML."""
     reader, name = YAML(typ="safe"), name_of(path)
+    _check_file(path)
     try:
         text = path.read_text(encoding="utf-8")
         depth = 0

@@ -26,14 +26,14 @@ from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
 from pipeline.logs import alignment, diagnosis, layout, own_data, parse, sniff
+from pipeline.logs.formats import LOGS
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.reporting.figures import check as check_figures
 
-LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}  # experiment -> the sensor's log
 DRAWN = 3  # recordings in the picture
-LINES = 200  # of a log's start, from which the number of its columns is taken
+LINES = 200  # of a log's start, in which the time has to rise
 SHAPES = 8  # of an array that are listed
 OUTSIDE = 0.02  # share of contacts that may lie beside the array
 SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # every scan and every serial line is within this range
@@ -196,8 +196,7 @@ def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapp
             f"{path}: {values} voltages per line, but strain.sensor.channels in params/strain.yaml is {expected}; "
             f"set strain.sensor.channels: {values}"
         )
-    header = fmt.header if expected < 5 else f"{fmt.columns[0].name},{fmt.columns[1].name},...,{fmt.columns[-1].name}"
-    return f"{path}: {values + 1} columns per line; expected {expected + 1}: {header}"
+    return f"{path}: {values + 1} columns per line; expected {expected + 1}: {fmt.shown}"
 
 
 def _begins_with_time(path: Path) -> bool:
@@ -320,7 +319,8 @@ def whole(experiment: str, read: list[Checked], settings: Mapping) -> tuple[pa.T
     frames = pa.concat_tables([recording.frames.select(schema.names).cast(schema) for recording in read])
     frames = frames.unify_dictionaries().combine_chunks()
     if experiment == "strain":
-        return frames, [], strain_problems(frames, settings)
+        short = frames.num_rows < 10 * settings["window"]["frames"]
+        return frames, [], ["the recordings are too short to learn from"] * short
     if experiment == "glove":
         images = frames.take(pa.array(module.chosen(frames, settings))).combine_chunks()
         return images, [f"{images.num_rows} images of {len(set(schemas.names(images['condition'])))} objects"], []
@@ -465,12 +465,6 @@ def is_elsewhere(element: int, order: np.ndarray, pressed: np.ndarray, strongest
     return order[element] != element and len(here) >= FEW and np.mean(here == order[element]) >= LEAST_RIGHT
 
 
-def strain_problems(frames: pa.Table, settings: Mapping) -> list[str]:
-    """Return a problem where the recordings are too short."""
-    enough = frames.num_rows >= 10 * settings["window"]["frames"]
-    return [] if enough else ["the recordings are too short to learn from"]
-
-
 def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], list[str]]:
     """Return findings and problems: how many rows train, validate and test in the first run of every protocol."""
     module, said, problems = experiments.module(experiment), [], []
@@ -564,18 +558,25 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
             findings, wrong = parts(experiment, rows, values)
             said, problems = said + findings, problems + wrong
     print("\n".join(f"  {line}" for line in said))
-    target = workspace.check(experiment)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    drawn = [recording for recording in read if recording.logs][:DRAWN]
-    if drawn:
-        check_figures.draw(target, experiment, drawn, settings)
-        print(f"picture: {target}")
+    if drawn := [recording for recording in read if recording.logs][:DRAWN]:
+        draw(workspace.check(experiment), experiment, drawn, settings)
     clock = [f"{experiment}.ingest.clock: own  # in place of shared"] * any(one.clock_own for one in read)
     if block := own_logs.format_block(experiment, found, settings) + ranges.settings + clock:
         print(f"\nfor {folder / own_settings.FILE}:", *block, sep="\n")
     if len(problems) > 1:
         print("\nto fix:", *of_each_kind(problems), sep="\n  ")
     return problems[0] if problems else None
+
+
+def draw(target: Path, experiment: str, recordings: list[Checked], settings: Mapping) -> None:
+    """Draw recordings to a file, or say why that cannot be written: what was found counts without it."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        check_figures.draw(target, experiment, recordings, settings)
+    except OSError as error:
+        print(f"no picture: {target} cannot be written ({error.strerror})")
+    else:
+        print(f"picture: {target}")
 
 
 def of_each_kind(problems: list[str]) -> list[str]:

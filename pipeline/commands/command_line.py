@@ -19,6 +19,7 @@ from pipeline.base.errors import run_stage
 COMMANDS = {  # command -> its module
     "check": "check",
     "sheet": "sheet",
+    "import": "import_logs",
     "fetch": "fetch",
     "record": "record",
     "try": "quick_look",

@@ -17,7 +17,6 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import record
-from pipeline.logs import diagnosis
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -95,9 +94,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             page.close()
     say(sentence(session))
     if given.replay and lines.count == sum(lines.rejects.values()):
-        raise InputError(
-            f"{given.replay}: no line is a reading of {who}, {diagnosis.header(fmt)}; name a log of this sensor"
-        )
+        raise InputError(f"{given.replay}: no line is a reading of {who}, {fmt.shown}; name a log of this sensor")
 
 
 def hand_on(predictions, places: list) -> None:

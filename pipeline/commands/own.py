@@ -23,6 +23,7 @@ from pipeline.base.paths import Workspace
 from pipeline.commands import check, sheet
 from pipeline.datasets import schemas
 from pipeline.logs import own_data
+from pipeline.logs.formats import LOGS
 from pipeline.own import settings as own_settings
 from pipeline.sheet import quantities, sources
 
@@ -87,7 +88,7 @@ def name_of(checkout: Workspace, folder: Path) -> str:
     if not parts:
         raise InputError(f"{folder}: holds the folders of sensors; move its logs into one, such as data/own/finger")
     outer = [around for around in list(folder.parents)[: len(parts) - 1] if check.kinds_of(around)]
-    logs = [log for name in check.LOGS.values() for log in folder.rglob(name)]
+    logs = [log for name in LOGS.values() for log in folder.rglob(name)]
     inner = sorted(log.parents[2] for log in logs if len(log.relative_to(folder).parts) > 3)
     reports = checkout.reports.joinpath("own", *parts)
     inner += sorted(path for path in reports.glob("*") if path.is_dir())

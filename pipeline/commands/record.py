@@ -9,12 +9,14 @@ recording after the line that is arriving; a line that does not end within LAST_
 Several ports, each with its file, are recorded side by side. With --stamp every line begins with the microseconds since
 this program started, on one clock for all ports: for devices that print no time. It is the moment at which the end of
 the line was read. A USB adapter hands bytes on in packets, every 1 to 16 ms: lines that come several at a time get
-times apart as at their rate so far, none later than the moment at which it was read. --start sends a line to the device
-once it is open, and --every repeats it: for devices that print when they are asked.
+times apart as at their rate so far, none later than the moment at which it was read. --start sends a line to the
+device, --start-after seconds after the port was opened, since many boards start anew then and hear nothing while they
+do; --every repeats it: for devices that print when they are asked.
 """
 
 import argparse
 import os
+import re
 import signal
 import sys
 import time
@@ -24,14 +26,18 @@ from pathlib import Path
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.logs import layout
 
 BAUD = 115200
+ENDS = (b"\n", b"\r")  # of a line
+LINE = re.compile(rb"[^\r\n]+")
 PRINTABLE = frozenset(range(32, 127)) | frozenset(b"\t\r\n")
 WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen
 RETRY_S = 0.3  # between two attempts to open a port that vanished
 LAST_LINE_S = 0.5  # after Ctrl-C, for bytes that are under way and for the rest of a line, each
 SYNC_S = 1.0  # between two calls of fsync, each of which takes milliseconds
 SILENT_S = 5.0  # a device that prints nothing, or no end of a line, for so long is reported
+BOOT_S = 2.0  # that an Arduino takes to start, which it does when its port is opened
 JUDGED = 400  # bytes after which it is clear whether they are text
 TEXT = 0.9  # share of bytes that are printable in what a device prints; of a wrong baud rate about a third are
 PROGRESS_S = 1.0  # between two reports of the lines so far, on a terminal
@@ -62,6 +68,7 @@ class Log:
     def __init__(self, path: Path, clock_us: Callable[[], int] | None = None):
         """path: a new file; clock_us: gives the time that is put before every line, None where none is."""
         self.path, self.lines, self.rest = path, 0, b""
+        self._end: bytes | None = None  # of a line: LF, or CR where a device prints no other; None: none was seen
         self._stamps = None if clock_us is None else Stamps(clock_us)
         self.safe, self.synced = 0, time.monotonic()  # lines that the disk has, and since when it has them
         try:
@@ -74,15 +81,20 @@ class Log:
 
     def add(self, data: bytes) -> None:
         """Write all lines that are whole with these bytes (or none), keep the rest, and sync where it is due."""
-        whole, end, self.rest = (self.rest + data).rpartition(b"\n")
-        self._write(self._stamped(whole + end))
+        self.rest += data
+        if self._end != b"\n":
+            found = layout.line_end(self.rest.decode("latin-1"))
+            self._end = b"\n" if b"\n" in self.rest else found.encode() if found else self._end
+        if self._end is not None:
+            whole, end, self.rest = self.rest.rpartition(self._end)
+            self._write(self._stamped(whole + end))
         if self.lines > self.safe and time.monotonic() - self.synced >= SYNC_S:
             self.sync()
 
     def tear(self) -> None:
         """End a line that will never be whole, so that it does not become one with the next."""
         if self.rest:
-            self._write(self._stamped(self.rest + b"\n"))
+            self._write(self._stamped(self.rest + (self._end or b"\n")))
             self.rest = b""
         self.sync()
 
@@ -94,10 +106,10 @@ class Log:
 
     def _stamped(self, lines: bytes) -> bytes:
         """Return lines that were read at once, with the time before each."""
-        if self._stamps is None or not lines:
+        if self._stamps is None or not LINE.search(lines):
             return lines
-        each = lines.splitlines(keepends=True)
-        return b"".join(b"%d,%s" % pair for pair in zip(self._stamps.of(len(each)), each, strict=True))
+        times = iter(self._stamps.of(len(LINE.findall(lines))))
+        return LINE.sub(lambda line: b"%d,%s" % (next(times), line[0]), lines)
 
     def sync(self) -> None:
         """Wait until the disk has all that was written."""
@@ -113,7 +125,7 @@ class Log:
             self.file.flush()
         except OSError as error:
             raise self._cannot(error) from error
-        self.lines += data.count(b"\n")
+        self.lines += data.count(self._end or b"\n")
 
     def _cannot(self, error: OSError) -> InputError:
         return InputError(f"{self.path}: cannot be written ({error.strerror}); its first {self.safe} lines are safe")
@@ -152,33 +164,45 @@ class Stamps:
 class Port:
     """A serial port, opened; its device may vanish and come back."""
 
-    def __init__(self, name: str, baud: int, stop: Stop, start: bytes = b"", every_s: float | None = None):
+    def __init__(
+        self,
+        name: str,
+        baud: int,
+        stop: Stop,
+        start: bytes = b"",
+        every_s: float | None = None,
+        after_s: float = BOOT_S,
+    ):
         """Open it. Raises InputError where pyserial is absent and where the port cannot be opened.
 
-        start: bytes that the device gets once it is open, and again every `every_s` seconds if that is said.
+        start: bytes that the device gets `after_s` seconds after it was opened, and again every `every_s` seconds if
+        that is said.
         """
         try:
             import serial
+            from serial.tools import list_ports
         except ModuleNotFoundError as error:
             raise InputError(
                 "pyserial is not installed; run `pip install -c constraints.txt -e '.[record]'`"
             ) from error
         self.name, self.stop = name, stop
-        self._start, self._every_s, self._sent = start, every_s, 0.0
+        self._start, self._every_s, self._due = start, every_s or float("inf"), float("inf")
 
         def opened():
             device = serial.Serial(name, baud, timeout=WAIT_S)
             if start:
-                device.write(start)
-                self._sent = time.monotonic()
+                self._due = time.monotonic() + after_s
             return device
 
         self._open = opened
         try:
             self.device = self._open()
         except (OSError, ValueError, OverflowError) as error:  # SerialException is an OSError
+            why = os.strerror(error.errno) if getattr(error, "errno", None) else error
+            there = ", ".join(sorted(port.device for port in list_ports.comports())) or "none"
             raise InputError(
-                f"{name}: cannot be opened ({error}); check the name, the cable and your rights"
+                f"{name}: cannot be opened ({why}); check the name, the cable and your rights (ports that are there: "
+                f"{there})"
             ) from error
 
     def chunks(self) -> Iterator[bytes | None]:
@@ -189,9 +213,9 @@ class Port:
         heard, lines, partial, text = time.monotonic(), 0, False, _Text(self.name)
         while not self.stop:
             try:
-                if self._every_s and time.monotonic() - self._sent >= self._every_s:
+                if time.monotonic() >= self._due:
                     self.device.write(self._start)
-                    self._sent = time.monotonic()
+                    self._due = time.monotonic() + self._every_s
                 data = self.device.read(self.device.in_waiting or 1)
             except OSError as error:
                 self.device.close()
@@ -206,8 +230,8 @@ class Port:
             yield data
             if data:
                 text.judge(data)
-                heard, partial = time.monotonic(), not data.endswith(b"\n")
-                lines += data.count(b"\n")
+                heard, partial = time.monotonic(), not data.endswith(ENDS)
+                lines += data.count(b"\n") or data.count(b"\r")
             elif time.monotonic() - heard > SILENT_S:
                 _say(f"{self.name}: nothing arrives; right port, right baud rate, device started?")
                 heard = float("inf")  # said once
@@ -228,7 +252,7 @@ class Port:
             end = time.monotonic() + LAST_LINE_S
             while time.monotonic() < end and (data := self.device.read(self.device.in_waiting or 1)):
                 yield data
-                partial = not data.endswith(b"\n")
+                partial = not data.endswith(ENDS)
             if partial:
                 self.device.timeout = LAST_LINE_S
                 yield self.device.read_until(b"\n")
@@ -253,7 +277,7 @@ class _Text:
             if (share := self.printable / self.seen) < TEXT:
                 self._say(f"only {100 * share:.0f} % of what arrives are printable characters")
             self.done = True
-        elif b"\n" in data:
+        elif any(end in data for end in ENDS):
             self.since = float("inf")
         elif time.monotonic() - self.since > SILENT_S:
             self._say(f"bytes arrive, but no end of a line in {SILENT_S:g} s")
@@ -319,6 +343,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--stamp", action="store_true", help="put this computer's time before every line")
     parser.add_argument("--start", default="", metavar="TEXT", help="a line that is sent to each device at first")
+    parser.add_argument(
+        "--start-after",
+        type=float,
+        default=BOOT_S,
+        metavar="SECONDS",
+        help="that a board takes to start once its port is open (default %(default)g)",
+    )
     parser.add_argument("--every", type=float, metavar="SECONDS", help="send the line of --start again and again")
 
 
@@ -332,9 +363,13 @@ def main(_: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"--baud: {len(bauds)} rates for {len(names)} ports; give one, or one for each port")
     if given.every is not None and (given.every <= 0 or not given.start):
         raise InputError("--every: needs a time above 0 and --start, the line that is sent")
+    if not given.start_after >= 0:
+        raise InputError(f"--start-after {given.start_after:g}: must be 0 or more seconds")
     stop, began = Stop(), time.monotonic_ns()
     start = given.start.encode() + b"\n" if given.start else b""
-    ports = [Port(name, baud, stop, start, given.every) for name, baud in zip(names, bauds, strict=True)]
+    ports = [
+        Port(name, baud, stop, start, given.every, given.start_after) for name, baud in zip(names, bauds, strict=True)
+    ]
     logs = [Log(path, (lambda: (time.monotonic_ns() - began) // 1000) if given.stamp else None) for path in files]
     for port, baud, log in zip(ports, bauds, logs, strict=True):
         _say(f"recording {port.name} at {baud} baud to {log.path}; Ctrl-C ends it")

@@ -19,11 +19,10 @@ from pipeline.inference import timing
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
 from pipeline.logs import layout, packets, parse
+from pipeline.logs.formats import LOGS, second
 from pipeline.scoring import classification, metrics
 
-# The sensor's log of each experiment, and the logs beside it that hold the ground truth.
-LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}
-TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}
+TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}  # logs beside the sensor's
 OF_ONE_ELEMENT = ("load_cell.log",)  # which cannot tell a place
 PATTERNS = {"velostat_recorded": "velostat_data/*/*.txt", "strain_recorded": "*.mat", "glove_recorded": "*.xml"}
 
@@ -94,7 +93,7 @@ def read(path: Path, name: str, card: Card) -> Recording:
     fmt = module.array_format(settings) if experiment == "touch" else module.formats(settings)[LOGS[experiment]]
     ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], LOGS[experiment])
     rows, rejects = parse.read_log(path, fmt, limit=ingest["max_reject_fraction"], key=limit, layout=laid_out)
-    time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
+    time = rows[fmt.time].to_numpy() / second(fmt)
     values = np.column_stack([rows[column].to_numpy() for column in fmt.names[1:]])
     condition = path.parent.parent.name
     if experiment == "strain":

@@ -11,9 +11,8 @@ import numpy as np
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.inference.card import Card
-from pipeline.inference.recordings import LOGS
 from pipeline.logs import layout, parse
-from pipeline.logs.parse import Format
+from pipeline.logs.formats import LOGS, Format
 
 LONGEST_LINE = 1 << 16  # bytes without a line end that are thrown away: a wrong baud rate
 RESET_LINES = 3  # in order, but before the lines so far: the device was reset, as in parse.order after a banner
@@ -164,10 +163,9 @@ class Lines:
         columns = line.count(self._separator) + 1
         self._columns[columns] += 1
         if self._columns[columns] == OTHER_ARRAY_LINES:
-            names = self.format.names
             raise InputError(
-                f"{self.name}: its lines have {columns} columns, but {self.who} takes {len(names)} "
-                f"({self.format.separator.join([*names[:2], '...', names[-1]])}); take a model of this sensor"
+                f"{self.name}: its lines have {columns} columns, but {self.who} takes "
+                f"{len(self.format.names)} ({self.format.shown}); take a model of this sensor"
             )
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.logs.formats import OUT_OF_RANGE, Column, Format
+from pipeline.logs import layout
+from pipeline.logs.formats import OUT_OF_RANGE, Format
 
 START = 1 << 18  # bytes of a log that are looked at: a hundred lines of the widest log
 LINES = 200
@@ -17,8 +18,6 @@ USUAL = 0.9  # share of the lines in which the time rises
 SLOW_S = 5.0  # no device prints a line in so long
 ROW = re.compile(r"""[-+0-9.,;:|eETZ_/"'\t ]*[0-9][-+0-9.,;:|eETZ_/"'\t ]*""")  # numbers and dates, not words
 HEXADECIMAL = re.compile(r"[0-9a-fA-FxX,;: \t]*[0-9][a-fA-FxX][0-9a-fA-FxX,;: \t]*")
-NUMBER = re.compile(r"[ \t]*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?[ \t]*")
-NONE = re.compile(r"\s*([-+]?nan|null|none)?\s*", re.IGNORECASE)
 CONVERSIONS = {  # unit -> advice for values that are far outside
     "us": "write microseconds, from any zero",
     "s": "write seconds, from any zero",
@@ -47,7 +46,10 @@ def unreadable(path: Path, fmt: Format) -> str | None:
     commas = Counter(line.count(",") for _, line in numbers).most_common(1)[0][0]
     alike = [(number, line) for number, line in numbers if line.count(",") == commas]
     number, line = alike[len(alike) // 2]
-    wrong = separated(line, fmt) or columns([line.split(",") for _, line in alike], line.split(","), fmt)
+    if commas == 2 * len(fmt.columns) - 2 and "." not in line:
+        wrong = "decimals seem to have a comma; write them with a point"
+    else:
+        wrong = columns([line.split(",") for _, line in alike], line.split(","), fmt)
     return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}" if wrong else None
 
 
@@ -60,15 +62,7 @@ def in_words(path: Path, lines: list[tuple[int, str]], fmt: Format) -> str | Non
     wrong = "words or units beside the numbers"
     if sum(bool(HEXADECIMAL.fullmatch(text)) for _, text in lines) > len(lines) / 2:
         wrong = "hexadecimal numbers; write them in decimal"
-    return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}; a line is {header(fmt)} and nothing else"
-
-
-def separated(line: str, fmt: Format) -> str | None:
-    """Say what is wrong between the numbers of a line, or None."""
-    wanted, fields = len(fmt.columns), len(line.split(","))
-    if fields == 2 * wanted - 1 and "." not in line:
-        return "decimals seem to have a comma; write them with a point"
-    return None
+    return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}; a line is {fmt.shown} and nothing else"
 
 
 def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
@@ -79,13 +73,13 @@ def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
     if len(usual) != len(fmt.columns):
         return None
     time = fmt.names.index(fmt.time)
-    if not NUMBER.fullmatch(usual[time]):
+    if not layout.is_number(usual[time].strip()):
         whole = "whole microseconds" if fmt.columns[time].integer else "seconds"
         return f"the time is no number; write {whole}, from any zero"
-    values = [[float(field) for field in row] for row in rows if all(map(NUMBER.fullmatch, row))]
+    values = [[float(field) for field in row] for row in rows if all(map(layout.is_number, map(str.strip, row)))]
     rising = np.mean(np.diff(np.array(values), axis=0) > 0, axis=0) if len(values) > 2 else np.ones(len(usual))
     if rising[time] < USUAL <= rising.max():
-        return f"column {rising.argmax() + 1} seems to be the time; the order is {header(fmt)}"
+        return f"column {rising.argmax() + 1} seems to be the time; the order is {fmt.shown}"
     interval = np.median(np.diff([row[time] for row in values])) if len(values) > 1 else 0.0
     unit = fmt.columns[time].unit
     if interval * (1e-6 if unit == "us" else 1) > SLOW_S:
@@ -105,8 +99,9 @@ def beyond(rows: Iterable[list[str]], fmt: Format) -> str | None:
     """Name the first value that is outside its column's range, and what to do, or None; rows: the fields of lines."""
     for row in rows:
         for field, column in zip(row, fmt.columns, strict=False):
-            if NUMBER.fullmatch(field) and not column.low <= float(field) <= column.high:
-                return f"{column.name} is {float(field):g}, outside {span(column)}; {CONVERSIONS[column.unit]}"
+            if layout.is_number(field.strip()) and not column.low <= float(field) <= column.high:
+                span = f"{column.low:g} to {column.high:g}{'' if column.unit == '1' else f' {column.unit}'}"
+                return f"{column.name} is {float(field):g}, outside {span}; {CONVERSIONS[column.unit]}"
     return None
 
 
@@ -114,9 +109,8 @@ def without_values(path: Path, rejects: Iterable[Mapping], fmt: Format) -> str |
     """Return the sentence for a log of which many lines lack a value, or None; rejects: rows of `parse.REJECTS`."""
     for reject in rejects:
         fields = (reject["text"] or "").split(fmt.separator)
-        if len(fields) == len(fmt.columns) and (
-            lacking := [k for k, field in enumerate(fields) if NONE.fullmatch(field)]
-        ):
+        lacking = [k for k, field in enumerate(fields) if layout.is_missing(field.strip())]
+        if len(fields) == len(fmt.columns) and lacking:
             names = ", ".join(fmt.names[k] for k in lacking[:5])
             return (
                 f"{path}: line {reject['line']} is {reject['text'][:QUOTED]!r}: no value of {names}, as in many lines; "
@@ -124,18 +118,6 @@ def without_values(path: Path, rejects: Iterable[Mapping], fmt: Format) -> str |
                 "into the block ingest.format of settings.yaml"
             )
     return None
-
-
-def header(fmt: Format) -> str:
-    """Return the names of the columns, the middle ones left out where there are many."""
-    names = fmt.names if len(fmt.names) < 7 else [*fmt.names[:2], "...", fmt.names[-1]]
-    return fmt.separator.join(names)
-
-
-def span(column: Column) -> str:
-    """Return the range of a column with its unit."""
-    unit = "" if column.unit == "1" else f" {column.unit}"
-    return f"{column.low:g} to {column.high:g}{unit}"
 
 
 def out_of_range(path: Path, rejects: Iterable[Mapping], fmt: Format) -> str | None:
@@ -150,6 +132,6 @@ def missing(path: Path, fmt: Format, known: Iterable[str]) -> str:
     """Return the sentence for a log that is not there; it names the folder's files whose names are not `known`."""
     others = sorted(other.name for other in path.parent.iterdir() if other.name not in set(known))
     if not others:
-        return f"{path}: log not found; add it, with lines of {header(fmt)}"
+        return f"{path}: log not found; add it, with lines of {fmt.shown}"
     listed = ", ".join(others[:5]) + (", ..." if len(others) > 5 else "")
     return f"{path}: log not found; the folder has {listed}: if that is it, rename it"

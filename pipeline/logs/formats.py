@@ -14,6 +14,7 @@ OUT_OF_RANGE = "out of range"
 DUPLICATE = "duplicate"
 OUT_OF_ORDER = "out of order"
 REPEATED = "time repeats"  # the time of the line before, with other values
+LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}  # experiment -> the sensor's log
 REASONS = (
     *(EMPTY, UNREADABLE, TEXT, COLUMNS, NOT_A_NUMBER, NOT_AN_INTEGER),
     *(OUT_OF_RANGE, DUPLICATE, OUT_OF_ORDER, REPEATED),
@@ -55,6 +56,11 @@ class Format:
     def header(self) -> str:
         """Return the line that would name the columns."""
         return self.separator.join(self.names)
+
+    @property
+    def shown(self) -> str:
+        """Return the header for a sentence, its middle left out where it is long."""
+        return self.separator.join(self.names if len(self.names) < 7 else [*self.names[:2], "...", self.names[-1]])
 
 
 def second(fmt: Format) -> float:

@@ -19,11 +19,25 @@ from pipeline.base.processes import die_with_parent
 
 
 def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray]:
-    """Read the variables `names` of a file of MATLAB's versions 4 to 7.
+    """Read the variables `names`; errors as `variables`, and where one is missing."""
+    found = variables(path, largest, variable_names=list(names))
+    for name in names:
+        if not isinstance(found.get(name), np.ndarray):
+            raise InputError(f"{path}: has no variable '{name}'; it must hold {', '.join(names)}")
+    return found
+
+
+def structures(path: Path, largest: int) -> dict:
+    """Read all variables, structures as dictionaries; errors as `variables`."""
+    found = variables(path, largest, simplify_cells=True)
+    return {name: value for name, value in found.items() if not name.startswith("__")}
+
+
+def variables(path: Path, largest: int, **options) -> dict:
+    """Read a file of MATLAB's versions 4 to 7; options: of scipy.io.loadmat.
 
     Raises InputError for a file that has more than `largest` bytes, that takes more than twice as much memory to read
-    (on Linux; reading takes three times the memory of the variables), that is of version 7.3, cut or damaged, or that
-    lacks a variable.
+    (on Linux; reading takes three times the memory of the variables), that is of version 7.3, cut or damaged.
     """
     size = path.stat().st_size
     if size > largest:
@@ -33,7 +47,7 @@ def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray
     if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
     try:
-        variables = _process().submit(_within, 2 * largest, scipy.io.loadmat, path, variable_names=list(names)).result()
+        return _process().submit(_within, 2 * largest, scipy.io.loadmat, path, **options).result()
     except MemoryError as error:
         _process.cache_clear()  # the process ends, and its memory is free again
         raise InputError(
@@ -45,10 +59,6 @@ def read(path: Path, names: Sequence[str], largest: int) -> dict[str, np.ndarray
         raise InputError(f"{path}: not a whole MATLAB file (it crashes scipy's reader); get it again") from error
     except Exception as error:  # scipy raises whatever a damaged file leads it to, UnboundLocalError for one
         raise InputError(f"{path}: not a whole MATLAB file ({error or 'it ends too early'}); get it again") from error
-    for name in names:
-        if not isinstance(variables.get(name), np.ndarray):
-            raise InputError(f"{path}: has no variable '{name}'; it must hold {', '.join(names)}")
-    return variables
 
 
 def _within(memory: int, function: Callable, *arguments, **named):

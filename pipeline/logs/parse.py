@@ -373,9 +373,16 @@ def check_names(recordings: Iterable[Path]) -> None:
     """Raise InputError for the first recording whose path `<source>/<condition>/<recording>` is no line of text.
 
     Tables and figures show these names. A name with a line break, another control character, or bytes that are no UTF-8
-    cannot stand in them; any other name can.
+    cannot stand in them; any other name can. Nor can two that look alike, written with other code points.
     """
+    looks: dict[str, tuple[str, ...]] = {}
     for path in recordings:
+        for names in (path.parts[-2:-1], path.parts[-2:]):
+            if looks.setdefault(unicodedata.normalize("NFC", "/".join(names)), names) != names:
+                raise InputError(
+                    f"{path}: the folder name {ascii(names[-1])} looks like another, in other Unicode "
+                    "characters; rename one of them"
+                )
         for name in path.parts[-3:]:
             if any(unicodedata.category(character) in ("Cc", "Cs", "Zl", "Zp") for character in name):
                 raise InputError(
@@ -771,8 +778,7 @@ def _nothing_laid_out(path: Path) -> str:
 
 def _nothing_parsed(path: Path, fmt: Format, lines: int) -> str:
     """Return the sentence for a file without a single good line."""
-    header = fmt.header if len(fmt.names) <= 6 else fmt.separator.join([*fmt.names[:2], "...", fmt.names[-1]])
-    expected = f"expected lines of {len(fmt.names)} columns, {header}"
+    expected = f"expected lines of {len(fmt.names)} columns, {fmt.shown}"
     if lines == 0:
         return f"{path}: the file is empty; {expected}"
     with path.open("rb") as file:

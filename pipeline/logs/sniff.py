@@ -86,8 +86,7 @@ def proposed(path: Path, fmt: Format) -> Proposal | str | None:
     encoding = _encoding(start)
     if encoding is None:
         return (
-            f"{path}: holds binary data, not lines of text; write each frame as text, {_header(fmt)}, before it is "
-            "saved"
+            f"{path}: holds binary data, not lines of text; write each frame as text, {fmt.shown}, before it is saved"
         )
     text = start.decode(encoding, "replace").lstrip("\ufeff")
     end = layout.line_end(text) or "\n"
@@ -153,9 +152,21 @@ def _laid_out(lines: list[str], fmt: Format) -> Proposal | None:
             common["strip"] = [*common.get("strip", []), ZONE]
             lines = [re.sub(ZONE, "", line) for line in lines]
         bare = [stamp.sub("", line, count=1).replace('""', "") if stamp.search(line) else "" for line in lines]
+        first = next(k for k, line in enumerate(lines) if stamp.search(line))
+        bare[:first] = _without_field(lines[:first], lines[first], stamp.search(lines[first]).span())
         common["time_pattern"] = pattern
         return _of_rows(bare, fmt, common, timed=False)
     return _of_rows(lines, fmt, common, timed=True) or _of_frames(lines, fmt, common)
+
+
+def _without_field(above: list[str], line: str, span: tuple[int, int]) -> list[str]:
+    """Return the lines above the first row without the field that names a time, which a row has at `span`."""
+    separator = line[span[1] :].lstrip(" '\"")[:1]
+    if separator not in (",", ";", "\t", "|"):
+        return [""] * len(above)
+    place = line[: span[0]].count(separator)
+    split = [one.split(separator) for one in above]
+    return [separator.join(fields[:place] + fields[place + 1 :]) for fields in split]
 
 
 def _is_time(pattern: str, lines: Sequence[str]) -> bool:
@@ -223,7 +234,10 @@ def _of_rows(lines: list[str], fmt: Format, common: dict, timed: bool) -> Propos
     for table in tables:
         if len(table.numeric) == table.width == readings and _time(table, None, strict=True) is None:
             return _without_time(table, fmt, common, lines)
+    most = max((len(table.numeric) for table in tables if table.separator != layout.TEXT), default=0)
     for table in sorted(tables, key=lambda table: table.separator == layout.TEXT):
+        if table.separator != layout.TEXT and len(table.numeric) < most:
+            continue  # of 1;2,5;3 the columns that commas divide are none
         if (found := _chosen(table, fmt, common, lines, timed)) is not None:
             return found
     return None
@@ -287,14 +301,14 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
     """Return how lines can be read that have more columns than are wanted."""
     readings = [column.name for column in fmt.columns if column.name != fmt.time]
     names = _names(table, lines)
-    by_name = names is not None and table.separator != layout.TEXT
+    by_name = timed and names is not None and table.separator != layout.TEXT
     time = _time(table, names, index=True) if timed else None
     if timed and time is None:
         return None
     left = [place for place in table.numeric if place != time]
     places, guesses = (_by_name(names, left, readings) if names is not None else None) or (None, [])
     if places is None:
-        counts = [place for place in left if _counts(table.values[:, place])]
+        counts = [place for place in left if len(table.values) > 2 and (np.diff(table.values[:, place]) == 1).all()]
         left = [place for place in left if place not in counts]
         if len(left) != len(readings):
             return None
@@ -310,11 +324,6 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
         chosen = [names[place] for place in places]
         found.layout["columns"] = f"{chosen[0]}..{chosen[-1]}" if run else chosen
     return found
-
-
-def _counts(values: np.ndarray) -> bool:
-    """Tell whether a column counts the lines."""
-    return len(values) > 2 and bool((np.diff(values) == 1).all())
 
 
 def _names(table: _Table, lines: list[str]) -> list[str] | None:
@@ -408,19 +417,14 @@ def _unit(values: np.ndarray, name: str, fmt: Format, guesses: list[str]) -> dic
     if still > 0.02:
         wide = step * second[unit]
         if wide > WIDEST_STEP_S or 1 / max(1 - still, 1e-9) > MOST_OF_A_STEP:
+            edges = np.flatnonzero(np.concatenate([[True], steps != 0, [True]]))
             raise InputError(
-                f"the time has too few digits: it rises in steps of {wide:.3g} s, and up to "
-                f"{_longest_run(steps)} lines have the same; write more digits"
+                f"the time has too few digits: it rises in steps of {wide:.3g} s, and up to {np.diff(edges).max()} "
+                "lines have the same; write more digits"
             )
         found["repeats"] = "spread"
         guesses.append(f"that lines of one time, in steps of {1e3 * wide:.3g} ms, came evenly")
     return found
-
-
-def _longest_run(steps: np.ndarray) -> int:
-    """Return how many lines in a row have one time."""
-    edges = np.flatnonzero(np.concatenate([[True], steps != 0, [True]]))
-    return int(np.diff(edges).max())
 
 
 def _scale(readings: np.ndarray, fmt: Format, guesses: list[str]) -> dict:
@@ -512,9 +516,3 @@ def _of_frames(lines: list[str], fmt: Format, common: dict) -> Proposal | None:
             guesses: list[str] = []
             return Proposal(found | _unit(np.array(times), before, fmt, guesses), guesses)
     return None
-
-
-def _header(fmt: Format) -> str:
-    """Return the names of the columns, the middle ones left out where there are many."""
-    names = fmt.names if len(fmt.names) < 7 else [*fmt.names[:2], "...", fmt.names[-1]]
-    return fmt.separator.join(names)

@@ -40,7 +40,7 @@ def read_one(path: Path, fmt: parse.Format, laid_out: Mapping | None) -> Log:
     rows, rejects = parse.read_log(path, fmt, layout=laid_out)
     if fmt is touch.LOAD_CELL:
         rows, rejects = touch.without_spikes(path, rows, rejects)
-    time = rows[fmt.time].to_numpy() / (1e6 if fmt.time == "t_us" else 1)
+    time = rows[fmt.time].to_numpy() / parse.second(fmt)
     report = log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
     return Log(rows.append_column("time_s", pa.array(time)), rejects, report)
 

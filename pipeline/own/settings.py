@@ -26,7 +26,7 @@ OVERLAPPING = "random"  # protocols whose test part holds what was trained on: t
 def read(folder: Path) -> dict:
     """Return the dotted keys and values of FOLDER/settings.yaml; {} where there is none. Errors as params.parsed."""
     path = folder / FILE
-    if not path.is_file():
+    if not path.exists():
         return {}
     values = params.parsed(path)
     if not isinstance(values, dict):

@@ -25,6 +25,7 @@ MOST_RECORDINGS = 40  # rows of the table of recordings
 FEW_TESTS = 50  # test rows below which a score says little
 DRAWN = 3  # models in a figure
 MAPS = 4  # windows in a figure
+ENDS = 4  # places that are drawn of the best and of the worst; all, where there are no more
 MOST_POINTS = 2000  # of a cloud of forces
 SHOWN_S = 120.0  # of a course
 MEASURES = {  # kind of input -> metric -> its heading; of the first, the best models are drawn
@@ -65,9 +66,8 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         plain(protocol): schemas.names(rows[schemas.split_column(protocol, block["seeds"][0])])
         for protocol, block in settings["protocols"].items()
     }
-    figures = list(
-        draw(workspace, target, report, settings, rows, {place: title for place, (title, _) in places.items()})
-    )
+    shown = {place: places[place][0] for place in ends(report, list(places), next(iter(MEASURES[kind])))}
+    figures = list(draw(workspace, target, report, settings, rows, shown))
     report.write(
         target / "README.md",
         "own_sensor",
@@ -81,6 +81,8 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         parts={name: {part: int((of == part).sum()) for part in schemas.PARTS[:3]} for name, of in parts.items()},
         places=places,
         figures=figures,
+        undrawn=len(places) - len(shown),
+        ends=ENDS,
     )
 
 
@@ -104,6 +106,18 @@ def best(report: Report, protocol: str, condition: str, metric: str) -> list[str
     values = {model: report.estimate(protocol, condition, model, metric) for model in report.models}
     good = [model for model, value in values.items() if value.runs and not value.failed and model != "constant"]
     return sorted(good, key=lambda model: values[model].mean, reverse=metric in MEASURES["images"])[:DRAWN]
+
+
+def ends(report: Report, places: list[tuple[str, str]], metric: str) -> list[tuple[str, str]]:
+    """Return the places to draw, in their order: all, or of many those with the ENDS best and ENDS worst scores.
+
+    The score of a place (protocol, condition) is that of its best model; a place that no model was scored on has none.
+    """
+    models = {place: best(report, *place, metric) for place in places}
+    scores = {place: report.estimate(*place, names[0], metric).mean for place, names in models.items() if names}
+    ranked = sorted(scores, key=scores.get, reverse=metric in MEASURES["images"])
+    chosen = {*ranked[:ENDS], *ranked[-ENDS:]}
+    return [place for place in places if place in chosen]
 
 
 def draw(

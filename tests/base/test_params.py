@@ -5,6 +5,7 @@ import ast
 import copy
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -324,3 +325,15 @@ def test_no_stage_hands_a_value_of_params_yaml_to_the_shell():
 )
 def test_keys_that_params_yaml_may_lack(key, optional):
     assert params.is_optional(key) is optional
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, lambda path: os.mkfifo(path)], ids=["folder", "pipe"])
+@pytest.mark.parametrize("name", ["params.yaml", "params/touch.yaml"])
+def test_a_folder_or_a_pipe_in_place_of_the_settings_is_one_sentence(make, name, tmp_path):
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    shutil.copytree(ROOT / "params", tmp_path / "params")
+    (tmp_path / name).unlink()
+    make(tmp_path / name)
+    for read in (params.load, lambda file: copied(file, tmp_path / "copy")):
+        with pytest.raises(InputError, match=f"^{name}: is a folder or a device, not a file"):
+            read(tmp_path / "params.yaml")

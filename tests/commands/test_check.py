@@ -1,6 +1,8 @@
 """What `check` proposes for logs of other layouts and other ranges reads them once it is pasted into settings.yaml."""
 
 import argparse
+import errno
+import os
 
 import numpy as np
 import pyarrow as pa
@@ -186,6 +188,16 @@ def test_a_bridge_in_mv_per_v_is_not_dead():
     assert strain._step(readings, "V") < 1e-6 and strain._step(1000 * readings, "V") == strain.STEP_V
     dead = np.where(np.arange(400)[:, None] % [5, 7], 2.5, 2.5 + 3.05e-4)
     assert strain._step(dead, "V") == pytest.approx(3.05e-4)
+
+
+def test_a_checkout_that_cannot_be_written_is_checked_all_the_same(workspace, touch_logs, monkeypatch, capsys):
+    def refused(*_):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(check_figures, "draw", refused)
+    values = values_of(touch_logs, "touch")
+    assert check.check(workspace, "touch", touch_logs, values) is None
+    assert "check.png cannot be written (Read-only file system)" in capsys.readouterr().out
 
 
 def test_problems_of_one_kind_are_one_line():

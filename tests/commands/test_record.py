@@ -73,6 +73,74 @@ def test_every_byte_arrives_as_it_was_printed(device, start, tmp_path):
     assert log.read_bytes() == sent
 
 
+@pytest.mark.parametrize("end", [b"\r", b"\n", b"\r\n", b"\n\r"])
+def test_whole_lines_are_on_the_disk_whatever_ends_them(end, tmp_path):
+    """In pieces that cut line ends; the line that is arriving is kept back, and a time is put before each line."""
+    sent, clock = b"".join(b"%d,5" % k + end for k in range(40)), iter(range(0, 10**9, 1000))
+    plain, stamped = record.Log(tmp_path / "plain"), record.Log(tmp_path / "stamped", lambda: next(clock))
+    for k in range(0, len(sent), 3):
+        plain.add(sent[k : k + 3])
+        stamped.add(sent[k : k + 3])
+    held = (tmp_path / "plain").read_bytes()
+    assert sent.startswith(held) and len(sent) - len(held) <= len(b"39,5" + end) and plain.lines >= 39
+    for log in (plain, stamped):
+        log.close()
+    assert (tmp_path / "plain").read_bytes() == sent
+    lines = [line for line in (tmp_path / "stamped").read_bytes().replace(b"\r", b"\n").split(b"\n") if line]
+    assert [line.split(b",")[1:] for line in lines] == [[b"%d" % k, b"5"] for k in range(40)]
+
+
+def test_a_device_without_line_feeds_is_not_said_to_end_no_line(monkeypatch, capsys):
+    Disk(monkeypatch)
+    text = record._Text("port")
+    for now, data in ((100.0, b"1,2\r"), (110.0, b"2,3\r")):
+        monkeypatch.setattr(record.time, "monotonic", lambda now=now: now)
+        text.judge(data)
+    assert not capsys.readouterr().err
+
+
+def test_what_is_sent_at_first_waits_for_the_board(monkeypatch):
+    """A board that starts anew when its port is opened hears nothing until it runs."""
+
+    class Board:
+        def __init__(self, *_, **__):
+            self.opened, self.heard, self.in_waiting = now[0], [], 0
+            boards.append(self)
+
+        def write(self, data):
+            self.heard.append((now[0] - self.opened, data))
+
+        def read(self, _):
+            now[0] += 0.5
+            return b""
+
+        def close(self):
+            pass
+
+    class Until(list):
+        def __bool__(self):
+            return now[0] > 6
+
+    now, boards = [0.0], []
+    serial = pytest.importorskip("serial")
+    monkeypatch.setattr(serial, "Serial", Board)
+    monkeypatch.setattr(record.time, "monotonic", lambda: now[0])
+    list(record.Port("port", 9600, Until(), b"?\n", every_s=1.5, after_s=2.0).chunks())
+    assert boards[0].heard == [(2.0, b"?\n"), (3.5, b"?\n"), (5.0, b"?\n")]
+
+
+def test_a_port_that_is_not_there_gets_the_ones_that_are(monkeypatch):
+    list_ports = pytest.importorskip("serial.tools.list_ports")
+    there = [type("", (), {"device": name}) for name in ("/dev/ttyUSB1", "/dev/ttyACM0")]
+    monkeypatch.setattr(list_ports, "comports", lambda: there)
+    with pytest.raises(InputError) as said:
+        record.Port("/dev/none", 9600, False)
+    assert str(said.value) == (
+        "/dev/none: cannot be opened (No such file or directory); check the name, the cable and your rights (ports "
+        "that are there: /dev/ttyACM0, /dev/ttyUSB1)"
+    )
+
+
 @pytest.mark.slow
 def test_ctrl_c_loses_nothing_and_waits_for_the_line_that_is_arriving(device, start, tmp_path):
     process, log = start(), tmp_path / "new" / "log"
@@ -230,7 +298,7 @@ def test_two_ports_are_stamped_by_one_clock(device, second, start, tmp_path):
 
 @pytest.mark.slow
 def test_a_device_that_prints_when_it_is_asked(device, start, tmp_path):
-    process = start("--start", "?", "--every", "0.05", device.path, tmp_path / "log")
+    process = start("--start", "?", "--start-after", "0", "--every", "0.05", device.path, tmp_path / "log")
     for k in range(3):
         assert os.read(device.end, 2) == b"?\n"
         device.print(b"%d\n" % k)

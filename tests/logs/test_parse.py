@@ -443,3 +443,11 @@ def test_micros_that_begin_anew_go_on(begin, tmp_path):
     restarted = [3_000_000_000 + 20_000 * k for k in range(200)] + [500_000 + 20_000 * k for k in range(200)]
     rows, _ = read_log(write(tmp_path, b"".join(b"%d,1\n" % t for t in restarted)), fmt)
     assert rows["t_us"].to_pylist() == restarted and set(rows["segment"].to_pylist()) == {0, 1}
+
+
+def test_names_that_look_alike_are_refused():
+    composed, marked = "caf\u00e9", "cafe\u0301"
+    parse.check_names([Path("logs", composed, "a"), Path("logs", composed, "b"), Path("logs", "double", composed)])
+    for other in (Path("logs", marked, "b"), Path("logs", composed, marked)):
+        with pytest.raises(InputError, match=r"the folder name 'cafe\\u0301' looks like another, in other Unicode"):
+            parse.check_names([Path("logs", composed, "a"), Path("logs", composed, composed), other])

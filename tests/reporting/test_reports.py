@@ -19,7 +19,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.params import load
 from pipeline.claims import entries, judge
 from pipeline.datasets import images, schemas
-from pipeline.reporting import material
+from pipeline.reporting import material, own_sensor
 from pipeline.reporting.claims import claim_sentence
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import model_name
@@ -387,3 +387,20 @@ def test_render_needs_neither_torch_nor_scikit_learn(workspace):
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=workspace.root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("count", [3, 8, 200])
+def test_of_many_conditions_the_best_and_the_worst_are_drawn(count):
+    class Scored:
+        models = ("constant", "tree", "cnn")
+
+        def estimate(self, protocol, condition, model, metric):
+            value = abs(int(condition) - 100.2) * (1 if model == "tree" else 2)
+            return results.Estimate(value, value, value, 3, 0)
+
+    places = [("press", str(k)) for k in range(count)]
+    drawn = own_sensor.ends(Scored(), places, "rmse")
+    if count < 200:
+        assert drawn == places
+    else:
+        assert [int(condition) for _, condition in drawn] == [0, 1, 2, 99, 100, 101, 102, 199]

@@ -1,0 +1,148 @@
+"""Write the logs of one recording from files of columns: .csv and other text, .mat, .npz. Guesses are marked.
+
+FOLDER is the recording's, such as data/own/finger/single/run0, and FILE one file or more. Which columns are the time,
+the readings, the force and the places is told by their names, number and course, as by `tactile check`; how many
+readings there are and in which unit says settings.yaml of the sensor (data/own/finger). FOLDER/origin.yaml says what
+each log was made from, and what was guessed: to correct it, change it there and run the command again.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from pipeline.base import files, params
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
+from pipeline.commands import check
+from pipeline.logs import layout
+from pipeline.logs.formats import LOGS, Format
+from pipeline.logs.sniff import Proposal
+from pipeline.own import logs as own_logs
+from pipeline.own import settings as own_settings
+from pipeline.own import tables
+
+ORIGIN = "origin.yaml"
+FROM = "from"  # key of a log's block in it: the table
+
+
+class Found(NamedTuple):
+    """Where the lines of one log come from."""
+
+    table: str
+    text: Path
+    proposal: Proposal
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the files, the folder and what the logs are of to the parser of this command."""
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="such as run0.mat")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger/single/run0")
+    kinds = "what the logs are of, where other logs of the sensor or its settings.yaml do not tell it"
+    parser.add_argument("--of", choices=tuple(LOGS), help=kinds)
+    parser.add_argument("--rate-hz", type=float, metavar="HZ", help="rows a second of files without times")
+
+
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
+    """Write the logs of the recording named on the command line."""
+    folder = given.folder
+    sensor = folder.absolute().parents[1] if len(folder.absolute().parents) > 2 else folder
+    experiment = given.of or check.experiment_of(sensor)
+    settings = own_settings.of_logs(workspace, experiment, sensor)[experiment]
+    origin = _read(folder / ORIGIN)
+    with tempfile.TemporaryDirectory() as draft:
+        texts = {}
+        for number, path in enumerate(given.files):
+            place = Path(draft, str(number))
+            place.mkdir()
+            texts |= tables.text_of(path, place)
+        found = {}
+        for name, fmt in check.formats(experiment, folder, settings).items():
+            known = origin.get(name)
+            one = _told(texts, name, known, folder) if known else _sniffed(experiment, name, fmt, texts, settings)
+            if one is None:
+                print(f"{name}: not found in {', '.join(texts)}, as columns of {fmt.shown}")
+                continue
+            if given.rate_hz and "rate_hz" in one.proposal.layout:
+                one.proposal.layout["rate_hz"] = given.rate_hz
+            if one.proposal.layout.get("rate_hz", 0) is None:
+                raise InputError(f"{one.table}: has no times; say by --rate-hz how many rows a second there are")
+            if (folder / name).exists() and not known:
+                raise InputError(f"{folder / name}: exists already, and {ORIGIN} does not say that it was imported")
+            found[name] = one
+        if not found:
+            raise InputError(
+                f"{given.files[0]}: no column of it is known, or there are not as many readings as {experiment}.sensor "
+                f"has; fix {sensor / own_settings.FILE}, or name the columns in {folder / ORIGIN}, such as logs: "
+                f"{{{LOGS[experiment]}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}"
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, one in found.items():
+            _write(folder / name, one, check.formats(experiment, folder, settings)[name])
+    _write_origin(folder / ORIGIN, given.files, found)
+    if len(found) > 1 and len({one.table for one in found.values()}) == 1 and "clock" in settings["ingest"]:
+        print(f"the logs have one time: write {experiment}.ingest.clock: shared into {sensor / own_settings.FILE}")
+    print(f"next: `tactile check {sensor if folder.is_absolute() else folder.parent.parent}`")
+
+
+def _sniffed(experiment: str, name: str, fmt: Format, texts: Mapping[str, Path], settings: Mapping) -> Found | None:
+    """Return how a log can be made from one of the tables: one called as it, else the one with the fewest guesses."""
+    ways, refused = [], []
+    for table, text in texts.items():
+        proposal = own_logs.proposed(experiment, text, fmt, settings, None)
+        if isinstance(proposal, Proposal):
+            called = Path(table).stem == Path(name).stem
+            ways.append((not called, len(proposal.guesses), len(ways), Found(table, text, proposal)))
+        elif isinstance(proposal, str) and len(texts) == 1:
+            refused.append(proposal.replace(str(text), table))
+    if refused and name == LOGS[experiment]:
+        raise InputError(refused[0])
+    return min(ways)[-1] if ways else None
+
+
+def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) -> Found:
+    """Return what origin.yaml says of a log."""
+    table, described = block.get(FROM), {key: value for key, value in block.items() if key != FROM}
+    if table not in texts:
+        raise InputError(f"{folder / ORIGIN}: {FROM} is '{table}', but the files are {', '.join(texts)}")
+    params.check_block(described, layout.Layout, name, {name: str(folder / ORIGIN)})
+    return Found(table, texts[table], Proposal(described, []))
+
+
+def _write(path: Path, found: Found, fmt: Format) -> None:
+    """Write one log in the product's own layout, and say what came of it."""
+    rows, rejected = 0, 0
+    with files.replacing(path) as draft, open(draft, "w", encoding="utf-8", newline="\n") as log:
+        log.write(f"{fmt.header}\n")
+        for lines in layout.lines(found.text, found.proposal.layout, fmt):
+            kept = [line.text for line in lines if line.reason is None]
+            rows, rejected = rows + len(kept), rejected + len(lines) - len(kept)
+            log.writelines(f"{text}\n" for text in kept)
+        if not rows:
+            raise InputError(f"{found.table}: no row is as {path.with_name(ORIGIN)} says; fix the block of {path.name}")
+    said = f"; {rejected} rows without all values are left out" if rejected else ""
+    print(f"{path}: {rows} lines from {found.table}{said}")
+    for guess in found.proposal.guesses:
+        print(f"  guessed: {guess}")
+
+
+def _read(path: Path) -> dict:
+    """Return log -> its block of origin.yaml; {} where there is none."""
+    if not path.is_file():
+        return {}
+    value = params.parsed(path)
+    logs = value.get("logs") if isinstance(value, dict) else None
+    if not isinstance(logs, dict) or not all(isinstance(block, dict) for block in logs.values()):
+        raise InputError(f"{path}: expected `logs:` with a block for each log; fix it, or remove it to guess anew")
+    return logs
+
+
+def _write_origin(path: Path, sources: list[Path], found: Mapping[str, Found]) -> None:
+    """Write what each log was made from; guesses are comments."""
+    lines = ["# Imported. To correct a guess, change the line below it and run the command again.", ""]
+    lines += [f"sha256: {own_logs.on_a_line({str(source): files.sha256(source) for source in sources})}", "logs:"]
+    for name, one in found.items():
+        lines += [f"  # guessed is {guess}" for guess in one.proposal.guesses]
+        lines.append(f"  {name}: {own_logs.on_a_line({FROM: one.table} | one.proposal.layout)}")
+    files.write_text(path, "\n".join(lines) + "\n")

@@ -1,0 +1,172 @@
+"""Files of columns become logs that are read as those of the product's own recorder, and guesses are marked."""
+
+import argparse
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+import yaml
+from builders.project import ROOT
+
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
+from pipeline.commands import import_logs
+from pipeline.experiments import strain, touch
+from pipeline.logs import parse
+from pipeline.own import settings as own_settings
+
+ROWS = 300
+T = 5 + 0.01 * np.arange(ROWS)
+COUNTS = np.random.default_rng(0).integers(0, 1024, (ROWS, 6))
+FORCE = np.round(10 * np.sin(T) ** 2, 3)
+X, Y, Z = (np.round(20 + 10 * np.sin(T / k), 3) for k in (1, 2, 3))
+ARRAY = touch.array_format({"sensor": {"rows": 2, "cols": 3}, "ingest": {"highest_count": 1023}})
+SENSOR = {"touch.sensor": {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}}
+SENSOR |= {"touch.label.map_rows": 8, "touch.label.map_cols": 9}
+
+
+@pytest.fixture(scope="module")
+def of_touch(tmp_path_factory):
+    """The settings of an array of 2 x 3 elements, which take a second to read."""
+    folder = tmp_path_factory.mktemp("finger")
+    (folder / "settings.yaml").write_text(yaml.safe_dump(SENSOR))
+    return own_settings.of_logs(Workspace(ROOT), "touch", folder)
+
+
+@pytest.fixture
+def run0(tmp_path, monkeypatch, of_touch):
+    """The folder of a recording of an array of 2 x 3 elements."""
+    sensor = tmp_path / "finger"
+    sensor.mkdir()
+    monkeypatch.setattr(own_settings, "of_logs", lambda *_: of_touch)
+    return sensor / "single" / "run0"
+
+
+def imported(*words):
+    """Run the command with these words."""
+    parser = argparse.ArgumentParser()
+    import_logs.add_arguments(parser)
+    import_logs.main(Workspace(ROOT), parser.parse_args(list(map(str, words))))
+
+
+def logs_of(folder):
+    """The rows of the array, the load cell and the CNC."""
+    formats = {"array": ARRAY, "load_cell": touch.LOAD_CELL, "cnc": touch.CNC}
+    return {name: parse.read_log(folder / f"{name}.log", fmt)[0] for name, fmt in formats.items()}
+
+
+def matrix(rows):
+    """The values of the columns of a log, without its time."""
+    names = [name for name in rows.column_names if name not in ("t_us", "line", "segment")]
+    return np.column_stack([rows[name].to_numpy() for name in names])
+
+
+def as_numpy(folder):
+    np.savez(folder / "a.npz", t_ms=1e3 * T, taxels=COUNTS.reshape(ROWS, 2, 3), force_N=FORCE, x=X, y=Y, z=Z, fs=100.0)
+    return "a.npz"
+
+
+def as_matlab(folder):
+    """Structures, arrays whose last axis is the time, and a device of another rate."""
+    frames = {"time": T, "adc": np.moveaxis(COUNTS.reshape(ROWS, 2, 3), 0, -1)}
+    stage = {"t": T[::2], "X": X[::2], "Y": Y[::2], "Z": Z[::2]}
+    scipy.io.savemat(folder / "a.mat", {"frames": frames, "stage": stage, "load": {"t": T[:-1], "Fz": FORCE[:-1]}})
+    return "a.mat"
+
+
+def as_text(folder):
+    """As Excel writes it where commas are decimal signs."""
+    stamps = [f"12:00:{t:09.6f}" for t in T]
+    table = pd.DataFrame({"Time": stamps} | {f"ch{k}": COUNTS[:, k] for k in range(6)})
+    table = table.assign(Force=FORCE, x=X, y=Y, z=Z)
+    (folder / "a.csv").write_text("Recorded on Tuesday\n" + table.to_csv(sep=";", decimal=",", index=False))
+    return "a.csv"
+
+
+@pytest.mark.parametrize("write", [as_numpy, as_matlab, as_text])
+def test_files_of_columns_are_read_as_logs(write, run0, tmp_path, capsys):
+    imported(tmp_path / write(tmp_path), run0, "--of", "touch")
+    read, every = logs_of(run0), slice(None, None, 2 if write is as_matlab else 1)
+    assert np.array_equal(matrix(read["array"]), COUNTS)
+    assert np.array_equal(matrix(read["load_cell"])[:, 0], FORCE[: read["load_cell"].num_rows])
+    assert np.array_equal(matrix(read["cnc"]), np.column_stack([X, Y, Z])[every])
+    times = read["array"]["t_us"].to_numpy()
+    assert times - times[0] == pytest.approx(1e6 * (T - T[0]), abs=1)
+    said = capsys.readouterr().out
+    assert ("write touch.ingest.clock: shared" in said) == (write is not as_matlab)
+    origin = yaml.safe_load((run0 / "origin.yaml").read_text())
+    assert set(origin["logs"]) == {"array.log", "load_cell.log", "cnc.log"} and len(origin["sha256"]) == 1
+
+
+def test_a_guess_is_marked_and_can_be_corrected(run0, tmp_path, capsys):
+    file = tmp_path / "day.csv"
+    pd.DataFrame({"time_s": T, "weight": np.round(100 * FORCE), "temperature": 20 + 0 * T}).to_csv(file, index=False)
+    imported(file, run0, "--of", "touch")
+    origin = run0 / "origin.yaml"
+    assert "guessed: that 'weight' is fz_n" in capsys.readouterr().out
+    assert "# guessed is that 'weight' is fz_n" in origin.read_text()
+    assert matrix(logs_of_cell(run0))[:, 0] == pytest.approx(np.round(100 * FORCE))
+    origin.write_text(origin.read_text().replace("separator:", "scale: 0.01, separator:"))
+    imported(file, run0, "--of", "touch")
+    assert matrix(logs_of_cell(run0))[:, 0] == pytest.approx(np.round(100 * FORCE) / 100)
+    origin.write_text(origin.read_text().replace("scale:", "scael:"))
+    with pytest.raises(InputError, match=r"origin.yaml, load_cell.log: unknown key 'scael'; did you mean 'scale'"):
+        imported(file, run0, "--of", "touch")
+
+
+def logs_of_cell(folder):
+    return parse.read_log(folder / "load_cell.log", touch.LOAD_CELL)[0]
+
+
+def test_rows_without_times_need_a_rate(run0, tmp_path):
+    file = tmp_path / "a.npz"
+    np.savez(file, adc=COUNTS)
+    with pytest.raises(InputError, match="a.npz: has no times; say by --rate-hz"):
+        imported(file, run0, "--of", "touch")
+    imported(file, run0, "--of", "touch", "--rate-hz", "50")
+    assert parse.read_log(run0 / "array.log", ARRAY)[0]["t_us"].to_pylist()[:3] == [0, 20_000, 40_000]
+
+
+def test_nothing_is_written_over_and_what_cannot_be_read_is_said(run0, tmp_path):
+    run0.mkdir(parents=True)
+    (run0 / "array.log").write_text("kept")
+    with pytest.raises(InputError, match="array.log: exists already"):
+        imported(tmp_path / as_numpy(tmp_path), run0, "--of", "touch")
+    assert [path.name for path in run0.iterdir()] == ["array.log"] and (run0 / "array.log").read_text() == "kept"
+    (run0 / "array.log").unlink()
+    np.savez(tmp_path / "words.npz", note=np.array(["a"]))
+    np.savez(tmp_path / "few.npz", t=T, adc=COUNTS[:, :5])
+    for name, content, words in (
+        ("a.xlsx", b"PK", r"a.xlsx: workbooks are not read; save each sheet as .csv"),
+        ("a.mat", b"\x89HDF\r\n", r"a.mat: MATLAB version 7.3 \(HDF5\) is not read; load it and save it again"),
+        ("a.npz", b"PK\x03\x04", r"a.npz: not a whole file of numpy's savez"),
+        ("words.npz", None, r"words.npz: holds no columns of numbers \(note\)"),
+        ("few.npz", None, r"few.npz: .*not as many readings as touch.sensor"),
+        ("none.csv", None, r"none.csv: file not found"),
+    ):
+        if content:
+            (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=words):
+            imported(tmp_path / name, run0, "--of", "touch")
+    assert not list(run0.iterdir())
+
+
+def test_logs_of_strain_from_two_files(tmp_path):
+    """Which file is of which device is told by its columns."""
+    sensor = tmp_path / "skin"
+    sensor.mkdir()
+    (sensor / "settings.yaml").write_text(
+        yaml.safe_dump({"strain.sensor.channels": 3, "strain.sensor.tasks": {"pull": ["x"]}})
+    )
+    volts = np.round(2 + 0.3 * np.sin(np.arange(ROWS * 3).reshape(ROWS, 3)), 5)
+    np.savez(tmp_path / "daq.npz", time=T, v=volts)
+    (tmp_path / "arm.txt").write_text("".join(f"{t:.2f} {x / 1000:.6f}\n" for t, x in zip(T, X, strict=True)))
+    imported(tmp_path / "arm.txt", tmp_path / "daq.npz", sensor / "pull" / "run0")
+    formats = strain.formats({"sensor": {"channels": 3, "tasks": {"pull": ["x"]}}})
+    daq, robot = (
+        parse.read_log(sensor / "pull" / "run0" / name, formats[name])[0] for name in ("daq.log", "robot.log")
+    )
+    assert np.array_equal(np.column_stack([daq[f"u{k}"].to_numpy() for k in range(3)]), volts)
+    assert robot["x_mm"].to_numpy() == pytest.approx(X, abs=1e-3)
+    assert "# guessed is that places are in metres" in (sensor / "pull" / "run0" / "origin.yaml").read_text()
