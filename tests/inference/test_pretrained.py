@@ -14,7 +14,7 @@ import pytest
 from builders.project import ROOT
 
 from pipeline import experiments, scenes
-from pipeline.base import params
+from pipeline.base import arguments, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import predict
@@ -228,6 +228,15 @@ def test_a_bad_log_among_others_is_listed_and_the_others_are_predicted(workspace
     assert summary["recording"] == "a"
     with pytest.raises(InputError, match="no line"):
         predicted(workspace, bad, tmp_path / "other")
+
+
+def test_a_program_gets_the_summary_as_json(workspace, undrawn, tmp_path, monkeypatch):
+    answers = []
+    monkeypatch.setattr(arguments, "answer", lambda given, result: answers.append(result))
+    predicted(workspace, write_log(tmp_path / "logs" / "a" / "array.log").parents[1], tmp_path / "out")
+    (answer,) = json.loads(json.dumps(answers))
+    assert answer["recordings"][0]["readings"] == LINES and answer["written_to"] == str(tmp_path / "out")
+    assert answer["model"]["model"] == "lomp_stream" and answer["not_read"] == []
 
 
 def test_a_folder_of_something_else_is_kept(workspace, double, tmp_path):
