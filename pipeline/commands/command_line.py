@@ -44,6 +44,7 @@ GROUPS = {  # heading of the help -> command -> its module
         "fit-strain": "fit_strain",
         "calibrate": "calibrate",
         "rates": "rates",
+        "cards": "cards",
     },
 }
 COMMANDS = {command: module for commands in GROUPS.values() for command, module in commands.items()}
