@@ -59,7 +59,7 @@ def parser_of(called: Collection[str]) -> argparse.ArgumentParser:
         usage="tactile COMMAND ...",
         description=_words("command_line").partition("\n")[0],
         epilog="\n\n".join(_group(heading, commands) for heading, commands in GROUPS.items())
-        + "\n\n`tactile COMMAND --help` says more. A first look: `tactile demo`.",
+        + "\n\n`--help` behind a command says more. A first look: `tactile demo`.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )

@@ -103,8 +103,9 @@ def evidence(workspace: Workspace) -> dict[str, list[Run]]:
         return {}
     sets = {name: each for name, each in shards.read_sets(workspace).items() if not (each.study or each.variant)}
     times = shards.table(shards.folder(workspace) / "times.csv", shards.TIMES).astype({"train_s": float})
-    times[["set", "budget"]] = times["shard"].str.extract(r"(.*)-\d+-(\w+)$").to_numpy()
-    times["experiment"] = times["set"].map({name: each.experiment for name, each in sets.items()})
+    named = [name.rsplit("-", 2) for name in times["shard"]]  # set, seed, budget
+    times["experiment"] = [sets[name].experiment if name in sets else "" for name, *_ in named]
+    times["budget"] = [budget for *_, budget in named]
     trained = pd.concat([times, times.assign(budget=NO_EPOCHS)]).groupby(OF)["train_s"].mean()
     rows = rows[(rows["variant"] == "") & ~rows["metric"].str.endswith(units.SUFFIX)]
     means = rows.groupby([*OF, *SCORE], sort=False)["value"].mean().reset_index()
