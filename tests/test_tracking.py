@@ -30,9 +30,8 @@ from pipeline.base import params
 from pipeline.base.errors import InputError, run_stage
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
-from pipeline.inference import mlflow_store, packages, predictor
+from pipeline.inference import mlflow_runs, mlflow_store, packages, predictor
 from pipeline.scoring import shards
-from pipeline.stages import track
 from pipeline.tasks import windows
 
 pytestmark = pytest.mark.slow
@@ -85,7 +84,7 @@ def tracked(workspace):
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         write_repository(root)
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
         yield root
 
 
@@ -112,7 +111,7 @@ def current(workspace) -> dict:
 def new_runs(workspace, values: dict = PARAMS) -> list:
     """Track, and return the runs that this added; those that were there must be as before, but for `current`."""
     before = all_runs(workspace)
-    track.track(workspace, values)
+    mlflow_runs.track(workspace, values)
     after = all_runs(workspace)
     for run_id, run in before.items():
         assert after[run_id].data.metrics.keys() == run.data.metrics.keys()
@@ -230,11 +229,11 @@ def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tra
     number = client(workspace).get_experiment_by_name("touch").experiment_id
     client(workspace).delete_experiment(number)
     with pytest.raises(InputError, match=f"experiment touch was deleted there.*restore -x {number}"):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
     client(workspace).restore_experiment(number)
     shutil.copytree(tracked, tmp_path / "copy")
     with pytest.raises(InputError, match=r"^mlruns/mlflow.db: .* moved or copied; delete mlruns"):
-        track.track(Workspace(tmp_path / "copy"), PARAMS)
+        mlflow_runs.track(Workspace(tmp_path / "copy"), PARAMS)
 
 
 def test_conditions_of_any_name_are_logged_apart(workspace, tracked):
@@ -245,9 +244,9 @@ def test_conditions_of_any_name_are_logged_apart(workspace, tracked):
     alike = table[:1].assign(condition="two fingers [90°]::größer")
     pd.concat([table, alike]).to_csv(workspace.scores("touch"), index=False)
     with pytest.raises(InputError, match="scores.csv: two rows for the same condition and metric"):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
     workspace.scores("touch").write_text(former)
-    track.track(workspace, PARAMS)
+    mlflow_runs.track(workspace, PARAMS)
 
 
 def test_a_run_of_an_unknown_id_is_one_sentence(workspace, tracked, tmp_path):
@@ -275,7 +274,7 @@ def test_a_missing_file_is_named_and_nothing_is_logged(workspace, tracked, file,
     path, before = tracked / "data" / "touch" / file, all_runs(workspace).keys()
     away = path.rename(path.with_suffix(".away"))
     with pytest.raises(InputError, match=named):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
     away.rename(path)
     assert all_runs(workspace).keys() == before
 
@@ -283,12 +282,12 @@ def test_a_missing_file_is_named_and_nothing_is_logged(workspace, tracked, file,
 def test_missing_rows_and_other_settings_are_named(workspace, tracked):
     former = change(workspace.scores("touch"), "seed", 7)
     with pytest.raises(InputError, match=r"scores.csv: no row for protocol press, model linear, seed 0"):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
     workspace.scores("touch").write_text(former)
     other = copy.deepcopy(PARAMS)
     other["touch"]["models"]["lomp"]["hidden"] = 16
     with pytest.raises(InputError, match=r"press-0/fit.json: was made with other settings than touch.models.lomp"):
-        track.track(workspace, other)
+        mlflow_runs.track(workspace, other)
 
 
 @pytest.mark.parametrize(
@@ -299,7 +298,7 @@ def test_an_unreachable_store_is_one_sentence_without_secrets(workspace, tracked
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
     with pytest.raises(SystemExit) as ended:
-        run_stage(lambda: track.track(workspace, PARAMS), workspace.params)
+        run_stage(lambda: mlflow_runs.track(workspace, PARAMS), workspace.params)
     message = str(ended.value)
     assert message.startswith("error: MLFLOW_TRACKING_URI: the MLflow store cannot be used") and "\n" not in message
     assert "s3cret" not in message + "".join(capfd.readouterr()) + caplog.text
@@ -310,14 +309,14 @@ def test_a_locked_or_damaged_store_is_one_sentence(workspace, tracked, monkeypat
     with sqlite3.connect(tracked / "mlruns" / "mlflow.db") as other:
         other.execute("begin exclusive")
         with pytest.raises(InputError, match="^mlruns/mlflow.db: .* cannot be used .*locked.*close what else uses it"):
-            track.track(workspace, PARAMS)
+            mlflow_runs.track(workspace, PARAMS)
     (tmp_path / "damaged.db").write_text("not a database" * 100)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'damaged.db'}")
     with pytest.raises(InputError, match="cannot be used .*not a database.*move a damaged file away"):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
 
 
-def new_runs_of_evidence(workspace) -> dict:
+def runs_of_evidence(workspace) -> dict:
     """(model, protocol, budget) -> run of touch in the store of a workspace."""
     return {
         tuple(run.data.tags[key] for key in ("model", "protocol", "budget")): run
@@ -333,13 +332,13 @@ def committed(tmp_path_factory):
     values = params.load(ROOT / "params.yaml") | {"experiments": ["touch"]}
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        track.track(workspace, values)
+        mlflow_runs.track(workspace, values)
         yield workspace, values
 
 
 def test_a_clone_has_the_means_over_seeds_of_the_evidence(committed):
     workspace, _ = committed
-    runs = new_runs_of_evidence(workspace)
+    runs = runs_of_evidence(workspace)
     rows = shards.read(workspace)
     rows = rows[(rows.experiment == "touch") & (rows.protocol == "random_window") & (rows.condition == "double")]
     rows = rows[(rows.model == "lomp") & (rows.metric == "rmse") & (rows.budget == "full") & rows.variant.isna()]
@@ -363,7 +362,7 @@ def test_the_link_opens_the_models_compared_by_their_main_score(committed, capsy
         pytest.skip("no Chromium on the path")
     workspace, values = committed
     capsys.readouterr()
-    track.track(workspace, values)
+    mlflow_runs.track(workspace, values)
     said = capsys.readouterr().out.strip()
     assert said.startswith("touch: 0 of ")
     with socket.socket() as free:
@@ -390,7 +389,7 @@ def test_the_link_opens_the_models_compared_by_their_main_score(committed, capsy
         tab.close()
         os.killpg(server.pid, signal.SIGTERM)
         server.wait(30)
-    there = [run for run in new_runs_of_evidence(workspace).values() if run.data.tags["shown"] == "true"]
+    there = [run for run in runs_of_evidence(workspace).values() if run.data.tags["shown"] == "true"]
     there = [run for run in there if run.data.tags["protocol"] == "random_window"]
     assert listed.endswith(str(len(there)))
     best = sorted(there, key=lambda run: run.data.metrics["main/double.rmse"])

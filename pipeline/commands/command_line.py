@@ -35,6 +35,7 @@ GROUPS = {  # heading of the help -> command -> its module
     "The evidence on the papers": {
         "fetch": "fetch",
         "evidence": "evidence",
+        "track": "track",
         "pack": "pack",
         "unpack": "unpack",
         "bundle": "bundle",

@@ -22,13 +22,14 @@ import pandas as pd
 from tqdm import tqdm
 
 from pipeline.base import files, params, paths, provenance
+from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store
 from pipeline.reporting.words import labels
-from pipeline.scoring import published, results, shards, units
+from pipeline.scoring import one_table, published, results, shards, units
 from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
@@ -164,6 +165,32 @@ def look(workspace: Workspace, experiment: str, values: Mapping) -> Iterator[Run
             curves = history.melt("epoch", CURVES)
             run.points.extend((row.variable, row.value, int(row.epoch)) for row in curves.itertuples())
             yield run
+
+
+def track(workspace: Workspace, values: dict) -> None:
+    """Log the runs of all experiments of the settings (`values`), and print the link that compares each one's models.
+
+    Raises InputError if a file is missing or was made with other settings (nothing is logged then), or the store
+    cannot be used.
+    """
+    committed, runs, looked = evidence(workspace), {}, []
+    for experiment in values["experiments"]:
+        runs[experiment] = [] if experiment in one_table.of_own_logs(values) else committed.get(experiment, [])
+        if not (workspace.ingest_report(experiment).exists() or workspace.models(experiment).exists()):
+            continue
+        if reason := why_not_run(workspace, experiment):
+            print(f"{experiment}: not run here ({reason})")
+        else:
+            runs[experiment] += look(workspace, experiment, values)
+            looked.append(experiment)
+    provenance.check_settings(workspace, looked, values)
+    with mlflow_store.opened(workspace) as client:
+        for experiment, of_experiment in runs.items():
+            if not of_experiment:
+                print(f"{experiment}: no shard of the evidence, nor trained here, so nothing to track")
+                continue
+            new, link = log(workspace, client, experiment, values, of_experiment)
+            print(f"{experiment}: {new} of {len(of_experiment)} runs are new in MLflow; compare them at {link}")
 
 
 def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: list[Run]) -> tuple[int, str]:
