@@ -72,7 +72,7 @@ CHOSEN = {
     "live/session.py": ("_is_predicted", ONE_LOG),
     "inference/timing.py": ("most_filled between", ONE_LOG),
     "scenes/touch_stress.py": ("plan", f"{SPECIMENS} stability/test_stress_windows.py"),
-    "stages/metrics.py": ("of_experiment of_claims", "general/test_golden.py"),
+    "stages/metrics.py": ("of_experiment", "general/test_golden.py"),
     "claims/rules.py": ("above near within order TOLERANCE BAND", VERDICTS),
     "claims/expressions.py": ("evaluate _value", VERDICTS),
 }

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from dvc.repo import Repo
 
-from pipeline.base import params
+from pipeline.base import arguments, params
 from pipeline.base.paths import Workspace
 from pipeline.commands import command_line
 from pipeline.commands.command_line import COMMANDS
@@ -214,19 +214,63 @@ def test_the_installed_command_is_that_of_the_room():
     assert all(module == renamed.get(name, name.replace("-", "_")) for name, module in COMMANDS.items())
 
 
-def test_help_imports_no_heavy_library():
+@pytest.mark.parametrize("words", [[], ["--help"]])
+def test_help_shows_groups_and_imports_no_heavy_library(words):
     code = (
-        "import sys\n"
+        "import atexit, sys\n"
         "from pipeline.commands.command_line import main\n"
-        "try:\n    main()\nexcept SystemExit:\n"
-        "    print(sorted({name.partition('.')[0] for name in sys.modules} - set(sys.stdlib_module_names)))"
+        "atexit.register(lambda: print(sorted({name.partition('.')[0] for name in sys.modules})))\n"
+        "main()"
     )
-    done = subprocess.run([sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=True, cwd=ROOT)
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True, cwd=ROOT)
     said, _, imported = done.stdout.strip().rpartition("\n")
-    assert all(re.search(rf"^ +{name} ", said + "\n", re.MULTILINE) or f" {name}\n" in said for name in COMMANDS)
+    places = [said.index(f"\n{heading}:\n") for heading in command_line.GROUPS]
+    assert places == sorted(places)
+    assert all(re.search(rf"^  {name} +\S", said, re.MULTILINE) for name in COMMANDS)
     assert not {"matplotlib", "mlflow", "numpy", "pandas", "pyarrow", "pydantic", "scipy", "sklearn", "torch"} & set(
         ast.literal_eval(imported)
     )
+
+
+def called(monkeypatch, capsys, *words: str) -> tuple[str, str]:
+    """Return what `tactile` with these words prints, on standard output and on standard error."""
+    monkeypatch.setattr(sys, "argv", ["tactile", *words])
+    command_line.main()
+    return capsys.readouterr()
+
+
+def test_the_version_names_the_commit(monkeypatch, capsys):
+    said = called(monkeypatch, capsys, "--version")[0]
+    assert re.match(rf"tactile {re.escape(PROJECT['version'])}, commit ([0-9a-f]{{40}}|unknown)", said)
+
+
+@pytest.mark.parametrize(("word", "said"), [("predcit", "did you mean 'predict'?"), ("xyz", "known: demo, predict")])
+def test_an_unknown_command_is_one_sentence(monkeypatch, capsys, word, said):
+    with pytest.raises(SystemExit) as ended:
+        called(monkeypatch, capsys, word)
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith(f"error: there is no command '{word}'; {said}")
+
+
+@pytest.mark.parametrize("option", ["--json", "--quiet"])
+def test_a_program_reads_json_or_nothing(monkeypatch, capfd, option):
+    def talks(workspace, given):
+        print("words")
+        arguments.answer(given, {"ready": True})
+
+    def parser_of(called):
+        parser = argparse.ArgumentParser()
+        arguments.add_root(parser)
+        arguments.add_output(parser)
+        parser.set_defaults(main=talks)
+        parser.add_argument("command")
+        return parser
+
+    monkeypatch.setattr(command_line, "parser_of", parser_of)
+    monkeypatch.setenv("TQDM_DISABLE", "")
+    monkeypatch.setattr(sys, "__stdout__", sys.stdout)  # pytest has put another in its place
+    out, err = called(monkeypatch, capfd, "check", option)
+    assert (out, err) == (('{\n "ready": true\n}\n', "words\n") if option == "--json" else ("", ""))
 
 
 @pytest.mark.parametrize(

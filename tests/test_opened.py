@@ -21,7 +21,7 @@ EVIDENCE = re.compile(r"evidence/(results|studies)(/.*)?")  # whatever of it cha
 ALWAYS = {
     "track": re.compile(
         r"dvc\.lock|mlruns(/.*)?|data/\w+/(dataset\.parquet|frames\.parquet|ingest\.json|latency|models)(/.*)?"
-        r"|pipeline/scoring/published\.csv"
+        r"|pipeline/scoring/published\.csv|evidence/(index\.csv|shards\.yaml|times\.csv|results/.*)"
     ),
     "agreement": re.compile(r"reports/agreement\.md(\..*)?|data/\w+/scores\.csv"),
 }

@@ -1,9 +1,17 @@
-"""MLflow must hold one run of each content, each with its own weights; nothing twice, and nothing lost."""
+"""MLflow must hold one run of each content, each with its own weights; nothing twice, and nothing lost.
+
+What was trained here is made up; the evidence is the committed one.
+"""
 
 import copy
 import json
+import os
 import shutil
+import signal
+import socket
 import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 from urllib.parse import parse_qs
 
@@ -12,14 +20,18 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from builders import browser
+from builders.devices import until
 from builders.made_results import EPOCHS, write_results
+from builders.project import ROOT
 
 from pipeline import models
+from pipeline.base import params
 from pipeline.base.errors import InputError, run_stage
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
-from pipeline.inference import mlflow_store, packages, predictor
-from pipeline.stages import track
+from pipeline.inference import mlflow_runs, mlflow_store, packages, predictor
+from pipeline.scoring import shards
 from pipeline.tasks import windows
 
 pytestmark = pytest.mark.slow
@@ -72,7 +84,7 @@ def tracked(workspace):
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         write_repository(root)
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
         yield root
 
 
@@ -99,7 +111,7 @@ def current(workspace) -> dict:
 def new_runs(workspace, values: dict = PARAMS) -> list:
     """Track, and return the runs that this added; those that were there must be as before, but for `current`."""
     before = all_runs(workspace)
-    track.track(workspace, values)
+    mlflow_runs.track(workspace, values)
     after = all_runs(workspace)
     for run_id, run in before.items():
         assert after[run_id].data.metrics.keys() == run.data.metrics.keys()
@@ -122,12 +134,12 @@ def test_a_run_says_what_was_trained_and_how_well_it_does(workspace, tracked):
     assert run.info.run_name == "LoMP, press, seed 1" and run.info.status == "FINISHED"
     assert run.info.end_time - run.info.start_time == 2000  # the training's seconds in ms
     assert run.data.params == {
-        **{"model": "LoMP", "protocol": "press", "seed": "1"},
+        **{"model": "LoMP", "protocol": "press", "budget": "look", "seed": "1"},
         **{"hidden": "8", "training.learning_rate": "0.001"},
     }
-    scores = {"single.rmse": 9.5, "parameters": 17.0, "train_s": 2.0, "latency.batch_256.p50_ms": 0.5}
-    assert run.data.metrics.items() >= scores.items()
-    tags = {"unit.rmse": "kPa", "published.single.rmse": "2.17", "stop_reason": "closed_form"}
+    scores = {"main/single.rmse": 9.5, "published/single.rmse": 2.17, "more/parameters": 17.0, "more/train_s": 2.0}
+    assert run.data.metrics.items() >= (scores | {"more/latency.batch_256.p50_ms": 0.5}).items()
+    tags = {"unit.rmse": "kPa", "stop_reason": "closed_form", "budget": "look", "shown": "true"}
     assert run.data.tags.items() >= tags.items()
     curve = client(workspace).get_metric_history(run.info.run_id, "validation_loss")
     assert [(point.step, point.value) for point in curve] == [(n, 10.0 / n) for n in range(1, EPOCHS + 1)]
@@ -136,7 +148,7 @@ def test_a_run_says_what_was_trained_and_how_well_it_does(workspace, tracked):
     note = run.data.tags["mlflow.note.content"]
     assert "float32 (n, 6) in counts" in note and "float32 (n, 3, 5) in kPa" in note
     about = client(workspace).get_experiment_by_name("touch").tags["mlflow.note.content"]
-    assert "float32 (n, 6) in counts" in about and "`unit.<metric>`" in about
+    assert about.startswith("Touch: a run per model") and "`unit.<metric>`" in about
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -158,15 +170,15 @@ def test_every_run_opens_with_its_own_weights(workspace, tracked, tmp_path, monk
 def test_a_second_call_adds_nothing_and_prints_the_comparison(workspace, tracked, capsys):
     assert not new_runs(workspace)
     said = capsys.readouterr().out
-    assert "velostat_recorded: not run, so nothing to track (recordings not downloaded)" in said
+    assert "velostat_recorded: not run here (recordings not downloaded)" in said
     number = client(workspace).get_experiment_by_name("touch").experiment_id
-    start, _, query = said.strip().splitlines()[-1].partition("/runs?")
+    start, _, query = said.strip().splitlines()[-2].partition("/runs?")
     where = f"http://127.0.0.1:5055/#/experiments/{number}"
     assert start.endswith(f": 0 of 4 runs are new in MLflow; compare them at {where}")
     assert parse_qs(query, strict_parsing=True) == {
         "workflowType": ["machine_learning"],
-        "searchFilter": ["tags.current = 'true' and tags.protocol = 'press'"],
-        "orderByKey": ["metrics.`single.rmse`"],
+        "searchFilter": ["tags.current = 'true' and tags.shown = 'true' and tags.protocol = 'press'"],
+        "orderByKey": ["metrics.`main/single.rmse`"],
         "orderByAsc": ["true"],
         "compareRunsMode": ["CHART"],
     }
@@ -181,7 +193,7 @@ def test_another_result_adds_a_run_and_the_old_one_stays(workspace, tracked):
     trained = weights.read_bytes()
     weights.write_bytes(b"trained anew")
     new = {(run.data.tags["model"], run.data.tags["seed"]): run for run in new_runs(workspace)}
-    assert new.keys() == {LINEAR, ("lomp", "1")} and new[LINEAR].data.metrics["single.rmse"] == 8.75
+    assert new.keys() == {LINEAR, ("lomp", "1")} and new[LINEAR].data.metrics["main/single.rmse"] == 8.75
     assert current(workspace)[LINEAR].info.run_id == new[LINEAR].info.run_id
     assert all_runs(workspace)[first].data.tags["current"] == "false"
     workspace.scores("touch").write_text(former)
@@ -196,7 +208,7 @@ def test_a_failed_run_is_logged(workspace, tracked):
     history = workspace.run_folder("touch", "linear", "press", 0) / "history.csv"
     curve = change(history, "validation_loss", np.inf)
     (new,) = new_runs(workspace)
-    assert np.isnan(new.data.metrics["single.rmse"]) and new.info.status == "FINISHED"
+    assert np.isnan(new.data.metrics["main/single.rmse"]) and new.info.status == "FINISHED"
     assert "validation_loss" not in new.data.metrics and new.data.metrics["train_loss"] == 9.0
     history.write_text(curve)
     workspace.scores("touch").write_text(former)
@@ -217,24 +229,24 @@ def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tra
     number = client(workspace).get_experiment_by_name("touch").experiment_id
     client(workspace).delete_experiment(number)
     with pytest.raises(InputError, match=f"experiment touch was deleted there.*restore -x {number}"):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
     client(workspace).restore_experiment(number)
     shutil.copytree(tracked, tmp_path / "copy")
     with pytest.raises(InputError, match=r"^mlruns/mlflow.db: .* moved or copied; delete mlruns"):
-        track.track(Workspace(tmp_path / "copy"), PARAMS)
+        mlflow_runs.track(Workspace(tmp_path / "copy"), PARAMS)
 
 
 def test_conditions_of_any_name_are_logged_apart(workspace, tracked):
     former = change(workspace.scores("touch"), "condition", "two fingers (90°)::größer")
     (new,) = new_runs(workspace)
-    assert new.data.metrics["two fingers _90____größer.rmse"] == 8.5
+    assert new.data.metrics["main/two fingers _90____größer.rmse"] == 8.5
     table = pd.read_csv(workspace.scores("touch"))
     alike = table[:1].assign(condition="two fingers [90°]::größer")
     pd.concat([table, alike]).to_csv(workspace.scores("touch"), index=False)
     with pytest.raises(InputError, match="scores.csv: two rows for the same condition and metric"):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
     workspace.scores("touch").write_text(former)
-    track.track(workspace, PARAMS)
+    mlflow_runs.track(workspace, PARAMS)
 
 
 def test_a_run_of_an_unknown_id_is_one_sentence(workspace, tracked, tmp_path):
@@ -262,7 +274,7 @@ def test_a_missing_file_is_named_and_nothing_is_logged(workspace, tracked, file,
     path, before = tracked / "data" / "touch" / file, all_runs(workspace).keys()
     away = path.rename(path.with_suffix(".away"))
     with pytest.raises(InputError, match=named):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
     away.rename(path)
     assert all_runs(workspace).keys() == before
 
@@ -270,12 +282,12 @@ def test_a_missing_file_is_named_and_nothing_is_logged(workspace, tracked, file,
 def test_missing_rows_and_other_settings_are_named(workspace, tracked):
     former = change(workspace.scores("touch"), "seed", 7)
     with pytest.raises(InputError, match=r"scores.csv: no row for protocol press, model linear, seed 0"):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
     workspace.scores("touch").write_text(former)
     other = copy.deepcopy(PARAMS)
     other["touch"]["models"]["lomp"]["hidden"] = 16
     with pytest.raises(InputError, match=r"press-0/fit.json: was made with other settings than touch.models.lomp"):
-        track.track(workspace, other)
+        mlflow_runs.track(workspace, other)
 
 
 @pytest.mark.parametrize(
@@ -286,7 +298,7 @@ def test_an_unreachable_store_is_one_sentence_without_secrets(workspace, tracked
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
     with pytest.raises(SystemExit) as ended:
-        run_stage(lambda: track.track(workspace, PARAMS), workspace.params)
+        run_stage(lambda: mlflow_runs.track(workspace, PARAMS), workspace.params)
     message = str(ended.value)
     assert message.startswith("error: MLFLOW_TRACKING_URI: the MLflow store cannot be used") and "\n" not in message
     assert "s3cret" not in message + "".join(capfd.readouterr()) + caplog.text
@@ -297,8 +309,91 @@ def test_a_locked_or_damaged_store_is_one_sentence(workspace, tracked, monkeypat
     with sqlite3.connect(tracked / "mlruns" / "mlflow.db") as other:
         other.execute("begin exclusive")
         with pytest.raises(InputError, match="^mlruns/mlflow.db: .* cannot be used .*locked.*close what else uses it"):
-            track.track(workspace, PARAMS)
+            mlflow_runs.track(workspace, PARAMS)
     (tmp_path / "damaged.db").write_text("not a database" * 100)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'damaged.db'}")
     with pytest.raises(InputError, match="cannot be used .*not a database.*move a damaged file away"):
-        track.track(workspace, PARAMS)
+        mlflow_runs.track(workspace, PARAMS)
+
+
+def runs_of_evidence(workspace) -> dict:
+    """(model, protocol, budget) -> run of touch in the store of a workspace."""
+    return {
+        tuple(run.data.tags[key] for key in ("model", "protocol", "budget")): run
+        for run in all_runs(workspace).values()
+    }
+
+
+@pytest.fixture(scope="module")
+def committed(tmp_path_factory):
+    """A clone in which nothing was computed, whose evidence on touch is in its store."""
+    workspace = Workspace(tmp_path_factory.mktemp("clone"))
+    (workspace.root / "evidence").symlink_to(ROOT / "evidence")
+    values = params.load(ROOT / "params.yaml") | {"experiments": ["touch"]}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        mlflow_runs.track(workspace, values)
+        yield workspace, values
+
+
+def test_a_clone_has_the_means_over_seeds_of_the_evidence(committed):
+    workspace, _ = committed
+    runs = runs_of_evidence(workspace)
+    rows = shards.read(workspace)
+    rows = rows[(rows.experiment == "touch") & (rows.protocol == "random_window") & (rows.condition == "double")]
+    rows = rows[(rows.model == "lomp") & (rows.metric == "rmse") & (rows.budget == "full") & rows.variant.isna()]
+    run = runs["lomp", "random_window", "full"]
+    assert run.info.run_name == f"LoMP, random_window, full budget, {len(rows)} seeds"
+    assert run.data.metrics["main/double.rmse"] == pytest.approx(rows.value.mean())
+    assert run.data.metrics["published/double.rmse"] == 7.49 and run.data.tags["unit.rmse"] == "kPa"
+    seeds = client(workspace).get_metric_history(run.info.run_id, "seeds/double.rmse")
+    assert {point.step: point.value for point in seeds} == dict(zip(rows.seed, rows.value, strict=True))
+    times = pd.read_csv(ROOT / "evidence" / "times.csv")
+    times = times[times.shard.str.fullmatch(r"touch_random_window(_lomp)?-\d+-full") & (times.model == "lomp")]
+    assert run.info.end_time - run.info.start_time == pytest.approx(1000 * times.train_s.mean(), abs=1)
+    assert runs["linear", "random_window", "none"].data.tags["shown"] == "true"
+    assert runs["lomp", "press", "half"].data.tags["shown"] == "false", "where there is the full budget"
+    assert not any("data" in key for key in runs), "rows that are of no model"
+
+
+def test_the_link_opens_the_models_compared_by_their_main_score(committed, capsys, tmp_path):
+    """In a browser, with MLflow's server on the store, as docs/runs.md starts it."""
+    if not browser.executable():
+        pytest.skip("no Chromium on the path")
+    workspace, values = committed
+    capsys.readouterr()
+    mlflow_runs.track(workspace, values)
+    said = capsys.readouterr().out.strip()
+    assert said.startswith("touch: 0 of ")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    store = f"sqlite:///{mlflow_store.folder(workspace) / 'mlflow.db'}"
+    host, _, port = address.partition(":")
+    server = subprocess.Popen(
+        [*f"{sys.executable} -m mlflow ui --workers 1 --host {host} --port {port} --backend-store-uri".split(), store],
+        env=os.environ | {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # its worker ends with it
+    )
+    tab = browser.Browser(tmp_path / "profile")
+    try:
+        until(lambda: not socket.socket().connect_ex((host, int(port))), 120)
+        tab.width(1600)
+        tab.open(said.split()[-1].replace("127.0.0.1:5055", address))
+        slowly = "new Promise(done => setTimeout(() => done(document.body.innerText), 500))"
+        until(lambda: "main/double.rmse" in tab.run(slowly).partition("matching runs")[2], 120)
+        listed, _, charts = tab.run(slowly).partition(" matching runs")
+    finally:
+        tab.close()
+        os.killpg(server.pid, signal.SIGTERM)
+        server.wait(30)
+    there = [run for run in runs_of_evidence(workspace).values() if run.data.tags["shown"] == "true"]
+    there = [run for run in there if run.data.tags["protocol"] == "random_window"]
+    assert listed.endswith(str(len(there)))
+    best = sorted(there, key=lambda run: run.data.metrics["main/double.rmse"])
+    places = [listed.index(run.info.run_name) for run in best]
+    assert places == sorted(places), "the lowest error first"
+    first, *others = (charts.index(name) for name in ("main/double.rmse", "main/single.rmse", best[0].info.run_name))
+    assert first < min(others), "the chart of the main score is the first"

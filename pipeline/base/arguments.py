@@ -1,9 +1,11 @@
 """Command lines of stages, studies and commands: one parser, with `--help` from the module's own docstring."""
 
 import argparse
+import contextlib
+import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -24,6 +26,33 @@ def _workspace(text: str) -> Workspace:
     if not Path(text).is_dir():
         raise argparse.ArgumentTypeError(f"there is no folder {text}")
     return Workspace(Path(text))
+
+
+QUIET = {"-q", "--quiet"}
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Add what a program that calls a command wants: `--json`, which `answer` heeds, and `--quiet`."""
+    output = parser.add_mutually_exclusive_group()
+    output.add_argument("--json", action="store_true", help="print the result as JSON; words go to standard error")
+    output.add_argument(*sorted(QUIET, key=len), action="store_true", help="print errors alone")
+
+
+@contextlib.contextmanager
+def silenced(given: argparse.Namespace) -> Iterator[None]:
+    """Keep what is printed for people off standard output, where `--json` or `--quiet` of `add_output` was given."""
+    with contextlib.ExitStack() as stack:
+        if getattr(given, "quiet", False):
+            stack.enter_context(contextlib.redirect_stdout(stack.enter_context(open(os.devnull, "w"))))
+        elif getattr(given, "json", False) and hasattr(given, "quiet"):
+            stack.enter_context(contextlib.redirect_stdout(sys.stderr))
+        yield
+
+
+def answer(given: argparse.Namespace, result: Mapping) -> None:
+    """Print the result of a command on standard output, where `--json` was given."""
+    if getattr(given, "json", False):
+        print(json.dumps(result, indent=1), file=sys.__stdout__, flush=True)
 
 
 def of_study(doc: str | None, experiments: Sequence[str]) -> tuple[str, int]:

@@ -20,6 +20,7 @@ import pyarrow.compute as pc
 from scipy.optimize import linear_sum_assignment
 
 from pipeline import experiments
+from pipeline.base import arguments
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import labels, schemas
@@ -626,6 +627,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = "what the logs are of, where their names or settings.yaml do not tell it"
     parser.add_argument("experiment", nargs="?", choices=tuple(LOGS), help=kinds)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
+    arguments.add_output(parser)
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
@@ -637,6 +639,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     values = own_settings.of_logs(workspace, experiment, folder)
     own_settings.say_left_out(values[experiment], experiment)
     first = check(workspace, experiment, folder, values) or own_data.unnoticed(workspace, place)
+    result = {"experiment": experiment, "folder": str(folder), "ready": first is None, "fix_first": first}
+    arguments.answer(given, result)
     if first is not None:
         sys.exit(f"fix first: {first}")
     place = own_data.setting(workspace, place)

@@ -1,4 +1,4 @@
-"""What people run by hand: check, sheet, try, record; predict, export, live; fetch, calibrate, search rates, pack.
+"""Predict with trained models, read your own sensor, and compute the evidence on three papers of soft tactile sensing.
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
 `main(workspace, given)` runs it with the arguments given. Only the module of the command that is called is imported;
@@ -9,50 +9,88 @@ import argparse
 import ast
 import difflib
 import importlib
+import os
 import sys
+import textwrap
 from collections.abc import Collection
 from pathlib import Path
 
 from pipeline.base import arguments
 from pipeline.base.errors import run_stage
 
-COMMANDS = {  # command -> its module
-    "check": "check",
-    "sheet": "sheet",
-    "import": "import_logs",
-    "fetch": "fetch",
-    "record": "record",
-    "try": "quick_look",
-    "own": "own",
-    "predict": "predict",
-    "export": "export",
-    "live": "live",
-    "fit-material": "fit_material",
-    "fit-strain": "fit_strain",
-    "evidence": "evidence",
-    "pack": "pack",
-    "unpack": "unpack",
-    "calibrate": "calibrate",
-    "rates": "rates",
-    "bundle": "bundle",
+GROUPS = {  # heading of the help -> command -> its module
+    "Use a trained model": {
+        "demo": "demo",
+        "predict": "predict",
+        "live": "live",
+        "export": "export",
+    },
+    "Your own sensor": {
+        "import": "import_logs",
+        "record": "record",
+        "check": "check",
+        "sheet": "sheet",
+        "try": "quick_look",
+        "own": "own",
+    },
+    "The evidence on the papers": {
+        "fetch": "fetch",
+        "evidence": "evidence",
+        "track": "track",
+        "pack": "pack",
+        "unpack": "unpack",
+        "bundle": "bundle",
+    },
+    "Maintain the scenes and models": {
+        "fit-material": "fit_material",
+        "fit-strain": "fit_strain",
+        "calibrate": "calibrate",
+        "rates": "rates",
+        "cards": "cards",
+    },
 }
+COMMANDS = {command: module for commands in GROUPS.values() for command, module in commands.items()}
+PACKAGE = "tactile-reproduction"
+WIDTH, COLUMN = 100, 15  # characters of a line of the help, and before the words on a command
 
 
 def parser_of(called: Collection[str]) -> argparse.ArgumentParser:
     """Return the parser of `tactile`, in which the commands `called` know their arguments and the others do not."""
-    parser = argparse.ArgumentParser(prog="tactile", description=_words("command_line").partition("\n")[0])
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    parser = argparse.ArgumentParser(
+        prog="tactile",
+        usage="tactile COMMAND ...",
+        description=_words("command_line").partition("\n")[0],
+        epilog="\n\n".join(_group(heading, commands) for heading, commands in GROUPS.items())
+        + "\n\n`--help` behind a command says more. A first look: `tactile demo`.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and the commit, and exit")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", help=argparse.SUPPRESS)
     for name, module in COMMANDS.items():
-        words = _words(module)
-        command = commands.add_parser(name, help=words.partition("\n")[0])
+        command = commands.add_parser(name)
         if name in called:
             imported = importlib.import_module(f"pipeline.commands.{module}")
-            command.description = words
+            command.description = _words(module)
             command.formatter_class = argparse.RawDescriptionHelpFormatter
             arguments.add_root(command)
             imported.add_arguments(command)
             command.set_defaults(main=imported.main)
     return parser
+
+
+def _group(heading: str, commands: Collection[str]) -> str:
+    """Return a heading with its commands below, each with the first line of its module."""
+    lines = [
+        textwrap.fill(
+            _words(COMMANDS[name]).partition("\n")[0],
+            WIDTH,
+            initial_indent=f"  {name}".ljust(COLUMN),
+            subsequent_indent=" " * COLUMN,
+        )
+        for name in commands
+    ]
+    return "\n".join([f"{heading}:", *lines])
 
 
 def _words(module: str) -> str:
@@ -61,18 +99,32 @@ def _words(module: str) -> str:
     return ast.get_docstring(ast.parse(text))
 
 
+def version() -> str:
+    """Return the version of the package and the commit of the checkout."""
+    from importlib import metadata  # here: it takes longer than all else of the help
+
+    from pipeline.base import paths, provenance
+
+    commit, changed = provenance.git_state(paths.Workspace(paths.CODE.parent))
+    return f"tactile {metadata.version(PACKAGE)}, commit {commit}{' with changes' if changed == 'true' else ''}"
+
+
 def main() -> None:
     """Run the command named on the command line; a wrong one ends with a sentence and exit status 2."""
-    if not sys.argv[1:]:
-        parser_of(()).print_help()
+    name = next(iter(sys.argv[1:]), "--help")
+    if name == "--version":
+        print(version())
         return
-    name = sys.argv[1]
     if not name.startswith("-") and name not in COMMANDS:
         near = difflib.get_close_matches(name, COMMANDS, n=1)
         said = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(COMMANDS)}"
-        sys.exit(f"error: there is no command '{name}'; {said}")
-    given = parser_of(sys.argv[1:2]).parse_args()
-    run_stage(lambda: given.main(given.root, given), given.root.params)
+        print(f"error: there is no command '{name}'; {said}", file=sys.stderr)
+        sys.exit(2)
+    if arguments.QUIET & set(sys.argv[2:]):
+        os.environ["TQDM_DISABLE"] = "1"  # read when tqdm is imported
+    given = parser_of([name]).parse_args(sys.argv[1:] or [name])
+    with arguments.silenced(given):
+        run_stage(lambda: given.main(given.root, given), given.root.params)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pipeline.base import files, params
+from pipeline.base import arguments, files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 
@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", type=Path, metavar="LOGS")
     parser.add_argument("--out", type=Path, metavar="OUT", help="a folder; what it holds is replaced")
     parser.add_argument("--no-pictures", action="store_true", help="write the table and the summary only")
+    arguments.add_output(parser)
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
@@ -82,6 +83,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     if len(predicted) > MOST_PICTURES and not given.no_pictures:
         print(f"the first {MOST_PICTURES} recordings are drawn")
     print(f"written to {target}")
+    arguments.answer(given, predictions.read_summary(target) | {"written_to": str(target), "not_read": unread})
     if unread:
         print("not read:", *unread, sep="\n  ")
         raise InputError(f"{len(unread)} of {len(logs)} logs cannot be read; the others are predicted")

@@ -1,8 +1,8 @@
-"""Log every trained model of an experiment as a run of MLflow, from the files that the stages wrote.
+"""Log results as runs of MLflow, from files alone: means over seeds of the evidence, and each training of the look.
 
 A run is known by its content, a digest of settings, scores and weights. So a second call logs nothing, and a changed
-result is a new run. No run is ever deleted or changed, but for its tag `current`: "true" where the last call found its
-content among the results, "false" where it did not. Times (`train_s`, `latency.*`) are no part of the content.
+result is a new run. No run is ever deleted or changed, but for its tags `current` ("true" where the last call found its
+content among the results) and `shown` (of the budget whose numbers the reports show). Times are no part of the content.
 """
 
 import hashlib
@@ -10,23 +10,27 @@ import importlib.metadata
 import json
 import os
 import re
+import shutil
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from tqdm import tqdm
 
 from pipeline.base import files, params, paths, provenance
+from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store
 from pipeline.reporting.words import labels
-from pipeline.scoring import published, results
+from pipeline.scoring import one_table, published, results, shards, units
+from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
 # What a loaded model imports, and pandas, which MLflow hands it tables with. MLflow finds this out in seconds a model.
@@ -39,83 +43,160 @@ CURVES = ("train_loss", "validation_loss", "learning_rate")
 COUNTS = ("best_epoch", "epochs", "parameters", "macs")
 PER_CALL = 1000  # metrics that MLflow takes at once
 NOTE = "mlflow.note.content"  # the tag that MLflow shows as the description of a run or an experiment
+ERRORS = (".rmse", ".error", ".macro_precision", ".accuracy")  # how the names end of what models are compared by
+OF, SCORE = ["experiment", "model", "protocol", "budget"], ["condition", "metric", "unit"]
+NO_EPOCHS = "none"  # budget of a model that is not trained in epochs
 ABOUT = (
-    "one run per trained model, protocol and seed. Metrics are `<condition>.<metric>` on the test part, in the unit of "
-    "the tag `unit.<metric>`; the tag `published.<condition>.<metric>` is what the paper prints, in the same unit, on "
-    "its own split. `train_s` is in s, `latency.*` in ms. The tag `current` is true for the results logged last."
+    "a run per model, protocol and budget of training (`full`, `half`), the mean over seeds of the committed evidence; "
+    "and where `dvc repro` was run, one per training of it (budget `look`). `main/<condition>.<metric>` is a score on "
+    "the test part in the unit of the tag `unit.<metric>`, `published/` what the paper prints, in that unit, on its "
+    "own split, `seeds/` each seed's score, with the seed as the step. The duration is that of training."
 )
+MAIN = {  # experiment -> protocols of which the first that was run is compared, the paper's own before the strict one
+    "touch": (("random_window", "press"), "main/double.rmse"),
+    "velostat_recorded": (("repetition",), "main/all.rmse"),
+    "strain": (("task_2",), "main/task_2.error"),
+    "strain_recorded": (("across_days_xy",), "main/day_2.error"),
+    "glove": (("random_frames_combined", "session_combined"), "main/combined.macro_precision"),
+    "glove_recorded": (("grasp_combined",), "main/combined.macro_precision"),
+}
 NOT_TAKEN = re.compile(r"[^\w.\- ]")  # letters that MLflow does not take in a metric's name
 
 
-class TrainedRun(NamedTuple):
-    """One trained model as its files say, without its learning curve."""
+class Run(NamedTuple):
+    """One run as files say; of a training with the folder of its model."""
 
-    model: str
-    protocol: str
-    seed: int
-    folder: Path
-    settings: dict[str, str]  # the model's block of settings as params of MLflow: `training.epochs` -> "40"
-    metrics: dict[str, float]  # `<condition>.<metric>`, counts, and what was measured
-    tags: dict[str, str]  # units, published values, how the training ended, and the content
+    name: str
+    tags: dict[str, str]  # what it is of, units, how a training ended, and the content
+    params: dict[str, str]  # the model's block of settings, as `training.epochs` -> "40"
+    points: list[tuple[str, float, int]]  # (metric, value, step)
+    train_s: float
+    folder: Path | None = None
 
 
-def read_runs(workspace: Workspace, experiment: str, values: Mapping) -> list[TrainedRun]:
-    """Read every run that params.yaml (`values`) lists for an experiment: model, then protocol, then seed.
+def _run(experiment: str, of: Mapping[str, str], seeds: str, content: list, scores: pd.DataFrame, **more) -> Run:
+    """Return a run without its curves; of: its model, protocol and budget; scores: condition, metric, unit and value.
+
+    Raises InputError for two rows of the same name.
+    """
+    points, tags = {}, {}
+    for row in scores.itertuples():
+        base = f"{NOT_TAKEN.sub('_', row.condition)}.{row.metric}"
+        if (name := f"{'main' if base.endswith(ERRORS) else 'more'}/{base}") in points:
+            raise InputError(f"two rows for the same condition and metric of {', '.join(of.values())}, {seeds}")
+        points[name], tags[f"unit.{row.metric}"] = float(row.value), str(row.unit)
+        if np.isfinite(printed := published.score(experiment, of["model"], row.condition, row.metric)):
+            points[f"published/{base}"] = printed
+    identity = [experiment, *of.values(), seeds, *content, points]
+    tags["content"] = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+    label = labels.model_name(of["model"])
+    budget = [f"{of['budget']} budget"] * (of["budget"] in (HALF, FULL))
+    name = ", ".join([label, of["protocol"], *budget, seeds])
+    settings = {**of, "model": label}
+    listed = [(key, value, 0) for key, value in points.items()]
+    return Run(name, tags | of | {"experiment": experiment}, settings, listed, more.pop("train_s"), **more)
+
+
+def evidence(workspace: Workspace) -> dict[str, list[Run]]:
+    """Return the committed results of each experiment, of a model, protocol and budget the mean over seeds."""
+    rows = shards.read(workspace).fillna({"variant": "", "budget": NO_EPOCHS})
+    if rows.empty:
+        return {}
+    sets = {name: each for name, each in shards.read_sets(workspace).items() if not (each.study or each.variant)}
+    times = shards.table(shards.folder(workspace) / "times.csv", shards.TIMES).astype({"train_s": float})
+    named = [name.rsplit("-", 2) for name in times["shard"]]  # set, seed, budget
+    times["experiment"] = [sets[name].experiment if name in sets else "" for name, *_ in named]
+    times["budget"] = [budget for *_, budget in named]
+    trained = pd.concat([times, times.assign(budget=NO_EPOCHS)]).groupby(OF)["train_s"].mean()
+    rows = rows[(rows["variant"] == "") & ~rows["metric"].str.endswith(units.SUFFIX)]
+    means = rows.groupby([*OF, *SCORE], sort=False)["value"].mean().reset_index()
+    means = dict(list(means.groupby(OF)))
+    runs: dict[str, list[Run]] = {}
+    for key, group in rows.groupby(OF):
+        each = [(row.condition, row.metric, int(row.seed), row.value) for row in group.itertuples()]
+        count, of = group["seed"].nunique(), dict(zip(OF[1:], key[1:], strict=True))
+        seeds = f"{count} seed{'s' * (count > 1)}"
+        run = _run(key[0], of, seeds, sorted(each), means[key], train_s=float(trained.get(key, np.nan)))
+        failed = group[group["value"].isna()]["seed"].nunique()
+        run.points.extend([("more/seeds", count, 0), ("more/failed_seeds", failed, 0)])
+        of_seeds = [(f"seeds/{NOT_TAKEN.sub('_', at)}.{metric}", x, seed) for at, metric, seed, x in each]
+        run.points.extend(point for point in of_seeds if point[0].endswith(ERRORS))
+        if any(name.startswith("main/") for name, *_ in run.points):  # a model, not a property of the data
+            runs.setdefault(key[0], []).append(run)
+    return runs
+
+
+def look(workspace: Workspace, experiment: str, values: Mapping) -> Iterator[Run]:
+    """Yield every training that params.yaml (`values`) lists for an experiment: model, then protocol, then seed.
 
     Raises InputError that names the first file, column or row that is missing, or the first model made with other
     settings: a run is complete, or it is not logged.
     """
-    settings, made_by = values[experiment], params.training_command(experiment)
-    scores = results.read_csv(
-        workspace.scores(experiment),
-        ["protocol", "condition", "model", "seed", "metric", "unit", "value"],
-        "dvc repro evaluate",
-    )
-    latency, runs = results.read_latency(workspace, experiment, settings), []
+    settings, made_by, file = values[experiment], params.training_command(experiment), workspace.scores(experiment)
+    columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value"]
+    scores = results.read_csv(file, columns, "dvc repro evaluate")
+    latency = results.read_latency(workspace, experiment, settings)
     for model in settings["models"]:
         speed = {f"latency.batch_{n}.p50_ms": latency[model, n]["p50_ms"] for n in settings["latency"]["batches"]}
-        file = workspace.training_times(experiment, model)
-        times = results.read_csv(file, ["protocol", "seed", "train_s"], made_by).set_index(["protocol", "seed"])
+        timed = workspace.training_times(experiment, model)
+        times = results.read_csv(timed, ["protocol", "seed", "train_s"], made_by).set_index(["protocol", "seed"])
         for protocol, seed in params.runs(values, experiment):
             if (protocol, seed) not in times.index:
-                raise InputError(f"{file}: no row for protocol {protocol}, seed {seed}; run `{made_by}` again")
+                raise InputError(f"{timed}: no row for protocol {protocol}, seed {seed}; run `{made_by}` again")
             folder = workspace.run_folder(experiment, model, protocol, seed)
-            paths.require(folder / "history.csv", made_by)
+            history = results.read_csv(folder / "history.csv", ["epoch", *CURVES], made_by)
             fit = fits.read_as_set(folder, values, experiment, model, protocol)
             flat = pd.json_normalize(fit["settings"]).to_dict("records")[0] if fit["settings"] else {}
             flat = {name: value if isinstance(value, str) else json.dumps(value) for name, value in flat.items()}
             of_run = scores[(scores.protocol == protocol) & (scores.model == model) & (scores.seed == seed)]
-            by_name, tags = _scores(experiment, model, of_run)
-            if not by_name or len(by_name) < len(of_run):
-                problem = "two rows for the same condition and metric of" if by_name else "no row for"
-                raise InputError(
-                    f"{workspace.scores(experiment)}: {problem} protocol {protocol}, model {model}, seed {seed}; "
-                    "run `dvc repro evaluate` again"
-                )
-            identity = [experiment, protocol, model, seed, flat, by_name, files.sha256(cards.weights_file(folder))]
-            tags |= {name: str(fit[name]) for name in ("stop_reason", "precision")}
-            tags["content"] = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
-            counts = {name: float(fit[name]) for name in COUNTS if fit[name] is not None}
-            measured = speed | {"train_s": float(times.train_s[protocol, seed])}
-            runs.append(TrainedRun(model, protocol, seed, folder, flat, by_name | counts | measured, tags))
-    return runs
+            if of_run.empty:
+                problem = f"{file}: no row for protocol {protocol}, model {model}, seed {seed}"
+                raise InputError(f"{problem}; run `dvc repro evaluate` again")
+            of = {"model": model, "protocol": protocol, "budget": LOOK}
+            train_s, digest = float(times.train_s[protocol, seed]), files.sha256(cards.weights_file(folder))
+            try:
+                run = _run(experiment, of, f"seed {seed}", [flat, digest], of_run, train_s=train_s, folder=folder)
+            except InputError as error:
+                raise InputError(f"{file}: {error}; run `dvc repro evaluate` again") from error
+            run.tags.update({name: str(fit[name]) for name in ("stop_reason", "precision")}, seed=str(seed))
+            run.params.update(flat, seed=str(seed))
+            more = {name: float(fit[name]) for name in COUNTS if fit[name] is not None}
+            run.points.extend((f"more/{name}", x, 0) for name, x in {**more, **speed, "train_s": train_s}.items())
+            curves = history.melt("epoch", CURVES)
+            run.points.extend((row.variable, row.value, int(row.epoch)) for row in curves.itertuples())
+            yield run
 
 
-def _scores(experiment: str, model: str, scores: pd.DataFrame) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the scores of a run's rows of scores.csv by MLflow's names, and tags with units and printed values."""
-    by_name, tags = {}, {}
-    for row in scores.itertuples():
-        name = f"{NOT_TAKEN.sub('_', row.condition)}.{row.metric}"
-        by_name[name], tags[f"unit.{row.metric}"] = float(row.value), str(row.unit)
-        if np.isfinite(printed := published.score(experiment, model, row.condition, row.metric)):
-            tags[f"published.{name}"] = str(printed)
-    return by_name, tags
+def track(workspace: Workspace, values: dict) -> None:
+    """Log the runs of all experiments of the settings (`values`), and print the link that compares each one's models.
+
+    Raises InputError if a file is missing or was made with other settings (nothing is logged then), or the store
+    cannot be used.
+    """
+    committed, runs, looked = evidence(workspace), {}, []
+    for experiment in values["experiments"]:
+        runs[experiment] = [] if experiment in one_table.of_own_logs(values) else committed.get(experiment, [])
+        if not (workspace.ingest_report(experiment).exists() or workspace.models(experiment).exists()):
+            continue
+        if reason := why_not_run(workspace, experiment):
+            print(f"{experiment}: not run here ({reason})")
+        else:
+            runs[experiment] += look(workspace, experiment, values)
+            looked.append(experiment)
+    provenance.check_settings(workspace, looked, values)
+    with mlflow_store.opened(workspace) as client:
+        for experiment, of_experiment in runs.items():
+            if not of_experiment:
+                print(f"{experiment}: no shard of the evidence, nor trained here, so nothing to track")
+                continue
+            new, link = log(workspace, client, experiment, values, of_experiment)
+            print(f"{experiment}: {new} of {len(of_experiment)} runs are new in MLflow; compare them at {link}")
 
 
-def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: list[TrainedRun]) -> tuple[int, str]:
-    """Log those of `runs`, as `read_runs` returns them, that the store lacks, and mark all of them as the current ones.
+def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: list[Run]) -> tuple[int, str]:
+    """Log those of `runs` that the store lacks, and mark all of them as the current ones.
 
-    client: MlflowClient. Return the number of new runs, and the link that compares those of the first protocol.
+    client: MlflowClient. Return the number of new runs, and the link that compares the models by their main score.
     """
     in_mlflow = mlflow_store.experiment_id(workspace, client, experiment)
     held, token = [], ""
@@ -127,84 +208,106 @@ def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: li
             client.set_terminated(run.info.run_id, "KILLED")
     known = {run.data.tags["content"]: run.info.run_id for run in held if run.info.status == "FINISHED"}
     new = [run for run in runs if run.tags["content"] not in known]
-    if new:
-        known |= _write(workspace, client, in_mlflow, experiment, values, new)
-    current = {known[run.tags["content"]] for run in runs}
+    known |= _write(workspace, client, in_mlflow, experiment, values, runs, new)
+    marks = {known[run.tags["content"]]: _marks(run, runs) for run in runs}
     for run in held:  # after the new ones are complete
-        if run.data.tags.get("current") != (mark := str(run.info.run_id in current).lower()):
-            client.set_tag(run.info.run_id, "current", mark)
-    first = next(iter(runs[0].metrics))  # of scores.csv
-    ascending = results.scale_of(first.rpartition(".")[2]) in (results.PLAIN, results.LOG)
-    return len(new), mlflow_store.link(in_mlflow, runs[0].protocol, first, ascending)
+        for tag, mark in marks.get(run.info.run_id, {"current": "false", "shown": "false"}).items():
+            if run.data.tags.get(tag) != mark:
+                client.set_tag(run.info.run_id, tag, mark)
+    protocols, score = MAIN.get(experiment, ((), ""))
+    protocol = next((at for at in protocols if any(run.tags["protocol"] == at for run in runs)), "")
+    first = next((run for run in runs if run.tags["protocol"] == protocol), runs[0])
+    score = score if score in [name for name, _, _ in first.points] else first.points[0][0]
+    ascending = results.scale_of(score.rpartition(".")[2]) in (results.PLAIN, results.LOG)
+    return len(new), mlflow_store.link(in_mlflow, first.tags["protocol"], score, ascending)
 
 
-def _write(workspace: Workspace, client, in_mlflow: str, experiment: str, values: Mapping, runs) -> dict[str, str]:
-    """Log runs; return content -> id. A run's status is FINISHED only when everything of it has been logged."""
+def _marks(run: Run, runs: list[Run]) -> dict[str, str]:
+    """Return the tags that say how a run stands among the present ones."""
+    there = {other.tags["budget"] for other in runs if other.tags["protocol"] == run.tags["protocol"]}
+    shown = next((budget for budget in (FULL, HALF) if budget in there), LOOK)
+    wanted = shown != LOOK and run.tags["budget"] == NO_EPOCHS or run.tags["budget"] == shown
+    return {"current": "true", "shown": str(wanted).lower()}
+
+
+def _write(workspace: Workspace, client, in_mlflow: str, experiment: str, values: Mapping, runs, new) -> dict[str, str]:
+    """Log the runs `new` of `runs`; return content -> id. A run is FINISHED only when all of it has been logged."""
     from mlflow.entities import Metric, Param  # here, because mlflow_store says first how MLflow starts
 
-    from pipeline.inference.describer import Describer  # here, because the import of torch takes 2 s
-
-    describer = Describer(workspace, values, experiment)
-    readings = describer.readings()
     commit, changed = provenance.git_state(workspace)
-    shared = {"experiment": experiment, "git_commit": commit, "git_changed": changed, "current": "true"}
+    shared = {"git_commit": commit, "git_changed": changed}
     if "DVC_EXP_NAME" in os.environ:
         shared["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
-    settings_files = [file for file in params.settings_files(workspace.params) if file.stem in ("params", experiment)]
-    name, made_by, written = labels.experiment_name(experiment), params.training_command(experiment), {}
-    for run in runs:
-        card, label = describer.card(run.model, run.protocol, run.seed, commit), labels.model_name(run.model)
-        told, identity = _told(card), {"protocol": run.protocol, "seed": str(run.seed)}
-        if not written:
-            client.set_experiment_tag(in_mlflow, NOTE, f"{name}: {ABOUT}\n\n{told['readings']}")
-        about = f"{label} on {name}, protocol {run.protocol}, seed {run.seed}."
-        history = results.read_csv(run.folder / "history.csv", ["epoch", *CURVES], made_by)
-        now = int(time.time() * 1000)  # files hold no date: a run ends now, and lasts as long as its training did
-        points = [
-            Metric(curve, value, now, int(epoch))
-            for curve in CURVES
-            for epoch, value in history[["epoch", curve]].to_numpy()
-            if np.isfinite(value)  # a diverged fit ends in a NaN, which no chart can draw; `stop_reason` says it
-        ]
-        points += [Metric(name, value, now, 0) for name, value in run.metrics.items()]
-        run_id = client.create_run(
-            in_mlflow,
-            start_time=now - round(1000 * run.metrics["train_s"]),
-            tags=run.tags | shared | identity | {"model": run.model, NOTE: "\n\n".join([about, *told.values()])},
-            run_name=f"{label}, {run.protocol}, seed {run.seed}",
-        ).info.run_id
-        settings = run.settings | identity | {"model": label}
-        client.log_batch(run_id, params=[Param(key, value) for key, value in settings.items()])
-        for first in range(0, len(points), PER_CALL):
-            client.log_batch(run_id, metrics=points[first : first + PER_CALL])
-        for file in (*settings_files, run.folder / "fit.json", run.folder / "history.csv"):
-            client.log_artifact(run_id, str(file))
-        with tempfile.TemporaryDirectory() as draft:
-            _save(Path(draft), run, card, readings)
-            client.log_artifacts(run_id, str(Path(draft, mlflow_store.MODEL)), mlflow_store.MODEL)
-        client.set_terminated(run_id, end_time=now)
-        written[run.tags["content"]] = run_id
+    name, written = labels.experiment_name(experiment), {}
+    if new:
+        client.set_experiment_tag(in_mlflow, NOTE, f"{name}: {ABOUT}")
+    with tempfile.TemporaryDirectory() as drafts:
+        models = Models(workspace, experiment, values, commit, Path(drafts)) if any(run.folder for run in new) else None
+        for run in tqdm(new, desc=f"track {experiment}", unit="run"):
+            now = int(time.time() * 1000)  # files hold no date: a run ends now, and lasts as long as its training did
+            lasts = 0 if np.isnan(run.train_s) else round(1000 * run.train_s)
+            folder, told = models.draft(run) if run.folder else (None, [])
+            note = "\n\n".join([f"{run.name} ({name}).", *told])
+            run_id = client.create_run(
+                in_mlflow, now - lasts, run.tags | shared | _marks(run, runs) | {NOTE: note}, run.name
+            ).info.run_id
+            # a diverged fit ends in a NaN, which no chart can draw; `stop_reason` says it
+            points = [Metric(key, x, now, step) for key, x, step in run.points if np.isfinite(x) or key not in CURVES]
+            settings = [Param(key, value) for key, value in run.params.items()]
+            for first in range(0, len(points), PER_CALL):
+                client.log_batch(run_id, points[first : first + PER_CALL], () if first else settings)
+            if folder:
+                client.log_artifacts(run_id, str(folder))
+            client.set_terminated(run_id, end_time=now)
+            written[run.tags["content"]] = run_id
     return written
 
 
-def _save(draft: Path, run: TrainedRun, card: cards.Card, readings: np.ndarray) -> None:
-    """Write a model of MLflow into a folder of the folder `draft`; nothing in it is pickled."""
-    import mlflow.pyfunc
-    from mlflow.models import ModelSignature
-    from mlflow.types import Schema, TensorSpec
+class Models:
+    """Makes the files of trainings: settings, curve, and a model that MLflow opens; nothing in it is pickled."""
 
-    number = np.dtype("float32")
-    taken, predicted = TensorSpec(number, (-1, card.inputs.columns)), TensorSpec(number, (-1, *card.output_shape))
-    cards.write(draft, card)
-    mlflow.pyfunc.save_model(
-        draft / mlflow_store.MODEL,
-        python_model=str(CODE),
-        artifacts={"card": str(draft / cards.NAME), "weights": str(cards.weights_file(run.folder))},
-        signature=ModelSignature(Schema([taken]), Schema([predicted])),
-        input_example=readings[: card.reach() + PREDICTED],
-        pip_requirements=[f"{name}=={importlib.metadata.version(name).partition('+')[0]}" for name in REQUIRED],
-        metadata=_told(card),
-    )
+    def __init__(self, workspace: Workspace, experiment: str, values: Mapping, commit: str, drafts: Path):
+        from pipeline.inference.describer import Describer  # here, because the import of torch takes 2 s
+
+        self.describer, self.commit, self.drafts = Describer(workspace, values, experiment), commit, drafts
+        self.readings, self.saved = self.describer.readings(), {}
+        self.settings = [
+            file for file in params.settings_files(workspace.params) if file.stem in ("params", experiment)
+        ]
+
+    def draft(self, run: Run) -> tuple[Path, list[str]]:
+        """Return the folder of a training's files, and sentences on what its model takes and gives."""
+        card = self.describer.card(run.tags["model"], run.tags["protocol"], int(run.tags["seed"]), self.commit)
+        told, weights, folder = _told(card), cards.weights_file(run.folder), self.drafts / "run"
+        key = (weights.name, card.reach(), *told.values())
+        if key not in self.saved:  # a second for MLflow; models alike but for their weights are copied
+            self.saved[key] = self.drafts / str(len(self.saved))
+            self._save(self.saved[key], card, weights, told)
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(self.saved[key], folder / mlflow_store.MODEL)
+        shutil.copy(weights, folder / mlflow_store.PACKAGE)
+        cards.write(folder / mlflow_store.PACKAGE, card)
+        for file in (*self.settings, run.folder / "fit.json", run.folder / "history.csv"):
+            shutil.copy(file, folder)
+        return folder, list(told.values())
+
+    def _save(self, target: Path, card: cards.Card, weights: Path, told: dict[str, str]) -> None:
+        import mlflow.pyfunc
+        from mlflow.models import ModelSignature
+        from mlflow.types import Schema, TensorSpec
+
+        number = np.dtype("float32")
+        taken, predicted = TensorSpec(number, (-1, card.inputs.columns)), TensorSpec(number, (-1, *card.output_shape))
+        cards.write(self.drafts, card)
+        mlflow.pyfunc.save_model(
+            target,
+            python_model=str(CODE),
+            artifacts={"card": str(self.drafts / cards.NAME), "weights": str(weights)},
+            signature=ModelSignature(Schema([taken]), Schema([predicted])),
+            input_example=self.readings[: card.reach() + PREDICTED],
+            pip_requirements=[f"{name}=={importlib.metadata.version(name).partition('+')[0]}" for name in REQUIRED],
+            metadata=told,
+        )
 
 
 def _told(card: cards.Card) -> dict[str, str]:

@@ -101,7 +101,7 @@ def link(experiment: str, protocol: str, metric: str, ascending: bool) -> str:
     """
     query = {
         "workflowType": "machine_learning",
-        "searchFilter": f"tags.current = 'true' and tags.protocol = '{protocol}'",
+        "searchFilter": f"tags.current = 'true' and tags.shown = 'true' and tags.protocol = '{protocol}'",
         "orderByKey": f"metrics.`{metric}`",
         "orderByAsc": str(ascending).lower(),
         "compareRunsMode": "CHART",

@@ -116,10 +116,15 @@ def file_names(names: Iterable[str]) -> list[str]:
     return list(chosen.values())
 
 
+def read_summary(folder: Path) -> dict:
+    """Return summary.json of a folder of predictions, as `write` wrote it."""
+    return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+
+
 def held(folder: Path) -> str | None:
     """Say what the predictions in a folder are of, as `origin`; None for a folder that holds none."""
     try:
-        summary_ = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        summary_ = read_summary(folder)
         return origin(summary_["model"], summary_.get("logs", "unknown logs"))
     except (OSError, ValueError, LookupError, TypeError):
         return None

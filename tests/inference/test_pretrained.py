@@ -3,20 +3,23 @@
 import argparse
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet
 import pytest
 from builders.project import ROOT
 
 from pipeline import experiments, scenes
-from pipeline.base import params
+from pipeline.base import arguments, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.commands import cards as model_cards
 from pipeline.commands import predict
 from pipeline.datasets import schemas, series, specimens
 from pipeline.inference import card as cards
@@ -55,6 +58,25 @@ def test_three_models_come_with_the_repository():
     assert PACKAGES == sorted([TOUCH, STRAIN, GLOVE])
     size = sum(file.stat().st_size for folder in PACKAGES for file in folder.iterdir())
     assert size < 5e6, "a few MB in all"
+
+
+@pytest.mark.parametrize("folder", PACKAGES, ids=lambda folder: folder.name)
+def test_the_model_card_says_what_the_results_say(folder):
+    said = model_cards.card_of(Workspace(ROOT), folder)
+    assert (folder / "README.md").read_text() == said, "run `tactile cards`"
+    headings = re.findall(r"^\*\*([^*]+)\*\*", said, re.MULTILINE)
+    assert headings == ["What for.", "Which sensor.", "How good.", "Limits.", "Licence.", "Made again"]
+
+
+def test_a_model_card_says_what_is_lost_on_another_specimen():
+    said = model_cards.card_of(Workspace(ROOT), STRAIN)
+    stress = pd.read_csv(ROOT / "reports" / "stress.csv")
+    of = stress[(stress.experiment == "strain") & (stress.perturbation == "specimen") & (stress.metric == "error")]
+    mean = of[of.condition == "task_2"].groupby(["model", of.severity > 0])["value"].mean()
+    (row,) = [line.split() for line in said.splitlines() if line.startswith("| task 2 ")]
+    assert float(row[4]) == pytest.approx(mean["lstm_direct", False], rel=0.01)
+    assert float(row[6]) == pytest.approx(mean["lstm_direct", True], rel=0.01)
+    assert float(row[8]) == pytest.approx(mean["constant", True], rel=0.01)
 
 
 @pytest.mark.parametrize("folder", PACKAGES, ids=lambda folder: folder.name)
@@ -228,6 +250,15 @@ def test_a_bad_log_among_others_is_listed_and_the_others_are_predicted(workspace
     assert summary["recording"] == "a"
     with pytest.raises(InputError, match="no line"):
         predicted(workspace, bad, tmp_path / "other")
+
+
+def test_a_program_gets_the_summary_as_json(workspace, undrawn, tmp_path, monkeypatch):
+    answers = []
+    monkeypatch.setattr(arguments, "answer", lambda given, result: answers.append(result))
+    predicted(workspace, write_log(tmp_path / "logs" / "a" / "array.log").parents[1], tmp_path / "out")
+    (answer,) = json.loads(json.dumps(answers))
+    assert answer["recordings"][0]["readings"] == LINES and answer["written_to"] == str(tmp_path / "out")
+    assert answer["model"]["model"] == "lomp_stream" and answer["not_read"] == []
 
 
 def test_a_folder_of_something_else_is_kept(workspace, double, tmp_path):

@@ -1,0 +1,93 @@
+"""Write the model card of every pretrained model, from its card.json, the evidence and the stress tests.
+
+pretrained/EXPERIMENT/MODEL/README.md says in words what the model is for, how large its error is and on what, where it
+fails, and how it is made again. To be called after the evidence, reports/stress.csv or a pretrained model has changed.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.base import files, paths
+from pipeline.base.paths import Workspace
+from pipeline.inference import card as cards
+from pipeline.reporting.words import labels
+from pipeline.reporting.words.templates import render
+from pipeline.scoring import one_table, results, shards
+from pipeline.scoring.claim_inputs import FULL
+
+FLOOR = "constant"  # the model that a useful one must beat
+SCORES = {  # experiment -> metric, its name and unit, how many of these one of ours is, whether a lower value is better
+    "touch": ("rmse", "RMSE in kPa", 1, True),
+    "strain": ("error", "Error in mm", 1, True),
+    "glove": ("accuracy", "Accuracy in %", 100, False),
+}
+
+
+def card_of(workspace: Workspace, folder: Path) -> str:
+    """Return the model card of a pretrained model in Markdown. Errors as of `cards.read` and `results.read_csv`."""
+    card = cards.read(folder)
+    metric, measure, factor, lower = SCORES[card.experiment]
+    kept = one_table.Results(shards.read(workspace).assign(**{one_table.WHOLE: False}))
+    rows = []
+    for score in card.scores:
+        if score.metric != metric or score.value is None:
+            continue
+        runs, floor = (
+            kept.runs(card.experiment, card.protocol, score.condition, model, metric, budget=FULL)
+            for model in (card.model, FLOOR)
+        )
+        worse = [k for k in runs.index if k in floor and (runs[k] >= floor[k] if lower else runs[k] <= floor[k])]
+        failed = {*runs.index[runs.isna()], *worse}
+        again, constant = (said(results.estimate(each, results.scale_of(metric)), factor) for each in (runs, floor))
+        task, value = labels.task_name(score.condition), f"{factor * score.value:.3g}"
+        rows.append([task, value, again, f"{len(failed)} of {len(runs)}", constant])
+    return render(
+        "model_card",
+        card=card,
+        name=labels.model_name(card.model),
+        measure=measure,
+        errors=(["Test part", "This model", "Trained again, mean [95 %]", "Failed", "A constant"], rows),
+        elsewhere=elsewhere(workspace, card),
+    )
+
+
+def said(estimate: results.Estimate, factor: float) -> str:
+    """Return a mean with its interval, times a factor, to three digits; a dash where nothing was run."""
+    if not estimate.runs:
+        return "-"
+    interval = f" [{factor * estimate.low:.3g}, {factor * estimate.high:.3g}]" if np.isfinite(estimate.low) else ""
+    return f"{factor * estimate.mean:.3g}{interval}"
+
+
+def elsewhere(workspace: Workspace, card: cards.Card) -> list[list[str]]:
+    """Return rows of what the same kind of model scores on another specimen, of reports/stress.csv.
+
+    A row: what was tested; the score on its own specimen, on others, and of a constant on the others; and how much of
+    its gain over a constant the model keeps there. These are models of `dvc repro`, with its small budget.
+    """
+    metric, _, factor, _ = SCORES[card.experiment]
+    columns = ["experiment", "condition", "model", "perturbation", "severity", "metric", "value"]
+    table = results.read_csv(workspace.reports / "stress.csv", columns, "dvc repro collect")
+    table = table[(table["experiment"] == card.experiment) & (table["perturbation"] == "specimen")]
+    rows = []
+    for condition, group in table[table["metric"] == metric].groupby("condition", sort=False):
+        mean = group.groupby(["model", group["severity"] > 0])["value"].mean()
+        own, other = mean[card.model, False], mean[card.model, True]
+        share = (mean[FLOOR, True] - other) / (mean[FLOOR, False] - own)
+        values = (f"{factor * value:.3g}" for value in (own, other, mean[FLOOR, True]))
+        rows.append([labels.task_name(condition), *values, f"{100 * share:.0f} %"])
+    return rows
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Take no argument."""
+
+
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
+    """Write the cards of all pretrained models."""
+    pretrained = paths.require(workspace.root / "pretrained", "git checkout pretrained")
+    for path in sorted(pretrained.glob(f"*/*/{cards.NAME}")):
+        files.write_text(path.with_name("README.md"), card_of(workspace, path.parent))
+        print(path.with_name("README.md"))
