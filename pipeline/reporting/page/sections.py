@@ -1,11 +1,11 @@
-"""Build the reviewer's page: answers, ours beside published, speed, every experiment, the studies, claims, provenance.
+"""Build the reviewer's pages: answers, claims and provenance on the first, every table and figure on the second.
 
-All of it comes from the tables in reports/; only what was measured by hand is shown as its Markdown says it. The page
-refers to figures in reports/, so that folder is what is passed on; nothing is loaded from a network. No date and no
-commit: the page is the same wherever the numbers are.
+All of it comes from the tables in reports/; only what was measured by hand is shown as its Markdown says it. The pages
+refer to figures in reports/, so that folder is what is passed on; nothing is loaded from a network. No date and no
+commit: the pages are the same wherever the numbers are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 import pandas as pd
@@ -17,86 +17,109 @@ from pipeline.base.availability import has_report, why_not_run, why_not_shown
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
+from pipeline.claims.rules import BAND
 from pipeline.logs.sources import SOURCES
 from pipeline.reporting import tables
-from pipeline.reporting.page import charts, claims
+from pipeline.reporting.figures import ratios
+from pipeline.reporting.page import answers, charts, claims
 from pipeline.reporting.page.hypertext import FOLDER, Figure, check_references, figure, fill, markdown, script
 from pipeline.reporting.speed import ESTIMATE, seconds
-from pipeline.reporting.studies import SUMMARY, TWIN_TITLES, sizes_title, stability_file
+from pipeline.reporting.studies import JOINED, SUMMARY, TWIN_TITLES, sizes_title, stability_file
 from pipeline.reporting.tables import Table
 from pipeline.reporting.verdicts import stability
 from pipeline.reporting.verdicts.sizes import JUDGED
-from pipeline.reporting.words.labels import capitalised, condition_name, experiment_name, model_name, plain, task_name
+from pipeline.reporting.words.labels import condition_name, experiment_name, model_name, perturbation, plain
 from pipeline.reporting.words.markdown import interval, number, size
-from pipeline.scoring import one_table, published
+from pipeline.scoring import one_table
 from pipeline.scoring.results import Estimate, read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
-OPENING = {"answers": "Answers", "compared": "Our errors over the published ones", "speed": "Speed against accuracy"}
+CONTENTS = {
+    "#answers": "Answers",
+    "#compared": "Our errors over the published ones",
+    "#speed": "Speed against accuracy",
+}
+CONTENTS |= {"#stability": "Stability", "#verdicts": "Every claim", "#provenance": "Provenance"}
+CONTENTS |= {"appendix.html": "Appendix"}
 NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "twins", "claims")
 PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "matplotlib")  # of those that make numbers
 PHYSICS = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "verdict", "consequence"]
 
 
-def build(workspace: Workspace, values: Mapping) -> str:
-    """Return the whole page; values: all settings."""
+def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
+    """Return the pages, file name -> HTML, and write their chart and the answers in README.md; values: all settings.
+
+    index.html has answers, speed, stability, claims and provenance, appendix.html all further tables and figures.
+    """
     content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
-    captions, judged = content["figures"], claims.read(workspace)
+    judged = claims.read(workspace)
     shown = {name: why_not_shown(workspace, name) for name in values["experiments"]}
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
+    found = answers.answers(workspace, judged, one_table.results(workspace, one_table.of_own_logs(values)), content)
+    ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
+    answers.write_readme(workspace, found)
     papers = entries.papers(workspace)
-    contents = [(key, name, []) for key, name in OPENING.items()]
-    simulated = {paper.simulated: paper.title for paper in papers.values() if paper.simulated in speeds}
-    titled = [last_panel(speeds[name], title) for name, title in simulated.items()]
-    kept = one_table.results(workspace, one_table.of_own_logs(values))
-    body = [
-        fill(
-            "answers",
-            claims=int(judged["kind"].isin(claims.claim_text.COUNTED).sum()),
-            cards=claims.cards(workspace, judged, content["answers"], captions),
-            verdicts=claims.VERDICTS,
-            beside=[(title, *beside(kept, name)) for name, title in simulated.items()],
-            speed=charts.data(pd.concat(titled), "Speed against accuracy", ["p50_ms"]) if titled else {},
-        )
+    simulated = {key: (paper.simulated, paper.title) for key, paper in papers.items() if paper.simulated in speeds}
+    titled = [
+        last_panel(speeds[name], title, content["answers"][paper]["conditions"])
+        for paper, (name, title) in simulated.items()
     ]
+    opening = fill(
+        "answers",
+        claims=int(judged["kind"].isin(claims.claim_text.COUNTED).sum()),
+        answers=found,
+        chart=figure(workspace, answers.CHART, "Our errors over the published ones, one panel per paper"),
+        verdicts=claims.VERDICTS,
+        speed=charts.data(pd.concat(titled), "Speed against accuracy", list(charts.AXES)) if titled else {},
+    )
+    first = [opening, stability_summary(workspace, failures), claims.section(workspace, judged)]
+    contents = [(key, name, []) for key, name in CONTENTS.items()]
+    index = page(HEADING, contents, [*first, provenance(workspace, data)])
+    body, contents = [], [("index.html", "Answers", [])]
     for key, paper in papers.items():
         inner = [name for name in (paper.simulated, paper.recorded) if name in shown]
         sections = []
         for name in inner:
             common = {"experiment": name, "name": experiment_name(name), "data": data[name], "reason": shown[name]}
             sections.append(
-                fill("experiment", **common, **experiment(workspace, name, speeds[name], failures, captions))
+                fill("experiment", **common, **experiment(workspace, name, speeds[name], failures, content["figures"]))
                 if not shown[name]
                 else fill("experiment", **common)
             )
         if inner:
             body.append(fill("paper", key=key, title=paper.title, sections=sections))
-            contents.append((key, paper.title, [(name, experiment_name(name)) for name in inner]))
+            contents.append((f"#{key}", paper.title, [(f"#{name}", experiment_name(name)) for name in inner]))
     parts = {
         "stability": stability_parts(workspace, failures),
         "rightsize": rightsize_parts(workspace),
         "physics": physics_parts(workspace),
         "twins": twins_parts(workspace),
-        **{name: document_parts(workspace, name, captions) for name in ("material", "benchmarks")},
+        **{name: document_parts(workspace, name, content["figures"]) for name in ("material", "benchmarks")},
+        "counts": counts_parts(workspace),
     }
     for key, chapter in content["chapters"].items():
         if parts[key]:
             body.append(fill("chapter", key=key, **chapter, parts=parts[key]))
-            contents.append((key, chapter["title"], []))
-    contents += [("verdicts", "Every claim", []), ("provenance", "Provenance", [])]
-    body += [claims.section(workspace, judged), provenance(workspace, data)]
+            contents.append((f"#{key}", chapter["title"], []))
+    pages = {"index.html": index, "appendix.html": page(f"{HEADING}: appendix", contents, body)}
+    for name in pages:
+        check_references(workspace, name, pages)
+    return pages
+
+
+def page(heading: str, contents: list[tuple], body: list[Markup]) -> str:
+    """Return a whole page; contents: (address, name, the same of what is in it)."""
     html = fill(
         "page",
-        heading=HEADING,
+        heading=heading,
         style=script("page.css"),
         contents=contents,
         body=Markup("\n").join(body),
         libraries=Markup("\n").join(map(script, ("vendor/d3.min.js", "vendor/plot.umd.min.js"))),
         scripts=Markup("\n").join(map(script, ("page.js", "charts.js"))),
     )
-    check_references(workspace, str(html))
     return str(html)
 
 
@@ -106,43 +129,11 @@ def speed_table(workspace: Workspace, experiment: str) -> pd.DataFrame:
     return read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
 
 
-def last_panel(speeds: pd.DataFrame, title: str) -> pd.DataFrame:
-    """Return the rows of the last panel of a speed table, its main condition, with a title before its name."""
-    panel = speeds["panel"].iloc[-1]
+def last_panel(speeds: pd.DataFrame, title: str, printed: Container[str]) -> pd.DataFrame:
+    """Return the rows of the last panel, of a condition that a paper prints, with a title before its name."""
+    of_paper = speeds[speeds["condition"].isin(printed)]
+    panel = (of_paper if len(of_paper) else speeds)["panel"].iloc[-1]
     return speeds[speeds["panel"] == panel].assign(panel=f"{title}: {panel}")
-
-
-def beside(results: one_table.Results, experiment: str) -> tuple[str, Table]:
-    """Return what a paper prints of a simulated experiment, and a table of it beside ours on each split.
-
-    The first is the name of the metric; a share is in %. A heading says the budget of its numbers.
-    """
-    paper, metric, name, units = published.SCORES[experiment]
-    rows = results.rows(experiment=experiment, metric=metric, variant="")
-    printed = {
-        (model, condition): published.number(paper, model, condition, name)
-        for model, condition in rows[["model", "condition"]].drop_duplicates().itertuples(index=False)
-    }
-    known = [key for key, value in printed.items() if value == value]
-    models = list(dict.fromkeys(model for model, _ in known))
-    conditions = [at for at in published.table(paper)["condition"].unique() if any(key[1] == at for key in known)]
-    unit = "%" if units == 100 else rows["unit"].iloc[0] if len(rows) else ""
-    header, cells = ["Model"], {model: [model_name(model)] for model in models}
-    for condition in conditions:
-        header.append(f"{capitalised(task_name(condition))}: published ({unit})")
-        protocols = rows[rows["condition"] == condition]["protocol"].unique()
-        header += [
-            f"{capitalised(task_name(condition))}: ours, split {plain(at)} ({results.shown(experiment, at)})"
-            for at in protocols
-        ]
-        for model in models:
-            ours = [results.estimate(experiment, at, condition, model, metric) for at in protocols]
-            ours = [one.percent() if units == 100 else one for one in ours]
-            cells[model] += [
-                number(printed[model, condition]),
-                *(interval(one) if one.runs or one.failed else "-" for one in ours),
-            ]
-    return f"{capitalised(name)} ({unit})", Table(header, list(cells.values()))
 
 
 def experiment(
@@ -205,6 +196,31 @@ def study(workspace: Workspace, title: str, source: str, caption: str, listed: l
         "folded": [],
         "html": "",
     }
+
+
+def stability_summary(workspace: Workspace, failures: pd.DataFrame) -> Markup:
+    """Return the section: of each experiment one heat map, of its last condition, and what it shows."""
+    shown = []
+    for name, own in failures.groupby("experiment", sort=False):
+        ranked = {place: stability.ranking(rows) for place, rows in own.groupby(["protocol", "condition"], sort=False)}
+        places = [place for place, order in ranked.items() if len(order) and place[1] not in JOINED]
+        if not places:
+            continue
+        protocol, condition = places[-1]
+        rows = own[(own["protocol"] == protocol) & (own["condition"] == condition)]
+        title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
+        source = f"stability/{stability_file(name, protocol, condition)}_heat_map.png"
+        order, means = ranked[protocol, condition], rows.groupby("perturbation", sort=False)["relative"].mean()
+        words = {"best": model_name(order.index[0]), "least": order.iloc[0], "models": rows["model"].nunique()}
+        words |= {
+            "worst": model_name(order.index[-1]),
+            "most": order.iloc[-1],
+            "hardest": perturbation(means.idxmax())[0],
+        }
+        words |= {"holds": int((rows["verdict"] == stability.HOLDS).sum()), "tests": len(rows)}
+        words |= {"useless": int((rows["verdict"] == stability.WORSE).sum())}
+        shown.append(words | {"title": title, "figure": figure(workspace, source, f"{title}, relative error")})
+    return fill("stability", parts=shown)
 
 
 def stability_parts(workspace: Workspace, failures: pd.DataFrame) -> list[dict]:
@@ -305,15 +321,20 @@ def provenance(workspace: Workspace, data: Mapping[str, str]) -> Markup:
         run = f"no: {reason}" if reason else "yes"
         run += "; its results are the committed ones" if reason and has_report(workspace, experiment) else ""
         rows.append([experiment_name(experiment), said, run, items])
-    counts = read_csv(workspace.reports / "counts.csv", ["experiment", "model", "macs", "params"], "dvc repro")
-    cells = [[count_cell(column, value) for column, value in row.items()] for row in counts.to_dict("records")]
     return fill(
         "provenance",
         data=Table(["Experiment", "Data and seeds", "Run", "Most items tested"], rows),
         versions=versions(workspace),
-        counts=Table([plain(column) for column in counts.columns], cells),
         files=NUMBERS,
     )
+
+
+def counts_parts(workspace: Workspace) -> list[dict]:
+    """Return the part of the chapter on operations and parameters."""
+    counts = read_csv(workspace.reports / "counts.csv", ["experiment", "model", "macs", "params"], "dvc repro")
+    cells = [[count_cell(column, value) for column, value in row.items()] for row in counts.to_dict("records")]
+    table = Table([plain(column) for column in counts.columns], cells)
+    return [{"title": "", "figures": [], "tables": [("Counts", table)], "folded": [], "html": ""}]
 
 
 def count_cell(column: str, value) -> str:
