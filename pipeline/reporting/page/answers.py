@@ -5,10 +5,9 @@ of the findings are in content.yaml; a number that the evidence does not have ye
 """
 
 from collections.abc import Mapping
-from functools import partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
@@ -21,17 +20,18 @@ from pipeline.reporting import claims as claim_text
 from pipeline.reporting.figures.ratios import Point
 from pipeline.reporting.tables import Table
 from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import model_name
+from pipeline.reporting.words.labels import capitalised, model_name
 from pipeline.reporting.words.markdown import interval, number
 from pipeline.scoring import published
 from pipeline.scoring.claim_inputs import LOOK
 from pipeline.scoring.one_table import Results
-from pipeline.scoring.results import Estimate, estimate
+from pipeline.scoring.results import SHARE, Estimate, estimate, scale_of
 
 CHART = "answers.png"  # in reports/
 MARKS = ("<!-- answers: written by `python -m pipeline.stages.page` -->", "<!-- end of answers -->")
 BEYOND = "beyond the paper"  # in place of a verdict, where a finding is about no claim
 NOT_COMPUTED = "not computed yet"
+TOOLS = ("estimate", "printed", "ranked", "failures", "side")  # of _Scores, for the findings
 
 
 class Finding(NamedTuple):
@@ -71,22 +71,20 @@ def answers(workspace: Workspace, claims: pd.DataFrame, results: Results, conten
     ]
 
 
-def readme(workspace: Workspace, found: list[Answer]) -> str:
-    """Return README.md with these answers between its markers. Raises InputError where it lacks them."""
-    text = (workspace.root / "README.md").read_text(encoding="utf-8")
-    before, start, rest = text.partition(MARKS[0])
+def write_readme(workspace: Workspace, found: list[Answer]) -> None:
+    """Write these answers between the markers of README.md, if there is one. Raises InputError where it lacks them.
+
+    DVC is not told of README.md: it deletes what it is told of.
+    """
+    if not (path := workspace.root / "README.md").exists():
+        return
+    before, start, rest = (text := path.read_text(encoding="utf-8")).partition(MARKS[0])
     _, end, after = rest.partition(MARKS[1])
     if not end:
         raise InputError(f"README.md: the line '{MARKS[1] if start else MARKS[0]}' is missing; put it back")
-    block = templates.render("answers", answers=found, chart=f"{workspace.reports.name}/{CHART}")
-    return f"{before}{start}\n\n{block}\n{end}{after}"
-
-
-def write_readme(workspace: Workspace, found: list[Answer]) -> None:
-    """Bring README.md up to date; a workspace may have none. DVC is not told of it: it deletes what it is told of."""
-    path: Path = workspace.root / "README.md"
-    if path.exists() and (text := readme(workspace, found)) != path.read_text(encoding="utf-8"):
-        files.write_text(path, text)
+    block = templates.render("answers", answers=found, chart=f"reports/{CHART}")
+    if (now := f"{before}{start}\n\n{block}\n{end}{after}") != text:
+        files.write_text(path, now)
 
 
 def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results: Results) -> Answer:
@@ -112,55 +110,49 @@ def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results:
 
 
 class _Scores:
-    """The evidence on one simulated experiment, beside what its paper prints."""
+    """The evidence on one simulated experiment, beside what its paper prints; shares are in %."""
 
     def __init__(self, results: Results, experiment: str):
         self.results, self.experiment = results, experiment
         self.paper, self.metric, self.name, self.units = published.SCORES[experiment]
+        self.models = list(published.PRINTED[self.paper])
+        self.printed = lambda condition, model: published.number(self.paper, model, condition, self.name)
 
-    def has(self, protocol: str) -> bool:
-        """Say whether the evidence has runs of a protocol."""
-        return self.results.shown(self.experiment, protocol) != LOOK
+    def shown(self, protocol: str) -> str:
+        """Return the budget of the evidence on a protocol, empty where there is none."""
+        return (budget := self.results.shown(self.experiment, protocol)) != LOOK and budget or ""
 
     def runs(self, protocol: str, condition: str, model: str, metric: str = "") -> pd.Series:
-        """Return seed -> value, a share in %. Raises Absent where the evidence has none."""
-        if not self.has(protocol):
-            raise Absent
+        """Return seed -> value. Raises Absent where the evidence has none."""
         runs = self.results.runs(self.experiment, protocol, condition, model, metric or self.metric)
-        if not len(runs):
+        if not self.shown(protocol) or not len(runs):
             raise Absent
-        return runs * (100 if self.units == 100 or metric == "touches_found" else 1)
+        return runs * (100 if scale_of(metric or self.metric) == SHARE else 1)
 
     def estimate(self, protocol: str, condition: str, model: str, metric: str = "") -> Estimate:
-        """Return mean and interval over the seeds, a share in %. Raises Absent where the evidence has no run."""
-        self.runs(protocol, condition, model, metric)
-        found = self.results.estimate(self.experiment, protocol, condition, model, metric or self.metric)
-        return found.percent() if self.units == 100 or metric == "touches_found" else found
-
-    def printed(self, condition: str, model: str) -> float:
-        """Return what the paper prints, NaN where it prints nothing."""
-        return published.number(self.paper, model, condition, self.name)
-
-    def models(self) -> list[str]:
-        """Return the models of which the paper prints a number, in its order."""
-        return list(published.PRINTED[self.paper])
+        """Return mean and interval over the seeds. Raises Absent where the evidence has none."""
+        runs, scale = self.runs(protocol, condition, model, metric), scale_of(metric or self.metric)
+        return estimate(runs / 100, scale).percent() if scale == SHARE else estimate(runs, scale)
 
     def ranked(self, protocol: str, condition: str) -> list[tuple[str, float]]:
         """Return (name, mean) of the paper's models, the best first."""
-        means = [(model_name(at), self.estimate(protocol, condition, at).mean) for at in self.models()]
-        return sorted(means, key=lambda pair: pair[1] * (-1 if self.units == 100 else 1))
+        means = [(model_name(at), self.estimate(protocol, condition, at).mean) for at in self.models]
+        return sorted(means, key=lambda pair: pair[1], reverse=self.units == 100)
 
     def failures(self, conditions: Mapping[str, str], model: str) -> tuple[int, int]:
         """Return how many trainings failed, and of how many; conditions: protocol -> the condition that shows it.
 
         A training failed where its error is not finite, or above that of the constant model of the same seed.
         """
-        failed = total = 0
-        for protocol, condition in conditions.items():
-            runs = self.runs(protocol, condition, model)
-            floor = self.runs(protocol, condition, "constant").reindex(runs.index)
-            failed, total = failed + int((~(runs <= floor)).sum()), total + len(runs)
-        return failed, total
+        pairs = [(self.runs(*at, model), self.runs(*at, "constant")) for at in conditions.items()]
+        failed = [~(runs <= floor.reindex(runs.index)) for runs, floor in pairs]
+        return sum(int(each.sum()) for each in failed), sum(map(len, failed))
+
+    def side(self, protocol: str, condition: str, one: str, other: str, metric: str = "") -> int:
+        """Return -1, 0 or 1: one model's values less another's, paired by seed, are below, around or above 0."""
+        places = ((protocol, condition, model, metric) for model in (one, other))
+        spread = estimate(np.subtract(*(self.runs(*place) for place in places)).dropna())
+        return int(spread.low > 0) - int(spread.high < 0)
 
 
 def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, str, dict[str, list[Point]], str]:
@@ -168,43 +160,32 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
 
     Ours are of the paper's split; where the evidence does not have it, of the split that no recording crosses.
     """
-    header, cells = ["Model"], {model: [model_name(model)] for model in scores.models()}
-    points: dict[str, list[Point]] = {}
-    seeds, missing, said = set(), [], {}
+    header, cells = ["Model"], {model: [model_name(model)] for model in scores.models}
+    points: dict[str, list[Point]] = {title: [] for title in asked["conditions"].values()}
+    error = (lambda value: 100 - value) if scores.units == 100 else (lambda value: value)
+    (own_split, first), *_ = asked["splits"].items()
+    seeds, said, judged = set(), {}, True
     for condition, title in asked["conditions"].items():
-        split = next((at for at in asked["splits"] if scores.has(at.format(condition=condition))), "")
-        protocol, judged = split.format(condition=condition), split == next(iter(asked["splits"]))
-        header.append(f"{title}: paper ({asked['unit']})")
+        split = next((at for at in asked["splits"] if scores.shown(at.format(condition=condition))), "")
+        protocol, judged = split.format(condition=condition), split == own_split
+        header += [f"{title}: paper ({asked['unit']})", *["ours"][: bool(split)], *["verdict"][:judged]]
         if split:
-            header.append("ours")
-            said[asked["splits"][split]] = scores.results.shown(scores.experiment, protocol)
-            header += ["verdict"] if judged else []
-        if not judged:
-            missing.append(title)
-        points[title] = []
+            said[asked["splits"][split]] = scores.shown(protocol)
         for model, row in cells.items():
-            printed = scores.printed(condition, model)
+            printed, place = scores.printed(condition, model), asked["claims"].format(condition=condition, model=model)
             row.append(number(printed))
-            if not split:
-                continue
             try:
                 ours, runs = scores.estimate(protocol, condition, model), scores.runs(protocol, condition, model)
                 seeds.add(len(runs))
                 row.append(interval(ours))
-                less = (lambda value: 100 - value) if scores.units == 100 else (lambda value: value)
-                points[title].append(Point(model, less(printed), less(ours.mean), [*map(less, runs)]))
+                points[title].append(Point(model, error(printed), error(ours.mean), [*map(error, runs)]))
             except Absent:
-                row.append(NOT_COMPUTED)
-            if judged:
-                place = asked["claims"].format(condition=condition, model=model)
-                row.append(own["verdict"].get(asked.get("same", {}).get(place, place), "-"))
-    first = next(iter(asked["splits"].values()))
-    words = [f"{scores.name[:1].upper()}{scores.name[1:]} in {asked['unit']}."]
+                row += [NOT_COMPUTED] if split else []
+            row += [own["verdict"].get(asked.get("same", {}).get(place, place), "-")] if judged else []
+    words = [f"{capitalised(scores.name)} in {asked['unit']}."]
+    words += [f"Ours: {split}, {_span(seeds)}, budget {at}, mean [95 % interval]." for split, at in said.items()]
+    words += [] if judged else [f"{capitalised(first)}: {NOT_COMPUTED}, so no number has a verdict."]
     heading = ", ".join([*said, _span(seeds)]) if said else NOT_COMPUTED
-    for split, budget in said.items():
-        words.append(f"Ours: {split}, {_span(seeds)}, budget {budget}, mean [95 % interval].")
-    if missing:
-        words.append(f"{first[:1].upper()}{first[1:]}: {NOT_COMPUTED}, so no number has a verdict.")
     return Table(header, list(cells.values())), heading, points, " ".join([*words, asked.get("note", "")]).strip()
 
 
@@ -219,25 +200,16 @@ def _finding(scores: _Scores, asked: Mapping[str, str], own: pd.DataFrame) -> Fi
     if name and name not in own.index:
         return Finding(f"{NOT_COMPUTED.capitalize()}.", BEYOND, "")
 
-    def claim(key: str) -> Any:
-        row = own.loc[key] if key in own.index else None
-        if row is None or row["ours"] != row["ours"]:
+    def claim(key: str) -> pd.Series:
+        if key not in own.index or np.isnan(own.loc[key, "ours"]):
             raise Absent
-        return row
+        return own.loc[key]
 
-    tools = {key: getattr(scores, key) for key in ("estimate", "printed", "ranked", "failures")}
     environment = Environment(undefined=StrictUndefined)  # it is escaped where it becomes HTML
     environment.filters["number"] = number
-    environment.globals |= tools | {"claim": claim, "within": partial(_within, scores)}
+    environment.globals |= {key: getattr(scores, key) for key in TOOLS} | {"claim": claim}
     try:
         text = " ".join(environment.from_string(asked["text"]).render().split())
     except Absent:
         text = asked.get("absent") or f"{NOT_COMPUTED.capitalize()}: {own.loc[name, 'claim']}"
     return Finding(text, own.loc[name, "verdict"] if name else BEYOND, name)
-
-
-def _within(scores: _Scores, protocol: str, condition: str, one: str, other: str, metric: str = "") -> int:
-    """Return -1, 0 or 1: whether a model's values, less the other's of the same seed, are below, around or above 0."""
-    difference = scores.runs(protocol, condition, one, metric) - scores.runs(protocol, condition, other, metric)
-    spread = estimate(difference.dropna())
-    return int(spread.low > 0) - int(spread.high < 0)

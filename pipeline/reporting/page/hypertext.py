@@ -42,7 +42,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["signs"] = SIGNS
+    environment.globals |= {"signs": SIGNS, "script": script}
     environment.tests["numeric"] = lambda cell: bool(NUMBER.match(Markup(cell).striptags()))
     environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # models stay in the order of params.yaml
     return environment

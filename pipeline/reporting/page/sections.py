@@ -5,9 +5,9 @@ refer to figures in reports/, so that folder is what is passed on; nothing is lo
 commit: the pages are the same wherever the numbers are.
 """
 
+import re
 from collections.abc import Container, Mapping
 
-import numpy as np
 import pandas as pd
 import yaml
 from markupsafe import Markup
@@ -19,31 +19,26 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries
 from pipeline.claims.rules import BAND
 from pipeline.logs.sources import SOURCES
-from pipeline.reporting import tables
 from pipeline.reporting.figures import ratios
 from pipeline.reporting.page import answers, charts, claims
-from pipeline.reporting.page.hypertext import FOLDER, Figure, check_references, figure, fill, markdown, script
-from pipeline.reporting.speed import ESTIMATE, seconds
-from pipeline.reporting.studies import JOINED, SUMMARY, TWIN_TITLES, sizes_title, stability_file
+from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
+from pipeline.reporting.studies import JOINED, stability_file
 from pipeline.reporting.tables import Table
 from pipeline.reporting.verdicts import stability
-from pipeline.reporting.verdicts.sizes import JUDGED
 from pipeline.reporting.words.labels import condition_name, experiment_name, model_name, perturbation, plain
-from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring import one_table
-from pipeline.scoring.results import Estimate, read_csv
+from pipeline.scoring.results import read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
-CONTENTS = {
-    "#answers": "Answers",
-    "#compared": "Our errors over the published ones",
-    "#speed": "Speed against accuracy",
-}
-CONTENTS |= {"#stability": "Stability", "#verdicts": "Every claim", "#provenance": "Provenance"}
-CONTENTS |= {"appendix.html": "Appendix"}
+CONTENTS = {"#answers": "Answers", "#compared": "Our errors over the published ones"}
+CONTENTS |= {"#speed": "Speed against accuracy", "#stability": "Stability", "#verdicts": "Every claim"}
+CONTENTS |= {"#provenance": "Provenance", "appendix.html": "Appendix"}
 NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "twins", "claims")
 PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "matplotlib")  # of those that make numbers
-PHYSICS = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "verdict", "consequence"]
+# Folders of reports/ that the appendix shows, after those of experiments.
+CHAPTERS = {"stability": "Stability", "rightsize": "Model size", "physics": "Physics", "twins": "Scenes and recordings"}
+CHAPTERS |= {"material": "Recorded material", "benchmarks": "Benchmarks"}
+CAPTIONED = re.compile(r"^(?:- |!)\[[^\]]*\]\(([^)\s]+)\.png\):? *(.*)\n", re.MULTILINE)
 
 
 def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
@@ -72,55 +67,27 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
         answers=found,
         chart=figure(workspace, answers.CHART, "Our errors over the published ones, one panel per paper"),
         verdicts=claims.VERDICTS,
-        speed=charts.data(pd.concat(titled), "Speed against accuracy", list(charts.AXES)) if titled else {},
+        speed=charts.data(pd.concat(titled), "Speed against accuracy") if titled else {},
     )
     first = [opening, stability_summary(workspace, failures), claims.section(workspace, judged)]
     contents = [(key, name, []) for key, name in CONTENTS.items()]
-    index = page(HEADING, contents, [*first, provenance(workspace, data)])
+    index = fill("page", heading=HEADING, contents=contents, body=[*first, provenance(workspace, data)])
     body, contents = [], [("index.html", "Answers", [])]
     for key, paper in papers.items():
         inner = [name for name in (paper.simulated, paper.recorded) if name in shown]
-        sections = []
-        for name in inner:
-            common = {"experiment": name, "name": experiment_name(name), "data": data[name], "reason": shown[name]}
-            sections.append(
-                fill("experiment", **common, **experiment(workspace, name, speeds[name], failures, content["figures"]))
-                if not shown[name]
-                else fill("experiment", **common)
-            )
+        parts = [experiment(workspace, name, shown[name], data[name], speeds.get(name)) for name in inner]
         if inner:
-            body.append(fill("paper", key=key, title=paper.title, sections=sections))
+            body.append(fill("paper", key=key, title=paper.title, sections=parts))
             contents.append((f"#{key}", paper.title, [(f"#{name}", experiment_name(name)) for name in inner]))
-    parts = {
-        "stability": stability_parts(workspace, failures),
-        "rightsize": rightsize_parts(workspace),
-        "physics": physics_parts(workspace),
-        "twins": twins_parts(workspace),
-        **{name: document_parts(workspace, name, content["figures"]) for name in ("material", "benchmarks")},
-        "counts": counts_parts(workspace),
-    }
-    for key, chapter in content["chapters"].items():
-        if parts[key]:
-            body.append(fill("chapter", key=key, **chapter, parts=parts[key]))
-            contents.append((f"#{key}", chapter["title"], []))
-    pages = {"index.html": index, "appendix.html": page(f"{HEADING}: appendix", contents, body)}
+    for name in CHAPTERS:
+        if (chapter := documents(workspace, name, 2))["html"]:
+            body.append(fill("chapter", key=name, title=CHAPTERS[name], **chapter))
+            contents.append((f"#{name}", CHAPTERS[name], []))
+    appendix = fill("page", heading=f"{HEADING}: appendix", contents=contents, body=body)
+    pages = {"index.html": str(index), "appendix.html": str(appendix)}
     for name in pages:
         check_references(workspace, name, pages)
     return pages
-
-
-def page(heading: str, contents: list[tuple], body: list[Markup]) -> str:
-    """Return a whole page; contents: (address, name, the same of what is in it)."""
-    html = fill(
-        "page",
-        heading=heading,
-        style=script("page.css"),
-        contents=contents,
-        body=Markup("\n").join(body),
-        libraries=Markup("\n").join(map(script, ("vendor/d3.min.js", "vendor/plot.umd.min.js"))),
-        scripts=Markup("\n").join(map(script, ("page.js", "charts.js"))),
-    )
-    return str(html)
 
 
 def speed_table(workspace: Workspace, experiment: str) -> pd.DataFrame:
@@ -136,45 +103,29 @@ def last_panel(speeds: pd.DataFrame, title: str, printed: Container[str]) -> pd.
     return speeds[speeds["panel"] == panel].assign(panel=f"{title}: {panel}")
 
 
-def experiment(
-    workspace: Workspace, name: str, speeds: pd.DataFrame, failures: pd.DataFrame, captions: Mapping[str, str]
-) -> dict:
-    """Return what the section of an experiment shows: its leaderboards, charts, figures and further tables."""
-    boards = []
-    for panel, rows in speeds.groupby("panel", sort=False):
-        place = failures[["experiment", "protocol", "condition"]].eq([name, *rows[["protocol", "condition"]].iloc[0]])
-        boards.append(
-            (f"{experiment_name(name)}, {panel}", leaderboard(rows, stability.ranking(failures[place.all(axis=1)])))
-        )
-    folder = f"{name}/accuracy"
-    drawn = {path.name for path in (workspace.reports / folder).glob("*.png")}
-    known = [source.rpartition("/")[2] for source in captions if source.startswith(f"{folder}/")]
-    order = [*(file for file in known if file in drawn), *sorted(drawn - set(known))]
-    texts = sorted((workspace.reports / name).glob("*/*.md")), sorted((workspace.reports / name).glob("*/*.csv"))
-    return {
-        "boards": boards,
-        "figures": [described(workspace, f"{folder}/{file}", captions) for file in order],
-        "charts": charts.data(speeds, experiment_name(name), list(charts.AXES)),
-        "files": [path.relative_to(workspace.reports).as_posix() for group in texts for path in group],
-    }
+def experiment(workspace: Workspace, name: str, reason: str, data: str, speeds: pd.DataFrame | None) -> Markup:
+    """Return the section of an experiment: its chart and its reports; reason: why it was not run, if it was not."""
+    common = {"experiment": name, "name": experiment_name(name), "data": data, "reason": reason}
+    if speeds is None:
+        return fill("experiment", **common)
+    parts = {part.capitalize(): documents(workspace, f"{name}/{part}", 3) for part in ("accuracy", "speed")}
+    return fill("experiment", **common, parts=parts, charts=charts.data(speeds, common["name"]))
 
 
-def described(workspace: Workspace, source: str, captions: Mapping[str, str]) -> Figure:
-    """Return a figure with its caption, or with the words of its name where it has none."""
-    return figure(workspace, source, captions.get(source, plain(source.rpartition("/")[2].removesuffix(".png"))))
+def documents(workspace: Workspace, name: str, level: int) -> dict:
+    """Return what a folder of reports/ holds: its documents as HTML, and its figures, with the captions they give.
 
-
-def leaderboard(rows: pd.DataFrame, relative: pd.Series) -> Table:
-    """Return the table of one task. rows: of the speed table; relative: by model, see `stability.ranking`."""
-    header = ["Model", rows["measure"].iloc[0], "Prediction (ms)", "Training (s)", "Parameters", "File (bytes)"]
-    best = rows["error"].where(rows["failed"] == 0).min()
-    cells = []
-    for row in rows.to_dict("records"):
-        error = interval(Estimate(*(row[key] for key in ESTIMATE)))
-        first = Markup("<strong>{}</strong>").format(error) if row["error"] == best and not row["failed"] else error
-        costs = [f"{row['p50_ms']:.3f}", seconds(row["train_s"]), size(row["params"]), size(row["size_bytes"])]
-        cells.append([model_name(row["model"]), first, *costs, number(relative.get(row["model"], np.nan))])
-    return Table([*header, "Error under stress"], cells)
+    level: of the headings below which the documents stand. A line of a figure and its caption becomes that figure.
+    """
+    folder, captions, html = workspace.reports / name, {}, []
+    for place, path in enumerate(sorted(folder.glob("*.md")), 1):
+        text = path.read_text(encoding="utf-8")
+        captions |= dict(CAPTIONED.findall(text))
+        html.append(markdown(CAPTIONED.sub("", text), f"{name} {place}", name, level))
+    captions |= {path.stem: "" for path in sorted(folder.glob("*.png")) if path.stem not in captions}
+    said = {stem: ": ".join(filter(None, [plain(stem), words])) for stem, words in captions.items()}
+    figures = [figure(workspace, f"{name}/{stem}.png", caption) for stem, caption in said.items()]
+    return {"html": Markup("\n").join(html), "figures": figures}
 
 
 def data_of(experiment: str, settings: Mapping) -> str:
@@ -187,15 +138,6 @@ def data_of(experiment: str, settings: Mapping) -> str:
         data = f"simulated by pipeline/scenes/{experiment}.py" if source == "simulated" else f"your own logs, {source}"
     seeds = "; ".join(f"{plain(name)} {len(block['seeds'])}" for name, block in settings["protocols"].items())
     return f"Data: {data}. Models: {len(settings['models'])}. Seeds of each split in the look: {seeds}."
-
-
-def study(workspace: Workspace, title: str, source: str, caption: str, listed: list[tuple[str, Table]]) -> dict:
-    """Return a part of a chapter: a figure, if there is one, and tables with their names."""
-    there = (workspace.reports / source).is_file()
-    return {"title": title, "figures": [figure(workspace, source, caption)] if there else [], "tables": listed} | {
-        "folded": [],
-        "html": "",
-    }
 
 
 def stability_summary(workspace: Workspace, failures: pd.DataFrame) -> Markup:
@@ -211,93 +153,11 @@ def stability_summary(workspace: Workspace, failures: pd.DataFrame) -> Markup:
         title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
         source = f"stability/{stability_file(name, protocol, condition)}_heat_map.png"
         order, means = ranked[protocol, condition], rows.groupby("perturbation", sort=False)["relative"].mean()
-        words = {"best": model_name(order.index[0]), "least": order.iloc[0], "models": rows["model"].nunique()}
-        words |= {
-            "worst": model_name(order.index[-1]),
-            "most": order.iloc[-1],
-            "hardest": perturbation(means.idxmax())[0],
-        }
-        words |= {"holds": int((rows["verdict"] == stability.HOLDS).sum()), "tests": len(rows)}
-        words |= {"useless": int((rows["verdict"] == stability.WORSE).sum())}
+        words = {"best": model_name(order.index[0]), "least": order.iloc[0], "worst": model_name(order.index[-1])}
+        words |= {"most": order.iloc[-1], "hardest": perturbation(means.idxmax())[0], "tests": len(rows)}
+        words |= {"holds": sum(rows["verdict"] == stability.HOLDS), "useless": sum(rows["verdict"] == stability.WORSE)}
         shown.append(words | {"title": title, "figure": figure(workspace, source, f"{title}, relative error")})
     return fill("stability", parts=shown)
-
-
-def stability_parts(workspace: Workspace, failures: pd.DataFrame) -> list[dict]:
-    """Return the parts of the chapter on stability, one for each experiment and condition."""
-    parts, seen = [], set()
-    for (name, protocol, condition), rows in failures.groupby(["experiment", "protocol", "condition"], sort=False):
-        title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
-        file, caption = (
-            f"stability/{stability_file(name, protocol, condition)}",
-            f"{title}, relative error of each model",
-        )
-        listed = [(f"Stability, {title}", tables.stability(rows))]
-        if name not in seen:
-            seen.add(name)
-            own = failures[failures["experiment"] == name]
-            listed.insert(0, (f"Severities, {experiment_name(name)}", tables.severities(own)))
-        part = study(workspace, title, f"{file}_heat_map.png", caption, listed)
-        if (workspace.reports / f"{file}.png").is_file():
-            part["folded"] = [figure(workspace, f"{file}.png", f"{title}, error by severity")]
-        parts.append(part)
-    return parts
-
-
-def rightsize_parts(workspace: Workspace) -> list[dict]:
-    """Return the parts of the chapter on sizes, one for each experiment."""
-    judged = read_csv(workspace.reports / "rightsize.csv", JUDGED, "dvc repro")
-    return [
-        study(
-            workspace,
-            experiment_name(name),
-            f"rightsize/{name}.png",
-            "Error against size; a ring marks the smallest size that is enough, a diamond the published one",
-            [
-                (f"Sizes of {sizes_title(family)}", tables.rightsize(own))
-                for family, own in rows.groupby("family", sort=False)
-            ],
-        )
-        for name, rows in judged.groupby("experiment", sort=False)
-    ]
-
-
-def physics_parts(workspace: Workspace) -> list[dict]:
-    """Return the parts of the chapter on physics, one for each experiment."""
-    judged = read_csv(workspace.reports / "physics.csv", PHYSICS, "dvc repro")
-    caption = "Change of each model's error without an effect, and half of its interval"
-    return [
-        study(
-            workspace,
-            experiment_name(name),
-            f"physics/{name}.png",
-            caption,
-            [
-                (f"Effects of the scene, {name}", tables.physics(own)),
-                (f"Errors with all effects, {name}", tables.physics_errors(own)),
-            ],
-        )
-        for name, own in judged.groupby("experiment", sort=False)
-    ]
-
-
-def twins_parts(workspace: Workspace) -> list[dict]:
-    """Return the parts of the chapter on recordings and scenes, one for each experiment."""
-    summary = read_csv(workspace.reports / "twins.csv", SUMMARY, "dvc repro")
-    caption = "Where the simulated statistics lie in the recorded range"
-    return [
-        study(workspace, TWIN_TITLES[name], f"twins/{name}.png", caption, [(TWIN_TITLES[name], tables.twins(own))])
-        for name, own in summary.groupby("experiment", sort=False)
-    ]
-
-
-def document_parts(workspace: Workspace, name: str, captions: Mapping[str, str]) -> list[dict]:
-    """Return the documents of a folder that is filled by hand, and its figures; nothing where there is none."""
-    folder = workspace.reports / name
-    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.md"))]
-    html = Markup("\n").join(markdown(text, f"{name} {k}", name, 2) for k, text in enumerate(texts, 1))
-    figures = [described(workspace, f"{name}/{path.name}", captions) for path in sorted(folder.glob("*.png"))]
-    return [{"title": "", "figures": figures, "tables": [], "folded": [], "html": html}] if texts else []
 
 
 def versions(workspace: Workspace) -> Table:
@@ -327,18 +187,3 @@ def provenance(workspace: Workspace, data: Mapping[str, str]) -> Markup:
         versions=versions(workspace),
         files=NUMBERS,
     )
-
-
-def counts_parts(workspace: Workspace) -> list[dict]:
-    """Return the part of the chapter on operations and parameters."""
-    counts = read_csv(workspace.reports / "counts.csv", ["experiment", "model", "macs", "params"], "dvc repro")
-    cells = [[count_cell(column, value) for column, value in row.items()] for row in counts.to_dict("records")]
-    table = Table([plain(column) for column in counts.columns], cells)
-    return [{"title": "", "figures": [], "tables": [("Counts", table)], "folded": [], "html": ""}]
-
-
-def count_cell(column: str, value) -> str:
-    """Return a cell of counts.csv."""
-    if value != value:
-        return "-"
-    return model_name(value) if column == "model" else size(value) if isinstance(value, (int, float)) else str(value)

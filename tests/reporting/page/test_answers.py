@@ -79,12 +79,14 @@ def test_the_look_is_no_evidence(reported):
     assert all("ot computed yet" in one.text for one in touch.findings)
 
 
-def test_readme_says_what_the_committed_reports_give():
+def test_readme_says_what_the_committed_reports_give(reported):
     workspace = Workspace(ROOT)
     results = one_table.results(workspace, one_table.of_own_logs(params.load(workspace.params)))
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     found = answers.answers(workspace, claims.read(workspace), results, CONTENT)
-    assert answers.readme(workspace, found) == text, "run `python -m pipeline.stages.page`"
+    (reported.root / "README.md").write_text(text, encoding="utf-8")
+    answers.write_readme(reported, found)
+    assert (reported.root / "README.md").read_text(encoding="utf-8") == text, "run `python -m pipeline.stages.page`"
     assert len(found) == 3 and len(text.splitlines()) <= 140
 
 
