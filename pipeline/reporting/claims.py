@@ -126,6 +126,11 @@ def power_text(power: float) -> str:
     return "-" if power != power else f"{100 * power:.0f} %"
 
 
+def runs_text(count: int, over: str) -> str:
+    """Return how many runs a claim's interval is over; over: what they are, in the plural."""
+    return f"{count} {over.removesuffix('s') if count == 1 else over}"
+
+
 def claim_rows(claims: pd.DataFrame) -> list[list[str]]:
     """Return the cells of the table of claims, in the order of HEADER."""
     return [
@@ -139,7 +144,7 @@ def claim_rows(claims: pd.DataFrame) -> list[list[str]]:
             row.unit,
             row.verdict,
             power_text(row.power),
-            f"{row.seeds} {row.over}" if row.over != "seeds" else str(row.seeds),
+            str(row.seeds) if row.over == "seeds" else runs_text(row.seeds, row.over),
             row.budget or "-",
             row.reason or "-",
         ]

@@ -144,13 +144,12 @@ def draw_by_frames(path: Path, tables: Mapping[str, pd.DataFrame], title: str) -
         panels[name] = []
         for k, ((model, form), runs) in enumerate(groups):
             aside = 0.12 * (k - (groups.ngroups - 1) / 2)  # side by side: intervals overlap
-            values = {n + aside: estimate(100 * part["value"]) for n, part in runs.groupby("frames")}
+            values = {n + aside: 100 * part["value"] for n, part in runs.groupby("frames")}
             dotted = {"linestyle": ":", "markerfacecolor": "white"} if form == "mean" else {}
             said = f"{model_name(model)}, {form_name(form)}"
             panels[name].append(common.line(model, values, label=said, **dotted))
             ticks |= set(runs["frames"])
-    names = ("Number of input frames", "Macro precision (%), mean and 95 % interval")
-    # An interval may pass 100 %.
+    names = ("Number of input frames", "Macro precision (%), mean and seeds")
     common.curves(path, panels, title, names, limits=(None, 101), ticks=sorted(ticks))
 
 

@@ -15,7 +15,7 @@ from pipeline.reporting.figures import common
 from pipeline.reporting.figures import strain as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import plain
-from pipeline.scoring.results import R2, Estimate, estimate, read_predictions, read_windows
+from pipeline.scoring.results import read_predictions, read_windows
 from pipeline.scoring.strain_results import TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
 
 STUDIES = ("samples", "drift", "capacity", "strands", "bases")
@@ -23,7 +23,7 @@ FIGURES = {"task_1": "figure5", "task_2": "figure6"}  # of direct training
 AXES = "xyz"
 SHOWN_S = 120.0  # of the test part in figures 5, 6 and 8; the drift is drawn over all of it
 LEAST_R2 = -0.25  # end of the axis of the decoders
-ERROR = "Test error (mm), mean and 95 % interval"
+ERROR = "Test error (mm), mean and seeds"
 TRANSFER_COSTS = (
     "Parameters and training times of the two transfer models are of the read-out alone; model-0, which they share, "
     "is trained before."
@@ -73,8 +73,9 @@ def draw_task(workspace: Workspace, folder: Path, settings: Mapping, dataset: pa
     volts, truth = (schemas.matrix(dataset[name])[rows] for name in ("v", "y"))
     shown = time_s <= SHOWN_S
     outputs = [k for k in range(3) if all(np.isfinite(guess[:, k]).all() for guess in guesses.values())]
+    strands = f"{volts.shape[1]} strands, the first dark, the last light"
     readings = [
-        common.Course("Voltage, mean\nremoved (V)", time_s[shown], None, {}, f"{volts.shape[1]} strands",
+        common.Course("Voltage, mean\nremoved (V)", time_s[shown], None, {}, strands,
                       volts[shown] - volts[shown].mean(axis=0))
     ]  # fmt: skip
 
@@ -104,7 +105,7 @@ def draw_time(workspace: Workspace, path: Path, settings: Mapping, dataset: pa.T
         panels[plain(task)] = []
         for model in settings["models"]:
             errors = errors_by_time(workspace, settings, dataset, task, model)
-            values = dict(zip(minutes, map(estimate, errors.T), strict=True))
+            values = dict(zip(minutes, errors.T, strict=True))
             panels[plain(task)].append(common.line(model, values))
     title, names = "Error against time since training ended", ("Time since training ended (min)", ERROR)
     common.curves(path, panels, title, names, limits=(0, None))
@@ -124,19 +125,19 @@ def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFram
         ticks = sorted(table[column].unique())
         for task, runs in table.groupby("protocol", sort=False):
             lines = [
-                common.line(model, {x: estimate(part["value"]) for x, part in group.groupby(column)})
+                common.line(model, {x: part["value"] for x, part in group.groupby(column)})
                 for model, group in runs.groupby("model", sort=False)
             ]
             if "constant" in report.models:
-                floor = report.estimate(task, task, "constant", "error")._replace(low=np.nan, high=np.nan)
+                floor = [report.estimate(task, task, "constant", "error").mean]
                 lines.append(common.line("constant", dict.fromkeys(ticks, floor), marker=""))
             panels[plain(task)] = lines
         common.curves(folder / f"{name}.png", panels, title, (xlabel, ERROR), log=True, ticks=ticks)
     if "drift" not in studies:
         return
-    decoders: dict[str, dict[str, dict[str, Estimate]]] = {}
+    decoders: dict[str, dict[str, dict[str, pd.Series]]] = {}
     grouped = studies["drift"].groupby(["protocol", "target", "input"], sort=False)["value"]
     for (task, target, seen), values in sorted(grouped, key=lambda part: not part[0][2].startswith("raw")):
-        decoders.setdefault(plain(task), {}).setdefault(target, {})[seen] = estimate(values, scale=R2)
-    title = "Is the latent space free of drift? (0: nothing can be read, 1: everything; bars end at the lower edge)"
+        decoders.setdefault(plain(task), {}).setdefault(target, {})[seen] = values
+    title = "Is the latent space free of drift? (0: nothing can be read, 1: everything)"
     common.bars(folder / "drift.png", decoders, title, "R2 of a linear decoder,\nheld-out blocks", (LEAST_R2, 1.05))

@@ -58,9 +58,12 @@ def draw(workspace: Workspace, path: Path, settings: Mapping, report: Report, gr
     by_r2 = {name: report.estimate(POOLED, name.split("/")[0], best, "r2").mean for name in names}
     order = sorted(names, key=by_r2.get, reverse=True)
     panels, time = [], time.to_numpy()
-    for name in (order[k] for k in sorted({0, len(order) // 2, len(order) - 1})):
+    for k in sorted({0, len(order) // 2, len(order) - 1}):
+        name, read = order[k], "best" if k == 0 else "worst" if k == len(order) - 1 else "in between"
         rows = np.flatnonzero(tested & (recording == name))
         rows = rows[np.abs(time[rows] - time[rows[truth[rows].argmax()]]) <= SHOWN_S / 2]
         values = {model: force[rows] for model, force in predicted.items()}
-        panels.append(common.Course("Force (N)", time[rows] - time[rows[0]], truth[rows], values, name))
+        panels.append(
+            common.Course("Force (N)", time[rows] - time[rows[0]], truth[rows], values, f"Read {read}: {name}")
+        )
     common.courses(path, "Measured and predicted force on test recordings", panels, "Time (s)")

@@ -1,4 +1,4 @@
-"""Write the reviewer's page, reports/index.html, from the other reports.
+"""Write the reviewer's pages, reports/index.html and appendix.html, and the answers of README.md, from the reports.
 
 Usage: python -m pipeline.stages.page
 """
@@ -9,12 +9,12 @@ from pipeline.reporting.page import sections
 
 
 def main(workspace: Workspace) -> None:
-    """Write reports/index.html."""
+    """Write the pages, their first chart, and the answers between the markers of README.md, if there is one."""
     arguments.parse(__doc__)
     (workspace.reports / "benchmarks").mkdir(exist_ok=True)
-    html = sections.build(workspace, params.load(workspace.params))
-    files.write_text(workspace.reports / "index.html", html)
-    print(f"reports/index.html: {len(html.encode()) // 1024} KiB")
+    for name, html in sections.build(workspace, params.load(workspace.params)).items():
+        files.write_text(workspace.reports / name, html)
+        print(f"reports/{name}: {len(html.encode()) // 1024} KiB")
 
 
 if __name__ == "__main__":

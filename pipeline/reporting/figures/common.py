@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
 from pipeline.reporting.words.labels import model_name
-from pipeline.scoring.results import Estimate, Fit
+from pipeline.scoring.results import Fit
 
 LOOKS = ((style.BLUE, "-"), (style.VERMILION, "--"), (style.BLACK, ":"))  # of groups of runs
 GAP = 3.0  # median intervals; no line is drawn over a longer one
@@ -64,16 +64,16 @@ def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]],
 
 
 class Line(NamedTuple):
-    """A line of `curves`: an estimate at every x, and how it is drawn."""
+    """A line of `curves`: one value per seed at every x, and how it is drawn."""
 
     label: str
     x: Sequence[float]
-    values: Sequence[Estimate]
+    values: Sequence[Sequence[float]]
     look: Mapping[str, Any]
 
 
-def line(model: str, values: Mapping[float, Estimate], **look: Any) -> Line:
-    """Return the line of a model in its own style; values: x -> estimate; look: what differs from that style."""
+def line(model: str, values: Mapping[float, Sequence[float]], **look: Any) -> Line:
+    """Return the line of a model in its own style; values: x -> seeds; look: what differs from that style."""
     label, colour, marker, dashes = model_style(model)
     own = {"color": colour, "marker": marker, "linestyle": dashes}
     return Line(look.pop("label", label), list(values), list(values.values()), own | look)
@@ -88,14 +88,19 @@ def curves(
     limits: tuple[float | None, float | None] = (None, None),
     ticks: Sequence[float] = (),
 ) -> None:
-    """Draw lines with intervals, one panel per title; names: of both axes; limits: of y; ticks: of x."""
+    """Draw lines of means and their seeds as dots, one panel per title; names: of both axes; limits: of y; ticks: of x.
+
+    An interval of few seeds would hide the lines, and on a logarithmic axis leave it. A failed run, NaN, has no dot.
+    """
     figure, axes = style.panels(len(panels), len(panels), 4.7 * len(panels), 3.9, 0)
     handles = {}
     for ax, (panel, lines) in zip(axes[0], panels.items(), strict=True):
         for label, x, values, look in lines:
-            mean, spread = style.spread(values)
-            spread = np.nan_to_num(np.minimum(spread, 0.98 * mean) if log else spread)
-            handles[label] = ax.errorbar(x, mean, spread, capsize=2.5, markersize=5, **look)
+            good = [np.asarray(seeds, float)[np.isfinite(seeds)] for seeds in values]
+            mean = [seeds.mean() if len(seeds) else np.nan for seeds in good]
+            (handles[label],) = ax.plot(x, mean, markersize=5, **look)
+            dots = np.repeat(x, list(map(len, good))), np.concatenate(good)
+            ax.plot(*dots, ".", color=look["color"], alpha=0.5, markersize=4, zorder=1)
         ax.set(xlabel=names[0], title=panel)
         if log:
             ax.set(xscale="log", yscale="log")
@@ -112,21 +117,23 @@ def curves(
 
 
 def bars(
-    path: Path, panels: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: str, name: str, limits: tuple
+    path: Path, panels: Mapping[str, Mapping[str, Mapping[str, Sequence[float]]]], title: str, name: str, limits: tuple
 ) -> None:
-    """Draw bars with intervals; panels: title -> group along x -> bar -> estimate; name, limits: of y.
+    """Draw bars of means and their seeds as dots; panels: title -> group along x -> bar -> seeds; name, limits: of y.
 
-    A value below the axis ends just above its lower edge.
+    A value below the axis is drawn just above its lower edge.
     """
     figure, axes = style.panels(len(panels), len(panels), 4.6 * len(panels), 3.7, 0, sharey=True)
     for ax, (panel, groups) in zip(axes[0], panels.items(), strict=True):
         kinds = list(dict.fromkeys(bar for of in groups.values() for bar in of))
         width = 0.8 / len(kinds)
         for k, (bar, colour) in enumerate(zip(kinds, (style.GREY, style.BLUE, style.VERMILION), strict=False)):
-            mean, spread = style.spread(of[bar] for of in groups.values())
+            seeds, edge = [np.asarray(of[bar], float) for of in groups.values()], 0.8 * limits[0]
             place = np.arange(len(groups)) + (k - (len(kinds) - 1) / 2) * width
-            look = {"yerr": np.nan_to_num(spread), "capsize": 3, "color": colour, "label": bar}
-            ax.bar(place, np.maximum(mean, 0.8 * limits[0]), width, **look)
+            means = [max(edge, values.mean()) for values in seeds]
+            ax.bar(place, means, width, color=colour, alpha=0.75, label=bar)
+            dots = np.repeat(place, list(map(len, seeds))), np.maximum(np.concatenate(seeds), edge)
+            ax.plot(*dots, ".", color=style.BLACK, markersize=4)
         ax.axhline(0, color=style.BLACK, linewidth=0.8)
         ax.set_xticks(np.arange(len(groups)), list(groups))
         ax.set(title=panel, ylim=limits)

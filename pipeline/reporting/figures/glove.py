@@ -52,9 +52,9 @@ def tactile_images(
     joints, everywhere = np.zeros((SIDE, SIDE), dtype=bool), np.ones((SIDE, SIDE), dtype=bool)
     joints[strain_area] = True
     panels = {
-        "b) Joint bending strain": ("strain", {"Strain": everywhere}),
-        "c) Palm pressure": ("pressure", {"Pressure": everywhere}),
-        "d) Combination": ("combined", {"Strain": joints, "Pressure": ~joints}),
+        "Joint bending strain": ("strain", {"Strain": everywhere}),
+        "Palm pressure": ("pressure", {"Pressure": everywhere}),
+        "Combination": ("combined", {"Strain": joints, "Pressure": ~joints}),
     }
     figure, axes = plt.subplots(1, 3, figsize=(11, 3.7), sharey=True)
     drawn = {}

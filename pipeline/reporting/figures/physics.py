@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.patches import Rectangle
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, MARGIN
@@ -19,11 +20,11 @@ MARKS = {EQUIVALENT: " =", CHANGES: " *"}  # behind an effect's name
 def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
     """Draw one matrix per condition, effects by models: the change of the error and the half of its interval, in %.
 
-    White: the whole interval lies inside the margin. Bold: the whole interval lies outside.
+    White: the whole interval lies inside the margin. Coloured: all of it lies outside. Hatched: neither is known.
     judged: an experiment's rows of physics.csv; unit: of the error.
     """
     conditions, models, effects = (list(dict.fromkeys(judged[name])) for name in ("condition", "model", "effect"))
-    width = 3.4 + len(conditions) * (0.62 * len(models) + 0.3)
+    width = 3.4 + len(conditions) * (0.78 * len(models) + 0.3)
     shape = {"figsize": (width, 1.9 + 0.36 * len(effects)), "sharey": True, "squeeze": False}
     figure, axes = plt.subplots(1, len(conditions), **shape)
     for ax, condition in zip(axes[0], conditions, strict=True):
@@ -31,14 +32,19 @@ def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
         for change in judged[judged["condition"] == condition].itertuples():
             place = effects.index(change.effect), models.index(change.model)
             failed = np.isnan(change.relative)
-            if not change.equivalent:
+            outside = failed or change.low > MARGIN or change.high < -MARGIN
+            if outside:
                 colours[place] = FULL if failed else np.clip(change.relative, -FULL, FULL)
+            elif not change.equivalent:
+                corner = place[1] - 0.5, place[0] - 0.5
+                ax.add_patch(
+                    Rectangle(corner, 1, 1, facecolor="#F2F2F2", edgecolor="#CFCFCF", hatch="////", linewidth=0)
+                )
             text = f"{round(100 * change.relative) + 0.0:+.0f} ± {50 * (change.high - change.low):.0f}".removesuffix(
                 " ± nan"
             )
             colour = "white" if abs(colours[place]) > 0.8 * FULL else "black"
-            weight = "bold" if change.low > MARGIN or change.high < -MARGIN else "normal"
-            look = {"ha": "center", "va": "center", "fontsize": 6.5, "color": colour, "weight": weight}
+            look = {"ha": "center", "va": "center", "fontsize": 8, "color": colour}
             ax.text(place[1], place[0], "failed" if failed else text, **look)
         picture = ax.imshow(colours, cmap=COLOURS, vmin=-FULL, vmax=FULL, aspect="auto")
         labels = [model_name(model) for model in models]
@@ -57,7 +63,7 @@ def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
     figure.colorbar(picture, ax=axes[0].tolist(), pad=0.01, label="change of the error", **percent)
     note = (
         f"Numbers: change of the error ({unit}) in % ± half of its 90 % interval; "
-        f"white: the interval lies within {100 * MARGIN:.0f} %, bold: it lies outside"
+        f"white: the interval lies within {100 * MARGIN:.0f} %, coloured: outside, hatched: neither is known"
     )
-    figure.suptitle(f"{title}\n{note}", fontsize=9)
+    figure.suptitle(f"{title}\n{note}")
     style.save(figure, path)

@@ -48,7 +48,11 @@ def _panel(ax: plt.Axes, family: str, ladder: pd.DataFrame, reference: Reference
     handles["mean over seeds, 95 % interval"] = ax.errorbar(
         across, value, spread, color=style.BLUE, marker="o", markersize=5, capsize=3, linewidth=1.3
     )
-    chosen, published = (ladder["chosen"] == 1).to_numpy(), (ladder["size"] == scale.published).to_numpy()
+    # One run tells no smallest size that is enough.
+    chosen, published = (
+        ((ladder["chosen"] == 1) & np.isfinite(low)).to_numpy(),
+        (ladder["size"] == scale.published).to_numpy(),
+    )
     ring = {"marker": "o", "s": 170, "facecolors": "none", "linewidths": 2.2, "color": style.VERMILION}
     handles["smallest that is enough"] = ax.scatter(across[chosen], value[chosen], **ring, zorder=3)
     diamond = {"marker": "D", "s": 48, "linewidths": 1, "color": style.BLACK}

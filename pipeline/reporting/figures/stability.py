@@ -1,5 +1,6 @@
 """Draw the stability tests: error against severity, one panel per perturbation, one curve per model."""
 
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -44,15 +45,15 @@ def small_multiples(path: Path, panels: list[Panel], title: str, ylabel: str) ->
             if not floor:
                 ax.fill_between(steps, low, high, color=look.color, alpha=0.12, linewidth=0)
             failed[look.label] = max(failed.get(look.label, 0), *(seeds.failed for seeds in errors.values()))
-        ax.set_title(name)
-        ax.set_xlabel(unit, fontsize=8)
+        ax.set_title(textwrap.fill(name, 34))
+        ax.set_xlabel(unit)
         ax.set_xticks(steps, [f"{severity:g}" if severity else "clean" for severity in severities])
     subtitle = _limit(axes[0, 0], panels)
     for ax in axes[:, 0]:
         ax.set_ylabel(ylabel)
     runs = next(seeds.runs + seeds.failed for errors in panels[0][2].values() for seeds in errors.values())
     seeds = "one seed" if runs == 1 else f"mean and range of {runs} seeds"
-    figure.suptitle(f"{title}: error under perturbation (lower is better), {seeds}{subtitle}", fontsize=10)
+    figure.suptitle(f"{title}: error under perturbation (lower is better), {seeds}{subtitle}")
     names = [f"{name}: failed ({failed[name]} of {runs} runs)" if failed[name] else name for name in lines]
     columns = min(len(names), 150 // (max(map(len, names)) + 8))
     figure.legend(lines.values(), names, loc="outside lower center", ncols=columns)
@@ -74,13 +75,11 @@ def heat_map(path: Path, judged: pd.DataFrame, title: str) -> bool:
     for row, column in np.ndindex(table.shape):
         value = table.iloc[row, column]
         colour = BLACK if 1 / READABLE < value < READABLE else "white"
-        ax.text(
-            column, row, f"{value:.2f}" if value < 10 else ">10", ha="center", va="center", fontsize=8, color=colour
-        )
+        ax.text(column, row, f"{value:.2f}" if value < 10 else ">10", ha="center", va="center", color=colour)
     ax.grid(False)
     ax.set_xticks(range(table.shape[1]), [perturbation(name)[0] for name in table.columns], rotation=40, ha="right")
     ax.set_yticks(range(len(table)), [model_style(model).label for model in order])
-    figure.suptitle(f"{title}: error over the constant model's", fontsize=10)  # `save` makes a narrow figure as wide
+    figure.suptitle(f"{title}: error over the constant model's")  # `save` makes a narrow figure as wide
     bar = figure.colorbar(image, ax=ax, extend="both", label="relative error, log scale (1: no better)")
     bar.set_ticks([1 / FACTOR, 0.5, 1, 2, FACTOR], labels=["1/4", "1/2", "1", "2", "4"])
     bar.minorticks_off()

@@ -1,17 +1,15 @@
 """Give all figures one look: a dozen colours and grey, one fixed style per model, and files that never carry a date."""
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
 import matplotlib.pyplot as plt
-import numpy as np
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
 from pipeline.reporting.words.labels import model_name
-from pipeline.scoring.results import Estimate
 
 DPI = 150
 BLACK, GREY = "#000000", "#777777"
@@ -112,12 +110,6 @@ def panels(count: int, columns: int, width: float, height: float, margin: float,
     for ax in axes.flat[count:]:
         ax.set_axis_off()
     return figure, axes
-
-
-def spread(estimates: Iterable[Estimate]) -> tuple[np.ndarray, np.ndarray]:
-    """Return means (n,) and the lengths of the error bars (2, n), below and above; NaN where there is no interval."""
-    mean, low, high = np.array([estimate[:3] for estimate in estimates]).T
-    return mean, np.array([mean - low, high - mean])
 
 
 def save(figure: plt.Figure, path: Path) -> None:

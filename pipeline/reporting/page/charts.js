@@ -57,7 +57,7 @@ function extent(values, log) {
   if (!known.length) return log ? [0.1, 1] : [0, 1];
   const low = Math.min(...known);
   const high = Math.max(...known);
-  return log ? [low / 1.25, high * 1.4] : [Math.min(0, low), high * 1.08];
+  return log ? [low / 1.25, high * 1.25] : [Math.min(0, low), high * 1.08];
 }
 
 const PANELS = {
@@ -71,13 +71,13 @@ const PANELS = {
       const failed = rows.filter((row) => row.failed);
       // An interval may leave the panel, the points may not.
       const heights = good.map((row) => row.error);
-      const y = extent([...heights, ...good.map((row) => (row.high === null ? null : Math.min(row.high, 2 * Math.max(...heights))))], state.log);
+      const y = extent([...heights, ...good.map((row) => (row.high === null ? null : Math.min(row.high, 1.2 * Math.max(...heights))))], state.log);
       const x = extent(rows.flatMap((row) => [row.time_low, row.time_high, row.time]), state.log);
       const [width, height] = [400, 330];
       const frame = { width, height, marginLeft: 48, marginRight: 16, marginTop: 22, marginBottom: 40 };
       const scales = {
         x: { type, domain: x, label: data.axes[axis], ticks: 5, tickFormat: state.log ? "~g" : undefined, grid: true },
-        y: { type, domain: y, label: rows.length ? rows[0].measure : "", ticks: 5, tickFormat: state.log ? "~g" : undefined, grid: true },
+        y: { type, domain: y, label: rows.length ? rows[0].measure : "", ticks: y[1] < 10 * y[0] ? d3.ticks(...y, 5) : 5, tickFormat: state.log ? "~g" : undefined, grid: true },
       };
       const toX = Plot.scale({ x: { ...scales.x, range: [frame.marginLeft, width - frame.marginRight] } }).apply;
       const toY = Plot.scale({ y: { ...scales.y, range: [height - frame.marginBottom, frame.marginTop] } }).apply;

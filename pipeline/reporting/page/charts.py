@@ -5,7 +5,7 @@ basic bundle 1.1 MB) and lets a chart have its own symbols and be drawn again fo
 those of the figures.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import chain
 from math import isfinite
 
@@ -24,10 +24,10 @@ COLUMNS = (*PLACE, *ESTIMATE, *COSTS, *chain(*SPREAD.values()), *FRONTS.values()
 AXES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time in the look (s)"}
 
 
-def data(table: pd.DataFrame, name: str, times: Sequence[str]) -> dict:
-    """Return what charts.js draws of a speed table. times: keys of `labels.FRONTS`, one chart each per panel."""
+def data(table: pd.DataFrame, name: str) -> dict:
+    """Return what charts.js draws of a speed table: one chart per panel and measured time."""
     rows = []
-    for time in times:
+    for time in AXES:
         for row in table.to_dict("records"):
             error = {key: finite(row[key]) for key in ("error", "low", "high")}
             low, high = (finite(row[key]) for key in SPREAD[time])
@@ -38,7 +38,7 @@ def data(table: pd.DataFrame, name: str, times: Sequence[str]) -> dict:
                 | {"front": int(row[FRONTS[time]]), "measure": row["measure"], "words": describe(row, time)}
             )
     looks = {model: look(model) for model in dict.fromkeys(row["model"] for row in rows)}
-    return {"name": name, "axes": {time: AXES[time] for time in times}, "rows": rows, "models": looks}
+    return {"name": name, "axes": AXES, "rows": rows, "models": looks}
 
 
 def finite(value: float) -> float | None:

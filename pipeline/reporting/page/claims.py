@@ -1,22 +1,20 @@
 """Build the part of the page with every claim: how many came out, each with its verdict, the rules, what was tried."""
 
-from collections.abc import Mapping
-
 import pandas as pd
 from markupsafe import Markup
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
-from pipeline.claims.rules import UNDECIDED, VERDICTS
+from pipeline.claims.rules import VERDICTS
 from pipeline.reporting import claims as claim_text
-from pipeline.reporting.page.hypertext import SIGNS, Figure, anchor, figure, fill, markdown
+from pipeline.reporting.page.hypertext import SIGNS, anchor, fill, markdown
+from pipeline.reporting.words.labels import plain
 from pipeline.scoring.results import read_csv
 
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason"]
-COLUMNS += ["unit", "measured", "protocol", "power", "seeds", "budget"]
-HEADER = ["Verdict", "Claim", "Paper", "Section", "Data", "Protocol", "Published", "Ours [95 % interval]", "Unit"]
-HEADER += ["Power", "Runs", "Budget", "Reason"]
+COLUMNS += ["unit", "measured", "protocol", "over", "seeds", "budget"]
+HEADER = ["Verdict", "Claim", "Published", "Ours [95 % interval]", "Why"]
 
 
 def read(workspace: Workspace) -> pd.DataFrame:
@@ -32,59 +30,26 @@ def read(workspace: Workspace) -> pd.DataFrame:
     return claims.sort_values("data", kind="stable")
 
 
-def cards(workspace: Workspace, claims: pd.DataFrame, answers: Mapping[str, Mapping], captions: Mapping) -> list[dict]:
-    """Return what the card of each paper says; answers, captions: of content.yaml. A paper may not have been run."""
-    by_id, titles = claims.set_index("id"), claim_text.titles(workspace)
-    there = {
-        paper: asked
-        for paper, asked in answers.items()
-        if asked["claim"] in by_id.index and (workspace.reports / asked["figure"]).parent.exists()
-    }
-    made = []
-    for paper, asked in there.items():
-        row, own = by_id.loc[asked["claim"]], claims[claims["paper"] == paper]
-        unit = "" if row["unit"] == "1" else f" {row['unit']}"
-        ours = claim_text.ours_text(row["ours"], row["low"], row["high"], row["unit"]) + unit
-        published = claim_text.value_text(row["published"], row["unit"])
-        counted = claim_text.counted(own)
-        bars = [
-            (data, [(verdict, int((rows["verdict"] == verdict).sum())) for verdict in VERDICTS])
-            for data, rows in counted.groupby("data")
-        ]
-        made.append(
-            {"paper": paper, "title": titles[paper], "verdict": row["verdict"], "question": asked["question"]}
-            | {"number": ours if row["ours"] == row["ours"] else ""}
-            | {"what": asked["number"], "published": "" if published == "-" else published + unit, "counts": bars}
-            | {"why": row["reason"] if row["verdict"] == UNDECIDED else "", "claims": len(own)}
-            | {"figure": picture(workspace, asked["figure"], captions.get(asked["figure"], asked["question"]))}
-        )
-    return made
-
-
-def picture(workspace: Workspace, source: str, caption: str) -> Figure | None:
-    """Return a figure, or None where the study that draws it is still to be computed."""
-    return figure(workspace, source, caption) if (workspace.reports / source).exists() else None
-
-
 def row_of(row, paper: entries.Paper) -> dict:
     """Return a claim as a row of the table: its verdict, further cells, and attributes that the filter asks for."""
-    experiment = paper.recorded if row.data == claim_text.RECORDED else paper.simulated
-    cells = [
-        row.claim + (" *" if row.measured else ""),
-        Markup('<a href="#{}">{}</a>').format(experiment, paper.title),
-        str(row.section),
-        row.data,
-        row.protocol,
-        claim_text.value_text(row.published, row.unit),
-        claim_text.ours_text(row.ours, row.low, row.high, row.unit),
-        "" if row.unit == "1" else row.unit,
-        claim_text.power_text(row.power),
-        str(row.seeds),
-        row.budget or "-",
-        row.reason,
-    ]
+    unit = "" if row.unit in ("1", "count") else f" {row.unit}"
+    published, ours = (
+        text if text == "-" else text + unit
+        for text in (
+            claim_text.value_text(row.published, row.unit),
+            claim_text.ours_text(row.ours, row.low, row.high, row.unit),
+        )
+    )
+    split = plain(row.protocol.replace("{condition}", "")).strip()
+    runs, budget = claim_text.runs_text(row.seeds, row.over), f"budget {row.budget}"
+    place = [paper.title, str(row.section), f"{row.data} data", split and f"split {split}"]
+    place += [runs] if row.seeds else []
+    place += [budget] if row.budget else []
+    claim = Markup('{}<span class="place">{}</span>')
+    text = claim.format(row.claim + (" *" if row.measured else ""), ", ".join(filter(None, place)))
     asked = {f"data-{key}": getattr(row, key) for key in ("paper", "verdict", "data", "kind")}
-    return {"verdict": row.verdict, "cells": cells, "attributes": {"id": f"claim-{anchor(row.id)}"} | asked}
+    attributes = {"id": f"claim-{anchor(row.id)}"} | asked
+    return {"verdict": row.verdict, "cells": [text, published, ours, row.reason], "attributes": attributes}
 
 
 def section(workspace: Workspace, claims: pd.DataFrame) -> Markup:

@@ -3,9 +3,9 @@
 import posixpath
 import re
 import struct
+from collections.abc import Mapping
 from functools import cache
 from html.parser import HTMLParser
-from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
@@ -42,7 +42,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["signs"] = SIGNS
+    environment.globals |= {"signs": SIGNS, "script": script}
     environment.tests["numeric"] = lambda cell: bool(NUMBER.match(Markup(cell).striptags()))
     environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # models stay in the order of params.yaml
     return environment
@@ -121,9 +121,16 @@ class _References(HTMLParser):
         self.found += [value for key, value in attributes if key in ("href", "src") and value]
 
 
-def check_references(workspace: Workspace, html: str) -> None:
-    """Raise InputError that names the first file to which the page refers and which is not there."""
-    for target in _References(html).found:
-        outside = urlsplit(target).scheme or target.startswith("#")
-        if not outside and not Path(workspace.reports / target).exists():
-            raise InputError(f"reports/index.html refers to {target}, which is not there; run `dvc repro`")
+def check_references(workspace: Workspace, name: str, pages: Mapping[str, str]) -> None:
+    """Raise InputError for the first file, or place on a page, to which a page refers and which is not there.
+
+    name: of the page; pages: file name in reports/ -> HTML of all of them.
+    """
+    for target in _References(pages[name]).found:
+        address = urlsplit(target)
+        if address.scheme:
+            continue
+        place, there = address.fragment.partition("?")[0], address.path or name
+        known = f' id="{place}"' in pages[there] if there in pages else (workspace.reports / there).exists()
+        if not known and (place or there not in pages):
+            raise InputError(f"reports/{name} refers to {target}, which is not there; run `dvc repro`")

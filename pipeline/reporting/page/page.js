@@ -115,7 +115,7 @@ for (const link of document.querySelectorAll("a.picture")) {
 lightbox.addEventListener("click", (event) => event.target === lightbox && lightbox.close());
 
 // The side navigation marks the section that is read.
-const links = new Map([...document.querySelectorAll("nav a")].map((link) => [link.hash.slice(1), link]));
+const links = new Map([...document.querySelectorAll("nav a[href^='#']")].map((link) => [link.hash.slice(1), link]));
 const seen = new IntersectionObserver((entries) => {
   for (const entry of entries) {
     if (!entry.isIntersecting) continue;

@@ -1,13 +1,13 @@
-"""Build the reviewer's page: answers, ours beside published, speed, every experiment, the studies, claims, provenance.
+"""Build the reviewer's pages: answers, claims and provenance on the first, every table and figure on the second.
 
-All of it comes from the tables in reports/; only what was measured by hand is shown as its Markdown says it. The page
-refers to figures in reports/, so that folder is what is passed on; nothing is loaded from a network. No date and no
-commit: the page is the same wherever the numbers are.
+All of it comes from the tables in reports/; only what was measured by hand is shown as its Markdown says it. The pages
+refer to figures in reports/, so that folder is what is passed on; nothing is loaded from a network. No date and no
+commit: the pages are the same wherever the numbers are.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Container, Mapping
 
-import numpy as np
 import pandas as pd
 import yaml
 from markupsafe import Markup
@@ -17,87 +17,77 @@ from pipeline.base.availability import has_report, why_not_run, why_not_shown
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
+from pipeline.claims.rules import BAND
 from pipeline.logs.sources import SOURCES
-from pipeline.reporting import tables
-from pipeline.reporting.page import charts, claims
-from pipeline.reporting.page.hypertext import FOLDER, Figure, check_references, figure, fill, markdown, script
-from pipeline.reporting.speed import ESTIMATE, seconds
-from pipeline.reporting.studies import SUMMARY, TWIN_TITLES, sizes_title, stability_file
+from pipeline.reporting.figures import ratios
+from pipeline.reporting.page import answers, charts, claims
+from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
+from pipeline.reporting.studies import JOINED, stability_file
 from pipeline.reporting.tables import Table
 from pipeline.reporting.verdicts import stability
-from pipeline.reporting.verdicts.sizes import JUDGED
-from pipeline.reporting.words.labels import capitalised, condition_name, experiment_name, model_name, plain, task_name
-from pipeline.reporting.words.markdown import interval, number, size
-from pipeline.scoring import one_table, published
-from pipeline.scoring.results import Estimate, read_csv
+from pipeline.reporting.words.labels import condition_name, experiment_name, model_name, perturbation, plain
+from pipeline.scoring import one_table
+from pipeline.scoring.results import read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
-OPENING = {"answers": "Answers", "compared": "Our errors over the published ones", "speed": "Speed against accuracy"}
+CONTENTS = {"#answers": "Answers", "#compared": "Our errors over the published ones"}
+CONTENTS |= {"#speed": "Speed against accuracy", "#stability": "Stability", "#verdicts": "Every claim"}
+CONTENTS |= {"#provenance": "Provenance", "appendix.html": "Appendix"}
 NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "twins", "claims")
 PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "matplotlib")  # of those that make numbers
-PHYSICS = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "verdict", "consequence"]
+# Folders of reports/ that the appendix shows, after those of experiments.
+CHAPTERS = {"stability": "Stability", "rightsize": "Model size", "physics": "Physics", "twins": "Scenes and recordings"}
+CHAPTERS |= {"material": "Recorded material", "benchmarks": "Benchmarks"}
+CAPTIONED = re.compile(r"^(?:- |!)\[[^\]]*\]\(([^)\s]+)\.png\):? *(.*)\n", re.MULTILINE)
 
 
-def build(workspace: Workspace, values: Mapping) -> str:
-    """Return the whole page; values: all settings."""
+def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
+    """Return the pages, file name -> HTML, and write their chart and the answers in README.md; values: all settings.
+
+    index.html has answers, speed, stability, claims and provenance, appendix.html all further tables and figures.
+    """
     content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
-    captions, judged = content["figures"], claims.read(workspace)
+    judged = claims.read(workspace)
     shown = {name: why_not_shown(workspace, name) for name in values["experiments"]}
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
+    found = answers.answers(workspace, judged, one_table.results(workspace, one_table.of_own_logs(values)), content)
+    ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
+    answers.write_readme(workspace, found)
     papers = entries.papers(workspace)
-    contents = [(key, name, []) for key, name in OPENING.items()]
-    simulated = {paper.simulated: paper.title for paper in papers.values() if paper.simulated in speeds}
-    titled = [last_panel(speeds[name], title) for name, title in simulated.items()]
-    kept = one_table.results(workspace, one_table.of_own_logs(values))
-    body = [
-        fill(
-            "answers",
-            claims=int(judged["kind"].isin(claims.claim_text.COUNTED).sum()),
-            cards=claims.cards(workspace, judged, content["answers"], captions),
-            verdicts=claims.VERDICTS,
-            beside=[(title, *beside(kept, name)) for name, title in simulated.items()],
-            speed=charts.data(pd.concat(titled), "Speed against accuracy", ["p50_ms"]) if titled else {},
-        )
+    simulated = {key: (paper.simulated, paper.title) for key, paper in papers.items() if paper.simulated in speeds}
+    titled = [
+        last_panel(speeds[name], title, content["answers"][paper]["conditions"])
+        for paper, (name, title) in simulated.items()
     ]
+    opening = fill(
+        "answers",
+        claims=int(judged["kind"].isin(claims.claim_text.COUNTED).sum()),
+        answers=found,
+        chart=figure(workspace, answers.CHART, "Our errors over the published ones, one panel per paper"),
+        verdicts=claims.VERDICTS,
+        speed=charts.data(pd.concat(titled), "Speed against accuracy") if titled else {},
+    )
+    first = [opening, stability_summary(workspace, failures), claims.section(workspace, judged)]
+    contents = [(key, name, []) for key, name in CONTENTS.items()]
+    index = fill("page", heading=HEADING, contents=contents, body=[*first, provenance(workspace, data)])
+    body, contents = [], [("index.html", "Answers", [])]
     for key, paper in papers.items():
         inner = [name for name in (paper.simulated, paper.recorded) if name in shown]
-        sections = []
-        for name in inner:
-            common = {"experiment": name, "name": experiment_name(name), "data": data[name], "reason": shown[name]}
-            sections.append(
-                fill("experiment", **common, **experiment(workspace, name, speeds[name], failures, captions))
-                if not shown[name]
-                else fill("experiment", **common)
-            )
+        parts = [experiment(workspace, name, shown[name], data[name], speeds.get(name)) for name in inner]
         if inner:
-            body.append(fill("paper", key=key, title=paper.title, sections=sections))
-            contents.append((key, paper.title, [(name, experiment_name(name)) for name in inner]))
-    parts = {
-        "stability": stability_parts(workspace, failures),
-        "rightsize": rightsize_parts(workspace),
-        "physics": physics_parts(workspace),
-        "twins": twins_parts(workspace),
-        **{name: document_parts(workspace, name, captions) for name in ("material", "benchmarks")},
-    }
-    for key, chapter in content["chapters"].items():
-        if parts[key]:
-            body.append(fill("chapter", key=key, **chapter, parts=parts[key]))
-            contents.append((key, chapter["title"], []))
-    contents += [("verdicts", "Every claim", []), ("provenance", "Provenance", [])]
-    body += [claims.section(workspace, judged), provenance(workspace, data)]
-    html = fill(
-        "page",
-        heading=HEADING,
-        style=script("page.css"),
-        contents=contents,
-        body=Markup("\n").join(body),
-        libraries=Markup("\n").join(map(script, ("vendor/d3.min.js", "vendor/plot.umd.min.js"))),
-        scripts=Markup("\n").join(map(script, ("page.js", "charts.js"))),
-    )
-    check_references(workspace, str(html))
-    return str(html)
+            body.append(fill("paper", key=key, title=paper.title, sections=parts))
+            contents.append((f"#{key}", paper.title, [(f"#{name}", experiment_name(name)) for name in inner]))
+    for name in CHAPTERS:
+        if (chapter := documents(workspace, name, 2))["html"]:
+            body.append(fill("chapter", key=name, title=CHAPTERS[name], **chapter))
+            contents.append((f"#{name}", CHAPTERS[name], []))
+    appendix = fill("page", heading=f"{HEADING}: appendix", contents=contents, body=body)
+    pages = {"index.html": str(index), "appendix.html": str(appendix)}
+    for name in pages:
+        check_references(workspace, name, pages)
+    return pages
 
 
 def speed_table(workspace: Workspace, experiment: str) -> pd.DataFrame:
@@ -106,84 +96,36 @@ def speed_table(workspace: Workspace, experiment: str) -> pd.DataFrame:
     return read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
 
 
-def last_panel(speeds: pd.DataFrame, title: str) -> pd.DataFrame:
-    """Return the rows of the last panel of a speed table, its main condition, with a title before its name."""
-    panel = speeds["panel"].iloc[-1]
+def last_panel(speeds: pd.DataFrame, title: str, printed: Container[str]) -> pd.DataFrame:
+    """Return the rows of the last panel, of a condition that a paper prints, with a title before its name."""
+    of_paper = speeds[speeds["condition"].isin(printed)]
+    panel = (of_paper if len(of_paper) else speeds)["panel"].iloc[-1]
     return speeds[speeds["panel"] == panel].assign(panel=f"{title}: {panel}")
 
 
-def beside(results: one_table.Results, experiment: str) -> tuple[str, Table]:
-    """Return what a paper prints of a simulated experiment, and a table of it beside ours on each split.
+def experiment(workspace: Workspace, name: str, reason: str, data: str, speeds: pd.DataFrame | None) -> Markup:
+    """Return the section of an experiment: its chart and its reports; reason: why it was not run, if it was not."""
+    common = {"experiment": name, "name": experiment_name(name), "data": data, "reason": reason}
+    if speeds is None:
+        return fill("experiment", **common)
+    parts = {part.capitalize(): documents(workspace, f"{name}/{part}", 3) for part in ("accuracy", "speed")}
+    return fill("experiment", **common, parts=parts, charts=charts.data(speeds, common["name"]))
 
-    The first is the name of the metric; a share is in %. A heading says the budget of its numbers.
+
+def documents(workspace: Workspace, name: str, level: int) -> dict:
+    """Return what a folder of reports/ holds: its documents as HTML, and its figures, with the captions they give.
+
+    level: of the headings below which the documents stand. A line of a figure and its caption becomes that figure.
     """
-    paper, metric, name, units = published.SCORES[experiment]
-    rows = results.rows(experiment=experiment, metric=metric, variant="")
-    printed = {
-        (model, condition): published.number(paper, model, condition, name)
-        for model, condition in rows[["model", "condition"]].drop_duplicates().itertuples(index=False)
-    }
-    known = [key for key, value in printed.items() if value == value]
-    models = list(dict.fromkeys(model for model, _ in known))
-    conditions = [at for at in published.table(paper)["condition"].unique() if any(key[1] == at for key in known)]
-    unit = "%" if units == 100 else rows["unit"].iloc[0] if len(rows) else ""
-    header, cells = ["Model"], {model: [model_name(model)] for model in models}
-    for condition in conditions:
-        header.append(f"{capitalised(task_name(condition))}: published ({unit})")
-        protocols = rows[rows["condition"] == condition]["protocol"].unique()
-        header += [
-            f"{capitalised(task_name(condition))}: ours, split {plain(at)} ({results.shown(experiment, at)})"
-            for at in protocols
-        ]
-        for model in models:
-            ours = [results.estimate(experiment, at, condition, model, metric) for at in protocols]
-            ours = [one.percent() if units == 100 else one for one in ours]
-            cells[model] += [
-                number(printed[model, condition]),
-                *(interval(one) if one.runs or one.failed else "-" for one in ours),
-            ]
-    return f"{capitalised(name)} ({unit})", Table(header, list(cells.values()))
-
-
-def experiment(
-    workspace: Workspace, name: str, speeds: pd.DataFrame, failures: pd.DataFrame, captions: Mapping[str, str]
-) -> dict:
-    """Return what the section of an experiment shows: its leaderboards, charts, figures and further tables."""
-    boards = []
-    for panel, rows in speeds.groupby("panel", sort=False):
-        place = failures[["experiment", "protocol", "condition"]].eq([name, *rows[["protocol", "condition"]].iloc[0]])
-        boards.append(
-            (f"{experiment_name(name)}, {panel}", leaderboard(rows, stability.ranking(failures[place.all(axis=1)])))
-        )
-    folder = f"{name}/accuracy"
-    drawn = {path.name for path in (workspace.reports / folder).glob("*.png")}
-    known = [source.rpartition("/")[2] for source in captions if source.startswith(f"{folder}/")]
-    order = [*(file for file in known if file in drawn), *sorted(drawn - set(known))]
-    texts = sorted((workspace.reports / name).glob("*/*.md")), sorted((workspace.reports / name).glob("*/*.csv"))
-    return {
-        "boards": boards,
-        "figures": [described(workspace, f"{folder}/{file}", captions) for file in order],
-        "charts": charts.data(speeds, experiment_name(name), list(charts.AXES)),
-        "files": [path.relative_to(workspace.reports).as_posix() for group in texts for path in group],
-    }
-
-
-def described(workspace: Workspace, source: str, captions: Mapping[str, str]) -> Figure:
-    """Return a figure with its caption, or with the words of its name where it has none."""
-    return figure(workspace, source, captions.get(source, plain(source.rpartition("/")[2].removesuffix(".png"))))
-
-
-def leaderboard(rows: pd.DataFrame, relative: pd.Series) -> Table:
-    """Return the table of one task. rows: of the speed table; relative: by model, see `stability.ranking`."""
-    header = ["Model", rows["measure"].iloc[0], "Prediction (ms)", "Training (s)", "Parameters", "File (bytes)"]
-    best = rows["error"].where(rows["failed"] == 0).min()
-    cells = []
-    for row in rows.to_dict("records"):
-        error = interval(Estimate(*(row[key] for key in ESTIMATE)))
-        first = Markup("<strong>{}</strong>").format(error) if row["error"] == best and not row["failed"] else error
-        costs = [f"{row['p50_ms']:.3f}", seconds(row["train_s"]), size(row["params"]), size(row["size_bytes"])]
-        cells.append([model_name(row["model"]), first, *costs, number(relative.get(row["model"], np.nan))])
-    return Table([*header, "Error under stress"], cells)
+    folder, captions, html = workspace.reports / name, {}, []
+    for place, path in enumerate(sorted(folder.glob("*.md")), 1):
+        text = path.read_text(encoding="utf-8")
+        captions |= dict(CAPTIONED.findall(text))
+        html.append(markdown(CAPTIONED.sub("", text), f"{name} {place}", name, level))
+    captions |= {path.stem: "" for path in sorted(folder.glob("*.png")) if path.stem not in captions}
+    said = {stem: ": ".join(filter(None, [plain(stem), words])) for stem, words in captions.items()}
+    figures = [figure(workspace, f"{name}/{stem}.png", caption) for stem, caption in said.items()]
+    return {"html": Markup("\n").join(html), "figures": figures}
 
 
 def data_of(experiment: str, settings: Mapping) -> str:
@@ -198,90 +140,24 @@ def data_of(experiment: str, settings: Mapping) -> str:
     return f"Data: {data}. Models: {len(settings['models'])}. Seeds of each split in the look: {seeds}."
 
 
-def study(workspace: Workspace, title: str, source: str, caption: str, listed: list[tuple[str, Table]]) -> dict:
-    """Return a part of a chapter: a figure, if there is one, and tables with their names."""
-    there = (workspace.reports / source).is_file()
-    return {"title": title, "figures": [figure(workspace, source, caption)] if there else [], "tables": listed} | {
-        "folded": [],
-        "html": "",
-    }
-
-
-def stability_parts(workspace: Workspace, failures: pd.DataFrame) -> list[dict]:
-    """Return the parts of the chapter on stability, one for each experiment and condition."""
-    parts, seen = [], set()
-    for (name, protocol, condition), rows in failures.groupby(["experiment", "protocol", "condition"], sort=False):
+def stability_summary(workspace: Workspace, failures: pd.DataFrame) -> Markup:
+    """Return the section: of each experiment one heat map, of its last condition, and what it shows."""
+    shown = []
+    for name, own in failures.groupby("experiment", sort=False):
+        ranked = {place: stability.ranking(rows) for place, rows in own.groupby(["protocol", "condition"], sort=False)}
+        places = [place for place, order in ranked.items() if len(order) and place[1] not in JOINED]
+        if not places:
+            continue
+        protocol, condition = places[-1]
+        rows = own[(own["protocol"] == protocol) & (own["condition"] == condition)]
         title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
-        file, caption = (
-            f"stability/{stability_file(name, protocol, condition)}",
-            f"{title}, relative error of each model",
-        )
-        listed = [(f"Stability, {title}", tables.stability(rows))]
-        if name not in seen:
-            seen.add(name)
-            own = failures[failures["experiment"] == name]
-            listed.insert(0, (f"Severities, {experiment_name(name)}", tables.severities(own)))
-        part = study(workspace, title, f"{file}_heat_map.png", caption, listed)
-        if (workspace.reports / f"{file}.png").is_file():
-            part["folded"] = [figure(workspace, f"{file}.png", f"{title}, error by severity")]
-        parts.append(part)
-    return parts
-
-
-def rightsize_parts(workspace: Workspace) -> list[dict]:
-    """Return the parts of the chapter on sizes, one for each experiment."""
-    judged = read_csv(workspace.reports / "rightsize.csv", JUDGED, "dvc repro")
-    return [
-        study(
-            workspace,
-            experiment_name(name),
-            f"rightsize/{name}.png",
-            "Error against size; a ring marks the smallest size that is enough, a diamond the published one",
-            [
-                (f"Sizes of {sizes_title(family)}", tables.rightsize(own))
-                for family, own in rows.groupby("family", sort=False)
-            ],
-        )
-        for name, rows in judged.groupby("experiment", sort=False)
-    ]
-
-
-def physics_parts(workspace: Workspace) -> list[dict]:
-    """Return the parts of the chapter on physics, one for each experiment."""
-    judged = read_csv(workspace.reports / "physics.csv", PHYSICS, "dvc repro")
-    caption = "Change of each model's error without an effect, and half of its interval"
-    return [
-        study(
-            workspace,
-            experiment_name(name),
-            f"physics/{name}.png",
-            caption,
-            [
-                (f"Effects of the scene, {name}", tables.physics(own)),
-                (f"Errors with all effects, {name}", tables.physics_errors(own)),
-            ],
-        )
-        for name, own in judged.groupby("experiment", sort=False)
-    ]
-
-
-def twins_parts(workspace: Workspace) -> list[dict]:
-    """Return the parts of the chapter on recordings and scenes, one for each experiment."""
-    summary = read_csv(workspace.reports / "twins.csv", SUMMARY, "dvc repro")
-    caption = "Where the simulated statistics lie in the recorded range"
-    return [
-        study(workspace, TWIN_TITLES[name], f"twins/{name}.png", caption, [(TWIN_TITLES[name], tables.twins(own))])
-        for name, own in summary.groupby("experiment", sort=False)
-    ]
-
-
-def document_parts(workspace: Workspace, name: str, captions: Mapping[str, str]) -> list[dict]:
-    """Return the documents of a folder that is filled by hand, and its figures; nothing where there is none."""
-    folder = workspace.reports / name
-    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.md"))]
-    html = Markup("\n").join(markdown(text, f"{name} {k}", name, 2) for k, text in enumerate(texts, 1))
-    figures = [described(workspace, f"{name}/{path.name}", captions) for path in sorted(folder.glob("*.png"))]
-    return [{"title": "", "figures": figures, "tables": [], "folded": [], "html": html}] if texts else []
+        source = f"stability/{stability_file(name, protocol, condition)}_heat_map.png"
+        order, means = ranked[protocol, condition], rows.groupby("perturbation", sort=False)["relative"].mean()
+        words = {"best": model_name(order.index[0]), "least": order.iloc[0], "worst": model_name(order.index[-1])}
+        words |= {"most": order.iloc[-1], "hardest": perturbation(means.idxmax())[0], "tests": len(rows)}
+        words |= {"holds": sum(rows["verdict"] == stability.HOLDS), "useless": sum(rows["verdict"] == stability.WORSE)}
+        shown.append(words | {"title": title, "figure": figure(workspace, source, f"{title}, relative error")})
+    return fill("stability", parts=shown)
 
 
 def versions(workspace: Workspace) -> Table:
@@ -305,19 +181,9 @@ def provenance(workspace: Workspace, data: Mapping[str, str]) -> Markup:
         run = f"no: {reason}" if reason else "yes"
         run += "; its results are the committed ones" if reason and has_report(workspace, experiment) else ""
         rows.append([experiment_name(experiment), said, run, items])
-    counts = read_csv(workspace.reports / "counts.csv", ["experiment", "model", "macs", "params"], "dvc repro")
-    cells = [[count_cell(column, value) for column, value in row.items()] for row in counts.to_dict("records")]
     return fill(
         "provenance",
         data=Table(["Experiment", "Data and seeds", "Run", "Most items tested"], rows),
         versions=versions(workspace),
-        counts=Table([plain(column) for column in counts.columns], cells),
         files=NUMBERS,
     )
-
-
-def count_cell(column: str, value) -> str:
-    """Return a cell of counts.csv."""
-    if value != value:
-        return "-"
-    return model_name(value) if column == "model" else size(value) if isinstance(value, (int, float)) else str(value)

@@ -1,0 +1,215 @@
+"""Answer the question of each paper: its printed numbers beside ours, and findings in words, each with its verdict.
+
+The answers stand in README.md, between two markers, and on the first screen of the page. What is compared and the words
+of the findings are in content.yaml; a number that the evidence does not have yet is said to be missing.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from jinja2 import Environment, StrictUndefined
+
+from pipeline.base import files
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
+from pipeline.claims import entries
+from pipeline.claims.rules import VERDICTS
+from pipeline.reporting import claims as claim_text
+from pipeline.reporting.figures.ratios import Point
+from pipeline.reporting.tables import Table
+from pipeline.reporting.words import templates
+from pipeline.reporting.words.labels import capitalised, model_name
+from pipeline.reporting.words.markdown import interval, number
+from pipeline.scoring import published
+from pipeline.scoring.claim_inputs import LOOK
+from pipeline.scoring.one_table import Results
+from pipeline.scoring.results import SHARE, Estimate, estimate, scale_of
+
+CHART = "answers.png"  # in reports/
+MARKS = ("<!-- answers: written by `python -m pipeline.stages.page` -->", "<!-- end of answers -->")
+BEYOND = "beyond the paper"  # in place of a verdict, where a finding is about no claim
+NOT_COMPUTED = "not computed yet"
+TOOLS = ("estimate", "printed", "ranked", "failures", "side")  # of _Scores, for the findings
+
+
+class Finding(NamedTuple):
+    """A sentence about our numbers, the verdict on the claim that it is about, or BEYOND, and the id of that claim."""
+
+    text: str
+    verdict: str
+    claim: str
+
+
+class Answer(NamedTuple):
+    """What is said of one paper; `heading`, `points`: of its panel of the chart; `counts` data -> verdict -> claims."""
+
+    paper: str
+    title: str
+    question: str
+    basis: str
+    table: Table
+    findings: list[Finding]
+    heading: str
+    points: dict[str, list[Point]]
+    counts: list[tuple[str, list[tuple[str, int]]]]
+    claims: int
+
+
+class Absent(Exception):
+    """The evidence has no run of what a sentence asks for."""
+
+
+def answers(workspace: Workspace, claims: pd.DataFrame, results: Results, content: Mapping) -> list[Answer]:
+    """Return the answer of each paper whose simulated experiment is reported; claims: as of page.claims.read."""
+    papers = entries.papers(workspace)
+    return [
+        _answer(papers[key], asked, claims, results)
+        for key, asked in content["answers"].items()
+        if (claims["paper"] == key).any() and (workspace.reports / papers[key].simulated).exists()
+    ]
+
+
+def write_readme(workspace: Workspace, found: list[Answer]) -> None:
+    """Write these answers between the markers of README.md, if there is one. Raises InputError where it lacks them.
+
+    DVC is not told of README.md: it deletes what it is told of.
+    """
+    if not (path := workspace.root / "README.md").exists():
+        return
+    before, start, rest = (text := path.read_text(encoding="utf-8")).partition(MARKS[0])
+    _, end, after = rest.partition(MARKS[1])
+    if not end:
+        raise InputError(f"README.md: the line '{MARKS[1] if start else MARKS[0]}' is missing; put it back")
+    block = templates.render("answers", answers=found, chart=f"reports/{CHART}")
+    if (now := f"{before}{start}\n\n{block}\n{end}{after}") != text:
+        files.write_text(path, now)
+
+
+def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results: Results) -> Answer:
+    own = claims[claims["paper"] == paper.key].set_index("id")
+    scores = _Scores(results, paper.simulated)
+    counted = claim_text.counted(own)
+    table, heading, points, basis = _beside(scores, asked, own)
+    return Answer(
+        paper=paper.key,
+        title=paper.title,
+        question=asked["question"],
+        basis=basis,
+        table=table,
+        findings=[_finding(scores, one, own) for one in asked["findings"]],
+        heading=f"{paper.title}\n{heading}",
+        points=points,
+        counts=[
+            (data, [(verdict, int((rows["verdict"] == verdict).sum())) for verdict in VERDICTS])
+            for data, rows in counted.groupby("data")
+        ],
+        claims=len(own),
+    )
+
+
+class _Scores:
+    """The evidence on one simulated experiment, beside what its paper prints; shares are in %."""
+
+    def __init__(self, results: Results, experiment: str):
+        self.results, self.experiment = results, experiment
+        self.paper, self.metric, self.name, self.units = published.SCORES[experiment]
+        self.models = list(published.PRINTED[self.paper])
+        self.printed = lambda condition, model: published.number(self.paper, model, condition, self.name)
+
+    def shown(self, protocol: str) -> str:
+        """Return the budget of the evidence on a protocol, empty where there is none."""
+        return (budget := self.results.shown(self.experiment, protocol)) != LOOK and budget or ""
+
+    def runs(self, protocol: str, condition: str, model: str, metric: str = "") -> pd.Series:
+        """Return seed -> value. Raises Absent where the evidence has none."""
+        runs = self.results.runs(self.experiment, protocol, condition, model, metric or self.metric)
+        if not self.shown(protocol) or not len(runs):
+            raise Absent
+        return runs * (100 if scale_of(metric or self.metric) == SHARE else 1)
+
+    def estimate(self, protocol: str, condition: str, model: str, metric: str = "") -> Estimate:
+        """Return mean and interval over the seeds. Raises Absent where the evidence has none."""
+        runs, scale = self.runs(protocol, condition, model, metric), scale_of(metric or self.metric)
+        return estimate(runs / 100, scale).percent() if scale == SHARE else estimate(runs, scale)
+
+    def ranked(self, protocol: str, condition: str) -> list[tuple[str, float]]:
+        """Return (name, mean) of the paper's models, the best first."""
+        means = [(model_name(at), self.estimate(protocol, condition, at).mean) for at in self.models]
+        return sorted(means, key=lambda pair: pair[1], reverse=self.units == 100)
+
+    def failures(self, conditions: Mapping[str, str], model: str) -> tuple[int, int]:
+        """Return how many trainings failed, and of how many; conditions: protocol -> the condition that shows it.
+
+        A training failed where its error is not finite, or above that of the constant model of the same seed.
+        """
+        pairs = [(self.runs(*at, model), self.runs(*at, "constant")) for at in conditions.items()]
+        failed = [~(runs <= floor.reindex(runs.index)) for runs, floor in pairs]
+        return sum(int(each.sum()) for each in failed), sum(map(len, failed))
+
+    def side(self, protocol: str, condition: str, one: str, other: str, metric: str = "") -> int:
+        """Return -1, 0 or 1: one model's values less another's, paired by seed, are below, around or above 0."""
+        places = ((protocol, condition, model, metric) for model in (one, other))
+        spread = estimate(np.subtract(*(self.runs(*place) for place in places)).dropna())
+        return int(spread.low > 0) - int(spread.high < 0)
+
+
+def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, str, dict[str, list[Point]], str]:
+    """Return a paper's table with ours beside it, heading and points of its chart, and what our numbers are of.
+
+    Ours are of the paper's split; where the evidence does not have it, of the split that no recording crosses.
+    """
+    header, cells = ["Model"], {model: [model_name(model)] for model in scores.models}
+    points: dict[str, list[Point]] = {title: [] for title in asked["conditions"].values()}
+    error = (lambda value: 100 - value) if scores.units == 100 else (lambda value: value)
+    (own_split, first), *_ = asked["splits"].items()
+    seeds, said, judged = set(), {}, True
+    for condition, title in asked["conditions"].items():
+        split = next((at for at in asked["splits"] if scores.shown(at.format(condition=condition))), "")
+        protocol, judged = split.format(condition=condition), split == own_split
+        header += [f"{title}: paper ({asked['unit']})", *["ours"][: bool(split)], *["verdict"][:judged]]
+        if split:
+            said[asked["splits"][split]] = scores.shown(protocol)
+        for model, row in cells.items():
+            printed, place = scores.printed(condition, model), asked["claims"].format(condition=condition, model=model)
+            row.append(number(printed))
+            try:
+                ours, runs = scores.estimate(protocol, condition, model), scores.runs(protocol, condition, model)
+                seeds.add(len(runs))
+                row.append(interval(ours))
+                points[title].append(Point(model, error(printed), error(ours.mean), [*map(error, runs)]))
+            except Absent:
+                row += [NOT_COMPUTED] if split else []
+            row += [own["verdict"].get(asked.get("same", {}).get(place, place), "-")] if judged else []
+    words = [f"{capitalised(scores.name)} in {asked['unit']}."]
+    words += [f"Ours: {split}, {_span(seeds)}, budget {at}, mean [95 % interval]." for split, at in said.items()]
+    words += [] if judged else [f"{capitalised(first)}: {NOT_COMPUTED}, so no number has a verdict."]
+    heading = ", ".join([*said, _span(seeds)]) if said else NOT_COMPUTED
+    return Table(header, list(cells.values())), heading, points, " ".join([*words, asked.get("note", "")]).strip()
+
+
+def _span(counts: set[int]) -> str:
+    least, most = min(counts, default=0), max(counts, default=0)
+    return ("1 seed" if most == 1 else f"{most} seeds") if least == most else f"{least} to {most} seeds"
+
+
+def _finding(scores: _Scores, asked: Mapping[str, str], own: pd.DataFrame) -> Finding:
+    """Return a finding of content.yaml with its numbers, or that they are not computed yet."""
+    name = asked.get("claim", "")
+    if name and name not in own.index:
+        return Finding(f"{NOT_COMPUTED.capitalize()}.", BEYOND, "")
+
+    def claim(key: str) -> pd.Series:
+        if key not in own.index or np.isnan(own.loc[key, "ours"]):
+            raise Absent
+        return own.loc[key]
+
+    environment = Environment(undefined=StrictUndefined)  # it is escaped where it becomes HTML
+    environment.filters["number"] = number
+    environment.globals |= {key: getattr(scores, key) for key in TOOLS} | {"claim": claim}
+    try:
+        text = " ".join(environment.from_string(asked["text"]).render().split())
+    except Absent:
+        text = asked.get("absent") or f"{NOT_COMPUTED.capitalize()}: {own.loc[name, 'claim']}"
+    return Finding(text, own.loc[name, "verdict"] if name else BEYOND, name)

@@ -1,0 +1,102 @@
+"""The answers of README.md and the page: tables and findings, from the evidence alone."""
+
+import pandas as pd
+import pytest
+import yaml
+from builders.project import ROOT
+
+from pipeline.base import params
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
+from pipeline.reporting.page import answers, claims
+from pipeline.reporting.page.hypertext import FOLDER
+from pipeline.scoring import one_table
+from pipeline.scoring.claim_inputs import COLUMNS, FULL, LOOK
+
+CONTENT = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
+ERRORS = {"constant": 17.0, "linear_array": 14.0, "lomp": 8.0, "lomp_stream": 9.0, "convlstm": 10.0}
+
+
+def judged(**ours) -> pd.DataFrame:
+    """Rows of claims.csv: those that findings are about, and one of a table; ours: verdicts of claims."""
+    names = [asked["claim"] for of in CONTENT["answers"].values() for asked in of["findings"] if "claim" in asked]
+    table = pd.DataFrame({"id": [*names, "latent/accuracy-ratio-task_2", "sp_resnet/fewest-params"]})
+    table = pd.concat([table, pd.DataFrame({"id": ["lomp/rmse-double-lomp"]})], ignore_index=True)
+    table["paper"] = table["id"].str.partition("/")[0]
+    return table.assign(
+        claim="LoMP is Best.", verdict="undecided", ours=float("nan"), low=0.4, high=0.6, published=0.5,
+        kind="sentence", data="simulated",
+    ).assign(verdict=lambda rows: rows["id"].map(lambda name: ours.get(name, "undecided")))  # fmt: skip
+
+
+def of_touch(budget: str, **worse) -> one_table.Results:
+    """Results of touch, two seeds of each protocol; worse: model -> its error in the second."""
+    rows = [
+        ("touch", protocol, condition, model, metric, seed, budget, value)
+        for protocol in ("press", "random_window")
+        for condition in ("single", "double")
+        for model, error in (dict.fromkeys(CONTENT_MODELS, 12.0) | ERRORS).items()
+        for seed in (0, 1)
+        for metric, value in (
+            ("rmse", worse.get(model, error) if seed else error),
+            ("touches_found", 0.9 - 0.01 * error + 0.001 * seed * (model == "lomp")),
+        )
+    ]
+    names = ["experiment", "protocol", "condition", "model", "metric", "seed", "budget", "value"]
+    return one_table.Results(pd.DataFrame(rows, columns=names).reindex(columns=[*COLUMNS, one_table.WHOLE]))
+
+
+CONTENT_MODELS = ("linear", "poly", "tree", "rbf", "cnn", "vgg", "rnn")
+
+
+@pytest.fixture
+def reported(workspace):
+    for name in ("touch", "strain", "glove"):
+        (workspace.reports / name).mkdir(parents=True)
+    return workspace
+
+
+def test_a_table_and_findings_say_the_evidence(reported):
+    results = of_touch(FULL, lomp_stream=172.0, lomp=8.4)
+    verdicts = {"lomp/rmse-double-lomp": "near", "lomp/lomp-best-double": "reproduced"}
+    touch, strain, _ = answers.answers(reported, judged(**verdicts), results, CONTENT)
+    (row,) = (row for row in touch.table.rows if row[0] == "LoMP")
+    assert row[4] == "7.49" and row[5].startswith("8.20 [") and row[6] == "near"
+    assert "random windows" in touch.basis and "2 seeds" in touch.basis and "budget full" in touch.basis
+    best, linear, stream = touch.findings
+    assert best.verdict == "reproduced" and "8.2 kPa" in best.text and "ConvLSTM, has 10.0 kPa" in best.text
+    assert "less often than LoMP" in linear.text and "1.7 times its error" in linear.text
+    assert "2 of the 4 trainings of streaming LoMP" in stream.text, "one above the constant model is a failed one"
+    assert {at.model for at in touch.points["Two touches"]} == set(CONTENT_MODELS) | {"lomp", "convlstm"}
+    assert strain.table.rows[0][1:] == ["0.43", "27.00"] and answers.NOT_COMPUTED in strain.basis
+    assert "not computed yet" in strain.findings[0].text
+
+
+def test_the_look_is_no_evidence(reported):
+    touch, *_ = answers.answers(reported, judged(), of_touch(LOOK), CONTENT)
+    assert all(len(row) == 3 for row in touch.table.rows), "a model and what the paper prints"
+    assert [one.text for one in touch.findings][0] == "Not computed yet: LoMP is Best."
+    assert all("ot computed yet" in one.text for one in touch.findings)
+
+
+def test_readme_says_what_the_committed_reports_give(reported):
+    workspace = Workspace(ROOT)
+    results = one_table.results(workspace, one_table.of_own_logs(params.load(workspace.params)))
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    found = answers.answers(workspace, claims.read(workspace), results, CONTENT)
+    (reported.root / "README.md").write_text(text, encoding="utf-8")
+    answers.write_readme(reported, found)
+    assert (reported.root / "README.md").read_text(encoding="utf-8") == text, "run `python -m pipeline.stages.page`"
+    assert len(found) == 3 and len(text.splitlines()) <= 140
+
+
+def test_readme_needs_its_markers(reported):
+    answers.write_readme(reported, [])
+    assert not (reported.root / "README.md").exists(), "a workspace may have none"
+    (reported.root / "README.md").write_text(f"# Mine\n{answers.MARKS[0]}\nold\n{answers.MARKS[1]}\nkept\n")
+    answers.write_readme(reported, [])
+    text = (reported.root / "README.md").read_text()
+    assert "old" not in text and text.startswith("# Mine\n") and text.endswith(f"{answers.MARKS[1]}\nkept\n")
+    (reported.root / "README.md").write_text("# Mine\n")
+    with pytest.raises(InputError, match="answers: written by"):
+        answers.write_readme(reported, [])
