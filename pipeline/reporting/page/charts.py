@@ -21,7 +21,7 @@ from pipeline.scoring.results import Estimate
 PLACE = ("panel", "protocol", "condition", "model", "measure")
 COSTS = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s", "params", "macs", "size_bytes")
 COLUMNS = (*PLACE, *ESTIMATE, *COSTS, *chain(*SPREAD.values()), *FRONTS.values())  # of table2.csv
-AXES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time in the look (s)"}
+AXES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}
 
 
 def data(table: pd.DataFrame, name: str) -> dict:
