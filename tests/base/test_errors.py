@@ -44,7 +44,7 @@ def test_help_stands_without_docstrings_and_in_a_notebook(arguments):
     backend = {"MPLBACKEND": "module://not_installed.backend"}
     said, wrong = ran(["-OO", "-m", "pipeline.commands.command_line"], *arguments, **backend).communicate()
     assert b"usage: tactile" in said and not wrong
-    words = b"Read a folder of your own logs" if "check" in arguments else b"What people run by hand"
+    words = b"Read a folder of your own logs" if "check" in arguments else b"Predict with trained models"
     assert words in said
 
 
