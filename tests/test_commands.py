@@ -315,3 +315,9 @@ def test_a_right_command_is_let_pass(text):
 @pytest.mark.parametrize("experiment", VALUES["experiments"])
 def test_the_command_that_trains_the_models_can_be_given(experiment):
     assert not list(wrong_commands(params.training_command(experiment), False))
+
+
+def test_the_readme_has_the_command_that_ci_runs():
+    program = re.search(r"awk '([^']*)' README\.md", (ROOT / ".ci" / "run").read_text())[1]
+    found = subprocess.run(["awk", program, "README.md"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert "pip install" in found and "python -m pytest" in found and found.count("\n") == 1
