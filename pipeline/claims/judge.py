@@ -31,9 +31,11 @@ def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
     half, _ = _ruled(claim, results, HALF)
     if full.runs == 0 and claim.absent:
         return replace(full, verdict=OUTSIDE, reason=claim.absent), ""
-    if not trained:
-        return full, ANY if full.runs else ""
-    if full.runs == 0 and half.runs:
+    if not trained and full.runs:
+        return full, ANY
+    if full.runs == 0 and not half.runs:
+        return full, ""
+    if full.runs == 0:
         return replace(half, verdict=UNDECIDED, reason=f"waits for the budget {FULL}; at half {half.verdict}"), HALF
     if {half.verdict in GOOD, full.verdict in GOOD} == {half.verdict in BAD, full.verdict in BAD} == {True, False}:
         moves = f"moves with training: {half.verdict} at half of the budget, {full.verdict} at all of it"

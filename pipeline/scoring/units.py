@@ -11,7 +11,7 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
+from pipeline.datasets import images, schemas
 from pipeline.scoring import metrics
 from pipeline.scoring.results import read_predictions, read_windows
 
@@ -35,8 +35,11 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
                 predicted = read_predictions(workspace, experiment, model, protocol, seed, table)
                 wrong = _loss(experiment, table, predicted)
                 known = np.isfinite(wrong) & (unit >= 0)
-                for name in metrics.POOLED.get(experiment, np.unique(condition[known])):
-                    chosen = known & ((condition == name) | (experiment in metrics.POOLED))
+                pooled = metrics.POOLED.get(experiment, ())
+                if METRIC[experiment] == "accuracy":  # images of all objects, which are the conditions of a dataset
+                    pooled = (images.modality(protocol),)
+                for name in pooled or np.unique(condition[known]):
+                    chosen = known if pooled else known & (condition == name)
                     block = _blocks(unit[chosen])
                     losses = pd.Series(wrong[chosen]).groupby(block).agg(["mean", "size"])
                     for number, loss in losses.iterrows():
