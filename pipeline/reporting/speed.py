@@ -73,7 +73,8 @@ def speed_table(
             row |= {"large_batch": batches[-1], "predictions_per_s": 1e3 * batches[-1] / large["p50_ms"]}
             spread = (max(float(of(times)), LEAST_S) if times else np.nan for of in (np.median, np.min, np.max))
             row |= dict(zip(("train_s", "train_low_s", "train_high_s"), spread, strict=True))
-            less = budget == FULL and len(kept[HALF]) > 0
+            place = (report.experiment, protocol, condition, model, metric, "", HALF)
+            less = budget == FULL and len(kept[HALF]) > 0 and report.results.found(*place)[1] == HALF  # it has epochs
             row |= {
                 "half_error": error_of(report, protocol, condition, model, metric, HALF).mean if less else np.nan,
                 "half_train_s": max(float(np.median(kept[HALF])), LEAST_S) if less else np.nan,
