@@ -1,4 +1,4 @@
-"""Write the logs of one recording from files of columns: .csv and other text, .mat, .npz. Guesses are marked.
+"""Write the logs of one recording from files of columns: .csv and other text, .xlsx, .mat, .npz. Guesses are marked.
 
 FOLDER is the recording's, such as data/own/finger/single/run0, and FILE one file or more. Which columns are the time,
 the readings, the force and the places is told by their names, number and course, as by `tactile check`; how many

@@ -1,4 +1,4 @@
-"""Turn files of columns, of MATLAB, numpy or text, into text of lines, which is read as any log of another layout."""
+"""Turn files of columns, of MATLAB, numpy, workbooks or text, into text of lines, which is read as any other log."""
 
 import re
 import zipfile
@@ -13,7 +13,7 @@ from pipeline.logs import matlab
 
 LARGEST = 1 << 30  # bytes of a file; as text it takes about three times as many
 LEAST = 3  # values of a column; fewer are settings of the recording
-WORKBOOKS = (".xlsx", ".xls", ".xlsm", ".ods")
+WORKBOOKS, OTHER_WORKBOOKS = (".xlsx", ".xlsm"), (".xls", ".ods")
 
 
 def text_of(path: Path, folder: Path) -> dict[str, Path]:
@@ -21,14 +21,18 @@ def text_of(path: Path, folder: Path) -> dict[str, Path]:
 
     Columns of one length are a table, which is called by the file, and by the length where there are several. Of an
     array of several dimensions the longest is taken for time; each number of a row is a column then. A file that is of
-    neither MATLAB nor numpy is taken for text. Raises InputError for a file that is missing, damaged or a workbook, and
-    for one without columns.
+    neither MATLAB nor numpy is taken for text; each sheet of a workbook is a text of its own. Raises InputError for a
+    file that is missing, damaged or an old workbook, and for one without columns.
     """
     if not path.is_file():
         raise InputError(f"{path}: file not found; name a file of columns")
     kind = path.suffix.lower()
+    if kind in OTHER_WORKBOOKS:
+        raise InputError(
+            f"{path}: a workbook of this kind is not read; save it as .xlsx, or each sheet as .csv (UTF-8)"
+        )
     if kind in WORKBOOKS:
-        raise InputError(f"{path}: workbooks are not read; save each sheet as .csv (UTF-8) and import these")
+        return _of_workbook(path, folder)
     if kind not in (".mat", ".npz"):
         return {str(path): path}
     tables: dict[int, dict[str, np.ndarray]] = {}
@@ -45,6 +49,23 @@ def text_of(path: Path, folder: Path) -> dict[str, Path]:
         name = f"{path}, columns of {length}" if len(tables) > 1 else str(path)
         texts[name] = folder / f"{path.stem}-{length}.csv"
         pd.DataFrame(columns).to_csv(texts[name], index=False)
+    return texts
+
+
+def _of_workbook(path: Path, folder: Path) -> dict[str, Path]:
+    """Write the values of each sheet of a workbook as text, without the formulas that made them."""
+    try:
+        sheets = pd.read_excel(path, sheet_name=None, header=None, engine="openpyxl")
+    except (ValueError, OSError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not a whole workbook ({error}); open it and save it again as .xlsx") from error
+    texts = {}
+    for number, (sheet, cells) in enumerate(sheets.items()):
+        if len(cells) >= LEAST:
+            name = f"{path}, sheet {sheet}" if len(sheets) > 1 else str(path)
+            texts[name] = folder / f"{path.stem}-{number}.csv"
+            cells.to_csv(texts[name], index=False, header=False)
+    if not texts:
+        raise InputError(f"{path}: no sheet has {LEAST} rows; name a file of columns")
     return texts
 
 

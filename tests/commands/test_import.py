@@ -84,17 +84,29 @@ def as_text(folder):
     return "a.csv"
 
 
-@pytest.mark.parametrize("write", [as_numpy, as_matlab, as_text])
+def as_workbook(folder):
+    """A sheet of each device, with a title above its columns."""
+    columns = {"Time (s)": T} | {f"ch{k}": COUNTS[:, k] for k in range(6)}
+    sheets = {"mat": pd.DataFrame(columns), "cell": pd.DataFrame({"t_s": T[:-1], "Force": FORCE[:-1]})}
+    sheets["stage"] = pd.DataFrame({"t_s": T[::2], "x": X[::2], "y": Y[::2], "z": Z[::2]})
+    with pd.ExcelWriter(folder / "a.xlsx", engine="openpyxl") as book:
+        for name, table in sheets.items():
+            table.to_excel(book, sheet_name=name, index=False, startrow=1)
+            book.sheets[name]["A1"] = "Recorded on Tuesday"
+    return "a.xlsx"
+
+
+@pytest.mark.parametrize("write", [as_numpy, as_matlab, as_text, as_workbook])
 def test_files_of_columns_are_read_as_logs(write, run0, tmp_path, capsys):
     imported(tmp_path / write(tmp_path), run0, "--of", "touch")
-    read, every = logs_of(run0), slice(None, None, 2 if write is as_matlab else 1)
+    read, every = logs_of(run0), slice(None, None, 2 if write in (as_matlab, as_workbook) else 1)
     assert np.array_equal(matrix(read["array"]), COUNTS)
     assert np.array_equal(matrix(read["load_cell"])[:, 0], FORCE[: read["load_cell"].num_rows])
     assert np.array_equal(matrix(read["cnc"]), np.column_stack([X, Y, Z])[every])
     times = read["array"]["t_us"].to_numpy()
     assert times - times[0] == pytest.approx(1e6 * (T - T[0]), abs=1)
     said = capsys.readouterr().out
-    assert ("write touch.ingest.clock: shared" in said) == (write is not as_matlab)
+    assert ("write touch.ingest.clock: shared" in said) == (write not in (as_matlab, as_workbook))
     origin = yaml.safe_load((run0 / "origin.yaml").read_text())
     assert set(origin["logs"]) == {"array.log", "load_cell.log", "cnc.log"} and len(origin["sha256"]) == 1
 
@@ -138,7 +150,8 @@ def test_nothing_is_written_over_and_what_cannot_be_read_is_said(run0, tmp_path)
     np.savez(tmp_path / "words.npz", note=np.array(["a"]))
     np.savez(tmp_path / "few.npz", t=T, adc=COUNTS[:, :5])
     for name, content, words in (
-        ("a.xlsx", b"PK", r"a.xlsx: workbooks are not read; save each sheet as .csv"),
+        ("a.xlsx", b"PK", r"a.xlsx: not a whole workbook"),
+        ("a.xls", b"\xd0\xcf", r"a.xls: a workbook of this kind is not read; save it as .xlsx"),
         ("a.mat", b"\x89HDF\r\n", r"a.mat: MATLAB version 7.3 \(HDF5\) is not read; load it and save it again"),
         ("a.npz", b"PK\x03\x04", r"a.npz: not a whole file of numpy's savez"),
         ("words.npz", None, r"words.npz: holds no columns of numbers \(note\)"),
