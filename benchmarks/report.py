@@ -28,7 +28,7 @@ def write(folder: Path) -> None:
         there = [name for name in TABLES if (folder / "benchmarks" / name).exists()]
         parts += [f"- {TABLES[name]}: [{name}]({name})" for name in there]
         parts.append("")
-        parts += ["## Against what one would write first\n", table(*comparison(rows))]
+        parts += ["## Against the obvious implementation\n", table(*comparison(rows))]
     if points:
         parts += ["## Growth with the size\n", "All columns: [growth.csv](../growth.csv)\n", table(*exponents(points))]
         parts += [f"- [{name}.png]({name}.png): {words}" for name, words in captions(points).items()]
@@ -37,7 +37,7 @@ def write(folder: Path) -> None:
 
 def comparison(rows: list[dict]) -> tuple[list[str], list[list[str]]]:
     """Header and rows: a figure, the peer's, their ratio, the target."""
-    header = ["What", "Ours", "Peer", "Times as good", "Must be", "Met", "Threads", "Peer is"]
+    header = ["What", "Ours", "Baseline", "Speed-up", "Target", "Met", "Threads", "Baseline is"]
     lines = []
     for row in rows:
         target = f"{float(row['target']):.3g}" if row["target"] else "-"

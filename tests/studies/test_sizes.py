@@ -21,11 +21,11 @@ NAN = float("nan")
     ("errors", "verdicts"),
     [
         ({8: [9, 11.1, 13.4], 16: [4.11, 5.1, 6.2], 32: [4, 5, 6]}, ["too small", "enough", "best"]),  # 2 to 3 % above
-        ({8: [9, 11.1, 13.4], 16: [4.1, 5.6, 6.0], 32: [4, 5, 6]}, ["too small", "not told apart", "best"]),
-        ({16: [1.1, 1.05], 32: [1, 1]}, ["not told apart", "best"]),
-        ({8: [5, NAN, 5], 16: [5.2, 5.15, 5.1], 32: [5, 5.1, 5.2]}, ["failed", "not told apart", "best"]),
+        ({8: [9, 11.1, 13.4], 16: [4.1, 5.6, 6.0], 32: [4, 5, 6]}, ["too small", "inconclusive", "best"]),
+        ({16: [1.1, 1.05], 32: [1, 1]}, ["inconclusive", "best"]),
+        ({8: [5, NAN, 5], 16: [5.2, 5.15, 5.1], 32: [5, 5.1, 5.2]}, ["failed", "inconclusive", "best"]),
         ({8: [1, NAN], 16: [9, 9]}, ["failed", "best"]),  # a size with a failed run is not the best
-        ({8: [5.0], 16: [4.9]}, ["not told apart", "best"]),  # one run has no interval
+        ({8: [5.0], 16: [4.9]}, ["inconclusive", "best"]),  # one run has no interval
         ({8: [np.inf, 1], 16: [NAN, NAN]}, ["failed", "failed"]),
     ],
 )
@@ -51,8 +51,9 @@ def test_judged_rows_have_means_intervals_and_one_choice():
     assert list(judged["verdict"]) == ["failed", "enough", "best"]
     assert judged["excess"].tolist()[1:] == pytest.approx([np.mean([0.1 / 4, 0.1 / 5, 0.2 / 6]), 0])
     assert list(judged["failed"]) == [1, 0, 0] and list(judged["runs"]) == [2, 3, 3]
-    half = 4.302652729911275 / np.sqrt(3)  # t of 2 degrees of freedom, standard deviation 1
-    assert judged.iloc[2][["value", "low", "high"]].tolist() == pytest.approx([5, 5 - half, 5 + half])
+    logs = np.log([4, 5, 6])  # an error has its interval above zero
+    half = 4.302652729911275 * logs.std(ddof=1) / np.sqrt(3)  # t of 2 degrees of freedom
+    assert judged.iloc[2][["value", "low", "high"]].tolist() == pytest.approx([5, *np.exp(logs.mean() + [-half, half])])
     assert list(judged["params"]) == [800, 3200, 12800]
 
 
@@ -80,7 +81,7 @@ def test_failed_runs_are_said_in_table_and_figure(tmp_path):
     assert [[row[0], *row[3:]] for row in tables.rightsize(judged).rows] == [
         ["8", "failed (2 of 2 runs)", "failed"],
         ["32", "failed (1 of 2 runs); others 4.00", "failed"],
-        ["128 (published)", "5.50 [-0.85, 11.85]", "best*"],
+        ["128 (published)", "5.50 [1.72, 17.44]", "best*"],
     ]
     pictures = []
     for name in ("one.png", "two.png"):

@@ -4,7 +4,7 @@ A seed draws specimen, motion, noise, split and start of training; every variant
 ratio of a model's errors with and without an effect is taken seed by seed. An effect is `equivalent` to its absence if
 the 90 % t interval of the mean logarithm of this ratio lies inside the logarithms of 1 - MARGIN and 1 + MARGIN for
 every model and condition (two one-sided tests at 5 %; Schuirmann 1987) and the order of the models stays as it is. An
-effect `changes errors` if one such interval lies outside the margin altogether. Anything else `cannot be told`.
+effect `changes errors` if one such interval lies outside the margin altogether. Anything else is `inconclusive`.
 
 verdicts/rules.py asks another question: whether a difference is above 0 in the seeds that were drawn.
 """
@@ -24,7 +24,7 @@ from pipeline.scoring.variants import COLUMNS, NONE
 MARGIN = 0.05  # share of a model's error
 SIDE = 0.95  # confidence of each of the two one-sided tests
 LOWEST = 1e-3  # smaller errors are taken for this one: less than one image of a small test part, 1 um, 1 Pa
-EQUIVALENT, CHANGES, UNKNOWN, FAILED = "equivalent", "changes errors", "cannot be told", "failed"
+EQUIVALENT, CHANGES, UNKNOWN, FAILED = "equivalent", "changes errors", "inconclusive", "failed"
 
 # Effects that no model has to see: what they are for.
 PURPOSE = {
@@ -164,7 +164,7 @@ def consequence(experiment: str, judged: Judgement, on: bool) -> str:
     return {
         EQUIVALENT: "may be left out: equivalent",
         CHANGES: "kept: changes errors",
-        UNKNOWN: "kept: cannot be told",
+        UNKNOWN: "kept: inconclusive",
         FAILED: "kept: a run failed",
     }[judged.verdict]
 

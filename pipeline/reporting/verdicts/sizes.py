@@ -1,7 +1,7 @@
 """Judge which size of a ladder is enough: the smallest that is certainly within MARGIN of the best.
 
 The excess of a size is its error over that of the best size, less 1, paired by seed. A size is enough where the whole
-95 % t interval of its excess is below MARGIN, too small where all of it is above, and not told apart otherwise.
+95 % t interval of its excess is below MARGIN, too small where all of it is above, and inconclusive otherwise.
 """
 
 import itertools
@@ -21,7 +21,7 @@ LADDER = ["experiment", "condition", "family"]
 JUDGED = [*LADDER, "size", "params", "metric", "unit", "value", "low", "high", "chosen", "runs", "failed", "macs"]
 JUDGED += ["excess", "excess_low", "excess_high", "verdict"]
 MARGIN = 0.05  # of the best error: less makes no difference in use
-BEST, ENOUGH, TOO_SMALL, UNCLEAR, FAILED = "best", "enough", "too small", "not told apart", "failed"
+BEST, ENOUGH, TOO_SMALL, UNCLEAR, FAILED = "best", "enough", "too small", "inconclusive", "failed"
 HIGHER = ("accuracy", "macro_precision", "r2")  # metrics of which more is better
 NAMES = {"rmse": "RMSE", "error": "mean error", "macro_precision": "100 % less macro precision"}
 

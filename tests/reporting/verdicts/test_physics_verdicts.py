@@ -124,7 +124,7 @@ def test_accuracy_counts_as_an_error():
     [
         ("crosstalk", True, 1.0, "may be left out: equivalent"),
         ("crosstalk", True, 1.2, "kept: changes errors"),
-        ("crosstalk", True, 1.05, "kept: cannot be told"),
+        ("crosstalk", True, 1.05, "kept: inconclusive"),
         ("crosstalk", False, 1.0, "left out: equivalent"),
         ("crosstalk", False, 1.05, "switch it on"),
         ("creep", True, 1.0, "kept: recorded"),
