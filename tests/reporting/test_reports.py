@@ -148,8 +148,8 @@ def test_numbers_of_touch(workspace, unplotted, monkeypatch):
     target = made_reports.rendered(workspace, "touch", settings, monkeypatch)
     text = (target / "accuracy" / "README.md").read_text()
     linear = next(line for line in text.splitlines() if line.startswith("| Linear"))
-    half = HALF * 1.0  # the runs have 30 and 31 kPa
-    assert cells(linear)[1:3] == ["8.68", f"30.50 [{30.5 - half:.2f}, {30.5 + half:.2f}]"]
+    low, high = (np.sqrt(30 * 31) * (31 / 30) ** (side * HALF) for side in (-1, 1))  # the runs have 30 and 31 kPa
+    assert cells(linear)[1:3] == ["8.68", f"30.50 [{low:.2f}, {high:.2f}]"]
     csv = pd.read_csv(target / "accuracy" / "table1.csv").set_index(["protocol", "condition", "model", "metric"])
     assert csv.loc[("press", "double", "lomp", "rmse"), "published"] == 7.49
     assert csv.loc[("press", "double", "lomp", "rmse"), "mean"] == 105.0
