@@ -156,7 +156,7 @@ def test_numbers_of_touch(workspace, unplotted, monkeypatch):
     assert csv.loc[("random_window", "single", "rnn", "rmse"), "runs"] == 1
     rows = {cells(line)[0]: cells(line) for line in text.splitlines() if line.startswith("| l")}
     ratios = np.array([30 / 20, 32 / 21])
-    low, high = ratios.mean() - HALF * np.ptp(ratios), ratios.mean() + HALF * np.ptp(ratios)
+    low, high = (np.sqrt(ratios.prod()) * (ratios.max() / ratios.min()) ** (side * HALF) for side in (-1, 1))
     wanted = f"{ratios.mean():.2f} [{low:.2f}, {high:.2f}]"
     assert rows["lomp_alpha_0"][1:5] == ["LoMP", "alpha 0.0", "2", "lomp_half"] and rows["lomp_alpha_0"][6] == wanted
     assert rows["linear_1_frame"][4:7] == ["Linear, Table I", "95.00", f"{95 / 31:.2f}"]
