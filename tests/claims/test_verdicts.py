@@ -94,9 +94,9 @@ def judged(claim: str, **changes) -> rules.Judgement:
 @pytest.mark.parametrize(
     ("claim", "changes", "verdict", "words"),
     [
-        ("lomp-conventional-single", {"poly_single": 3.0}, REPRODUCED, "weakest: LoMP below Polynomial"),
-        ("lomp-best-double", {"poly_double": 3.0}, CONTRADICTED, "7 of 8 hold; decided by: LoMP below Polynomial"),
-        ("lomp-best-double", {"rbf_double": [5.0, 7.0, 11.0]}, UNDECIDED, "least certain: LoMP below RBF-Net"),
+        ("lomp-conventional-single", {"poly_single": 3.0}, REPRODUCED, "the narrowest is LoMP against Polynomial"),
+        ("lomp-best-double", {"poly_double": 3.0}, CONTRADICTED, "7 of 8 hold; it is decided by LoMP against Polynomial"),
+        ("lomp-best-double", {"rbf_double": [5.0, 7.0, 11.0]}, UNDECIDED, "the least certain is LoMP against RBF-Net"),
         ("nonlinear-single", {"poly_single": 9.0}, CONTRADICTED, ""),
         ("nonlinear-single", {"poly_single": [8.0, 9.0, 8.7]}, UNDECIDED, ""),
         ("lomp-like-rnn", {"lomp_single": 2.4}, CONTRADICTED, "margin 0.1 around 1"),
@@ -160,7 +160,7 @@ def test_one_direction_of_many_contradicts_only_beyond_chance():
     printed = dict.fromkeys([*holds, "fails"], 1.0)
     assert rules.above({"fails": fails}, {"fails": 1.0}).verdict == CONTRADICTED
     found = rules.above({**holds, "fails": fails}, printed)
-    assert found.verdict == UNDECIDED and "19 of 20 hold; least certain: fails" in found.reason
+    assert found.verdict == UNDECIDED and "19 of 20 hold; the least certain is fails" in found.reason
 
 
 def test_power_is_the_chance_of_the_good_verdict_if_the_paper_is_right():
