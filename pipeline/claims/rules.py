@@ -102,7 +102,7 @@ def above(values: Values, printed: Printed, *, limit: float = 0.0, scale: str = 
     else:
         verdict = UNDECIDED
     held = sum(mean.low > limit for mean in means.values())
-    word = {REPRODUCED: "the narrowest is", CONTRADICTED: "it is decided by", UNDECIDED: "the least certain is"}[verdict]
+    word = {REPRODUCED: "the narrowest is", CONTRADICTED: "decided by", UNDECIDED: "the least certain is"}[verdict]
     reason = f"{held} of {count} hold; {word} {decides}" if count > 1 else f"limit {limit:g}" if limit else ""
     power, mean = _power(values, printed, lambda low, high: (low > limit).all(axis=-1)), means[decides]
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
@@ -117,7 +117,7 @@ def below(values: Values, printed: Printed, *, limit: float, scale: str = result
         verdict, decides = REPRODUCED, max(means, key=lambda name: means[name].high)
     elif len(means) * doubts[decides] < ALPHA:
         verdict = CONTRADICTED
-    reason = f"limit {limit:g}" + (f"; it is decided by {decides}" if len(means) > 1 else "")
+    reason = f"limit {limit:g}" + (f"; decided by {decides}" if len(means) > 1 else "")
     power, mean = _power(values, printed, lambda low, high: (high < limit).all(axis=-1)), means[decides]
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
 

@@ -1,4 +1,4 @@
-"""Write the claims of all papers with their verdicts: claims.csv, claims.md, and their sentences."""
+"""Write the claims of all papers with their verdicts: claims.csv, claims.md, and tables of some of them."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -8,7 +8,7 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.entries import NUMBER, SENTENCE
 from pipeline.claims.rules import BAD, BAND, RANKS, TOLERANCE, UNDECIDED, VERDICTS
-from pipeline.reporting.words.markdown import number, size
+from pipeline.reporting.words.markdown import number, size, table
 from pipeline.reporting.words.templates import render
 from pipeline.scoring.one_table import Results
 
@@ -62,7 +62,7 @@ def count_rows(workspace: Workspace, claims: pd.DataFrame, by: Sequence[str]) ->
     claims: rows as of claims.csv, of which those that are `counted` count; by: `paper`, `kind` or both. Each row has
     the data, the names of its group, a count per verdict, and the number of claims.
     """
-    claims = counted(claims).assign(paper=lambda table: table["paper"].map(titles(workspace)))
+    claims = counted(claims).assign(paper=lambda rows: rows["paper"].map(titles(workspace)))
     groups = []
     for data, of_data in claims.groupby("data"):
         groups += [([data, *names], group) for names, group in of_data.groupby(list(by), sort=False)]
@@ -75,28 +75,24 @@ def count_rows(workspace: Workspace, claims: pd.DataFrame, by: Sequence[str]) ->
     return rows
 
 
-def sentences_of(workspace: Workspace, experiment: str, results: Results) -> Callable[..., list[str]]:
-    """Return what gives the lines of claims on an experiment by their names."""
+def tables_of(workspace: Workspace, experiment: str, results: Results) -> Callable[..., str]:
+    """Return what gives the table of claims on an experiment by their names, the last parts of their ids."""
     listed, papers = entries.read(workspace)
     of = {name: (paper.simulated, paper.recorded) for name, paper in papers.items()}
     claims = {claim.id.split("/")[1]: claim for claim in listed if experiment in of[claim.paper]}
 
-    def lines(*names: str) -> list[str]:
+    def judged(*names: str) -> str:
         rows = judge.table([claims[name] for name in names if name in claims], results)
-        return [claim_sentence(row) for row in rows.itertuples()]
+        return table(["Claim", "Paper", "Ours", "Verdict", "Reason"], [short_row(row) for row in rows.itertuples()])
 
-    return lines
+    return judged
 
 
-def claim_sentence(row) -> str:
-    """Return the line of one claim: our number, the published one, and the verdict; row: of claims.csv."""
-    numbers = ""
-    if row.ours == row.ours:
-        unit = f" {row.unit}" if row.unit not in ("1", "count") else ""
-        paper = f" (paper: {value_text(row.published, row.unit)})" if row.published == row.published else ""
-        numbers = f" {ours_text(row.ours, row.low, row.high, row.unit)}{unit}{paper}:"
-    reason = f" ({row.reason})" if row.reason else ""
-    return f"- {row.claim.rstrip('.')}:{numbers} {row.verdict}{reason}."
+def short_row(row) -> list[str]:
+    """Return claim, published number, ours with its interval and unit, verdict and reason; row: of claims.csv."""
+    unit = f" {row.unit}" if row.unit not in ("1", "count") and row.ours == row.ours else ""
+    ours = ours_text(row.ours, row.low, row.high, row.unit) + unit
+    return [row.claim, value_text(row.published, row.unit), ours, row.verdict, row.reason or "-"]
 
 
 def text(workspace: Workspace, claims: pd.DataFrame, tried: Mapping[str, str]) -> str:

@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.base import files, paths
 from pipeline.base.paths import Workspace
 from pipeline.reporting import differences
-from pipeline.reporting.claims import sentences_of
+from pipeline.reporting.claims import tables_of
 from pipeline.reporting.words import templates
 from pipeline.reporting.words.labels import model_name, plain
 from pipeline.reporting.words.markdown import interval, number, size, table
@@ -45,7 +45,7 @@ class Report:
         paper, *_ = published.SCORES.get(experiment, ("",)) if self.simulated else ("",)
         rows = published.table(paper).itertuples()
         self._printed = {(row.condition, row.model, row.variant, row.metric): (row.value, row.step) for row in rows}
-        self._claims: Callable[..., list[str]] = sentences_of(workspace, experiment, self.results)
+        self._claims: Callable[..., str] = tables_of(workspace, experiment, self.results)
         self._differences = differences.of_experiment(experiment, settings)
 
     def estimate(self, protocol: str, condition: str, model: str, metric: str, variant: str = "") -> Estimate:
@@ -168,8 +168,8 @@ class Report:
         return table(header, body)
 
     def verdicts(self, *names: str) -> str:
-        """Return one line per claim, by the last part of its id: our number, the published one, the verdict."""
-        return "\n".join(self._claims(*names))
+        """Return a table of claims, by the last parts of their ids: the published number, ours, the verdict, why."""
+        return self._claims(*names)
 
     def ratio(self, one: Place, other: Place) -> Estimate:
         """Return the ratio of two errors, paired by seed, each of (protocol, condition, model, metric[, variant]).

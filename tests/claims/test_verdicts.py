@@ -95,7 +95,7 @@ def judged(claim: str, **changes) -> rules.Judgement:
     ("claim", "changes", "verdict", "words"),
     [
         ("lomp-conventional-single", {"poly_single": 3.0}, REPRODUCED, "the narrowest is LoMP against Polynomial"),
-        ("lomp-best-double", {"poly_double": 3.0}, CONTRADICTED, "7 of 8 hold; it is decided by LoMP against Polynomial"),
+        ("lomp-best-double", {"poly_double": 3.0}, CONTRADICTED, "7 of 8 hold; decided by LoMP against Polynomial"),
         ("lomp-best-double", {"rbf_double": [5.0, 7.0, 11.0]}, UNDECIDED, "the least certain is LoMP against RBF-Net"),
         ("nonlinear-single", {"poly_single": 9.0}, CONTRADICTED, ""),
         ("nonlinear-single", {"poly_single": [8.0, 9.0, 8.7]}, UNDECIDED, ""),

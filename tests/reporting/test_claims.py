@@ -47,17 +47,17 @@ def test_on_own_logs_a_claim_is_of_recorded_data(workspace):
 
 
 @pytest.mark.parametrize(
-    ("numbers", "verdict", "reason", "line"),
+    ("numbers", "reason", "row"),
     [
-        ((1.5, -4.85, 7.85, 1.5), "undecided", "why", "1.50 [-4.85, 7.85] kPa (paper: 1.50): undecided (why)."),
-        ((2.0, 2.0, 2.0, np.nan), "reproduced", "", "2.00 [2.00, 2.00] kPa: reproduced."),
-        ((np.nan, np.nan, np.nan, 1.5), "outside", "nobody knows", "outside (nobody knows)."),
+        ((1.5, -4.85, 7.85, 1.5), "why", ["1.50", "1.50 [-4.85, 7.85] kPa", "undecided", "why"]),
+        ((2.0, 2.0, 2.0, np.nan), "", ["-", "2.00 [2.00, 2.00] kPa", "undecided", "-"]),
+        ((np.nan, np.nan, np.nan, 1.5), "nobody knows", ["1.50", "-", "undecided", "nobody knows"]),
     ],
-)  # fmt: skip
-def test_a_claim_is_a_line_with_its_verdict_and_reason(numbers, verdict, reason, line):
-    names = ["ours", "low", "high", "published"]
-    row = dict(zip(names, numbers, strict=True)) | {"claim": "A.", "unit": "kPa", "verdict": verdict, "reason": reason}
-    assert claims.claim_sentence(pd.Series(row)) == f"- A: {line}"
+)
+def test_a_claim_is_a_row_with_its_verdict_and_reason(numbers, reason, row):
+    given = dict(zip(["ours", "low", "high", "published"], numbers, strict=True))
+    given |= {"claim": "A.", "unit": "kPa", "verdict": "undecided", "reason": reason}
+    assert claims.short_row(pd.Series(given)) == ["A.", *row]
 
 
 def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):

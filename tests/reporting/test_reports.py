@@ -20,7 +20,7 @@ from pipeline.base.params import load
 from pipeline.claims import entries, judge
 from pipeline.datasets import images, schemas
 from pipeline.reporting import material, own_sensor
-from pipeline.reporting.claims import claim_sentence
+from pipeline.reporting.claims import short_row
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import claim_inputs, glove_results, one_table, published, results, shards, strain_results
@@ -40,7 +40,7 @@ FILES = {  # of accuracy/, beside README.md
     "glove_recorded": {"table.csv", "learning_curves.png", *(f"confusion_{d}.png" for d in images.MODALITIES)},
 }
 NEVER = r"\bnan\b|- points|not counted|\b1 seeds|\{\{|\{%|\bNone\b|<built-in|jinja"
-JUDGED = re.compile(": (reproduced|contradicted|undecided|matches|near|off|outside|calibrated)")
+JUDGED = re.compile(r"\| +(reproduced|contradicted|undecided|matches|near|off|outside|calibrated) \|")
 HALF = student.ppf(0.975, 1) / 2  # of the interval of two runs, of their difference
 
 
@@ -62,7 +62,7 @@ def test_every_report_has_every_model_says_failed_runs_and_reads_as_text(workspa
     assert not (bad := re.search(NEVER, text)), bad
     prose = [line for line in text.splitlines() if not line.startswith("|")]
     assert not [line for line in prose if "  " in line.strip() or line != line.rstrip()] and "\n\n\n" not in text
-    assert len(JUDGED.findall(text)) > 3 and "## Findings\n\n- " in text and text.startswith("# ")
+    assert len(JUDGED.findall(text)) > 3 and "## Findings\n\n| Claim " in text and text.startswith("# ")
     assert set(re.findall(r"\]\((\w+\.png)\)", text)) == {name for name in FILES[experiment] if name.endswith(".png")}
     assert all((target / "accuracy" / link).exists() for link in re.findall(r"\]\(([^)]+)\)", text))
 
@@ -147,7 +147,7 @@ def test_numbers_of_touch(workspace, unplotted, monkeypatch):
     made_reports.write(workspace, "touch", settings)
     target = made_reports.rendered(workspace, "touch", settings, monkeypatch)
     text = (target / "accuracy" / "README.md").read_text()
-    linear = next(line for line in text.splitlines() if line.startswith("| Linear"))
+    linear = next(line for line in text.splitlines() if line.startswith("| Linear  "))
     low, high = (np.sqrt(30 * 31) * (31 / 30) ** (side * HALF) for side in (-1, 1))  # the runs have 30 and 31 kPa
     assert cells(linear)[1:3] == ["8.68", f"30.50 [{low:.2f}, {high:.2f}]"]
     csv = pd.read_csv(target / "accuracy" / "table1.csv").set_index(["protocol", "condition", "model", "metric"])
@@ -214,11 +214,12 @@ def test_verdicts_of_a_report_are_those_of_the_claims(workspace, unplotted, monk
     target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
     claims = [claim for claim in entries.read(workspace)[0] if claim.experiment == experiment]
     known = one_table.results(workspace, [], experiment)
-    lines = {claim_sentence(row) for row in judge.table(claims, known).itertuples()}
+    rows = {tuple(short_row(row)) for row in judge.table(claims, known).itertuples()}
     text = (target / "accuracy" / "README.md").read_text()
-    judged = {line for line in text.splitlines() if line.startswith("- ") and JUDGED.search(line)}
-    assert judged <= lines and len(judged) > 8
-    assert len({JUDGED.search(line)[0] for line in judged}) > 1
+    lines = text.split("## Findings\n\n")[1].split("\n\n")[0].splitlines()[2:]
+    judged = {tuple(cell.strip() for cell in line.strip("|").split(" | ")) for line in lines}
+    assert judged <= rows and len(judged) > 8
+    assert len({row[3] for row in judged}) > 1
 
 
 @pytest.mark.slow
