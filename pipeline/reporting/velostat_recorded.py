@@ -1,5 +1,6 @@
 """Write reports/velostat_recorded: how well force is read from the recorded taxel."""
 
+import re
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -64,6 +65,13 @@ def draw(workspace: Workspace, path: Path, settings: Mapping, report: Report, gr
         rows = rows[np.abs(time[rows] - time[rows[truth[rows].argmax()]]) <= SHOWN_S / 2]
         values = {model: force[rows] for model, force in predicted.items()}
         panels.append(
-            common.Course("Force (N)", time[rows] - time[rows[0]], truth[rows], values, f"Read {read}: {name}")
+            common.Course("Force (N)", time[rows] - time[rows[0]], truth[rows], values, f"Read {read}: {called(name)}")
         )
-    common.courses(path, "Measured and predicted force on test recordings", panels, "Time (s)")
+    title = "Measured and predicted force on test recordings; gaps: rest that is in no test window"
+    common.courses(path, title, panels, "Time (s)", sharey=True)
+
+
+def called(recording: str) -> str:
+    """Return the name of a recording in words: `pike1_force_20/exp2` is `pike 1, 20 N, repetition 2`."""
+    found = re.fullmatch(r"pike(\d+)_force_(\d+)/exp(\d+)", recording)
+    return "pike {}, {} N, repetition {}".format(*found.groups()) if found else recording

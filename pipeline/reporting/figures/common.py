@@ -155,9 +155,9 @@ class Course(NamedTuple):
     readings: np.ndarray | None = None  # (n, channels), drawn instead
 
 
-def courses(path: Path, title: str, panels: Sequence[Course], xlabel: str) -> None:
+def courses(path: Path, title: str, panels: Sequence[Course], xlabel: str, sharey: bool = False) -> None:
     """Draw readings, true and predicted values over time, one panel below the other; long gaps stay open."""
-    figure, axes = style.panels(len(panels), 1, 9, 2.2, 0.8)
+    figure, axes = style.panels(len(panels), 1, 9, 2.2, 0.8, sharey=sharey)
     handles = {}
     for ax, (name, time_s, truth, predicted, heading, readings) in zip(axes[:, 0], panels, strict=True):
         steps = np.diff(time_s)
@@ -237,7 +237,8 @@ def maps(
             image = ax.imshow(share, origin="lower", extent=extent, vmin=0, vmax=1, cmap="viridis")
             error = np.sqrt(np.square(values - label).mean()) if name not in ("Reading", "Label") else np.nan
             said = {"Reading": f"{kind}\nlargest count {values.max():.0f}", "Label": f"peak {label.max():.0f} kPa"}
-            ax.set_title(said.get(name, f"RMSE {error:.1f} kPa" if np.isfinite(error) else "failed"))
+            predicted_map = f"peak {values.max():.0f} kPa, RMSE {error:.0f}" if np.isfinite(error) else "failed"
+            ax.set_title(said.get(name, predicted_map))
             ax.set_xticks(np.arange(sensor["cols"] + 1) * sensor["pitch_mm"])
             ax.set_yticks(np.arange(sensor["rows"] + 1) * sensor["pitch_mm"])
             ax.grid(color="white", alpha=0.3, linewidth=0.6)

@@ -10,6 +10,8 @@ from matplotlib.colors import LogNorm
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.reporting.figures import style
 
+SHOWN_BENDS_S = 10  # of figure 9b, at either end
+
 
 def pressed_cell(path: Path, force: np.ndarray, siemens: np.ndarray, title: str) -> None:
     """Draw figure 7: resistance and conductance (siemens) of a pressure cell against the force on it (N)."""
@@ -25,18 +27,25 @@ def pressed_cell(path: Path, force: np.ndarray, siemens: np.ndarray, title: str)
 
 
 def bent_joint(path: Path, held: tuple, bends: tuple, angles: Sequence[float], title: str) -> None:
-    """Draw figure 9: mean conductance of a joint's cells at held angles, and while it is bent again and again.
+    """Draw figure 9: mean conductance of a joint's cells at held angles, and over the first and the last of its bends.
 
     held, bends: (seconds, siemens), both (samples,); angles: those held one after the other, in degrees.
     """
     figure, axes = plt.subplots(1, 2, figsize=(11, 3.7), sharey=True)
-    for ax, (time_s, siemens), name in zip(axes, (held, bends), ("a) Held angles", "b) Bends"), strict=True):
-        ax.plot(time_s, 1e3 * siemens, color=style.BLUE, linewidth=0.8)
-        ax.set(xlabel="Time (s)", title=name, xlim=(0, time_s[-1]), ylim=(0, 1.2e3 * bends[1].max()))
+    axes[0].plot(held[0], 1e3 * held[1], color=style.BLUE, linewidth=0.8)
+    axes[0].set(title="a) Held angles", xlim=(0, held[0][-1]), ylim=(0, 1.2e3 * bends[1].max()))
     step = held[0][-1] / len(angles)
     for k, angle in enumerate(angles):
         inside = (held[0] >= k * step) & (held[0] < (k + 1) * step)
         axes[0].text((k + 0.5) * step, 1e3 * held[1][inside].max() + 0.02, f"{angle:g}°", ha="center", va="bottom")
+    first, last = bends[0] < SHOWN_BENDS_S, bends[0] >= bends[0][-1] - SHOWN_BENDS_S
+    for name, shown, drawn in (("first", first, {"color": style.BLUE}), ("last", last, style.MEASURED)):
+        said = f"{name} {SHOWN_BENDS_S} s of {bends[0][-1]:.0f} s"
+        axes[1].plot(bends[0][shown] - bends[0][shown][0], 1e3 * bends[1][shown], **drawn, label=said)
+    axes[1].set(title="b) Bends")
+    axes[1].legend(loc="upper right")
+    for ax in axes:
+        ax.set_xlabel("Time (s)")
     axes[0].set_ylabel("Mean conductance (mS)")
     figure.suptitle(title)
     style.save(figure, path)

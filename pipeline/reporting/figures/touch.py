@@ -92,7 +92,7 @@ def characteristic_curve(path: Path, scale: float) -> None:
 
 
 def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray]) -> None:
-    """Draw figure 4: largest value of true and predicted map, and L1 loss, over windows of test presses."""
+    """Draw figure 4: largest value of true and predicted map, and L1 loss, over windows of test presses, one apart."""
     chosen = np.flatnonzero((windows.condition == "single") & windows.pressed)[:SHOWN_WINDOWS]
     truth = windows.truth[chosen]
     models = [model for model in maps if model != "constant"]
@@ -100,7 +100,8 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray]) 
     rows = -(-len(models) // columns)
     look = {"figsize": (4 * columns, 3 * rows), "height_ratios": [2, 1] * rows}
     figure, axes = plt.subplots(2 * rows, columns, sharex=True, squeeze=False, **look)
-    at = np.arange(len(chosen))
+    at, borders = np.arange(len(chosen)), np.flatnonzero(np.diff(windows.press[chosen])) + 1
+    parted = np.insert(at.astype(float), borders, np.nan)  # no line from one press to the next
     losses = {model: np.abs(maps[model][chosen] - truth).mean(axis=(1, 2)) for model in models}
     finite = np.concatenate(list(losses.values()))
     top_loss = finite[np.isfinite(finite)].max(initial=1e-3)
@@ -110,8 +111,8 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, np.ndarray]) 
     pairs = list(zip(axes[::2].flat, axes[1::2].flat, strict=True))
     for k, (model, (upper, lower)) in enumerate(zip(models, pairs, strict=False)):
         look = model_style(model)
-        upper.plot(at, truth.max(axis=(1, 2)), **MEASURED)
-        upper.plot(at, maps[model][chosen].max(axis=(1, 2)), color=look.color, linewidth=1.2)
+        for shown, drawn in ((truth, MEASURED), (maps[model][chosen], {"color": look.color, "linewidth": 1.2})):
+            upper.plot(parted, np.insert(shown.max(axis=(1, 2)).astype(float), borders, np.nan), **drawn, marker=".")
         lower.bar(at, losses[model], color=look.color, width=1.0)
         upper.set(title=look.label + _failure(maps[model][chosen]), ylim=(0, limit))
         lower.set(ylim=(0, 1.05 * top_loss))
