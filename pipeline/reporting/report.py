@@ -167,6 +167,20 @@ class Report:
         header, *body = lines if across else [list(line) for line in zip(*lines, strict=True)]
         return table(header, body)
 
+    def by_budget(self, condition: str, metric: str) -> str:
+        """Return a table of a metric over the protocols and budgets that were run; empty where only the look was."""
+        lines = [["Model", *map(model_name, self.models)]]
+        for protocol in self.protocols:
+            for budget in (HALF, FULL):
+                place = self.experiment, protocol, condition
+                found = [self.results.found(*place, model, metric, "", budget) for model in self.models]
+                if any(at == budget for _, at in found):
+                    values = [estimate(runs, scale_of(metric)) for runs, _ in found]
+                    said = [self.text(value, metric) for value in values]
+                    lines.append([f"{plain(protocol)}, {budget}", *said])
+        header, *rows = zip(*lines, strict=True)
+        return table(header, rows) if len(lines) > 1 else ""
+
     def verdicts(self, *names: str) -> str:
         """Return a table of claims, by the last parts of their ids: the published number, ours, the verdict, why."""
         return self._claims(*names)
