@@ -22,7 +22,9 @@ LIMITED = """
 import importlib, json, os, resource, sys
 from pipeline.base import arguments
 import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
-for number, (limit, stage, *given) in enumerate(json.loads(sys.argv[1])):
+jobs = json.loads(sys.argv[1])
+modules = {stage: importlib.import_module(f"pipeline.{stage}") for _, stage, *_ in jobs}
+for number, (limit, stage, *given) in enumerate(jobs):
     heard, said = os.pipe()  # a file's size is limited, a pipe's is not
     child = os.fork()
     if not child:
@@ -30,7 +32,7 @@ for number, (limit, stage, *given) in enumerate(json.loads(sys.argv[1])):
         os.dup2(said, 2)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
         sys.argv = [stage, *given]
-        arguments.run(importlib.import_module(f"pipeline.{stage}").main)
+        arguments.run(modules[stage].main)
         os._exit(0)
     os.close(said)
     with open(heard) as pipe, open(f"stderr{number}", "w") as file:
