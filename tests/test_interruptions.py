@@ -48,7 +48,6 @@ STAGES = {
     "dataset@touch": ["stages.dataset", "touch"],
     "train@touch": ["stages.train", "touch"],
     "evaluate@touch": ["stages.evaluate", "touch"],
-    "count": ["studies.counts"],
     "collect": ["stages.collect"],
 }
 
