@@ -1,4 +1,4 @@
-"""Full and read-only disks, killed processes, two pipelines at once: nothing unfinished is taken for done."""
+"""Full and read-only disks, and killed processes: nothing unfinished is taken for done."""
 
 import errno
 import json
@@ -83,15 +83,6 @@ def test_a_full_disk_is_one_sentence_and_leaves_the_old_files_or_none(miniature,
             assert files[path] == content, f"{stage} left {path} changed"
 
 
-def disk(folder: Path, options: str) -> Path:
-    """A small file system in memory, or a skipped test where that is not allowed."""
-    folder.mkdir()
-    done = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)], capture_output=True, text=True)
-    if done.returncode:
-        pytest.skip(f"cannot mount a small disk here: {done.stderr.strip()}")
-    return folder
-
-
 @pytest.mark.parametrize(
     ("error", "sentence"),
     [
@@ -114,8 +105,6 @@ def test_an_error_of_the_code_keeps_its_traceback():
     with pytest.raises(FileNotFoundError):
         errors.run_stage(stage, Path("params.yaml"))
 
-
-# Killed processes.
 
 ORPHAN = '''
 import os, subprocess, sys, time
@@ -154,18 +143,9 @@ def alive(pid: int) -> bool:
     return state != "Z"
 
 
-# Two at once.
-
-
-# What a full disk leaves of DVC's own files.
-
-
 def test_a_full_disk_says_what_it_does_to_dvc():
     assert "if DVC then calls .dvc/tmp/rwlock corrupted, remove that file" in errors.storage_error(OSError(28, "x"))
     assert "rwlock" not in errors.storage_error(PermissionError(errno.EACCES, "x", "data"))
-
-
-# File names from outside.
 
 
 @pytest.mark.parametrize("name", ["../outside.txt", "/tmp/outside.txt", "a/../../outside.txt"])

@@ -119,11 +119,6 @@ def test_own_strain_sensor_becomes_a_dataset(workspace, root, written):
     assert set(parts) == {"train", "validation", "test", "unused"}
 
 
-def drawn(workspace, experiment):
-    """Size in bytes of the picture."""
-    return workspace.check(experiment).stat().st_size
-
-
 @pytest.mark.parametrize("name", ["3x7", "strain"])
 def test_check_says_ready(workspace, root, written, name, capsys):
     experiment = "strain" if name == "strain" else "touch"
@@ -134,7 +129,7 @@ def test_check_says_ready(workspace, root, written, name, capsys):
     wanted += ["u0 .. u3", "task_2: "] if name == "strain" else ["v0 .. v20", "2 segments", "presses", "N (", "single"]
     for words in wanted:
         assert words in said, words
-    assert drawn(workspace, experiment) > 20_000
+    assert workspace.check(experiment).stat().st_size > 20_000
 
 
 def test_check_of_a_glove(workspace, root, written, tmp_path, capsys):
@@ -142,7 +137,7 @@ def test_check_of_a_glove(workspace, root, written, tmp_path, capsys):
     said = capsys.readouterr().out
     for words in ("6 of 6 recordings", "2 of 405 elements never change", "p0, s134", "15.00 Hz", "column count 1"):
         assert words in said, words
-    assert drawn(workspace, "glove") > 20_000
+    assert workspace.check("glove").stat().st_size > 20_000
     shutil.copytree(written / "glove", tmp_path / "logs")
     shutil.rmtree(tmp_path / "logs" / "cup" / "grasp2")
     assert "object 'cup': 2 sessions; at least 3" in check.check(
