@@ -74,6 +74,18 @@ def workspace(tmp_path) -> Workspace:
     return made
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures are made but not drawn: for tests that look at something else."""
+    from pipeline.reporting.figures import style  # here, because it takes a second
+
+    def save(figure, path):
+        path.touch()
+        style.plt.close(figure)
+
+    monkeypatch.setattr(style, "save", save)
+
+
 @pytest.fixture(scope="session")
 def miniature(miniature_under_way) -> Project:
     """Return the project in which the whole pipeline ran once, at miniature scale, with `dvc repro`."""

@@ -289,7 +289,7 @@ def held_to_its_promise(content: bytes, fmt: parse.Format, path: Path, pieces: i
 
 
 @pytest.mark.parametrize("name", FORMATS)
-@fuzz(100, len(FORMATS))
+@fuzz(50, len(FORMATS))
 @given(damages=DAMAGE, header=st.booleans(), long=st.booleans(), pieces=st.sampled_from([1, 2, 7]))
 def test_every_line_of_a_damaged_log_is_accounted_for(name, damages, header, long, pieces, tmp_path):
     fmt = FORMATS[name]

@@ -1,4 +1,4 @@
-"""Full and read-only disks, killed processes, two pipelines at once: nothing unfinished is taken for done."""
+"""Full and read-only disks, and killed processes: nothing unfinished is taken for done."""
 
 import errno
 import json
@@ -22,7 +22,9 @@ LIMITED = """
 import importlib, json, os, resource, sys
 from pipeline.base import arguments
 import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
-for number, (limit, stage, *given) in enumerate(json.loads(sys.argv[1])):
+jobs = json.loads(sys.argv[1])
+modules = {stage: importlib.import_module(f"pipeline.{stage}") for _, stage, *_ in jobs}
+for number, (limit, stage, *given) in enumerate(jobs):
     heard, said = os.pipe()  # a file's size is limited, a pipe's is not
     child = os.fork()
     if not child:
@@ -30,7 +32,7 @@ for number, (limit, stage, *given) in enumerate(json.loads(sys.argv[1])):
         os.dup2(said, 2)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
         sys.argv = [stage, *given]
-        arguments.run(importlib.import_module(f"pipeline.{stage}").main)
+        arguments.run(modules[stage].main)
         os._exit(0)
     os.close(said)
     with open(heard) as pipe, open(f"stderr{number}", "w") as file:
@@ -46,7 +48,6 @@ STAGES = {
     "dataset@touch": ["stages.dataset", "touch"],
     "train@touch": ["stages.train", "touch"],
     "evaluate@touch": ["stages.evaluate", "touch"],
-    "count": ["studies.counts"],
     "collect": ["stages.collect"],
 }
 
@@ -82,15 +83,6 @@ def test_a_full_disk_is_one_sentence_and_leaves_the_old_files_or_none(miniature,
             assert files[path] == content, f"{stage} left {path} changed"
 
 
-def disk(folder: Path, options: str) -> Path:
-    """A small file system in memory, or a skipped test where that is not allowed."""
-    folder.mkdir()
-    done = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)], capture_output=True, text=True)
-    if done.returncode:
-        pytest.skip(f"cannot mount a small disk here: {done.stderr.strip()}")
-    return folder
-
-
 @pytest.mark.parametrize(
     ("error", "sentence"),
     [
@@ -113,8 +105,6 @@ def test_an_error_of_the_code_keeps_its_traceback():
     with pytest.raises(FileNotFoundError):
         errors.run_stage(stage, Path("params.yaml"))
 
-
-# Killed processes.
 
 ORPHAN = '''
 import os, subprocess, sys, time
@@ -153,18 +143,9 @@ def alive(pid: int) -> bool:
     return state != "Z"
 
 
-# Two at once.
-
-
-# What a full disk leaves of DVC's own files.
-
-
 def test_a_full_disk_says_what_it_does_to_dvc():
     assert "if DVC then calls .dvc/tmp/rwlock corrupted, remove that file" in errors.storage_error(OSError(28, "x"))
     assert "rwlock" not in errors.storage_error(PermissionError(errno.EACCES, "x", "data"))
-
-
-# File names from outside.
 
 
 @pytest.mark.parametrize("name", ["../outside.txt", "/tmp/outside.txt", "a/../../outside.txt"])

@@ -13,14 +13,16 @@ import pytest
 import yaml
 from builders import own_logs
 from builders.packets import arrived, stamps_us
-from builders.project import ROOT, Project
+from builders.project import ROOT, Project, in_this_process
 
 from pipeline import experiments
-from pipeline.base import params
+from pipeline.base import modules, params
 from pipeline.base.errors import InputError
-from pipeline.commands import check
+from pipeline.base.params_file import set_values
+from pipeline.commands import check, command_line
 from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
+from pipeline.reporting import own_sensor
 from pipeline.reporting.figures import check as check_figures
 from pipeline.reporting.page.hypertext import markdown
 from pipeline.stages import ingest
@@ -117,11 +119,6 @@ def test_own_strain_sensor_becomes_a_dataset(workspace, root, written):
     assert set(parts) == {"train", "validation", "test", "unused"}
 
 
-def drawn(workspace, experiment):
-    """Size in bytes of the picture."""
-    return workspace.check(experiment).stat().st_size
-
-
 @pytest.mark.parametrize("name", ["3x7", "strain"])
 def test_check_says_ready(workspace, root, written, name, capsys):
     experiment = "strain" if name == "strain" else "touch"
@@ -132,7 +129,7 @@ def test_check_says_ready(workspace, root, written, name, capsys):
     wanted += ["u0 .. u3", "task_2: "] if name == "strain" else ["v0 .. v20", "2 segments", "presses", "N (", "single"]
     for words in wanted:
         assert words in said, words
-    assert drawn(workspace, experiment) > 20_000
+    assert workspace.check(experiment).stat().st_size > 20_000
 
 
 def test_check_of_a_glove(workspace, root, written, tmp_path, capsys):
@@ -140,7 +137,7 @@ def test_check_of_a_glove(workspace, root, written, tmp_path, capsys):
     said = capsys.readouterr().out
     for words in ("6 of 6 recordings", "2 of 405 elements never change", "p0, s134", "15.00 Hz", "column count 1"):
         assert words in said, words
-    assert drawn(workspace, "glove") > 20_000
+    assert workspace.check("glove").stat().st_size > 20_000
     shutil.copytree(written / "glove", tmp_path / "logs")
     shutil.rmtree(tmp_path / "logs" / "cup" / "grasp2")
     assert "object 'cup': 2 sessions; at least 3" in check.check(
@@ -405,7 +402,23 @@ def test_a_task_without_a_recording_is_one_sentence(workspace, root, written, un
 
 MINIATURE = yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text())
 RBF = {"rbf": {"centres": 100, "width": 2.0, "ridge": 1.0e-3}}
-TACTILE = ("-m", "pipeline.commands.command_line")
+
+
+@pytest.fixture
+def tactile(workspace, undrawn, monkeypatch, capsys):
+    """`tactile("own", folder)`: what a command prints that runs, with its stages, in this process."""
+    set_values(MINIATURE, workspace.params)
+    in_this_process(monkeypatch)
+    monkeypatch.chdir(workspace.root)
+    monkeypatch.setattr(own_sensor, "MAPS", 1)  # one window of each condition is drawn
+
+    def run(*words: str) -> str:
+        capsys.readouterr()
+        monkeypatch.setattr("sys.argv", ["tactile", *words])
+        command_line.main()
+        return capsys.readouterr().out
+
+    return run
 
 
 def settled(logs, settings):
@@ -421,9 +434,9 @@ def settings_of_array(name):
     return settings | {"touch.window.frame_step": 2, "touch.window.stride": 8, "touch.models": models}
 
 
-def errors_in(project, name, words):
+def errors_in(root, name, words):
     """Mean error by (condition, model), after a look at the report of a sensor: its words and figures."""
-    report = project.folder / "reports" / "own" / name
+    report = root / "reports" / "own" / name
     text = (report / "README.md").read_text()
     assert all(word in text for word in words), text
     for word in ("published", "simulated", "paper's", "nan"):
@@ -435,83 +448,68 @@ def errors_in(project, name, words):
     return scores.groupby(["condition", "model"]).value.mean()
 
 
-def test_own_array_end_to_end(written, tmp_path):
+def test_own_array_end_to_end(root, written, tactile):
     """Logs of a 3 x 7 array at 40 Hz to a report and trained models, by the docs' commands; nothing else changes."""
-    project = Project(tmp_path)
-    logs = project.folder / "data" / "own" / "finger"
+    logs = root / "data" / "own" / "finger"
     shutil.copytree(written / "3x7", logs)
     settled(logs, settings_of_array("3x7"))
-    settings = (project.folder / "params.yaml").read_bytes()
-    checked = project.run(*TACTILE, "check", "touch", "data/own/finger").stdout
-    assert checked.endswith(
+    settings = (root / "params.yaml").read_bytes()
+    assert tactile("check", "touch", "data/own/finger").endswith(
         "ready: `tactile try data/own/finger` for a quick look, `tactile own data/own/finger` for all models\n"
         "what the sensor itself is worth, before any model: `tactile sheet data/own/finger`\n"
     )
-    project.run(*TACTILE, "own", "data/own/finger")
-    rmse = errors_in(project, "finger", ["`finger`: touch", "single/day1", "R2 of the force", "Press, double (3 runs)"])
+    tactile("own", "data/own/finger")
+    rmse = errors_in(root, "finger", ["`finger`: touch", "single/day1", "R2 of the force", "Press, double (3 runs)"])
     assert rmse["single", "rbf"] < 0.8 * rmse["single", "constant"] and np.isfinite(rmse["double", "lomp"])
-    assert (project.folder / "params.yaml").read_bytes() == settings
-    assert (
-        not (project.folder / "data" / "touch" / "logs").exists()
-        and not (project.folder / "reports" / "touch").exists()
-    )
-    before = {
-        path: path.stat().st_mtime_ns
-        for path in (project.folder / "build").rglob("*.safetensors")
-        if "models" in path.parts
-    }
-    project.run(*TACTILE, "own", "data/own/finger")
-    assert before and {path: path.stat().st_mtime_ns for path in before} == before, "nothing is trained again"
-    predicted = project.run(*TACTILE, "predict", "build/own/finger/trained/rbf", "data/own/finger/double").stdout
-    assert "rmse" in predicted
+    assert (root / "params.yaml").read_bytes() == settings
+    assert not (root / "data" / "touch" / "logs").exists() and not (root / "reports" / "touch").exists()
+    weights = [path for path in (root / "build").rglob("*.safetensors") if "models" in path.parts]
+    before = [path.stat().st_mtime_ns for path in weights]
+    tactile("own", "data/own/finger")
+    assert before and [path.stat().st_mtime_ns for path in weights] == before, "nothing is trained again"
+    assert "rmse" in tactile("predict", "build/own/finger/trained/rbf", "data/own/finger/double")
 
 
-def test_a_mat_of_one_area_end_to_end(tmp_path):
+def test_a_mat_of_one_area_end_to_end(root, tactile):
     """16 x 16 cells of 12 bits: images of 16 x 16 pixels, one dataset, a network among the models."""
-    project = Project(tmp_path)
-    logs = project.folder / "data" / "own" / "mat"
+    logs = root / "data" / "own" / "mat"
     own_logs.mat(logs)
     settled(logs, {"glove.sensor.areas": {"pressure": {"rows": 16, "cols": 16, "highest": 4095}}})
-    project.run(*TACTILE, "try", "data/own/mat")
-    accuracy = errors_in(project, "mat", ["`mat`: glove", "Session pressure (1 run)"])
+    tactile("try", "data/own/mat")
+    accuracy = errors_in(root, "mat", ["`mat`: glove", "Session pressure (1 run)"])
     assert accuracy["pressure", "naive_bayes"] > accuracy["pressure", "constant"]
-    predicted = project.run(*TACTILE, "predict", "build/own/mat/trained/sp_resnet", "data/own/mat/cup").stdout
-    assert "accuracy" in predicted
+    assert "accuracy" in tactile("predict", "build/own/mat/trained/sp_resnet", "data/own/mat/cup")
 
 
-def test_a_glove_of_few_channels_end_to_end(tmp_path):
+def test_a_glove_of_few_channels_end_to_end(root, tactile):
     """Five sensors of pressure and five of attitude: a hand at rest is no reject, and no network sees ten pixels."""
-    project = Project(tmp_path)
-    logs = project.folder / "data" / "own" / "few"
+    logs = root / "data" / "own" / "few"
     own_logs.few_channels(logs)
     areas = {"force": {"rows": 1, "cols": 5}, "motion": {"rows": 1, "cols": 5, "lowest": -180, "highest": 180}}
     settled(logs, {"glove.sensor.scale": "range", "glove.sensor.areas": areas})
-    said = project.run(*TACTILE, "try", "data/own/few").stdout
+    said = tactile("try", "data/own/few")
     assert "fewer than 8 pixels on a side: constant, naive_bayes, tree, no networks of images" in said
     assert "12 of 12 recordings can be used" in said
-    accuracy = errors_in(project, "few", ["Session force", "Session motion", "Session combined"])
+    accuracy = errors_in(root, "few", ["Session force", "Session motion", "Session combined"])
     assert accuracy["combined", "tree"] > accuracy["combined", "constant"]
-    predicted = project.run(*TACTILE, "predict", "build/own/few/trained/tree", "data/own/few/pen/day1").stdout
-    assert "pen/day1: 20 readings" in predicted, predicted
+    assert "pen/day1: 20 readings" in tactile("predict", "build/own/few/trained/tree", "data/own/few/pen/day1")
 
 
-def test_one_strain_sensor_of_two_days_end_to_end(tmp_path):
+def test_one_strain_sensor_of_two_days_end_to_end(root, tactile):
     """One sensor on one stage that presses and holds, one clock, another day to test on."""
-    project = Project(tmp_path)
-    logs = project.folder / "data" / "own" / "cord"
+    logs = root / "data" / "own" / "cord"
     own_logs.pressed_and_held(logs, "stretch", {"monday": 240.0, "friday": 60.0})
     settings = {
         "strain.sensor": {"channels": 1, "unit": "ohm", "tasks": {"stretch": ["x"]}},
         "strain.ingest.rate_hz": 10,
-    }
-    settings |= {
         "strain.ingest.clock": "shared",
         "strain.ingest.average": True,
         "strain.protocols": {"stretch": {"seeds": [0]}},
+        "strain.split.test_recordings": ["friday"],
     }
-    settled(logs, settings | {"strain.split.test_recordings": ["friday"]})
-    project.run(*TACTILE, "try", "data/own/cord")
-    error = errors_in(project, "cord", ["stretch/friday", "Stretch (1 run)"])
+    settled(logs, settings)
+    tactile("try", "data/own/cord")
+    error = errors_in(root, "cord", ["stretch/friday", "Stretch (1 run)"])
     assert error["stretch", "ridge"] < error["stretch", "constant"] / 2
 
 
@@ -542,21 +540,22 @@ def test_names_of_every_experiment_are_looked_at(written, tmp_path, experiment):
         recordings(tmp_path / "logs")
 
 
-def test_any_name_of_a_touch_condition(workspace, tmp_path):
-    """Conditions and recordings of all NAMES, stage by stage, and the files that name them."""
+def test_any_name_of_a_touch_condition(tmp_path, tactile):
+    """Conditions and recordings of all NAMES, by DVC and stage by stage, and the files that name them."""
     project = Project(tmp_path)
     logs = project.folder / "data" / "own" / "sensor"
     own_logs.touch(logs, 2, 3, 40.0, seconds=40.0, recordings=1, conditions=own_logs.NAMES)
     values = touch_values("3x7")["touch"]
-    project.set({f"touch.{key}": values[key] for key in ("source", "ingest")})
-    project.set({"touch.sensor": values["sensor"] | {"rows": 2, "cols": 3}})
-    project.set({"touch.label": values["label"] | {"map_rows": 8, "map_cols": 9}})
-    project.set({"touch.models": {"constant": {}, "linear": {}}})
-    project.set({"stress.touch.perturbations": {"noise": [0.01]}})
-    assert "ready" in project.run("-m", "pipeline.commands.command_line", "check", "touch", str(logs)).stdout
-    then = ("stages.evaluate touch", "stages.stress touch", "stages.render touch")
+    project.set(
+        {f"touch.{key}": values[key] for key in ("source", "ingest")}
+        | {"touch.sensor": values["sensor"] | {"rows": 2, "cols": 3}}
+        | {"touch.label": values["label"] | {"map_rows": 8, "map_cols": 9}}
+        | {"touch.models": {"constant": {}, "linear": {}}, "stress.touch.perturbations": {"noise": [0.01]}}
+    )
+    assert "ready" in tactile("check", "touch", str(logs), "--root", str(project.folder))
     project.dvc("repro", "ingest@touch")
-    project.stages("stages.window touch", "stages.dataset touch", "stages.train touch", *then)
+    for stage in ("window", "dataset", "train", "evaluate", "stress", "render"):
+        modules.run(project.folder, f"pipeline.stages.{stage}", "touch")
     accuracy = project.folder / "reports" / "touch" / "accuracy"
     for table in (project.folder / "data" / "touch" / "scores.csv", accuracy / "scores.csv"):
         rows = pd.read_csv(table, dtype=str, keep_default_na=False, encoding="utf-8")

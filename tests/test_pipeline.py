@@ -167,6 +167,7 @@ def test_second_repro_has_nothing_to_do(miniature):
     # These two look whether the store is complete, and whether there is a new commit.
     assert re.findall("Running stage '(.*)'", output) == ["track", "agreement"]
     assert set(re.findall(r": (\d+) of \d+ runs are new in MLflow", output)) == {"0"}
+    assert mlflow_runs(miniature) == EXPECTED_RUNS
 
 
 def test_mlflow_store_is_complete_and_comes_back(miniature):
@@ -176,8 +177,6 @@ def test_mlflow_store_is_complete_and_comes_back(miniature):
     networks = ("cnn", "rnn", "lomp")
     assert curve >= 2 * 3 * len(networks)  # two epochs, three runs
     shutil.rmtree(miniature.folder / "mlruns")
-    miniature.dvc("repro", "track")
-    assert mlflow_runs(miniature) == EXPECTED_RUNS
     miniature.run("-m", "pipeline.stages.track")
     assert mlflow_runs(miniature) == EXPECTED_RUNS
 
@@ -205,14 +204,12 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     kept = params.load(copy / "params.yaml")["touch"]["models"]
     project.set({"touch.models": {"nearest": {"k": 3}} | {name: kept[name] for name in ("linear", "lomp")}})
     before = {name: changed_at(copy / "data" / "touch" / "models" / name) for name in ("linear", "lomp")}
-    output = project.dvc("repro", "render@touch").stdout
-    assert "Running stage 'train@touch'" in output and "train@glove" not in output
+    assert "Running stage 'train@touch'" in project.dvc("repro", "evaluate@touch").stdout
     after = {name: changed_at(copy / "data" / "touch" / "models" / name) for name in ("linear", "lomp")}
     assert after == before
     assert sorted(path.name for path in (copy / "data" / "touch" / "models").iterdir()) == ["linear", "lomp", "nearest"]
     models = set(pd.read_csv(copy / "data" / "touch" / "scores.csv").model)
     assert "nearest" in models and "constant" not in models
-    assert "constant" not in set(pd.read_csv(copy / "reports/touch/accuracy/table1.csv").model)
 
 
 OPEN_EVERY_KIND = """

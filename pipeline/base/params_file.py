@@ -30,21 +30,24 @@ def set_values(values: dict, params_file: Path, source: str = "params.yaml") -> 
     editor = YAML()
     editor.width = 4096  # never wrap a line
     editor.representer.add_representer(float, _float)
-    contents = {file: editor.load(file.read_text(encoding="utf-8")) for file in params.settings_files(params_file)}
+    found = {file: params.parsed(file) for file in params.settings_files(params_file)}
+    changed = {}  # what is edited takes ten times as long to read, so no other file is
     for name, value in values.items():
         dotted = str(name)
         *above, last = dotted.split(".")
-        shared = contents[params_file]
-        block = next((blocks for blocks in contents.values() if dotted.partition(".")[0] in blocks), shared)
+        file = next((file for file, blocks in found.items() if dotted.partition(".")[0] in blocks), params_file)
+        if file not in changed:
+            changed[file] = editor.load(file.read_text(encoding="utf-8"))
+        block = whole = changed[file]
         for key in [*above, last]:
             known = isinstance(block, dict) and (key in block or (key == last and params.is_optional(dotted)))
             if not known:
-                near = [key for blocks in contents.values() for key in blocks] if block is shared else block
+                near = [key for blocks in found.values() for key in blocks] if block is whole else block
                 hint = params.hint(key, near) if isinstance(block, dict) else "name a setting"
                 raise InputError(f"{source}: there is no key '{dotted}'; {hint}")
             parent, block = block, block.get(key)
         parent[last] = _flow(value)
-    for path, content in contents.items():
+    for path, content in changed.items():
         with files.replacing(path) as draft, open(draft, "w", encoding="utf-8") as file:
             editor.dump(content, file)
 

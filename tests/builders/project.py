@@ -1,6 +1,7 @@
 """Make scratch workspaces, in which the pipeline runs without touching the checkout."""
 
 import contextlib
+import importlib
 import os
 import shutil
 import sqlite3
@@ -10,13 +11,17 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
 import yaml
+from threadpoolctl import threadpool_limits
 
+from pipeline.base import modules
 from pipeline.base.params_file import set_values
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards
 
 ROOT = Path(__file__).resolve().parents[2]
+COMMAND_LINE = "pipeline.commands.command_line"
 PARTS = ("data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
 PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params", "params.yaml")
@@ -32,6 +37,19 @@ def leaves(block: dict, path: str = "") -> Iterator[str]:
             yield from leaves(value, f"{path}{key}.")
         else:
             yield f"{path}{key}"
+
+
+def in_this_process(patch: pytest.MonkeyPatch) -> None:
+    """Have `own` and `shard` run stages here, where torch is there already, in place of a process each (3 s)."""
+
+    def run(root: Path, module: str, *arguments: str, quiet: bool = False) -> None:
+        with pytest.MonkeyPatch.context() as called, threadpool_limits(1):
+            called.setattr(sys, "argv", [module, *arguments, "--root", str(root)])
+            main = importlib.import_module(module).main
+            main() if module == COMMAND_LINE else main(Workspace(root))
+
+    patch.setenv("WORKERS", "1")
+    patch.setattr(modules, "run", run)
 
 
 class Project:

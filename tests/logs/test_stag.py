@@ -1,5 +1,6 @@
 """The reader of the STAG data set: one MATLAB file in, tactile images with objects and parts out."""
 
+import functools
 import os
 from pathlib import Path
 
@@ -185,16 +186,15 @@ def test_validation_takes_whole_training_recordings(workspace, tmp_path):
 
 @pytest.mark.slow
 def test_figure_fifteen_from_a_file(workspace, tmp_path):
-    path = save(tmp_path, grasps())
-    rows = stag_study.train_run(
-        workspace, params.load(ROOT / "params.yaml"), "glove", "sp_resnet", 0, 1, str(path), lambda *numbers: None
-    )
+    values, place = params.load(ROOT / "params.yaml"), str(save(tmp_path, grasps()))
+    values["glove"]["models"]["sp_resnet"]["training"]["epochs"] = 1
+    run = functools.partial(stag_study.train_run, workspace, values, "glove", "sp_resnet", 0, file=place, report=print)
+    rows = run(input_frames=1)
     assert [row[:5] for row in rows] == [
         ("mean", "sp_resnet", 0, frames, metric) for frames in range(1, 9) for metric in ("accuracy", "macro_precision")
     ]
     assert [row[-1] for row in rows[::2]] == [18, 8, 6, 4, 2, 2, 2, 2]  # nine frames of each of two grasps
     assert all(0 <= row[6] <= 1 for row in rows)
-    joined = stag_study.train_run(
-        workspace, params.load(ROOT / "params.yaml"), "glove", "sp_resnet", 0, 4, str(path), lambda *numbers: None
-    )
-    assert [row[:5] for row in joined] == [("trained", "sp_resnet", 0, 4, m) for m in ("accuracy", "macro_precision")]
+    assert [row[:5] for row in run(input_frames=4)] == [
+        ("trained", "sp_resnet", 0, 4, m) for m in ("accuracy", "macro_precision")
+    ]

@@ -1,20 +1,8 @@
 """Fixtures of the reports' tests."""
 
-import matplotlib.pyplot as plt
 import pytest
 
-from pipeline.reporting.figures import common, glove, speed, strain, style, touch
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Figures are made but not drawn: for tests that look at something else."""
-
-    def save(figure, path):
-        path.touch()
-        plt.close(figure)
-
-    monkeypatch.setattr(style, "save", save)
+from pipeline.reporting.figures import common, glove, speed, strain, touch
 
 
 @pytest.fixture

@@ -43,7 +43,7 @@ def rows(path, name):
     return [line for line in path.read_text().splitlines() if line.startswith(f"{name},")]
 
 
-def test_committed_results_on_recordings_stay(workspace, clone, monkeypatch, capsys):
+def test_committed_results_on_recordings_stay(workspace, clone, undrawn, monkeypatch, capsys):
     run(workspace, monkeypatch, collect)
     for name in RECORDED:
         run(workspace, monkeypatch, render, name)

@@ -5,7 +5,7 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
-from builders.project import ROOT
+from builders.project import ROOT, in_this_process
 
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
@@ -75,8 +75,10 @@ def strain(tmp_path_factory):
     def compute():
         shard.compute(workspace, Shard("strain", 0, "half"), {"strain": each})
 
-    compute()
-    return workspace, compute
+    with pytest.MonkeyPatch.context() as patch:
+        in_this_process(patch)
+        compute()
+        yield workspace, compute
 
 
 @pytest.mark.slow
