@@ -1,0 +1,211 @@
+"""Test a target on each group by models that were trained, and chosen, on the other groups.
+
+The groups that train are divided once more: each part is predicted by models of the other parts. These predictions
+choose the penalty of ridge regression and the row of the table that is the product's answer, and their errors calibrate
+its 90 % intervals. The group that is tested is read once, after that.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from sklearn.metrics import precision_recall_fscore_support
+
+from pipeline.scoring import conformal, metrics, results
+from pipeline.targets import models
+from pipeline.targets.features import Windows
+from pipeline.targets.models import Row
+
+MOST_TESTS = 10  # of more groups, several are tested together
+INNER = 4  # parts of what trains
+FEWEST = 3  # groups that an interval is of
+CHOSEN = "chosen on the other groups"
+SCALES = {"rmse": results.LOG, "r2": results.R2}  # of metrics; all others are shares
+CONSTANT = "constant"
+
+
+class Tested(NamedTuple):
+    """What the tests of all groups came to."""
+
+    scores: pd.DataFrame  # group, model, metric, unit, value, n
+    chosen: dict[str, str]  # test -> the row that the other groups chose
+    coverage: pd.DataFrame  # group, share, size (half width in the target's unit; classes of a set), n
+    warnings: list[str]
+
+
+def tested(windows: Windows, kind: str, unit: str, by: str, trees: int) -> Tested:
+    """Test every group; kind, unit: of the target; by: what a group is; trees: of a forest."""
+    rows, scores, coverage, chosen = models.rows(kind, trees), [], [], {}
+    fold, names, warnings = tests(windows, by)
+    for number, name in enumerate(names):
+        trains, test = np.flatnonzero(fold != number), np.flatnonzero(fold == number)
+        inner = parts(windows, trains)
+        warnings += missing(windows, trains, test, name)
+        guesses, held_out = {}, {}
+        for row in rows:
+            penalty, held_out[row.name] = chosen_penalty(row, windows, trains, inner, kind)
+            x = windows.columns(row.level)
+            estimator = row.fit(x[trains], windows.y[trains])[penalty]
+            guesses[row.name] = models.predicted(estimator, x[test], windows.y.shape[1])
+        best = max(guesses, key=lambda row: headline(kind, windows.y[trains], held_out[row]))
+        chosen[name] = best
+        for row, guess in (*guesses.items(), (CHOSEN, guesses[best])):
+            for metric, of, value, n in scored(windows, test, guess, kind, unit):
+                scores.append((name, row, metric, of, value, n))
+        coverage.append((name, *covered(windows, trains, held_out[best], test, guesses[best], kind)))
+    return Tested(
+        pd.DataFrame(scores, columns=["group", "model", "metric", "unit", "value", "n"]),
+        chosen,
+        pd.DataFrame(coverage, columns=["group", "share", "size", "n"]),
+        warnings,
+    )
+
+
+def tests(windows: Windows, by: str) -> tuple[np.ndarray, list[str], list[str]]:
+    """Return the number of the test that each window is of (n,), the tests' names, and what is to be said of them."""
+    groups, warnings = windows.groups, []
+    if by == "time":
+        warnings.append(
+            "The test shares its recordings with the training: parts of one recording are more alike than recordings "
+            "of another day or person, on whom the scores will be lower."
+        )
+    if len(groups) == 1:
+        warnings.append(
+            f"There is one {by} only, '{groups[0]}', so the test shares it with the training: consecutive parts of it "
+            f"are tested. Record another {by} to know what the sensor is worth there."
+        )
+        return parts(windows, np.arange(len(windows.y))), [f"part {k + 1}" for k in range(INNER)], warnings
+    if len(groups) <= MOST_TESTS:
+        return windows.group, groups, warnings
+    joined = [", ".join(groups[k::MOST_TESTS]) for k in range(MOST_TESTS)]
+    return windows.group % MOST_TESTS, [f"{k + 1}: {name}" for k, name in enumerate(joined)], warnings
+
+
+def missing(windows: Windows, trains: np.ndarray, test: np.ndarray, name: str) -> Iterator[str]:
+    """Yield a sentence for classes of a test that no other group has, and for a test without an event."""
+    known, asked = (windows.y[rows].any(axis=0) for rows in (trains, test))
+    lacking = [one for one, here, there in zip(windows.classes, asked, known, strict=False) if here and not there]
+    if lacking:
+        yield f"'{', '.join(lacking)}' is in no group but '{name}', so there it cannot be recognised."
+
+
+def parts(windows: Windows, rows: np.ndarray) -> np.ndarray:
+    """Return the part, 0 to INNER - 1, of each of some windows (m,): whole groups, or where these are of one, of units.
+
+    The windows of one group are divided in the order of time, those of each class and recording for themselves if they
+    are several; a press, grasp or piece is in one part.
+    """
+    numbers, place = np.unique(windows.group[rows], return_inverse=True)
+    if len(numbers) > 1:
+        return place % INNER
+    label = windows.y[rows].argmax(axis=1) if windows.classes else np.zeros(len(rows), int)
+    part, unit = np.empty(len(rows), int), windows.unit[rows]
+    for one in np.unique(label):
+        here = np.flatnonzero(label == one)
+        units, rank = np.unique(unit[here], return_inverse=True)
+        part[here] = rank * INNER // len(units) if len(units) >= INNER else np.arange(len(here)) * INNER // len(here)
+    return part
+
+
+def chosen_penalty(
+    row: Row, windows: Windows, trains: np.ndarray, inner: np.ndarray, kind: str
+) -> tuple[int, np.ndarray]:
+    """Return the number of the best penalty, and what models of the other parts predict of each part (m, outputs)."""
+    x, y, held_out = windows.columns(row.level)[trains], windows.y[trains], None
+    for part in np.unique(inner):
+        here = inner == part
+        fitted = row.fit(x[~here], y[~here])
+        held_out = np.empty((len(fitted), *y.shape)) if held_out is None else held_out
+        for k, estimator in enumerate(fitted):
+            held_out[k, here] = models.predicted(estimator, x[here], y.shape[1])
+    best = max(range(len(held_out)), key=lambda k: headline(kind, y, held_out[k]))
+    return best, held_out[best]
+
+
+def headline(kind: str, y: np.ndarray, guess: np.ndarray) -> float:
+    """Return what a model is chosen by, higher is better: -RMSE, share of right windows, F1 of windows."""
+    if kind == "continuous":
+        return -float(np.sqrt(np.mean(np.square(guess - y))))
+    truth, answer = y.argmax(axis=1), guess.argmax(axis=1)
+    return f1(truth == 1, answer == 1)[2] if kind == "event" else float(np.mean(truth == answer))
+
+
+def f1(truth: np.ndarray, answer: np.ndarray) -> tuple[float, float, float]:
+    """Return precision, recall and F1 of answers (n,) bool; 0 where there is nothing to be right about."""
+    return precision_recall_fscore_support(truth, answer, average="binary", zero_division=0.0)[:3]
+
+
+def scored(windows: Windows, rows: np.ndarray, guess: np.ndarray, kind: str, unit: str) -> list[metrics.Row]:
+    """Return the scores of a test; guess: (m, outputs) of its windows `rows` (m,).
+
+    * continuous: RMSE in the target's unit, and R2 of the test's windows;
+    * class: share of right votes of a press or grasp, the mean of the scores of its windows, and of right windows;
+    * event: precision, recall and F1 of windows and of events. An event is a stretch of windows in a row; it is found
+      where a predicted stretch overlaps with it.
+
+    A test without an event has no scores of events.
+    """
+    y = windows.y[rows]
+    if kind == "continuous":
+        return metrics.overall(y, guess, unit)
+    truth, answer = y.argmax(axis=1), guess.argmax(axis=1)
+    if kind == "class":
+        votes, of = voted(windows.unit[rows], guess), voted(windows.unit[rows], y)
+        right = float(np.mean(votes.argmax(axis=1) == of.argmax(axis=1)))
+        return [("right votes", "1", right, len(votes)), ("right windows", "1", float(np.mean(truth == answer)), len(y))]
+    happens, said = truth == 1, answer == 1
+    if not happens.any():
+        return []
+    of_windows = f1(happens, said)
+    events, found = (stretches(each, windows.recording[rows]) for each in (happens, said))
+    met = [np.mean([each[rows].any() for rows in which]) if which else 0.0 for which, each in ((found, happens), (events, said))]
+    both = 2 * met[0] * met[1] / sum(met) if sum(met) else 0.0
+    names = ("precision", "recall", "F1")
+    return [
+        *((f"{name} of windows", "1", float(value), len(y)) for name, value in zip(names, of_windows, strict=True)),
+        *((f"{name} of events", "1", float(value), len(events)) for name, value in zip(names, (*met, both), strict=True)),
+    ]
+
+
+def voted(unit: np.ndarray, scores: np.ndarray) -> np.ndarray:
+    """Return the mean scores (units, classes) of the windows of each unit; unit: (n,); scores: (n, classes)."""
+    _, place, count = np.unique(unit, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(count), scores.shape[1]))
+    np.add.at(sums, place, scores)
+    return sums / count[:, None]
+
+
+def stretches(happens: np.ndarray, recording: np.ndarray) -> list[np.ndarray]:
+    """Return the windows of each event: rows in a row, of one recording, at which it happens (n,) bool."""
+    begins = happens & np.concatenate([[True], ~happens[:-1] | (recording[1:] != recording[:-1])])
+    number = np.cumsum(begins)
+    return [np.flatnonzero(happens & (number == k)) for k in range(1, number.max(initial=0) + 1)]
+
+
+def covered(
+    windows: Windows, trains: np.ndarray, held_out: np.ndarray, test: np.ndarray, guess: np.ndarray, kind: str
+) -> tuple[float, float, int]:
+    """Return how often 90 % intervals, or sets of classes, hold the truth of a test, their size, and of how many.
+
+    They are calibrated on the windows that train, predicted by models of the other parts; of classes on votes, and a
+    set's size is its number of classes. NaN where too few presses, grasps or pieces tell a size.
+    """
+    if kind == "continuous":
+        unit = windows.unit[trains]
+        half = conformal.half_width((windows.y[trains] - held_out).ravel(), unit)
+        inside = np.abs(windows.y[test] - guess).ravel() <= half
+        return (float(inside.mean()), half, len(test)) if np.isfinite(half) else (np.nan, np.nan, len(test))
+    of, truth = (voted(windows.unit[trains], each) for each in (held_out, windows.y[trains]))
+    threshold = conformal.class_threshold(of, truth.argmax(axis=1))
+    if threshold == 0:
+        return np.nan, np.nan, len(np.unique(windows.unit[test]))
+    sets = conformal.class_sets(voted(windows.unit[test], guess), threshold)
+    asked = voted(windows.unit[test], windows.y[test]).argmax(axis=1)
+    return float(sets[np.arange(len(sets)), asked].mean()), float(sets.sum(axis=1).mean()), len(sets)
+
+
+def over_groups(values: pd.Series, metric: str) -> results.Estimate:
+    """Return mean and 95 % t interval over groups; without an interval below FEWEST of them."""
+    found = results.estimate(values.to_numpy(float), SCALES.get(metric, results.SHARE))
+    return found if found.runs >= FEWEST else found._replace(low=np.nan, high=np.nan)
