@@ -57,7 +57,9 @@ class Split(Block):
     @model_validator(mode="after")
     def _has_a_pattern(self) -> "Split":
         if (self.by in PATTERNED) != (self.pattern is not None):
-            needs = "needs a `pattern` that finds it in a recording's path" if self.pattern is None else "has no `pattern`"
+            needs = (
+                "needs a `pattern` that finds it in a recording's path" if self.pattern is None else "has no `pattern`"
+            )
             raise ValueError(f"`by: {self.by}` {needs}")
         if self.pattern is not None:
             try:
@@ -65,7 +67,9 @@ class Split(Block):
             except re.error as error:
                 raise ValueError(f"'{self.pattern}' is no regular expression ({error})") from error
             if brackets != 1:
-                raise ValueError(f"'{self.pattern}' has {brackets} pairs of brackets; put one around what names a group")
+                raise ValueError(
+                    f"'{self.pattern}' has {brackets} pairs of brackets; put one around what names a group"
+                )
         return self
 
 

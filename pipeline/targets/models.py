@@ -1,8 +1,7 @@
 """The rows of a table of a target: a constant, ridge regression and extra trees on the statistics of windows.
 
-Classes and events are columns of 0 and 1, so that one kind of model serves all targets: the variance of such columns,
-by which regression trees split, is half of Gini's impurity, and regression on them is that of scikit-learn's
-RidgeClassifier. What is predicted is one score per class.
+Classes and events are columns of 0 and 1, to which ridge regression is fitted as in scikit-learn's RidgeClassifier.
+What is predicted is one score per class; those of ridge regression are cut at 0 and have the sum 1.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,15 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from sklearn.decomposition import PCA
 from sklearn.dummy import DummyRegressor
-from sklearn.ensemble import ExtraTreesRegressor
+from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 PENALTIES = (0.1, 3.0, 100.0, 3e3, 1e5)  # of ridge on standardised columns; a thousand windows weigh as much as 1e3
 COMPONENTS = 200  # of more columns, ridge sees the principal components; a matrix of 500 cells has 3,000
-LEAF = {"continuous": 5, "class": 1, "event": 1}  # windows of a leaf, at least: those of one moment resemble another
-COLUMNS = {"continuous": 1.0, "class": "sqrt", "event": "sqrt"}  # tried at a split: scikit-learn's own for each kind
+LEAST = 1e-9  # score of a class, so that a sum is never 0
+LEAF = 5  # windows of a leaf of numbers, at least: windows of one moment resemble one another
 
 Fitted = Sequence[Any]  # estimators with `predict`, one for each penalty
 
@@ -36,8 +35,9 @@ def rows(kind: str, trees: int) -> list[Row]:
     """Return the rows for a kind of target; trees: of a forest."""
 
     def forest(x: np.ndarray, y: np.ndarray) -> Fitted:
-        given = {"min_samples_leaf": LEAF[kind], "max_features": COLUMNS[kind], "random_state": 0}
-        return [ExtraTreesRegressor(trees, **given).fit(x, y if y.shape[1] > 1 else y.ravel())]
+        if kind != "continuous":
+            return [ExtraTreesClassifier(trees, random_state=0).fit(x, y.argmax(axis=1))]
+        return [ExtraTreesRegressor(trees, min_samples_leaf=LEAF, random_state=0).fit(x, y.ravel())]
 
     return [
         Row("constant", True, constant),
@@ -62,8 +62,12 @@ def ridge(x: np.ndarray, y: np.ndarray) -> Fitted:
 
 def predicted(estimator: Any, x: np.ndarray, outputs: int) -> np.ndarray:
     """Return numbers (n, 1), or scores of classes (n, classes) that are not negative and have the sum 1."""
+    if hasattr(estimator, "predict_proba"):
+        guess = np.zeros((len(x), outputs))
+        guess[:, estimator.classes_] = estimator.predict_proba(x)  # a class that did not train is never named
+        return guess
     guess = np.asarray(estimator.predict(x), float).reshape(len(x), outputs)
     if outputs == 1:
         return guess
-    guess = np.clip(guess, 0, None) + 1e-9
+    guess = np.clip(guess, 0, None) + LEAST
     return guess / guess.sum(axis=1, keepdims=True)

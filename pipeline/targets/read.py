@@ -5,7 +5,7 @@ are stamped by one clock: nothing is known of a free target by which clocks coul
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -76,7 +76,9 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
         reading = np.column_stack([rows[column].to_numpy() for column in readings])
         truth, known = truth_of(path, asked.target, experiment, settings, time_s, segment)
         press = votes(path, asked.target, experiment, settings, time_s, segment, truth)
-        series.append(Series(name, np.full(len(time_s), ""), time_s, segment, reading, truth, np.where(known, press, -1)))
+        series.append(
+            Series(name, np.full(len(time_s), ""), time_s, segment, reading, truth, np.where(known, press, -1))
+        )
     return Data(asked.target, asked.split.by, [grouped(each, asked.split, folder) for each in series])
 
 
@@ -177,6 +179,23 @@ def grouped(series: Series, split: Split, folder: Path) -> Series:
             "rename the folder"
         )
     return series._replace(group=np.full(n, found[1]))
+
+
+def said(data: Data) -> Iterator[str]:
+    """Yield a line for each group: recordings, readings that count, and what the target is in them."""
+    for group in sorted({name for each in data.series for name in np.unique(each.group)}):
+        chosen = [
+            (each, (each.group == group) & (each.press >= 0)) for each in data.series if (each.group == group).any()
+        ]
+        truth = np.concatenate([each.truth[counts] for each, counts in chosen])
+        if data.target.kind == "continuous":
+            what = f"{truth.min():g} to {truth.max():g} {data.target.unit}" if len(truth) else "never known"
+        else:
+            what = ", ".join(
+                f"{name} {count}" for name, count in zip(*np.unique(truth, return_counts=True), strict=True)
+            )
+        recordings = "1 recording" if len(chosen) == 1 else f"{len(chosen)} recordings"
+        yield f"{group}: {recordings}, {len(truth)} readings; {data.target.name}: {what}"
 
 
 def recorded(name: str, folder: Path, settings: Mapping) -> Data:

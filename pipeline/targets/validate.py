@@ -21,22 +21,23 @@ MOST_TESTS = 10  # of more groups, several are tested together
 INNER = 4  # parts of what trains
 FEWEST = 3  # groups that an interval is of
 CHOSEN = "chosen on the other groups"
-SCALES = {"rmse": results.LOG, "r2": results.R2}  # of metrics; all others are shares
-CONSTANT = "constant"
+RMSE, R2, HALF_WIDTH, CLASSES = "RMSE", "R2", "half width of an interval", "classes in a set"
+SCALES = {RMSE: results.LOG, R2: results.R2, HALF_WIDTH: results.LOG, CLASSES: results.LOG}  # all others are shares
+COVERAGE = "coverage"
+COLUMNS = ["test", "model", "metric", "unit", "value", "n"]
 
 
 class Tested(NamedTuple):
     """What the tests of all groups came to."""
 
-    scores: pd.DataFrame  # group, model, metric, unit, value, n
+    scores: pd.DataFrame  # with COLUMNS
     chosen: dict[str, str]  # test -> the row that the other groups chose
-    coverage: pd.DataFrame  # group, share, size (half width in the target's unit; classes of a set), n
     warnings: list[str]
 
 
 def tested(windows: Windows, kind: str, unit: str, by: str, trees: int) -> Tested:
     """Test every group; kind, unit: of the target; by: what a group is; trees: of a forest."""
-    rows, scores, coverage, chosen = models.rows(kind, trees), [], [], {}
+    rows, scores, chosen = models.rows(kind, trees), [], {}
     fold, names, warnings = tests(windows, by)
     for number, name in enumerate(names):
         trains, test = np.flatnonzero(fold != number), np.flatnonzero(fold == number)
@@ -51,15 +52,10 @@ def tested(windows: Windows, kind: str, unit: str, by: str, trees: int) -> Teste
         best = max(guesses, key=lambda row: headline(kind, windows.y[trains], held_out[row]))
         chosen[name] = best
         for row, guess in (*guesses.items(), (CHOSEN, guesses[best])):
-            for metric, of, value, n in scored(windows, test, guess, kind, unit):
-                scores.append((name, row, metric, of, value, n))
-        coverage.append((name, *covered(windows, trains, held_out[best], test, guesses[best], kind)))
-    return Tested(
-        pd.DataFrame(scores, columns=["group", "model", "metric", "unit", "value", "n"]),
-        chosen,
-        pd.DataFrame(coverage, columns=["group", "share", "size", "n"]),
-        warnings,
-    )
+            scores += [(name, row, *score) for score in scored(windows, test, guess, kind, unit)]
+        held = covered(windows, trains, held_out[best], test, guesses[best], kind, unit)
+        scores += [(name, CHOSEN, *score) for score in held]
+    return Tested(pd.DataFrame(scores, columns=COLUMNS), chosen, list(dict.fromkeys(warnings)))
 
 
 def tests(windows: Windows, by: str) -> tuple[np.ndarray, list[str], list[str]]:
@@ -148,23 +144,33 @@ def scored(windows: Windows, rows: np.ndarray, guess: np.ndarray, kind: str, uni
     """
     y = windows.y[rows]
     if kind == "continuous":
-        return metrics.overall(y, guess, unit)
+        rows = metrics.overall(y, guess, unit)
+        return [(name, *row) for name, (_, *row) in zip((RMSE, R2), rows, strict=True)]
     truth, answer = y.argmax(axis=1), guess.argmax(axis=1)
     if kind == "class":
         votes, of = voted(windows.unit[rows], guess), voted(windows.unit[rows], y)
         right = float(np.mean(votes.argmax(axis=1) == of.argmax(axis=1)))
-        return [("right votes", "1", right, len(votes)), ("right windows", "1", float(np.mean(truth == answer)), len(y))]
+        return [
+            ("right votes", "1", right, len(votes)),
+            ("right windows", "1", float(np.mean(truth == answer)), len(y)),
+        ]
     happens, said = truth == 1, answer == 1
     if not happens.any():
         return []
     of_windows = f1(happens, said)
     events, found = (stretches(each, windows.recording[rows]) for each in (happens, said))
-    met = [np.mean([each[rows].any() for rows in which]) if which else 0.0 for which, each in ((found, happens), (events, said))]
+    met = [
+        np.mean([each[rows].any() for rows in which]) if which else 0.0
+        for which, each in ((found, happens), (events, said))
+    ]
     both = 2 * met[0] * met[1] / sum(met) if sum(met) else 0.0
     names = ("precision", "recall", "F1")
     return [
         *((f"{name} of windows", "1", float(value), len(y)) for name, value in zip(names, of_windows, strict=True)),
-        *((f"{name} of events", "1", float(value), len(events)) for name, value in zip(names, (*met, both), strict=True)),
+        *(
+            (f"{name} of events", "1", float(value), len(events))
+            for name, value in zip(names, (*met, both), strict=True)
+        ),
     ]
 
 
@@ -184,28 +190,38 @@ def stretches(happens: np.ndarray, recording: np.ndarray) -> list[np.ndarray]:
 
 
 def covered(
-    windows: Windows, trains: np.ndarray, held_out: np.ndarray, test: np.ndarray, guess: np.ndarray, kind: str
-) -> tuple[float, float, int]:
-    """Return how often 90 % intervals, or sets of classes, hold the truth of a test, their size, and of how many.
+    windows: Windows,
+    trains: np.ndarray,
+    held_out: np.ndarray,
+    test: np.ndarray,
+    guess: np.ndarray,
+    kind: str,
+    unit: str,
+) -> list[metrics.Row]:
+    """Return how often 90 % intervals, or sets of classes, hold the truth of a test, and their size.
 
-    They are calibrated on the windows that train, predicted by models of the other parts; of classes on votes, and a
-    set's size is its number of classes. NaN where too few presses, grasps or pieces tell a size.
+    They are calibrated on the windows that train, predicted by models of the other parts; what is exchangeable is a
+    press, a grasp or a piece of a series. Of classes, votes have sets. NaN: too few of them to tell a size.
     """
+    of, asked, y = windows.unit[trains], windows.unit[test], windows.y
+    known, truth = y[trains], y[test]
     if kind == "continuous":
-        unit = windows.unit[trains]
-        half = conformal.half_width((windows.y[trains] - held_out).ravel(), unit)
-        inside = np.abs(windows.y[test] - guess).ravel() <= half
-        return (float(inside.mean()), half, len(test)) if np.isfinite(half) else (np.nan, np.nan, len(test))
-    of, truth = (voted(windows.unit[trains], each) for each in (held_out, windows.y[trains]))
-    threshold = conformal.class_threshold(of, truth.argmax(axis=1))
-    if threshold == 0:
-        return np.nan, np.nan, len(np.unique(windows.unit[test]))
-    sets = conformal.class_sets(voted(windows.unit[test], guess), threshold)
-    asked = voted(windows.unit[test], windows.y[test]).argmax(axis=1)
-    return float(sets[np.arange(len(sets)), asked].mean()), float(sets.sum(axis=1).mean()), len(sets)
+        size = conformal.half_width((known - held_out).ravel(), of)
+        inside, name, told = np.abs(truth - guess).ravel() <= size, HALF_WIDTH, np.isfinite(size)
+    else:
+        if kind == "class":
+            known, held_out = voted(of, known), voted(of, held_out)
+            truth, guess, of = voted(asked, truth), voted(asked, guess), None
+        threshold = conformal.class_threshold(held_out, known.argmax(axis=1), of)
+        sets = conformal.class_sets(guess, threshold)
+        inside, name, unit, told = sets[np.arange(len(sets)), truth.argmax(axis=1)], CLASSES, "1", threshold > 0
+        size = float(sets.sum(axis=1).mean())
+    share, size = (float(inside.mean()), size) if told else (np.nan, np.nan)
+    return [(COVERAGE, "1", share, len(truth)), (name, unit, size, len(truth))]
 
 
-def over_groups(values: pd.Series, metric: str) -> results.Estimate:
-    """Return mean and 95 % t interval over groups; without an interval below FEWEST of them."""
-    found = results.estimate(values.to_numpy(float), SCALES.get(metric, results.SHARE))
+def over_tests(tested: Tested, model: str, metric: str) -> results.Estimate:
+    """Return mean and 95 % t interval of a score over tests; without an interval below FEWEST of them."""
+    scores = tested.scores[(tested.scores["model"] == model) & (tested.scores["metric"] == metric)]
+    found = results.estimate(scores["value"], SCALES.get(metric, results.SHARE))
     return found if found.runs >= FEWEST else found._replace(low=np.nan, high=np.nan)
