@@ -32,7 +32,7 @@ class Effort(NamedTuple):
     trees: int  # of a forest
 
 
-LOOK, FULL = Effort(4_000, 50), Effort(20_000, 100)
+LOOK, FULL = Effort(4_000, 50), Effort(12_000, 100)
 WIDE = 6_000  # windows at most of a sensor of several hundred elements, as whose statistics a gigabyte is soon full
 MANY = 200  # elements
 
@@ -71,7 +71,7 @@ def section(sensor: str, data: Data, sheets: list[Sheet], effort: Effort) -> Sec
     most = min(effort.windows, WIDE) if data.series[0].reading.shape[1] > MANY else effort.windows
     windows = features.windows(data, length_s, most)
     print(f"{sensor}: {data.target.name}, {len(windows.y)} windows, groups: {', '.join(windows.groups)}")
-    tested = validate.tested(windows, data.target.kind, data.target.unit, data.by, effort.trees)
+    tested = validate.test_groups(windows, data.target.kind, data.target.unit, data.by, effort.trees)
     return Section(sensor, data.target, data.by, length_s, reason, windows, tested)
 
 

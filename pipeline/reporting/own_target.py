@@ -38,13 +38,9 @@ def write(folder: Path, title: str, sections: Sequence[Section], sheet: str) -> 
         "own_target", title=title, sheet=sheet, sections=[(section, *shown(section)) for section in sections]
     )
     files.write_text(folder / "README.md", page)
-    scores = [
-        section.tested.scores.assign(sensor=section.sensor, target=section.target.name)[
-            ["sensor", "target", *validate.COLUMNS]
-        ]
-        for section in sections
-    ]
-    files.write_text(folder / "scores.csv", pd.concat(scores).to_csv(index=False))
+    scores = [one.tested.scores.assign(sensor=one.sensor, target=one.target.name) for one in sections]
+    table_of_all = pd.concat(scores)[["sensor", "target", *validate.COLUMNS]]
+    files.write_text(folder / "scores.csv", table_of_all.to_csv(index=False))
 
 
 def shown(section: Section) -> tuple[str, str, str, str]:
@@ -53,10 +49,7 @@ def shown(section: Section) -> tuple[str, str, str, str]:
     scores, unit = tested.scores, section.target.unit
     metrics = list(dict.fromkeys(scores[scores["model"] != CHOSEN]["metric"]))
     models = list(dict.fromkeys(scores["model"]))
-    heads = {
-        metric: f"{metric} ({unit})" if metric in (validate.RMSE, validate.HALF_WIDTH) else metric
-        for metric in validate.SCALES
-    }
+    heads = {metric: f"{metric} ({unit})" for metric in (validate.RMSE, validate.HALF_WIDTH)}
     rows = [[model, *(cell(validate.over_tests(tested, model, metric)) for metric in metrics)] for model in models]
     by_model = table(["Model", *(heads.get(metric, metric) for metric in metrics)], rows) if metrics else ""
     own = scores[scores["model"] == CHOSEN]
@@ -90,11 +83,8 @@ def cell(found: Estimate) -> str:
 
 
 def digits(value: float) -> int:
-    """Return the decimals that show three digits of a value, or two after the point below 1."""
-    return (
-        2
-        if not np.isfinite(value) or value == 0
-        else int(np.clip(2 - np.floor(np.log10(abs(value))), 0, 6))
-        if abs(value) >= 1 or abs(value) < 0.01
-        else 3
-    )
+    """Return the decimals that show three digits of a value; three of what is below 1, unless it is very small."""
+    if not np.isfinite(value) or value == 0:
+        return 2
+    size = abs(value)
+    return 3 if 0.01 <= size < 1 else int(np.clip(2 - np.floor(np.log10(size)), 0, 6))

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.settings.shared import Block, Count, Place, Positive, Text
+from pipeline.settings.shared import Block, Place, Positive, Text
 
 PATTERNED = ("person", "day", "session")  # of which the path of a recording tells
 
@@ -57,10 +57,8 @@ class Split(Block):
     @model_validator(mode="after")
     def _has_a_pattern(self) -> "Split":
         if (self.by in PATTERNED) != (self.pattern is not None):
-            needs = (
-                "needs a `pattern` that finds it in a recording's path" if self.pattern is None else "has no `pattern`"
-            )
-            raise ValueError(f"`by: {self.by}` {needs}")
+            needs = "needs a `pattern` that finds it in the path of a recording"
+            raise ValueError(f"`by: {self.by}` {needs if self.pattern is None else 'takes no `pattern`'}")
         if self.pattern is not None:
             try:
                 brackets = re.compile(self.pattern).groups

@@ -54,7 +54,7 @@ def window_s(creep_1: Estimate | None, creep_10: Estimate | None) -> tuple[float
 
 
 def windows(data: Data, length_s: float, most: int) -> Windows:
-    """Return a window for every reading that counts, or, of more than `most`, for one drawn from every so many in a row.
+    """Return a window for every reading that counts, or, of more than `most`, for one drawn of every so many in a row.
 
     A fixed step would see presses that repeat in step with it in few of their phases: on strain_recorded every 25th
     reading is in 4 phases of 20, and the R2 of x differs by .2 from that of every 12th.
@@ -83,9 +83,7 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
         unit.append(units + place.reshape(-1))
         units += place.max() + 1
     if not x:
-        raise InputError(
-            f"no reading has a truth for the target '{data.target.name}'; name a log or folder that tells it"
-        )
+        raise InputError(f"no reading has a truth of the target '{data.target.name}'; name a log or folder that has it")
     truth = np.concatenate(truth)
     if data.target.kind != "continuous" and len(np.unique(truth)) < 2:
         raise InputError(f"the target '{data.target.name}' is {truth[0]} throughout; record the other case, too")

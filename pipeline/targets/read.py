@@ -21,6 +21,7 @@ from pipeline.logs.formats import LOGS, Column, Format, second
 from pipeline.settings.targets import Asked, Split, Target
 from pipeline.sheet import cycles
 
+NO_GROUP = np.empty(0, dtype=str)
 PARTS = 5  # of a recording, or of the grasps of an object, where time divides
 LARGEST = 1e12  # of a target; a larger number is none
 FORMATS = {
@@ -76,10 +77,9 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
         reading = np.column_stack([rows[column].to_numpy() for column in readings])
         truth, known = truth_of(path, asked.target, experiment, settings, time_s, segment)
         press = votes(path, asked.target, experiment, settings, time_s, segment, truth)
-        series.append(
-            Series(name, np.full(len(time_s), ""), time_s, segment, reading, truth, np.where(known, press, -1))
-        )
-    return Data(asked.target, asked.split.by, [grouped(each, asked.split, folder) for each in series])
+        counted = np.where(known, press, -1)
+        series.append(grouped(Series(name, NO_GROUP, time_s, segment, reading, truth, counted), asked.split, folder))
+    return Data(asked.target, asked.split.by, series)
 
 
 def log(path: Path, fmt: Format, experiment: str, settings: Mapping, layout_of: Mapping | None = None) -> pa.Table:
@@ -184,16 +184,13 @@ def grouped(series: Series, split: Split, folder: Path) -> Series:
 def said(data: Data) -> Iterator[str]:
     """Yield a line for each group: recordings, readings that count, and what the target is in them."""
     for group in sorted({name for each in data.series for name in np.unique(each.group)}):
-        chosen = [
-            (each, (each.group == group) & (each.press >= 0)) for each in data.series if (each.group == group).any()
-        ]
-        truth = np.concatenate([each.truth[counts] for each, counts in chosen])
+        chosen = [each for each in data.series if (each.group == group).any()]
+        truth = np.concatenate([each.truth[(each.group == group) & (each.press >= 0)] for each in chosen])
         if data.target.kind == "continuous":
             what = f"{truth.min():g} to {truth.max():g} {data.target.unit}" if len(truth) else "never known"
         else:
-            what = ", ".join(
-                f"{name} {count}" for name, count in zip(*np.unique(truth, return_counts=True), strict=True)
-            )
+            counts = zip(*np.unique(truth, return_counts=True), strict=True)
+            what = ", ".join(f"{name} {count}" for name, count in counts)
         recordings = "1 recording" if len(chosen) == 1 else f"{len(chosen)} recordings"
         yield f"{group}: {recordings}, {len(truth)} readings; {data.target.name}: {what}"
 

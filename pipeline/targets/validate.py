@@ -35,7 +35,7 @@ class Tested(NamedTuple):
     warnings: list[str]
 
 
-def tested(windows: Windows, kind: str, unit: str, by: str, trees: int) -> Tested:
+def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> Tested:
     """Test every group; kind, unit: of the target; by: what a group is; trees: of a forest."""
     rows, scores, chosen = models.rows(kind, trees), [], {}
     fold, names, warnings = tests(windows, by)
@@ -79,7 +79,7 @@ def tests(windows: Windows, by: str) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def missing(windows: Windows, trains: np.ndarray, test: np.ndarray, name: str) -> Iterator[str]:
-    """Yield a sentence for classes of a test that no other group has, and for a test without an event."""
+    """Yield a sentence where a test has classes that no other group has."""
     known, asked = (windows.y[rows].any(axis=0) for rows in (trains, test))
     lacking = [one for one, here, there in zip(windows.classes, asked, known, strict=False) if here and not there]
     if lacking:
@@ -89,8 +89,8 @@ def missing(windows: Windows, trains: np.ndarray, test: np.ndarray, name: str) -
 def parts(windows: Windows, rows: np.ndarray) -> np.ndarray:
     """Return the part, 0 to INNER - 1, of each of some windows (m,): whole groups, or where these are of one, of units.
 
-    The windows of one group are divided in the order of time, those of each class and recording for themselves if they
-    are several; a press, grasp or piece is in one part.
+    The windows of one group are divided in the order of time, those of each class for themselves; a press, grasp or
+    piece is in one part, unless a class has fewer of them than there are parts.
     """
     numbers, place = np.unique(windows.group[rows], return_inverse=True)
     if len(numbers) > 1:
@@ -148,30 +148,27 @@ def scored(windows: Windows, rows: np.ndarray, guess: np.ndarray, kind: str, uni
         return [(name, *row) for name, (_, *row) in zip((RMSE, R2), rows, strict=True)]
     truth, answer = y.argmax(axis=1), guess.argmax(axis=1)
     if kind == "class":
-        votes, of = voted(windows.unit[rows], guess), voted(windows.unit[rows], y)
-        right = float(np.mean(votes.argmax(axis=1) == of.argmax(axis=1)))
-        return [
-            ("right votes", "1", right, len(votes)),
-            ("right windows", "1", float(np.mean(truth == answer)), len(y)),
-        ]
+        votes, of = (voted(windows.unit[rows], each).argmax(axis=1) for each in (guess, y))
+        right = [("right votes", votes == of), ("right windows", truth == answer)]
+        return [(name, "1", float(each.mean()), len(each)) for name, each in right]
     happens, said = truth == 1, answer == 1
     if not happens.any():
         return []
-    of_windows = f1(happens, said)
     events, found = (stretches(each, windows.recording[rows]) for each in (happens, said))
-    met = [
-        np.mean([each[rows].any() for rows in which]) if which else 0.0
-        for which, each in ((found, happens), (events, said))
-    ]
-    both = 2 * met[0] * met[1] / sum(met) if sum(met) else 0.0
-    names = ("precision", "recall", "F1")
+    precision, recall = met(found, happens), met(events, said)
+    both = 2 * precision * recall / (precision + recall) if precision + recall else 0.0
+    names, of_windows = ("precision", "recall", "F1"), f1(happens, said)
     return [
         *((f"{name} of windows", "1", float(value), len(y)) for name, value in zip(names, of_windows, strict=True)),
-        *(
-            (f"{name} of events", "1", float(value), len(events))
-            for name, value in zip(names, (*met, both), strict=True)
-        ),
+        ("precision of events", "1", precision, len(found)),
+        ("recall of events", "1", recall, len(events)),
+        ("F1 of events", "1", both, len(events)),
     ]
+
+
+def met(events: list[np.ndarray], others: np.ndarray) -> float:
+    """Return the share of events in which another, (n,) bool, happens at least once; 0 without events."""
+    return float(np.mean([others[rows].any() for rows in events])) if events else 0.0
 
 
 def voted(unit: np.ndarray, scores: np.ndarray) -> np.ndarray:

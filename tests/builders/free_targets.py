@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+
 from builders.own_logs import stamped
 
 STRAIN = {"strain.sensor": {"channels": 2, "unit": "V"}}
@@ -20,7 +21,7 @@ def settings(folder: Path, of_sensor, target, split):
 
 
 def angles(folder: Path, people=("anna", "ben", "cleo"), seconds=40.0, split=PERSON, target=ANGLE):
-    """Write a joint's logs at 10 Hz: two strands follow the angle, from another rest on each person; arm.log at 5 Hz."""
+    """Write a joint's logs: two strands follow the angle, from another rest on each person; arm.log is slower."""
     for number, person in enumerate(people):
         for run in range(2):
             rng = np.random.default_rng([number, run])
@@ -53,7 +54,7 @@ def objects(folder: Path, days=2, grasps=6):
 
 def slips(folder: Path, seconds=40.0):
     """Write a mat's logs that tremble while something slips, for 0.6 s every 4 s, as slip.log says."""
-    for number in range(4):
+    for number in range(2):
         rng = np.random.default_rng(number)
         at = np.arange(0, seconds, 0.05)
         slip = (at % 4) < 0.6
