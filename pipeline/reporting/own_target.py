@@ -16,7 +16,6 @@ from pipeline.targets import validate
 from pipeline.targets.features import Windows
 from pipeline.targets.validate import CHOSEN, Tested
 
-MOST_TESTS = 40  # rows of a table
 MOST_CLASSES = 12  # that are named
 
 
@@ -55,17 +54,14 @@ def shown(section: Section) -> tuple[str, str, str, str]:
     own = scores[scores["model"] == CHOSEN]
     every = list(dict.fromkeys(own["metric"]))
     rows = []
-    for test, row in list(tested.chosen.items())[:MOST_TESTS]:
+    for test, row in tested.chosen.items():
         values = own[own["test"] == test].set_index("metric")["value"].reindex(every)
         rows.append([literal(test), row, *(number(value, digits(value)) for value in values)])
     rows.append(["mean", "", *(cell(validate.over_tests(tested, CHOSEN, metric)) for metric in every)])
     by_test = table(["Test", "Chosen", *(heads.get(metric, metric) for metric in every)], rows)
-    count = len(tested.chosen)
-    over = (
-        f"Intervals are 95 % t intervals over the {count} tests."
-        if count >= validate.FEWEST
-        else f"How far the scores would differ with other groups, {count} tests cannot tell: there is no interval."
-    )
+    over = f"Intervals are 95 % t intervals over the {len(tested.chosen)} tests."
+    if tested.groups < validate.FEWEST:
+        over = f"How far scores differ between groups cannot be told from {tested.groups}, so there are no intervals."
     kinds = windows.classes if section.target.kind == "class" else []
     listed = ", ".join(map(literal, kinds[:MOST_CLASSES])) + (", ..." if len(kinds) > MOST_CLASSES else "")
     asked = {

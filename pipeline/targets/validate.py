@@ -33,6 +33,7 @@ class Tested(NamedTuple):
     scores: pd.DataFrame  # with COLUMNS
     chosen: dict[str, str]  # test -> the row that the other groups chose
     warnings: list[str]
+    groups: int  # that are apart from each other; tests within one group tell nothing of others
 
 
 def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> Tested:
@@ -55,7 +56,7 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
             scores += [(name, row, *score) for score in scored(windows, test, guess, kind, unit)]
         held = covered(windows, trains, held_out[best], test, guesses[best], kind, unit)
         scores += [(name, CHOSEN, *score) for score in held]
-    return Tested(pd.DataFrame(scores, columns=COLUMNS), chosen, list(dict.fromkeys(warnings)))
+    return Tested(pd.DataFrame(scores, columns=COLUMNS), chosen, list(dict.fromkeys(warnings)), len(windows.groups))
 
 
 def tests(windows: Windows, by: str) -> tuple[np.ndarray, list[str], list[str]]:
@@ -218,7 +219,7 @@ def covered(
 
 
 def over_tests(tested: Tested, model: str, metric: str) -> results.Estimate:
-    """Return mean and 95 % t interval of a score over tests; without an interval below FEWEST of them."""
+    """Return mean and 95 % t interval of a score over tests; without an interval below FEWEST groups."""
     scores = tested.scores[(tested.scores["model"] == model) & (tested.scores["metric"] == metric)]
     found = results.estimate(scores["value"], SCALES.get(metric, results.SHARE))
-    return found if found.runs >= FEWEST else found._replace(low=np.nan, high=np.nan)
+    return found if min(found.runs, tested.groups) >= FEWEST else found._replace(low=np.nan, high=np.nan)

@@ -97,6 +97,7 @@ def test_a_test_that_shares_a_group_with_training_says_so(tmp_path, split, peopl
     found = data("strain", free_targets.angles(tmp_path / "joint", people, split=split))
     windows, result = results_of(found, most=200)
     assert [words in warning for warning in result.warnings] == [True] and len(result.chosen) >= 4
+    assert np.isnan(score(result, CHOSEN, RMSE).low) == (people == ("anna",)), "no interval of one person"
     if split["by"] == "time":
         one = found.series[0]
         assert len(np.unique(one.group)) == read.PARTS and (one.segment[1:] > one.segment[:-1]).sum() == 4
