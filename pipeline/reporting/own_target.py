@@ -59,10 +59,10 @@ def shown(section: Section) -> tuple[str, str, str, str]:
         rows.append([literal(test), row, *(number(value, digits(value)) for value in values)])
     rows.append(["mean", "", *(cell(validate.over_tests(tested, CHOSEN, metric)) for metric in every)])
     by_test = table(["Test", "Chosen", *(heads.get(metric, metric) for metric in every)], rows)
-    count, within = len(tested.chosen), "" if tested.groups > 1 else " of one group"
-    over = f"Intervals are 95 % t intervals over the {count} tests."
+    count = f"{len(tested.chosen)} tests{' of one group' if tested.groups == 1 else ''}"
+    over = f"Intervals are 95 % t intervals over the {count}."
     if tested.groups < validate.FEWEST:
-        over = f"How far the scores would differ with other groups, {count} tests{within} cannot tell: there is no interval."
+        over = f"How far the scores would differ with other groups, {count} cannot tell: there is no interval."
     kinds = windows.classes if section.target.kind == "class" else []
     listed = ", ".join(map(literal, kinds[:MOST_CLASSES])) + (", ..." if len(kinds) > MOST_CLASSES else "")
     asked = {
