@@ -64,7 +64,7 @@ def shown(section: Section) -> tuple[str, str, str, str]:
     if tested.groups < validate.FEWEST:
         over = f"How far the scores would differ with other groups, {count} cannot tell: there is no interval."
     kinds = windows.classes if section.target.kind == "class" else []
-    listed = ", ".join(map(literal, kinds[:MOST_CLASSES])) + (", ..." if len(kinds) > MOST_CLASSES else "")
+    listed = ", ".join(map(literal, kinds[:MOST_CLASSES])) + (" and others" if len(kinds) > MOST_CLASSES else "")
     asked = {
         "continuous": f"A number, in {literal(unit)}.",
         "class": f"One of {len(kinds)} classes: {listed}.",
