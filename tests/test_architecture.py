@@ -25,7 +25,7 @@ CODE.remove("pipeline/__init__.py")
 ARROWS = {
     "stages": {"inference", "reporting/page", "stability", "twins"},
     "studies": {"reporting/page", "stability"},
-    "commands": {"live", "own", "reporting/page", "sheet/page", "stability", "twins"},
+    "commands": {"live", "own", "reporting/page", "sheet/page", "stability", "targets", "twins"},
     "own": {"tasks"},  # sensors of your own: their settings, and what their logs need
     "live": {"inference"},
     "inference": {"reporting/figures", "tasks"},
@@ -37,7 +37,8 @@ ARROWS = {
     "models": {"learning"},
     "learning": {"datasets"},
     "reporting/page": {"reporting"},
-    "reporting": {"claims", "reporting/verdicts", "reporting/figures", "experiments"},
+    "reporting": {"claims", "reporting/verdicts", "reporting/figures", "experiments", "targets"},
+    "targets": {"sheet", "scoring"},
     "reporting/figures": {"reporting/verdicts", "scenes", "logs"},
     "reporting/verdicts": {"reporting/words"},
     "claims": {"scoring"},  # the only place that judges the papers' claims

@@ -32,6 +32,8 @@ from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.reporting.figures import check as check_figures
+from pipeline.settings.targets import Asked
+from pipeline.targets import read as target_logs
 
 DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, in which the time has to rise
@@ -569,6 +571,19 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     return problems[0] if problems else None
 
 
+def check_target(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> str | None:
+    """Say what each group holds of a target of one's own, and return what to fix first; None where nothing is.
+
+    settings: the block of the experiment.
+    """
+    try:
+        data = target_logs.own(experiment, folder, settings, asked)
+        print("\n".join(target_logs.said(data)))
+    except InputError as error:
+        return str(error)
+    return None
+
+
 def draw(target: Path, experiment: str, recordings: list[Checked], settings: Mapping) -> None:
     """Draw recordings to a file, or say why that cannot be written: what was found counts without it."""
     try:
@@ -637,8 +652,12 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     experiment = given.experiment or experiment_of(folder)
     place = Path(os.path.abspath(folder))  # without ..
     values = own_settings.of_logs(workspace, experiment, folder)
-    own_settings.say_left_out(values[experiment], experiment)
-    first = check(workspace, experiment, folder, values) or own_data.unnoticed(workspace, place)
+    if asked := own_settings.asked(folder):
+        first = check_target(experiment, folder, values[experiment], asked)
+    else:
+        own_settings.say_left_out(values[experiment], experiment)
+        first = check(workspace, experiment, folder, values)
+    first = first or own_data.unnoticed(workspace, place)
     result = {"experiment": experiment, "folder": str(folder), "ready": first is None, "fix_first": first}
     arguments.answer(given, result)
     if first is not None:

@@ -36,6 +36,7 @@ GROUPS = {  # heading of the help -> command -> its module
     "The evidence on the papers": {
         "fetch": "fetch",
         "evidence": "evidence",
+        "targets": "targets",
         "track": "track",
         "pack": "pack",
         "unpack": "unpack",

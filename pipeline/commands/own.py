@@ -6,6 +6,8 @@ a glove. FOLDER/settings.yaml, where there is one, sets what differs from params
 `touch.sensor.rows: 4`. The logs are checked first, as by `tactile check`. Nothing is simulated, and no file that git
 follows changes: what the stages write is in build/own/NAME, with every trained model in build/own/NAME/trained, for
 `tactile predict MODEL LOGS`. What is up to date is not trained again.
+
+Where settings.yaml has `target:` and `split:`, that target is tested instead, group by group: docs/own_sensor.md.
 """
 
 import argparse
@@ -20,7 +22,7 @@ from pipeline.base import files, modules, params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
 from pipeline.base.paths import Workspace
-from pipeline.commands import check, sheet
+from pipeline.commands import check, sheet, targets
 from pipeline.datasets import schemas
 from pipeline.logs import own_data
 from pipeline.logs.formats import LOGS
@@ -41,7 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(checkout: Workspace, given: argparse.Namespace) -> None:
     """Train all models of the settings on the logs named on the command line."""
-    check.experiment_of(given.folder, given.experiment)
+    experiment = check.experiment_of(given.folder, given.experiment)
+    if asked := own_settings.asked(given.folder):
+        name = name_of(checkout, given.folder)
+        return targets.of_own(checkout, experiment, given.folder, name, asked, targets.FULL)
     with prepared(checkout, given.folder, own_settings.SEEDS) as sensor:
         run(checkout, sensor, params.load(sensor.workspace.params))
 

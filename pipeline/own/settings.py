@@ -13,8 +13,10 @@ from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images
 from pipeline.models import press_difference
+from pipeline.settings.targets import Asked
 
 FILE = "settings.yaml"  # in a folder of logs
+ASKED = tuple(Asked.model_fields)  # blocks of a target of one's own, which belong to no experiment
 SEEDS = [0, 1, 2]
 SMALLEST_IMAGE = 8  # pixels of a side; the networks halve an image two to five times
 WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree")  # for sensors of a few channels, whose image is no picture
@@ -34,6 +36,15 @@ def read(folder: Path) -> dict:
     return values
 
 
+def asked(folder: Path) -> Asked | None:
+    """Return the target of one's own that FOLDER/settings.yaml asks for, and its test; None where it asks for none.
+
+    Raises InputError for unknown keys and wrong values.
+    """
+    given = {key: value for key, value in read(folder).items() if key in ASKED}
+    return params.check_block(given, Asked, "", dict.fromkeys(ASKED, str(folder / FILE))) if given else None
+
+
 def write(
     source: Path, target: Path, experiment: str, folder: Path, seeds: Sequence[int], models: Sequence[str] | None
 ) -> Path:
@@ -44,7 +55,8 @@ def write(
     """
     settings = copied(source, target)
     block = params.read(settings)[experiment]
-    of_sensor, known = read(folder), dict(block["models"])
+    known = dict(block["models"])
+    of_sensor = {key: value for key, value in read(folder).items() if key not in ASKED}
     each = {"seeds": list(seeds)}
     protocols = {
         key: dict(value) | each for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)

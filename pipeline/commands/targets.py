@@ -1,0 +1,98 @@
+"""Test targets on the recorded sensors: the arm's place on another day, the object in another block of grasps.
+
+It is what `tactile try` and `tactile own` do for a sensor whose settings.yaml has `target:` and `split:`, on recordings
+that everybody can get (`tactile fetch strain_recorded`, `tactile fetch glove_recorded`). OUT gets README.md and
+scores.csv.
+"""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from pipeline.base import files, params
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
+from pipeline.commands import sheet
+from pipeline.logs import sources as public
+from pipeline.own import settings as own_settings
+from pipeline.reporting import own_target
+from pipeline.reporting.own_target import Section
+from pipeline.settings.targets import Asked
+from pipeline.sheet import quantities, sources
+from pipeline.sheet.quantities import Sheet
+from pipeline.targets import features, read, validate
+from pipeline.targets.read import Data
+
+
+class Effort(NamedTuple):
+    """How much is computed."""
+
+    windows: int  # at most
+    trees: int  # of a forest
+
+
+LOOK, FULL = Effort(4_000, 50), Effort(12_000, 100)
+WIDE = 6_000  # windows at most of a sensor of several hundred elements, as whose statistics a gigabyte is soon full
+MANY = 200  # elements
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the place of the results to the parser of this command."""
+    parser.add_argument("--out", type=Path, required=True, metavar="OUT", help="such as reports/targets")
+
+
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
+    """Test the targets of the recorded sensors."""
+    values, sections = params.load(workspace.params), []
+    for name, (experiment, _) in read.RECORDED.items():
+        settings = dict(values[experiment])
+        settings["ingest"] = {**settings["ingest"], **sheet.EVERY.get(experiment, {})}
+        if not public.is_complete(workspace, experiment):
+            raise InputError(f"{public.folder(workspace, experiment)}: no recordings; run `tactile fetch {experiment}`")
+        folder = public.folder(workspace, experiment)
+        sheets = [quantities.sheet(one) for one in sources.sensors(experiment, experiment, folder, settings)]
+        sections.append(section(experiment, read.recorded(name, folder, settings), sheets, FULL))
+    own_target.write(
+        given.out,
+        "Targets of the recorded sensors",
+        sections,
+        "What the sensors themselves are worth, before any model sees them: [their data sheets](../sheet/README.md).",
+    )
+    print(f"{given.out}/README.md: what they score")
+
+
+def section(sensor: str, data: Data, sheets: list[Sheet], effort: Effort) -> Section:
+    """Test a target; sheets: of its sensor, [] where there is none."""
+    lines: Mapping = sheets[0].lines if sheets else {}
+    length_s, reason = features.window_s(lines.get("creep, 1 s"), lines.get("creep, 10 s"))
+    if data.target.window_s is not None:
+        length_s, reason = data.target.window_s, "as target.window_s asks"
+    most = min(effort.windows, WIDE) if data.series[0].reading.shape[1] > MANY else effort.windows
+    windows = features.windows(data, length_s, most)
+    print(f"{sensor}: {data.target.name}, {len(windows.y)} windows, groups: {', '.join(windows.groups)}")
+    tested = validate.test_groups(windows, data.target.kind, data.target.unit, data.by, effort.trees)
+    return Section(sensor, data.target, data.by, length_s, reason, windows, tested)
+
+
+def of_own(checkout: Workspace, experiment: str, folder: Path, name: str, asked: Asked, effort: Effort) -> None:
+    """Test the target of a sensor of one's own, and write reports/own/NAME: README.md, scores.csv, sheet.md.
+
+    name: of the sensor, its path in data/own. Raises InputError as `read.own`.
+    """
+    settings = own_settings.of_logs(checkout, experiment, folder)[experiment]
+    data = read.own(experiment, folder, settings, asked)
+    try:
+        sheets = [quantities.sheet(one) for one in sources.sensors(experiment, name, folder, settings)]
+        said = "What the sensor itself is worth, before any model sees it: [its data sheet](sheet.md)."
+    except InputError as error:  # which needs more logs than a target does
+        sheets, said = [], f"There is no data sheet of the sensor, for which its logs do not suffice ({error})."
+    target = checkout.reports / "own" / name
+    made = section(name, data, sheets, effort)
+    with files.replacing_folder(target) as draft:
+        own_target.write(draft, f"`{name}`: {asked.target.name}, your own logs", [made], said)
+        if sheets:
+            sheet.write(draft, "sheet", sheets)
+    for warning in made.tested.warnings:
+        print(f"warning: {warning}")
+    print(f"\n{target}/README.md: what the models score on groups that they have not seen")

@@ -1,0 +1,87 @@
+"""Write what the tests of targets of one's own came to: a page of Markdown and a table of scores."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import files
+from pipeline.reporting.words import templates
+from pipeline.reporting.words.markdown import interval, literal, number, table
+from pipeline.scoring.results import Estimate
+from pipeline.settings.targets import Target
+from pipeline.targets import validate
+from pipeline.targets.features import Windows
+from pipeline.targets.validate import CHOSEN, Tested
+
+MOST_CLASSES = 12  # that are named
+
+
+class Section(NamedTuple):
+    """One target of one sensor."""
+
+    sensor: str
+    target: Target
+    by: str  # what a group is
+    length_s: float  # of a window
+    reason: str  # why it is as long
+    windows: Windows
+    tested: Tested
+
+
+def write(folder: Path, title: str, sections: Sequence[Section], sheet: str) -> None:
+    """Write README.md and scores.csv; sheet: a sentence on the data sheet."""
+    page = templates.render(
+        "own_target", title=title, sheet=sheet, sections=[(section, *shown(section)) for section in sections]
+    )
+    files.write_text(folder / "README.md", page)
+    scores = [one.tested.scores.assign(sensor=one.sensor, target=one.target.name) for one in sections]
+    table_of_all = pd.concat(scores)[["sensor", "target", *validate.COLUMNS]]
+    files.write_text(folder / "scores.csv", table_of_all.to_csv(index=False))
+
+
+def shown(section: Section) -> tuple[str, str, str, str]:
+    """Return what is asked in words, the table of models, that of tests, and what intervals are of."""
+    tested, windows = section.tested, section.windows
+    scores, unit = tested.scores, section.target.unit
+    metrics = list(dict.fromkeys(scores[scores["model"] != CHOSEN]["metric"]))
+    models = list(dict.fromkeys(scores["model"]))
+    heads = {metric: f"{metric} ({unit})" for metric in (validate.RMSE, validate.HALF_WIDTH)}
+    rows = [[model, *(cell(validate.over_tests(tested, model, metric)) for metric in metrics)] for model in models]
+    by_model = table(["Model", *(heads.get(metric, metric) for metric in metrics)], rows) if metrics else ""
+    own = scores[scores["model"] == CHOSEN]
+    every = list(dict.fromkeys(own["metric"]))
+    rows = []
+    for test, row in tested.chosen.items():
+        values = own[own["test"] == test].set_index("metric")["value"].reindex(every)
+        rows.append([literal(test), row, *(number(value, digits(value)) for value in values)])
+    rows.append(["mean", "", *(cell(validate.over_tests(tested, CHOSEN, metric)) for metric in every)])
+    by_test = table(["Test", "Chosen", *(heads.get(metric, metric) for metric in every)], rows)
+    count = f"{len(tested.chosen)} tests{' of one group' if tested.groups == 1 else ''}"
+    over = f"Intervals are 95 % t intervals over the {count}."
+    if tested.groups < validate.FEWEST:
+        over = f"How far the scores would differ with other groups, {count} cannot tell: there is no interval."
+    kinds = windows.classes if section.target.kind == "class" else []
+    listed = ", ".join(map(literal, kinds[:MOST_CLASSES])) + (" and others" if len(kinds) > MOST_CLASSES else "")
+    asked = {
+        "continuous": f"A number, in {literal(unit)}.",
+        "class": f"One of {len(kinds)} classes: {listed}.",
+        "event": "Something that happens or not.",
+    }[section.target.kind]
+    return asked, by_model, by_test, over
+
+
+def cell(found: Estimate) -> str:
+    """Return a mean with its interval; "cannot tell" without a test that has a value."""
+    known = found._replace(failed=0)  # a test without an event, or too short to calibrate, is no failure
+    return interval(known, digits(found.mean)) if found.runs else "cannot tell"
+
+
+def digits(value: float) -> int:
+    """Return the decimals that show three digits of a value; three of what is below 1, unless it is very small."""
+    if not np.isfinite(value) or value == 0:
+        return 2
+    size = abs(value)
+    return 3 if 0.01 <= size < 1 else int(np.clip(2 - np.floor(np.log10(size)), 0, 6))

@@ -1,0 +1,67 @@
+"""Write logs of sensors with a target of their own: an angle, an object, a slip."""
+
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from builders.own_logs import stamped
+
+STRAIN = {"strain.sensor": {"channels": 2, "unit": "V"}}
+MAT = {"glove.sensor.areas": {"pressure": {"rows": 2, "cols": 2}}, "glove.sensor.scale": "range"}
+ANGLE = {"name": "angle", "unit": "deg", "kind": "continuous", "file": "arm.log", "column": 2}
+PERSON = {"by": "person", "pattern": "/(.*)_"}
+
+
+def settings(folder: Path, of_sensor, target, split):
+    """Write settings.yaml."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "settings.yaml").write_text(yaml.safe_dump({**of_sensor, "target": target, "split": split}))
+    return folder
+
+
+def angles(folder: Path, people=("anna", "ben", "cleo"), seconds=40.0, split=PERSON, target=ANGLE):
+    """Write a joint's logs: two strands follow the angle, from another rest on each person; arm.log is slower."""
+    for number, person in enumerate(people):
+        for run in range(2):
+            rng = np.random.default_rng([number, run])
+            at = np.arange(0, seconds, 0.1)
+            angle = 45 * np.sin(2 * np.pi * at / 3.1) + 5 * np.sin(2 * np.pi * at / 0.9 + run)
+            volts = 2 + number + np.outer(angle, [0.01, -0.006]) + rng.normal(0, 0.002, (len(at), 2))
+            place = folder / "bend" / f"{person}_{run}"
+            place.mkdir(parents=True)
+            rows = [f"{t:.1f},{u:.4f},{v:.4f}" for t, (u, v) in zip(at, volts, strict=True)]
+            (place / "daq.log").write_text("\n".join(rows) + "\n")
+            rows = [f"{t:.1f},{a:.3f},0" for t, a in zip(at[3:-3:2], angle[3:-3:2], strict=True)]
+            (place / "arm.log").write_text("\n".join(rows) + "\n")
+    return settings(folder, STRAIN, target, split)
+
+
+def objects(folder: Path, days=2, grasps=6):
+    """Write a mat's logs, <object>/<day>_<grasp>: three objects; a frame alone is noisy."""
+    for number, name in enumerate(("ball", "cup", "plate")):
+        pattern = 400 + 60 * np.roll([3, 1, 0, 0], number)
+        for k in range(days * grasps):
+            rng = np.random.default_rng([number, k])
+            place = folder / name / f"day{k % days}_{k}"
+            place.mkdir(parents=True)
+            counts = pattern + rng.normal(0, 90, (30, 4))
+            lines = stamped(np.arange(30) / 20, counts, "%.1f")
+            (place / "scanner.log").write_text("\n".join(lines) + "\n")
+    split = {"by": "day", "pattern": "(day.)"}
+    return settings(folder, MAT, {"name": "object", "kind": "class", "folder": 1}, split)
+
+
+def slips(folder: Path, seconds=40.0):
+    """Write a mat's logs that tremble while something slips, for 0.6 s every 4 s, as slip.log says."""
+    for number in range(2):
+        rng = np.random.default_rng(number)
+        at = np.arange(0, seconds, 0.05)
+        slip = (at % 4) < 0.6
+        counts = 500 + rng.normal(0, 1, (len(at), 4)) * np.where(slip, 60, 5)[:, None]
+        place = folder / "hold" / f"run{number}"
+        place.mkdir(parents=True)
+        (place / "scanner.log").write_text("\n".join(stamped(at, counts, "%.1f")) + "\n")
+        (place / "slip.log").write_text("\n".join(stamped(at, slip[:, None], "%d")) + "\n")
+    target = {"name": "slip", "kind": "event", "file": "slip.log", "column": 2, "window_s": 0.3}
+    return settings(folder, MAT, target, {"by": "recording"})

@@ -1,0 +1,202 @@
+"""A target of one's own: what is read, which group a window is in, and that a tested group tells nothing before."""
+
+import numpy as np
+import pytest
+from builders import free_targets
+from builders.project import ROOT
+
+from pipeline.base import params
+from pipeline.base.errors import InputError
+from pipeline.own import settings as own_settings
+from pipeline.sheet.estimates import Estimate, cannot_tell
+from pipeline.targets import features, read, validate
+from pipeline.targets.validate import CHOSEN, COVERAGE, RMSE
+
+TREES = 5
+VALUES = params.load(ROOT / "params.yaml")
+SENSORS = {"strain": {"channels": 2}, "glove": {"areas": {"pressure": {"rows": 2, "cols": 2}}, "scale": "range"}}
+
+
+def data(experiment, folder):
+    """Return the recordings of a folder as `tactile try` reads them."""
+    settings = VALUES[experiment] | {"sensor": VALUES[experiment]["sensor"] | SENSORS[experiment]}
+    return read.own(experiment, folder, settings, own_settings.asked(folder))
+
+
+def results_of(found, length_s=2.0, most=240):
+    windows = features.windows(found, length_s, most)
+    return windows, validate.test_groups(windows, found.target.kind, found.target.unit, found.by, TREES)
+
+
+def score(result, model, metric):
+    return validate.over_tests(result, model, metric)
+
+
+def test_an_angle_is_told_on_people_who_did_not_train(tmp_path):
+    found = data("strain", free_targets.angles(tmp_path / "joint"))
+    assert [each.name for each in found.series][:3] == ["bend/anna_0", "bend/anna_1", "bend/ben_0"]
+    one = found.series[0]
+    assert one.press.tolist() == [-1] * 3 + [0] * (len(one.press) - 7) + [-1] * 4, "arm.log knows no angle at the ends"
+    assert one.truth[20] == pytest.approx(45 * np.sin(2 * np.pi * 2 / 3.1) + 5 * np.sin(2 * np.pi * 2 / 0.9), abs=1.5)
+    windows, result = results_of(found)
+    assert windows.groups == ["anna", "ben", "cleo"] and not result.warnings
+    assert all(name.endswith("without level") for name in result.chosen.values()), "each person has another rest"
+    best, level, floor = (score(result, name, RMSE) for name in (CHOSEN, "extra trees", "constant"))
+    assert best.mean < 6 < 10 < level.mean < floor.mean == pytest.approx(32, abs=1)
+    assert best.low < best.mean < best.high
+    assert score(result, CHOSEN, COVERAGE).mean > 0.86
+
+
+def test_a_tested_group_tells_nothing_before_its_test(tmp_path):
+    """Another truth of it changes its scores, and nothing that was chosen or predicted for it."""
+    found = data("strain", free_targets.angles(tmp_path / "joint", people=("anna", "ben", "cleo")))
+    windows, result = results_of(found, most=150)
+    other = windows.y.copy()
+    other[windows.group == 0] = 7.0
+    again = validate.test_groups(windows._replace(y=other), "continuous", "deg", "person", TREES)
+    assert again.chosen["anna"] == result.chosen["anna"]
+    wide = [r.scores.set_index(["test", "model", "metric"])["value"] for r in (result, again)]
+    name = ("anna", CHOSEN, validate.HALF_WIDTH)
+    assert wide[0][name] == wide[1][name] and wide[0]["anna", CHOSEN, RMSE] != wide[1]["anna", CHOSEN, RMSE]
+
+
+def test_votes_are_better_than_their_frames_and_two_days_have_no_interval(tmp_path):
+    windows, result = results_of(data("glove", free_targets.objects(tmp_path / "mat")), length_s=0.2)
+    assert windows.classes == ["ball", "cup", "plate"] and windows.groups == ["day0", "day1"]
+    votes, frames = (score(result, "extra trees", f"right {name}") for name in ("votes", "windows"))
+    assert votes.mean > frames.mean + 0.05 > 0.6 and votes.mean > 0.9
+    assert np.isnan(votes.low) and votes.runs == 2
+    counts = result.scores[result.scores["metric"] == "right votes"]["n"]
+    assert set(counts) == {18}, "a vote of each recording"
+
+
+def test_events_are_found_as_stretches(tmp_path):
+    found = data("glove", free_targets.slips(tmp_path / "hold"))
+    _, result = results_of(found, length_s=found.target.window_s, most=1200)
+    assert score(result, CHOSEN, "recall of events").mean > 0.9 < score(result, CHOSEN, "precision of events").mean
+    windows = features.windows(found, 0.3, 100)
+    rows = np.arange(8)
+    happens, said = [0, 1, 1, 0, 0, 0, 1, 0], [1, 0, 1, 0, 1, 0, 0, 0]
+    windows = windows._replace(y=np.eye(2)[happens], recording=np.zeros(8, int))
+    scores = {name: value for name, _, value, _ in validate.scored(windows, rows, np.eye(2)[said], "event", "")}
+    assert scores["recall of events"] == pytest.approx(1 / 2) and scores["precision of events"] == pytest.approx(1 / 3)
+    assert scores["recall of windows"] == pytest.approx(1 / 3) and scores["F1 of events"] == pytest.approx(0.4)
+    for kind in ("event", "class"):
+        perfect = validate.scored(windows._replace(unit=rows), rows, windows.y, kind, "")
+        assert {value for _, _, value, _ in perfect} == {1.0}
+
+
+@pytest.mark.parametrize(
+    ("split", "people", "words"),
+    [
+        ({"by": "time"}, ("anna", "ben"), "The test shares its recordings with the training"),
+        (free_targets.PERSON, ("anna",), "There is one person only, 'anna', so the test shares it with the training"),
+    ],
+)
+def test_a_test_that_shares_a_group_with_training_says_so(tmp_path, split, people, words):
+    found = data("strain", free_targets.angles(tmp_path / "joint", people, split=split))
+    windows, result = results_of(found, most=200)
+    assert [words in warning for warning in result.warnings] == [True] and len(result.chosen) >= 4
+    assert np.isnan(score(result, CHOSEN, RMSE).low) == (people == ("anna",)), "no interval of one person"
+    if split["by"] == "time":
+        one = found.series[0]
+        assert len(np.unique(one.group)) == read.PARTS and (one.segment[1:] > one.segment[:-1]).sum() == 4
+
+
+def test_a_class_of_one_group_alone_is_named(tmp_path):
+    folder = free_targets.objects(tmp_path / "mat")
+    (folder / "plate" / "day0_0").rename(folder / "plate" / "night9_0")
+    (folder / "settings.yaml").write_text((folder / "settings.yaml").read_text().replace("(day.)", "/(day|night)"))
+    for path in [*folder.glob("ball/*"), *folder.glob("cup/*")]:
+        path.rename(path.with_name(path.name.replace("day", "night")))
+    _, result = results_of(data("glove", folder), most=200)
+    assert any(warning.startswith("'ball, cup' is in no group but 'night'") for warning in result.warnings)
+
+
+def test_windows_hold_what_their_names_say_and_end_with_their_segment():
+    rng = np.random.default_rng(0)
+    time = np.arange(40) / 10
+    time[30:] += 5.0  # a silence
+    reading = rng.normal(0, 1, (40, 3))
+    segment = np.repeat([0, 1], [15, 25])
+    one = read.Series("a", np.full(40, "g"), time, segment, reading, np.zeros(40), np.zeros(40, int))
+    ends = np.array([14, 16, 29, 30, 39])
+    found = features.statistics(one, ends, 1.0)
+    for row, (first, end) in zip(found, [(4, 14), (15, 16), (19, 29), (30, 30), (30, 39)], strict=True):
+        part = reading[first : end + 1]
+        slope = np.polyfit(time[first : end + 1], part, 1)[0] if end > first else np.zeros(3)
+        wanted = part[-1], part.mean(axis=0), slope, part.std(axis=0), part.min(axis=0), part.max(axis=0)
+        assert row == pytest.approx(np.array(wanted), abs=1e-5)
+    windows = features.Windows(found, *[None] * 7)
+    higher = features.Windows(features.statistics(one._replace(reading=reading + 9), ends, 1.0), *[None] * 7)
+    assert windows.columns(False) == pytest.approx(higher.columns(False), abs=1e-5)
+    assert np.abs(windows.columns(True) - higher.columns(True)).max() == pytest.approx(9, abs=1e-4)
+
+
+def test_windows_are_drawn_from_all_phases_of_what_repeats():
+    truth = np.tile(np.arange(20.0), 100)
+    n = len(truth)
+    one = read.Series("a", np.full(n, "g"), np.arange(n) / 10, np.zeros(n), truth[:, None], truth, np.zeros(n, int))
+    target = read.Target(name="x", kind="continuous", unit="mm", file="a.log", column=2)
+    windows = features.windows(read.Data(target, "day", [one]), 1.0, 100)
+    assert len(windows.y) == 100 and windows.every == 20 and len(np.unique(windows.y)) == 20
+
+
+def test_slow_creep_asks_for_long_windows():
+    def told(value):
+        return Estimate(value, "%", 10)
+
+    lengths = [features.window_s(told(5.0), told(later))[0] for later in (5.0, 12.5, -12.5, 90.0)]
+    assert lengths == [2.0, 5.0, 5.0, 10.0]
+    for unknown in (None, cannot_tell("%", "no press is held")):
+        length, reason = features.window_s(told(5.0), unknown)
+        assert length == 2.0 and "cannot tell the creep" in reason
+
+
+def say(**changed):
+    """Return settings of `angles` with other values; None leaves a key out."""
+    target = {key: value for key, value in {**free_targets.ANGLE, **changed}.items() if value is not None}
+    return {"target": target}
+
+
+WRONG = {
+    "no split": ({"split": None}, "key 'split' is missing"),
+    "no pattern": ({"split": {"by": "day"}}, "`by: day` needs a `pattern`"),
+    "no brackets": ({"split": {"by": "day", "pattern": "day"}}, "has 0 pairs of brackets"),
+    "finds nothing": ({"split": {"by": "day", "pattern": "day(.)"}}, "finds no day in the path 'bend/anna_0'"),
+    "a typing error": (say(kinds="class"), "unknown key 'kinds'; did you mean 'kind'"),
+    "no unit": (say(unit=None), "a continuous target has a `unit`"),
+    "two sources": (say(folder=1), "give one of both"),
+    "no number": (say(file=None, column=None, folder=1), "the folder 'bend' names no number for the target 'angle'"),
+    "no such log": (say(file="cam.log"), "cam.log: log not found"),
+    "no such column": (say(column="angle"), "no line names the column angle"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_one_sentence(tmp_path, case):
+    changed, words = WRONG[case]
+    folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=3.0)
+    asked = {"target": free_targets.ANGLE, "split": free_targets.PERSON} | changed
+    asked = {key: value for key, value in asked.items() if value}
+    free_targets.settings(folder, free_targets.STRAIN, asked.get("target"), asked.get("split"))
+    if "split" not in asked:
+        (folder / "settings.yaml").write_text((folder / "settings.yaml").read_text().replace("split: null\n", ""))
+    with pytest.raises(InputError) as caught:
+        data("strain", folder)
+    assert words in str(caught.value)
+
+
+def test_a_log_of_another_clock_is_refused(tmp_path):
+    folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=3.0)
+    arm = folder / "bend" / "anna_0" / "arm.log"
+    arm.write_text("".join(f"{float(line.split(',')[0]) + 900},1.0,0\n" for line in arm.read_text().splitlines()))
+    with pytest.raises(InputError, match="lasts from 900.3 to .*; stamp both by one clock, in one unit"):
+        data("strain", folder)
+
+
+def test_settings_of_a_target_are_of_no_experiment(workspace, tmp_path):
+    folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=3.0)
+    assert own_settings.of_logs(workspace, "strain", folder)["strain"]["sensor"]["channels"] == 2
+    assert own_settings.asked(tmp_path) is None
+    assert "target" not in params.load(workspace.params)
