@@ -7,10 +7,16 @@ force is off by more the harder it is pressed, and one without.
 
 import numpy as np
 
+from pipeline.inference import touches
 from pipeline.inference.card import Bound, Card
 from pipeline.scoring import conformal
 
-PEAK, FORCE, OBJECT = "peak_kpa", "force_n", "object"  # outputs of maps and of images; of series, outputs.names
+PEAK, FORCE, OBJECT, SET = (
+    "peak_kpa",
+    "force_n",
+    "object",
+    "objects",
+)  # outputs of maps and of images; of series, outputs.names
 TOUCH, REST, ALWAYS = "touch", "no touch", "always"
 
 
@@ -64,11 +70,52 @@ def of_series(predicted: np.ndarray, card: Card) -> tuple[np.ndarray, np.ndarray
 
 
 def of_objects(probabilities: np.ndarray, card: Card) -> list[list[str]]:
-    """Return the set of objects of each prediction (n, objects), the likeliest first; all of them: cannot tell."""
+    """Return the set of objects of each prediction (n, objects), the likeliest first.
+
+    All of them: cannot tell; none: no prediction.
+    """
     known = bound(card, OBJECT)
     sets = conformal.class_sets(probabilities, 0.0 if known is None else known.value)
+    sets[np.isnan(probabilities).any(axis=1)] = False
     order = np.argsort(-probabilities, axis=1, kind="stable")
     return [[card.outputs.names[k] for k in places if inside[k]] for places, inside in zip(order, sets, strict=True)]
+
+
+def names(card: Card) -> list[str]:
+    """Return the names of `columns`, none where the card has no calibration."""
+    if card.calibration is None:
+        return []
+    if card.kind == "images":
+        return [SET]
+    outputs = card.outputs.names or ([FORCE] if card.outputs.touch_kpa is None else [FORCE, PEAK])
+    return [name for output in outputs for name in _ends(output)]
+
+
+def _ends(output: str) -> tuple[str, str]:
+    """Return the names of the two ends of an output's interval: x_low_mm and x_high_mm of x_mm."""
+    name, unit = output.rsplit("_", 1)
+    return f"{name}_low_{unit}", f"{name}_high_{unit}"
+
+
+def columns(predicted: np.ndarray, card: Card) -> dict[str, np.ndarray | list[list[str]]]:
+    """Return what belongs beside predictions (n, *output_shape): two ends of each output, or the set of objects.
+
+    Ends are (n,) float32, NaN where there is no prediction or the calibration cannot tell; of a set, a list of names
+    for each prediction, the likeliest first.
+    """
+    if card.calibration is None:
+        return {}
+    if card.kind == "images":
+        return {SET: of_objects(predicted, card)}
+    if card.kind == "series":
+        ends = of_series(predicted, card)
+        pairs = [end for low_high in zip(*(each.T for each in ends), strict=True) for end in low_high]
+        return dict(zip(names(card), pairs, strict=True))
+    peak = predicted.max(axis=(1, 2))
+    if card.outputs.touch_kpa is None:
+        return dict(zip(names(card), of_force(predicted.sum(axis=(1, 2)), peak, card), strict=True))
+    ends = (*of_force(touches.force_n(predicted, card), peak, card), *of_peak(peak, card))
+    return dict(zip(names(card), ends, strict=True))
 
 
 def sentences(card: Card) -> list[str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.inference import calibration
 from pipeline.inference import card as cards
 from pipeline.inference.describer import Describer
 
@@ -19,13 +20,16 @@ def make(
 ) -> cards.Card:
     """Write the package of one run of params.yaml (`values`) to the new folder `target`, and return its card.
 
+    Its intervals are calibrated on the run's validation part, which is predicted for it.
+
     Raises InputError where the run has not been trained and evaluated, or was trained with other settings.
     """
     folder = paths.require(workspace.run_folder(experiment, model, protocol, seed), params.training_command(experiment))
     weights = cards.weights_file(folder)
     target.mkdir(parents=True)
     shutil.copy(weights, target / weights.name)
-    card = of_run(workspace, values, experiment, model, protocol, seed)
+    described = of_run(workspace, values, experiment, model, protocol, seed)
+    card = calibration.calibrated(workspace, values, described)
     cards.write(target, card)
     return card
 
