@@ -130,6 +130,10 @@ class Workspace:
         """Return the folder of datasets of perturbed scenes, which exists while `stress` runs."""
         return self.experiment_folder(experiment) / "unfinished" / "stress"
 
+    def coverage(self, experiment: str) -> Path:
+        """Return the table of how often intervals hold the truth (output of `tactile coverage`)."""
+        return self.reports / "coverage" / f"{experiment}.csv"
+
     def twins(self, experiment: str) -> Path:
         """Return the model-free statistics of a scene and of its recordings (output of twins)."""
         return self.experiment_folder(experiment) / "twins.csv"

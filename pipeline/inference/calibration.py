@@ -51,9 +51,11 @@ class Rows(NamedTuple):
 def calibrated(workspace: Workspace, values: Mapping, card: cards.Card) -> cards.Card:
     """Return a card with the calibration of the run that it describes; values: params.yaml.
 
-    Without one where the training diverged, so that there is no prediction. Raises InputError where the run has not
-    been trained, or its dataset is missing.
+    Without one where the dataset is not here, or the training diverged, so that there is no prediction. Raises
+    InputError where the run has not been trained.
     """
+    if not workspace.dataset(card.experiment).exists():
+        return card
     run = tasks.load(
         workspace, values, card.experiment, card.model, card.protocol, card.seed, Spec(**card.shapes.model_dump())
     )

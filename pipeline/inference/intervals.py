@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.inference import touches
 from pipeline.inference.card import Bound, Card
+from pipeline.reporting.words.labels import plural
 from pipeline.scoring import conformal
 
 PEAK, FORCE, OBJECT, SET = (
@@ -118,6 +119,11 @@ def columns(predicted: np.ndarray, card: Card) -> dict[str, np.ndarray | list[li
     return dict(zip(names(card), ends, strict=True))
 
 
+def unit(output: str, card: Card) -> str:
+    """Return the unit of the width of an output's interval; of a set, what it counts."""
+    return {PEAK: "kPa", FORCE: "N", OBJECT: "objects"}.get(output, card.outputs.unit)
+
+
 def sentences(card: Card) -> list[str]:
     """Say what the interval of each output is, and on how much it was calibrated."""
     given = card.calibration
@@ -126,23 +132,17 @@ def sentences(card: Card) -> list[str]:
     percent, words = f"{100 * given.level:.0f} %", []
     for each in given.bounds:
         of = each.output if each.case == ALWAYS else f"{each.output}, {each.case}"
-        unit = {PEAK: "kPa", FORCE: "N"}.get(each.output, card.outputs.unit)
+        unit_ = unit(each.output, card)
         on = f"calibrated on {each.groups} {plural(given.group, each.groups)} of the validation part"
         if each.value is None:
             words.append(f"{of}: no interval; {on}, and {percent} need {conformal.least(given.level)}")
         elif each.output == OBJECT:
             words.append(f"{of}: {percent} set, of all with a probability of {each.value:.3g} or more; {on}")
         elif each.floor is None:
-            words.append(f"{of}: {percent} interval, +- {each.value:.3g} {unit}; {on}")
+            words.append(f"{of}: {percent} interval, +- {each.value:.3g} {unit_}; {on}")
         else:
-            half = f"{each.value:.3g} sqrt(prediction + {each.floor:.3g}) {unit}"
+            half = f"{each.value:.3g} sqrt(prediction + {each.floor:.3g}) {unit_}"
             words.append(f"{of}: {percent} interval, +- {half}; {on}")
     if given.shared:
         words.append(f"the model was trained on {plural(given.group)} of the validation part: of new ones it errs more")
     return words
-
-
-def plural(group: str, count: int = 2) -> str:
-    """Return the name of a group for so many of them: press, grasp, or block of 10 s."""
-    first, *rest = group.split(" ")
-    return group if count == 1 else " ".join([first + ("es" if first.endswith("s") else "s"), *rest])
