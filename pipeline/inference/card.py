@@ -91,6 +91,7 @@ class Calibration(Part):
     level: float  # share of truths that an interval is to hold
     group: str  # what counts as one: press, grasp, session, block of 10 s
     shared: bool  # groups of the validation part were also trained on, so that new ones have larger errors
+    refitted: bool  # the errors are of the same model fitted without the validation part: this one was fitted to it
     bounds: list[Bound]
     coverage: list[Coverage]
 

@@ -143,6 +143,8 @@ def sentences(card: Card) -> list[str]:
         else:
             half = f"{each.value:.3g} sqrt(prediction + {each.floor:.3g}) {unit_}"
             words.append(f"{of}: {percent} interval, +- {half}; {on}")
+    if given.refitted:
+        words.append("the errors are those of this model fitted without the validation part, which it was fitted to")
     if given.shared:
         words.append(f"the model was trained on {plural(given.group)} of the validation part: of new ones it errs more")
     return words

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from builders import live_models
 
-from pipeline import tasks
+from pipeline import models, tasks
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.inference import calibration, intervals, predictions, predictor
@@ -20,6 +20,7 @@ from pipeline.live import outputs
 from pipeline.live.session import Prediction
 from pipeline.live.source import Reading
 from pipeline.scoring import conformal
+from pipeline.tasks import series as series_task
 
 BOUNDS = {
     "linear": [("peak_kpa", "touch", 2.0, 20.0), ("force_n", "touch", 0.5, 1.0), ("force_n", "no touch", 0.25, None)],
@@ -35,7 +36,7 @@ def calibrated(kind: str, folder, **changed) -> predictor.Predictor:
         cards.Bound(output=output, case=case, value=value, floor=floor, groups=20 if value else 5, rows=100)
         for output, case, value, floor in BOUNDS[kind]
     ]
-    given = cards.Calibration(level=0.9, group="press", shared=False, bounds=bounds, coverage=[])
+    given = cards.Calibration(level=0.9, group="press", shared=False, refitted=False, bounds=bounds, coverage=[])
     cards.write(folder, cards.read(folder).model_copy(update={"calibration": given}))
     return predictor.load(folder)
 
@@ -123,10 +124,22 @@ def test_a_card_without_a_calibration_says_so(kind, tmp_path):
 
 
 class Near:
-    """A model that is off by the error that its first channel says."""
+    """A model that is off by the error that its first channel says, but nowhere in what it was fitted to."""
+
+    def __init__(self):
+        self.seen = 0
+
+    def fit(self, records, **options):
+        self.seen = len(records[0].x)
 
     def predict(self, x: np.ndarray) -> np.ndarray:
-        return x[:, :2] * [1.0, 0.0]
+        return x[:, :2] * [1.0, 0.0] * (np.arange(len(x)) >= self.seen)[:, None]
+
+
+def trained(model) -> Trained:
+    """Return a model that was fitted to training and validation part."""
+    model.seen = 2000
+    return Trained(model, failed=False)
 
 
 @pytest.fixture
@@ -136,7 +149,6 @@ def strain(tmp_path, monkeypatch):
     press = np.where(np.arange(n) % 10 >= 5, np.arange(n) // 10, -1)
     error = rng.lognormal(0, 1, n // 10)[np.arange(n) // 10]  # of a press and the samples before it
     part = np.repeat(["train", "validation", "test"], n // 3)
-    error[part == "train"] *= 0.01
     v = np.column_stack([error, error, error]).astype(np.float32)
     columns = {
         "condition": ["task_2"] * n,
@@ -153,16 +165,19 @@ def strain(tmp_path, monkeypatch):
     workspace = Workspace(tmp_path)
     workspace.dataset("strain").parent.mkdir(parents=True)
     schemas.write(workspace.dataset("strain"), table.schema, [table])
-    monkeypatch.setattr(tasks, "load", lambda *given: Trained(Near(), failed=False))
     card = cards.read(live_models.series(tmp_path / "model"))
+    monkeypatch.setattr(tasks, "load", lambda *given: trained(Near()))
+    monkeypatch.setattr(models, "build", lambda *given: None)
+    monkeypatch.setattr(series_task, "adapted", lambda *given: Near())
     card = card.model_copy(update={"protocol": "task_2", "inputs": card.inputs.model_copy(update={"columns": 3})})
-    settings = {"sensor": {"channels": 3}, "window": {"frames": 2}}
-    return workspace, {"strain": settings}, card, error[part == "validation"]
+    settings = {"sensor": {"channels": 3}, "window": {"frames": 2}, "budget": 1.0}
+    settings |= {"protocols": {"task_2": {"seeds": [0]}}, "models": {"esn": {}}}
+    return workspace, {"strain": settings, "device": "cpu"}, card, error[part == "validation"]
 
 
 def test_a_model_is_calibrated_on_the_presses_of_its_validation_part_alone(strain):
     workspace, values, card, errors = strain
-    given = calibration.calibrated(workspace, values, card).calibration
+    given = calibration.calibrated(workspace, values, card, refit=True).calibration
     x, y = given.bounds
     assert (x.output, y.output, x.groups, x.rows, given.group) == ("x_mm", "y_mm", 100, 1000, "press")
     assert x.value == pytest.approx(conformal.half_width(errors, np.arange(1000) // 10)) and y.value == 0
@@ -172,6 +187,17 @@ def test_a_model_is_calibrated_on_the_presses_of_its_validation_part_alone(strai
     assert covered.width == pytest.approx(2 * x.value)
 
 
+def test_a_model_that_was_fitted_to_its_validation_part_is_fitted_again_without_it_once(strain, monkeypatch):
+    workspace, values, card, errors = strain
+    assert calibration.calibrated(workspace, values, card, refit=False) == card
+    given = calibration.calibrated(workspace, values, card, refit=True)
+    assert given.calibration.refitted and given.calibration.bounds[0].value > 0
+    monkeypatch.setattr(Near, "fit", None)  # not again
+    assert calibration.calibrated(workspace, values, card, refit=False) == given
+    other = card.model_copy(update={"sha256": "0" * 64})
+    assert calibration.calibrated(workspace, values, other, refit=False) == other
+
+
 def test_a_drift_in_the_test_part_is_flagged_with_its_reason(strain, monkeypatch):
     workspace, values, card, *_ = strain
 
@@ -179,14 +205,14 @@ def test_a_drift_in_the_test_part_is_flagged_with_its_reason(strain, monkeypatch
         def predict(self, x):
             return super().predict(x) * np.where(np.arange(len(x)) < 2000, 1.0, 20.0)[:, None]
 
-    monkeypatch.setattr(tasks, "load", lambda *given: Trained(Drifting(), failed=False))
-    given = calibration.calibrated(workspace, values, card).calibration
+    monkeypatch.setattr(tasks, "load", lambda *given: trained(Drifting()))
+    given = calibration.calibrated(workspace, values, card, refit=True).calibration
     (covered,) = [each for each in given.coverage if each.output == "x_mm"]
     assert covered.share < 0.6 and covered.reason == "not exchangeable: later in the recording than the calibration"
 
 
 def test_a_failed_training_or_a_missing_dataset_gives_no_calibration(strain, monkeypatch, tmp_path):
     workspace, values, card, *_ = strain
-    assert calibration.calibrated(Workspace(tmp_path / "empty"), values, card) == card
+    assert calibration.calibrated(Workspace(tmp_path / "empty"), values, card, refit=True) == card
     monkeypatch.setattr(tasks, "load", lambda *given: Trained(Near(), failed=True))
-    assert calibration.calibrated(workspace, values, card) == card
+    assert calibration.calibrated(workspace, values, card, refit=True) == card
