@@ -9,7 +9,6 @@ import numpy as np
 
 from pipeline.inference import touches
 from pipeline.inference.card import Bound, Card
-from pipeline.reporting.words.labels import plural
 from pipeline.scoring import conformal
 
 PEAK, FORCE, OBJECT, SET = (
@@ -133,7 +132,7 @@ def sentences(card: Card) -> list[str]:
     for each in given.bounds:
         of = each.output if each.case == ALWAYS else f"{each.output}, {each.case}"
         unit_ = unit(each.output, card)
-        on = f"calibrated on {each.groups} {plural(given.group, each.groups)} of the validation part"
+        on = f"calibrated on {each.groups} {conformal.plural(given.group, each.groups)} of the validation part"
         if each.value is None:
             words.append(f"{of}: no interval; {on}, and {percent} need {conformal.least(given.level)}")
         elif each.output == OBJECT:
@@ -146,5 +145,7 @@ def sentences(card: Card) -> list[str]:
     if given.refitted:
         words.append("the errors are those of this model fitted without the validation part, which it was fitted to")
     if given.shared:
-        words.append(f"the model was trained on {plural(given.group)} of the validation part: of new ones it errs more")
+        words.append(
+            f"the model was trained on {conformal.plural(given.group)} of the validation part: of new ones it errs more"
+        )
     return words

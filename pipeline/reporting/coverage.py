@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pandas as pd
 
 from pipeline.base.paths import Workspace
-from pipeline.reporting.words.labels import model_name, place_name, plural
+from pipeline.reporting.words.labels import model_name, place_name
 from pipeline.reporting.words.markdown import number
 from pipeline.scoring import conformal, results
 
@@ -28,30 +28,25 @@ def read(workspace: Workspace, experiment: str) -> pd.DataFrame:
 def rows(table: pd.DataFrame) -> Iterator[list[str]]:
     """Yield the rows under HEADER: of each protocol and test condition, the outputs of one model.
 
-    It is the model with the narrowest intervals of the first output. Numbers are means over seeds. A model is inside
-    where its mean coverage is plausible.
+    It is the model with the narrowest intervals of the first output. A model is inside where its coverage is plausible.
     """
     told = table[(table["model"] != FLOOR) & table["share"].notna()]
     for (protocol, condition), place in told.groupby(["protocol", "condition"], sort=False):
-        first = place[(place["output"] == place["output"].iloc[0]) & (place["case"] == place["case"].iloc[0])]
-        best = first.groupby("model", sort=False)["width"].mean().idxmin()
-        for (output, case), group in place.groupby(["output", "case"], sort=False):
-            chosen = group[group["model"] == best]
-            if chosen.empty:
-                continue
-            measured = chosen[["share", "low", "high", "width", "groups", "calibrated"]].mean()
-            shares, count = group.groupby("model")["share"].mean(), round(measured.calibrated)
-            yield [
-                place_name(protocol, condition),
-                output if case == "always" else f"{output}, {case}",
-                model_name(best),
-                f"{count} {plural(chosen['group'].iloc[0], count)}",
-                f"{number(measured.width)} {chosen['unit'].iloc[0]}",
-                f"{100 * measured.share:.0f} [{100 * measured.low:.0f}, {100 * measured.high:.0f}]",
-                f"{measured.groups:.0f}",
-                f"{shares.between(*conformal.PLAUSIBLE).sum()} of {len(shares)}",
-                "; ".join(filter(None, pd.unique(chosen["reason"].fillna("")))),
-            ]
+        outputs = list(place.groupby(["output", "case"], sort=False))
+        best = outputs[0][1].set_index("model")["width"].idxmin()
+        for (output, case), group in outputs:
+            for row in group[group["model"] == best].itertuples():
+                yield [
+                    place_name(protocol, condition),
+                    output if case == "always" else f"{output}, {case}",
+                    model_name(best),
+                    f"{row.calibrated} {conformal.plural(row.group, row.calibrated)}",
+                    f"{number(row.width)} {row.unit}",
+                    f"{100 * row.share:.0f} [{100 * row.low:.0f}, {100 * row.high:.0f}]",
+                    str(row.groups),
+                    f"{group['share'].between(*conformal.PLAUSIBLE).sum()} of {len(group)}",
+                    "" if pd.isna(row.reason) else row.reason,
+                ]
 
 
 def untold(table: pd.DataFrame) -> list[str]:
@@ -61,5 +56,7 @@ def untold(table: pd.DataFrame) -> list[str]:
         if group["share"].isna().all():
             most = int(group["calibrated"].max())
             of = output if case == "always" else f"{output}, {case}"
-            said.append(f"{place_name(protocol, protocol)} ({of}: {most} {plural(group['group'].iloc[0], most)})")
+            said.append(
+                f"{place_name(protocol, protocol)} ({of}: {most} {conformal.plural(group['group'].iloc[0], most)})"
+            )
     return said

@@ -144,3 +144,9 @@ def expected(calibrated: int, tested: int, level: float = LEVEL) -> tuple[float,
     k = int(np.ceil((calibrated + 1) * level - ROUNDING))
     inside = stats.betabinom(tested, k, calibrated + 1 - k).interval(CONFIDENCE)
     return float(inside[0] / tested), float(inside[1] / tested)
+
+
+def plural(group: str, count: int = 2) -> str:
+    """Return the name of a group for so many of them: press, grasp, or block of 10 s."""
+    first, *rest = group.split(" ")
+    return group if count == 1 else " ".join([first + ("es" if first.endswith("s") else "s"), *rest])

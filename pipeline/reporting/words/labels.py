@@ -189,9 +189,3 @@ def place_name(protocol: str, condition: str) -> str:
     named = condition == protocol or protocol.endswith(f"_{condition}")
     words = plain(protocol) if named else f"{plain(protocol)}, {condition}"
     return words[:1].upper() + words[1:]
-
-
-def plural(group: str, count: int = 2) -> str:
-    """Return the name of a group for so many of them: press, grasp, or block of 10 s."""
-    first, *rest = group.split(" ")
-    return group if count == 1 else " ".join([first + ("es" if first.endswith("s") else "s"), *rest])
