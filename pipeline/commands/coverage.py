@@ -38,6 +38,11 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             raise InputError(f"{experiment}: no such experiment; {params.hint(experiment, values['experiments'])}")
         files.write_csv(workspace.coverage(experiment), coverage.COLUMNS, list(rows(workspace, values, experiment)))
         print(workspace.coverage(experiment))
+    write_page(workspace, values)
+
+
+def write_page(workspace: Workspace, values: Mapping) -> None:
+    """Write README.md of all tables of coverage that are there."""
     there = [name for name in values["experiments"] if workspace.coverage(name).exists()]
     read = {labels.EXPERIMENTS[name]: coverage.read(workspace, name) for name in there}
     tables = {name: (list(coverage.rows(table)), coverage.untold(table)) for name, table in read.items()}

@@ -15,7 +15,7 @@ COLUMNS = (  # of reports/coverage/EXPERIMENT.csv; a row is an output of one run
 )
 HEADER = (
     *("Test", "Output", "Model", "Calibrated on", "Mean width", "Coverage (%) [95 %]", "Test groups"),
-    *("Models inside", "Reason"),
+    *("Reason", "Models inside", "Furthest from 90 %"),
 )
 FLOOR = "constant"  # has intervals, too, of which nobody has any use
 
@@ -28,35 +28,48 @@ def read(workspace: Workspace, experiment: str) -> pd.DataFrame:
 def rows(table: pd.DataFrame) -> Iterator[list[str]]:
     """Yield the rows under HEADER: of each protocol and test condition, the outputs of one model.
 
-    It is the model with the narrowest intervals of the first output. A model is inside where its coverage is plausible.
+    It is the model with the narrowest intervals of the first output, or of this one where that cannot tell. A model is inside where its coverage is plausible.
     """
     told = table[(table["model"] != FLOOR) & table["share"].notna()]
     for (protocol, condition), place in told.groupby(["protocol", "condition"], sort=False):
         outputs = list(place.groupby(["output", "case"], sort=False))
         best = outputs[0][1].set_index("model")["width"].idxmin()
         for (output, case), group in outputs:
-            for row in group[group["model"] == best].itertuples():
+            narrowest = group.set_index("model")["width"].idxmin()
+            shown = best if best in set(group["model"]) else narrowest
+            for row in group[group["model"] == shown].itertuples():
                 yield [
                     place_name(protocol, condition),
                     output if case == "always" else f"{output}, {case}",
-                    model_name(best),
+                    model_name(shown),
                     f"{row.calibrated} {conformal.plural(row.group, row.calibrated)}",
                     f"{number(row.width)} {row.unit}",
                     f"{100 * row.share:.0f} [{100 * row.low:.0f}, {100 * row.high:.0f}]",
                     str(row.groups),
-                    f"{group['share'].between(*conformal.PLAUSIBLE).sum()} of {len(group)}",
                     "" if pd.isna(row.reason) else row.reason,
+                    f"{group['share'].between(*conformal.PLAUSIBLE).sum()} of {len(group)}",
+                    _furthest(group),
                 ]
 
 
+def _furthest(group: pd.DataFrame) -> str:
+    """Return the model whose coverage is furthest from what is asked for, with the reason where it is outside."""
+    row = group.loc[(group["share"] - conformal.LEVEL).abs().idxmax()]
+    reason = "" if pd.isna(row["reason"]) or not row["reason"] else f" ({row['reason']})"
+    return f"{model_name(row['model'])} {100 * row['share']:.0f}{reason}"
+
+
 def untold(table: pd.DataFrame) -> list[str]:
-    """Return the protocols, each with one output, of which no model has an interval, and how many groups there are."""
+    """Return the protocols of which no model has an interval, of any output or of those named, and how many groups."""
     said = []
-    for (protocol, output, case), group in table.groupby(["protocol", "output", "case"], sort=False):
-        if group["share"].isna().all():
+    for protocol, of_protocol in table.groupby("protocol", sort=False):
+        outputs = of_protocol.groupby(["output", "case"], sort=False)
+        missing = {key: group for key, group in outputs if group["share"].isna().all()}
+        if len(missing) == len(outputs):
+            missing = {("", "always"): of_protocol}
+        for (output, case), group in missing.items():
             most = int(group["calibrated"].max())
             of = output if case == "always" else f"{output}, {case}"
-            said.append(
-                f"{place_name(protocol, protocol)} ({of}: {most} {conformal.plural(group['group'].iloc[0], most)})"
-            )
+            count = f"{most} {conformal.plural(group['group'].iloc[0], most)}"
+            said.append(f"{place_name(protocol, protocol)} ({of}{': ' if of else ''}{count})")
     return said

@@ -29,12 +29,14 @@ def table(workspace) -> pd.DataFrame:
 def test_a_row_is_of_the_model_with_the_narrowest_intervals_of_the_first_output(workspace):
     first, second = coverage.rows(table(workspace))
     assert first == [
-        *("Press, single", "force_n, touch", "Linear", "20 presses", "4.00 N", "80 [80, 80]", "30", "1 of 2", "chance")
+        *("Press, single", "force_n, touch", "Linear", "20 presses", "4.00 N", "80 [80, 80]", "30", "chance", "1 of 2"),
+        "Linear 80 (chance)",
     ]
     assert second == [
-        *("Press, single", "force_n, no touch", "Linear", "19 presses", "3.00 N", "94 [94, 94]", "30", "1 of 2", "")
+        *("Press, single", "force_n, no touch", "Linear", "19 presses", "3.00 N", "94 [94, 94]", "30", "", "1 of 2"),
+        "RBF-Net 97 (chance)",
     ]
 
 
 def test_what_no_model_can_tell_is_named_with_the_number_of_its_groups(workspace):
-    assert coverage.untold(table(workspace)) == ["Alone (force_n, touch: 1 press)"]
+    assert coverage.untold(table(workspace)) == ["Alone (1 press)"]
