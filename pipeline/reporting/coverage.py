@@ -28,7 +28,8 @@ def read(workspace: Workspace, experiment: str) -> pd.DataFrame:
 def rows(table: pd.DataFrame) -> Iterator[list[str]]:
     """Yield the rows under HEADER: of each protocol and test condition, the outputs of one model.
 
-    It is the model with the narrowest intervals of the first output, or of this one where that cannot tell. A model is inside where its coverage is plausible.
+    It is the model with the narrowest intervals of the first output, or of this one where that cannot tell. A model is
+    inside where its coverage is plausible.
     """
     told = table[(table["model"] != FLOOR) & table["share"].notna()]
     for (protocol, condition), place in told.groupby(["protocol", "condition"], sort=False):
