@@ -12,11 +12,13 @@ import numpy as np
 from pipeline.base import files, paths
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
+from pipeline.inference import intervals
 from pipeline.reporting.words import labels
 from pipeline.reporting.words.templates import render
-from pipeline.scoring import one_table, results, shards
+from pipeline.scoring import conformal, one_table, results, shards
 from pipeline.scoring.claim_inputs import FULL
 
+TOGETHER = "all objects"
 FLOOR = "constant"  # the model that a useful one must beat
 SCORES = {  # experiment -> metric, its name and unit, how many of these one of ours is, whether a lower value is better
     "touch": ("rmse", "RMSE in kPa", 1, True),
@@ -48,9 +50,27 @@ def card_of(workspace: Workspace, folder: Path) -> str:
         card=card,
         name=labels.model_name(card.model),
         measure=measure,
+        intervals=intervals.sentences(card),
+        coverage=covered(card),
         errors=(["Test part", "This model", "Trained again, mean [95 %]", "Failed", "A constant"], rows),
         elsewhere=elsewhere(workspace, card),
     )
+
+
+def covered(card: cards.Card) -> list[list[str]]:
+    """Return rows of how often the intervals of a card held the truth; test parts of too few groups tell nothing."""
+    return [
+        [
+            TOGETHER if each.condition == "all" else labels.task_name(each.condition),
+            each.output if each.case == intervals.ALWAYS else f"{each.output}, {each.case}",
+            f"{each.width:.3g} {intervals.unit(each.output, card)}",
+            f"{100 * each.share:.0f} [{100 * each.low:.0f}, {100 * each.high:.0f}]",
+            str(each.groups),
+            each.reason,
+        ]
+        for each in (card.calibration.coverage if card.calibration else [])
+        if each.groups >= conformal.least()
+    ]
 
 
 def said(estimate: results.Estimate, factor: float) -> str:

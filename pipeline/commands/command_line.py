@@ -46,6 +46,7 @@ GROUPS = {  # heading of the help -> command -> its module
         "fit-material": "fit_material",
         "fit-strain": "fit_strain",
         "calibrate": "calibrate",
+        "coverage": "coverage",
         "rates": "rates",
         "cards": "cards",
     },

@@ -2,8 +2,9 @@
 
 MODEL is EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout trained, else the pretrained one),
 EXPERIMENT/MODEL/PROTOCOL/SEED, or a folder that this command made. FOLDER, which must not exist, gets the weights and
-card.json: what readings the model takes, what it predicts, its settings and its test scores. With --onnx it also gets
-model.onnx, which is compared with torch.
+card.json: what readings the model takes, what it predicts and how far off that may be, its settings and its test
+scores. A model of series that was fitted to its validation part is fitted again without it, to calibrate its intervals;
+that takes as long as its training, once. With --onnx FOLDER also gets model.onnx, which is compared with torch.
 """
 
 import argparse
@@ -35,7 +36,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"{given.folder}: exists already and is never overwritten; give another name")
     values = params.load(workspace.params)
     with tempfile.TemporaryDirectory() as draft:
-        source, comes_from = packages.locate(workspace, given.model, values, Path(draft, "located"))
+        source, comes_from = packages.locate(workspace, given.model, values, Path(draft, "located"), refit=True)
         card, package = cards.read(source), Path(draft, "package")
         package.mkdir()
         for path in (source / cards.NAME, cards.weights_file(source)):

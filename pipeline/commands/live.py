@@ -45,7 +45,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Run the model named on the command line until its source ends."""
     import torch
 
-    from pipeline.inference import onnx_export, packages, predictor
+    from pipeline.inference import intervals, onnx_export, packages, predictor
     from pipeline.live import outputs, source
     from pipeline.live.session import Session
 
@@ -63,6 +63,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     card = model.card
     who, fmt, laid_out = f"{card.experiment}/{card.model}", source.line_format(card), source.line_layout(card)
     say(f"{who}: {comes_from}")
+    say("\n".join(intervals.sentences(card)))
     order = card.reading.get("sensor", {}).get("order", [])
     lines = source.Lines(fmt, str(given.port or given.replay), who, order, laid_out)
     session = Session(model, lines, say)

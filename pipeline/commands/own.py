@@ -114,6 +114,7 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
         if stage == "train":
             fit_centres(workspace, experiment, values)
         modules.run(workspace.root, f"pipeline.stages.{stage}", experiment)
+    modules.run(workspace.root, "pipeline.commands.command_line", "coverage", experiment, quiet=True)
     modules.run(workspace.root, "pipeline.stages.render", experiment)
     target = checkout.reports / "own" / name
     with files.replacing_folder(target) as draft:

@@ -4,7 +4,8 @@ MODEL is a folder that `tactile export` made, EXPERIMENT/MODEL such as touch/lom
 trained, else the pretrained one), EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of a run in MLflow. LOGS is a log of the
 sensor (array.log, daq.log, scanner.log), or a folder with such logs in it or below. Lines are read, cut into windows
 and normalised as in training. OUT gets predictions.parquet (one row per reading), summary.json, of each recording a
-picture, and of a touch sensor's an animation. Where the ground truth lies beside a log, the model is scored against it.
+picture, and of a touch sensor's an animation. Every prediction has its 90 % interval, or set of objects, beside it
+where the model's card has a calibration. Where the ground truth lies beside a log, the model is scored against it.
 A log among several that cannot be read is listed, with exit status 1, and the others are predicted. A recording is
 called by its path below LOGS. OUT is predictions/NAME where --out does not say it, NAME that of the folder or log;
 there, predictions of another model or of other logs are not replaced.
@@ -38,7 +39,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the logs named on the command line."""
     import torch
 
-    from pipeline.inference import packages, predictions, predictor, recordings
+    from pipeline.inference import intervals, packages, predictions, predictor, recordings
 
     torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as draft:
@@ -77,6 +78,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             print(sentence(said))
         if len(summaries) > MOST_LINES:
             print(f"and {len(summaries) - MOST_LINES} more recordings, in summary.json")
+        print(*intervals.sentences(card), sep="\n")
         if not given.no_pictures:
             drawn = [recording.name for recording, _ in predicted]
             _draw(draft, predicted[:MOST_PICTURES], predictions.file_names(drawn), card)

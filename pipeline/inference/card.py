@@ -59,6 +59,43 @@ class Score(Part):
     n: int
 
 
+class Bound(Part):
+    """How far one output may be off, from the validation part; the interval is prediction +- value x scale."""
+
+    output: str  # kpa (of a touch), force_n, object, or one of `outputs.names`
+    case: Literal["always", "touch", "no touch"]  # the predictions that it is for
+    value: float | None  # half width; of an object the probability from which on it is in the set; None: cannot tell
+    floor: float | None = None  # scale is sqrt(prediction + floor), in the output's unit; None: scale is 1
+    groups: int  # that it was calibrated on
+    rows: int
+
+
+class Coverage(Part):
+    """How often the intervals held the truth on the test part, each group with the same weight."""
+
+    condition: str
+    output: str
+    case: Literal["always", "touch", "no touch"]
+    width: float  # mean width of the intervals, or size of the sets
+    share: float
+    low: float  # of the 95 % binomial interval over groups
+    high: float
+    groups: int
+    rows: int
+    reason: str  # why the share may be outside what is plausible; empty where it is inside
+
+
+class Calibration(Part):
+    """Split-conformal calibration of a model's intervals, see scoring/conformal.py."""
+
+    level: float  # share of truths that an interval is to hold
+    group: str  # what counts as one: press, grasp, session, block of 10 s
+    shared: bool  # groups of the validation part were also trained on, so that new ones have larger errors
+    refitted: bool  # the errors are of the same model fitted without the validation part: this one was fitted to it
+    bounds: list[Bound]
+    coverage: list[Coverage]
+
+
 class Card(Part):
     """All that a saved model needs beside its weights."""
 
@@ -77,6 +114,7 @@ class Card(Part):
     best_epoch: int
     scores: list[Score]  # of the test part
     sha256: str  # of the file of weights
+    calibration: Calibration | None = None  # None: predictions have no interval
 
     @property
     def output_shape(self) -> tuple[int, ...]:

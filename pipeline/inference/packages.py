@@ -8,6 +8,7 @@ from pathlib import Path
 from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.inference import calibration
 from pipeline.inference import card as cards
 from pipeline.inference.describer import Describer
 
@@ -15,9 +16,19 @@ RUN_ID = re.compile("[0-9a-f]{32}")  # of MLflow
 
 
 def make(
-    workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int, target: Path
+    workspace: Workspace,
+    values: Mapping,
+    experiment: str,
+    model: str,
+    protocol: str,
+    seed: int,
+    target: Path,
+    refit: bool = False,
 ) -> cards.Card:
     """Write the package of one run of params.yaml (`values`) to the new folder `target`, and return its card.
+
+    Its intervals are calibrated on the run's validation part, which is predicted for it; refit: as of
+    `calibration.calibrated`, which may take as long as the training.
 
     Raises InputError where the run has not been trained and evaluated, or was trained with other settings.
     """
@@ -25,7 +36,8 @@ def make(
     weights = cards.weights_file(folder)
     target.mkdir(parents=True)
     shutil.copy(weights, target / weights.name)
-    card = of_run(workspace, values, experiment, model, protocol, seed)
+    described = of_run(workspace, values, experiment, model, protocol, seed)
+    card = calibration.calibrated(workspace, values, described, refit)
     cards.write(target, card)
     return card
 
@@ -37,13 +49,13 @@ def of_run(workspace: Workspace, values: Mapping, experiment: str, model: str, p
     return card
 
 
-def locate(workspace: Workspace, name: str, values: Mapping, draft: Path) -> tuple[Path, str]:
+def locate(workspace: Workspace, name: str, values: Mapping, draft: Path, refit: bool = False) -> tuple[Path, str]:
     """Return (folder of the package, where it comes from) for what the user calls a model.
 
     name: a folder with a card, or EXPERIMENT/MODEL, or EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of an MLflow run. The
     model that this checkout trained is taken, of its first protocol and seed where none is named; where it trained
-    none, the one of `pretrained/`. values: params.yaml; draft: a folder, not there yet, for the package of a run.
-    Raises InputError where there is no such model.
+    none, the one of `pretrained/`. values: params.yaml; draft: a folder, not there yet, for the package of a run;
+    refit: as of `make`. Raises InputError where there is no such model.
     """
     if Path(name, cards.NAME).is_file():
         return Path(name), "folder"
@@ -68,7 +80,7 @@ def locate(workspace: Workspace, name: str, values: Mapping, draft: Path) -> tup
         raise InputError(f"{name}: no such model; {params.hint(model, sorted(models))}")
     protocol, seed = params.runs(values, experiment)[0] if len(words) == 2 else (words[2], _number(words[3], name))
     if workspace.run_folder(experiment, model, protocol, seed).is_dir():
-        make(workspace, values, experiment, model, protocol, seed, draft)
+        make(workspace, values, experiment, model, protocol, seed, draft, refit)
         return draft, f"trained here, {protocol}, seed {seed}"
     pretrained = workspace.root / "pretrained"  # packages that come with the repository, <experiment>/<model>
     shipped = pretrained / experiment / model

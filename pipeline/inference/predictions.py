@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from pipeline.base import files
 from pipeline.datasets import schemas
-from pipeline.inference import touches
+from pipeline.inference import intervals, touches
 from pipeline.inference.card import Card
 from pipeline.inference.recordings import Recording
 
@@ -34,7 +34,8 @@ def schema(card: Card) -> pa.Schema:
         fields |= dict.fromkeys(card.outputs.names, pa.float32())
     else:
         fields |= {"object": schemas.NAME, "probability": pa.list_(pa.float32(), len(card.outputs.names))}
-    return pa.schema(fields)
+    kind = pa.list_(pa.string()) if card.kind == "images" else pa.float32()
+    return pa.schema(fields | dict.fromkeys(intervals.names(card), kind))
 
 
 def rows(recording: Recording, predicted: np.ndarray, card: Card) -> Iterator[pa.Table]:
@@ -58,6 +59,7 @@ def rows(recording: Recording, predicted: np.ndarray, card: Card) -> Iterator[pa
         else:
             columns["object"] = [card.outputs.names[k] for k in np.nan_to_num(flat, nan=-1).argmax(axis=1)]
             columns["probability"] = schemas.lists(flat, pa.float32())
+        columns |= intervals.columns(part, card)
         yield pa.table(columns, schema=pa.schema([wanted.field(name) for name in columns])).select(wanted.names)
 
 
@@ -153,6 +155,6 @@ def write(
         summary(recording, values, card, of_recording)
         for (recording, values), of_recording in zip(predicted, scores, strict=True)
     ]
-    content = {"model": model_of(card), "logs": str(logs), "recordings": said}
+    content = {"model": model_of(card), "logs": str(logs), "interval": intervals.sentences(card), "recordings": said}
     files.write_text(folder / SUMMARY, json.dumps(content, indent=1) + "\n")
     return said

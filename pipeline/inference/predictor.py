@@ -19,6 +19,7 @@ from pipeline import experiments, models, tasks
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
+from pipeline.inference import intervals
 from pipeline.inference.onnx_network import NAME, OnnxNetwork
 from pipeline.learning.lomp_network import LompRegressor
 from pipeline.learning.regressors import Spec
@@ -95,6 +96,10 @@ class Predictor:
             window = np.stack(list(self._last)[:: self._frame_step])
             predicted = self._network.predict(window[None])
         return np.asarray(predicted, np.float32).reshape(self.output_shape)
+
+    def intervals(self, predicted: np.ndarray) -> dict[str, np.ndarray | list[list[str]]]:
+        """Return the intervals of predictions (n, *output_shape), see intervals.columns; {} without a calibration."""
+        return intervals.columns(predicted, self.card)
 
     def _put(self, carried: Mapping) -> None:
         """Give the model what a stream has carried along so far; nothing for a new one."""

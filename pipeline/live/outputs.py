@@ -9,6 +9,7 @@ from typing import TextIO
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.inference import intervals
 from pipeline.inference.card import Card
 from pipeline.live.session import Prediction
 
@@ -20,7 +21,7 @@ def fields(prediction: Prediction, card: Card) -> dict:
 
     Of every model t_s, on the device's clock, and latency_ms, from the line to the prediction; of a map force_n, of a
     pressure map also `touches`, a list of {x_mm, y_mm, kpa}; of other models each output by its name, and the likeliest
-    `object`.
+    `object`. Behind these the ends of intervals, or the set of objects, as intervals.columns; None: cannot tell.
     """
     said = {
         "t_s": round(prediction.reading.t_s, 6),
@@ -29,12 +30,22 @@ def fields(prediction: Prediction, card: Card) -> dict:
     if card.outputs.names:
         if card.outputs.unit == "probability":
             said["object"] = card.outputs.names[int(prediction.values.argmax())]
-        return said | dict(zip(card.outputs.names, np.round(prediction.values.astype(float), 4).tolist(), strict=True))
+        said |= dict(zip(card.outputs.names, np.round(prediction.values.astype(float), 4).tolist(), strict=True))
+        return said | _intervals(prediction, card)
     said["force_n"] = round(prediction.force_n, 4)
+    said |= _intervals(prediction, card)
     if card.outputs.touch_kpa is not None:
         rounded = [{key: round(value, 2) for key, value in touch._asdict().items()} for touch in prediction.touches]
         said["touches"] = rounded
     return said
+
+
+def _intervals(prediction: Prediction, card: Card) -> dict[str, float | list[str] | None]:
+    """Return the ends of a prediction's intervals by name, None: cannot tell; of objects the names in the set."""
+    found = intervals.columns(prediction.values[None], card)
+    if card.kind == "images":
+        return {name: one[0] for name, one in found.items()}
+    return {name: round(float(one[0]), 4) if np.isfinite(one[0]) else None for name, one in found.items()}
 
 
 def known(prediction: Prediction) -> bool:
@@ -51,13 +62,14 @@ class Table:
         file.flush()
 
     def _header(self) -> list[str]:
-        names = ["t_s", "latency_ms"]
+        names, ends = ["t_s", "latency_ms"], intervals.names(self.card)
         if self.card.outputs.names:
-            return [*names, *(["object"] if self.card.outputs.unit == "probability" else []), *self.card.outputs.names]
+            likeliest = ["object"] if self.card.outputs.unit == "probability" else []
+            return [*names, *likeliest, *self.card.outputs.names, *ends]
         if self.card.outputs.touch_kpa is None:
-            return [*names, "force_n"]
+            return [*names, "force_n", *ends]
         touches = [name for k in range(1, MOST_TOUCHES + 1) for name in (f"x{k}_mm", f"y{k}_mm", f"p{k}_kpa")]
-        return [*names, "force_n", "touches", *touches]
+        return [*names, "force_n", *ends, "touches", *touches]
 
     def add(self, prediction: Prediction) -> None:
         """Write one line, at once; BrokenPipeError where nobody reads any more."""
@@ -65,7 +77,7 @@ class Table:
             return
         said = fields(prediction, self.card)
         touches = said.pop("touches", None)
-        row = list(said.values())
+        row = ["|".join(value) if isinstance(value, list) else value for value in said.values()]
         if touches is not None:
             listed = [value for touch in touches[:MOST_TOUCHES] for value in touch.values()]
             row += [len(touches), *listed, *[""] * (3 * MOST_TOUCHES - len(listed))]

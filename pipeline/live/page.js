@@ -246,6 +246,13 @@ function cells(kind, values) {
   return row;
 }
 
+// The interval of an output in words, such as " (1.2 to 3.4)", or nothing.
+function between(picture, output, digits) {
+  const [name, unit] = output.split(/_(?=[^_]+$)/);
+  const [low, high] = [picture[`${name}_low_${unit}`], picture[`${name}_high_${unit}`]];
+  return low === undefined || low === null ? "" : ` (${low.toFixed(digits)} to ${high.toFixed(digits)})`;
+}
+
 function say(picture) {
   const body = element("values").tBodies[0];
   const total = element("total");
@@ -256,16 +263,19 @@ function say(picture) {
   } else if (model.touch_kpa !== null) {
     body.replaceChildren(...picture.touches.map((touch, place) =>
       cells("td", [place + 1, touch.x_mm.toFixed(1), touch.y_mm.toFixed(1), touch.kpa.toFixed(0)])));
-    total.textContent = `${picture.touches.length || "No"} touch${picture.touches.length === 1 ? "" : "es"}; force ${picture.force_n.toFixed(1)} N`;
+    total.textContent = `${picture.touches.length || "No"} touch${picture.touches.length === 1 ? "" : "es"}; force ${picture.force_n.toFixed(1)} N${between(picture, "force_n", 1)}`;
+    const peak = between(picture, "peak_kpa", 0);
+    if (peak) total.textContent += `; peak ${picture.peak.toFixed(0)} kPa${peak}`;
     element("prediction").setAttribute("aria-label", `Pressure map: ${picture.touches.map((touch) =>
       `${touch.kpa.toFixed(0)} kPa at ${touch.x_mm.toFixed(0)}, ${touch.y_mm.toFixed(0)} mm`).join("; ") || "no touch"}`);
   } else if (model.kind === "images") {
     total.textContent = `Most likely: ${picture.object}`;
+    if (picture.objects) total.textContent += `; the 90 % set: ${picture.objects.join(", ")}`;
   } else {
     const values = picture.values ?? [picture.force_n];
     const names = model.names ?? ["force_n"];
     body.replaceChildren(...values.map((value, place) =>
-      cells("td", [`${names[place].replace(/_\w+$/, "")} (${["line", "dashes", "dots"][place % 3]})`, value.toFixed(2)])));
+      cells("td", [`${names[place].replace(/_\w+$/, "")} (${["line", "dashes", "dots"][place % 3]})`, value.toFixed(2) + between(picture, names[place], 2)])));
     element("prediction").setAttribute("aria-label", `Plot of the last ${HELD_S} s: ${values.map((value, place) =>
       `${names[place].replace("_", " in ")} ${value.toFixed(2)}`).join(", ")}`);
   }
@@ -309,6 +319,7 @@ events.addEventListener("model", (event) => {
   element("bars").hidden = model.kind !== "images";
   element("prediction").hidden = model.kind === "images";
   element("values").hidden = model.kind === "images";
+  element("intervals").textContent = model.intervals.join(". ");
   element("values-title").textContent = model.touch_kpa !== null ? "Touches" : "Values";
   if (model.touch_kpa !== null) {
     element("values").tHead.replaceChildren(cells("th", ["touch", "x, mm", "y, mm", "kPa"]));

@@ -28,6 +28,7 @@ from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from pipeline.base.errors import InputError
+from pipeline.inference import intervals
 from pipeline.inference.card import Card
 from pipeline.live import outputs
 from pipeline.live.session import Prediction, Session
@@ -195,6 +196,7 @@ def description(card: Card) -> dict:
         "unit": card.outputs.unit,
         "names": card.outputs.names,
         "touch_kpa": card.outputs.touch_kpa,
+        "intervals": intervals.sentences(card),
         "map": [shapes.map_rows, shapes.map_cols],
         "size_mm": size_mm,
         "reading": {"grid": grid, "unit": card.inputs.unit, "order": card.inputs.order, "least_span": least_span},

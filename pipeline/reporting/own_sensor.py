@@ -15,9 +15,10 @@ from pipeline import experiments
 from pipeline.base import files, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
+from pipeline.reporting import coverage
 from pipeline.reporting.figures import common
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import experiment_name, model_name, plain
+from pipeline.reporting.words.labels import experiment_name, model_name, place_name, plain
 from pipeline.scoring import classification, metrics
 from pipeline.scoring.results import read_predictions, read_windows
 
@@ -67,6 +68,7 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         for protocol, block in settings["protocols"].items()
     }
     shown = {place: places[place][0] for place in ends(report, list(places), next(iter(MEASURES[kind])))}
+    covered = coverage.read(workspace, experiment) if workspace.coverage(experiment).exists() else None
     figures = list(draw(workspace, target, report, settings, rows, shown))
     report.write(
         target / "README.md",
@@ -80,6 +82,7 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         more=max(0, len(ingested["recordings"]) - MOST_RECORDINGS),
         parts={name: {part: int((of == part).sum()) for part in schemas.PARTS[:3]} for name, of in parts.items()},
         places=places,
+        coverage=None if covered is None else (coverage.HEADER, list(coverage.rows(covered)), coverage.untold(covered)),
         figures=figures,
         undrawn=len(places) - len(shown),
         ends=ENDS,
@@ -92,13 +95,6 @@ def recordings(reports: Mapping[str, Mapping]) -> Iterator[tuple[str, int, float
         logs = list(report["files"].values())
         lines, rejected = sum(log["lines"] for log in logs), sum(sum(log["rejects"].values()) for log in logs)
         yield name, report["frames"], logs[0]["rate_hz"] or np.nan, lines, 100 * rejected / max(lines, 1)
-
-
-def place_name(protocol: str, condition: str) -> str:
-    """Return protocol and condition in words; of a protocol's one condition, the protocol alone says it."""
-    named = condition == protocol or protocol.endswith(f"_{condition}")
-    words = plain(protocol) if named else f"{plain(protocol)}, {condition}"
-    return words[:1].upper() + words[1:]
 
 
 def best(report: Report, protocol: str, condition: str, metric: str) -> list[str]:

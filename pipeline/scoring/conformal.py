@@ -25,12 +25,17 @@ PLAUSIBLE = (0.86, 0.94)  # a measured coverage outside is flagged
 ROUNDING = 1e-9  # of sums of weights: 9 / 10 reaches 0.9
 
 
+def least(level: float = LEVEL) -> int:
+    """Return the number of groups below which there is no interval: level / (1 - level), 9 for 90 %."""
+    return int(np.ceil(level / (1 - level) - ROUNDING))
+
+
 def quantile(scores: np.ndarray, groups: np.ndarray | None = None, level: float = LEVEL) -> float:
     """Return the bound that the score of a random row of a new group keeps with probability `level`.
 
     scores: (n,) of held-out rows, larger where a prediction missed by more; groups: (n,) of what is exchangeable, None
-    where every row is a group of its own. Infinity, which stands for "cannot tell", where there are too few groups:
-    fewer than level / (1 - level), 9 of them for 90 %. Raises ValueError for a score that is NaN.
+    where every row is a group of its own. Infinity, which stands for "cannot tell", for fewer than `least`
+    groups. Raises ValueError for a score that is NaN.
     """
     if np.isnan(scores).any():
         raise ValueError("a score is NaN: leave out rows without a prediction, and models whose training failed")
@@ -54,18 +59,28 @@ def half_width(
     """Return the half width of an interval around a prediction, in units of `scale`; infinity: cannot tell.
 
     errors: (n,) truth - prediction of held-out rows; groups: as of `quantile`; scale: (n,) positive numbers that are
-    known from the prediction alone, such as the prediction itself plus a floor, where errors grow with it (normalised
-    conformal prediction, Papadopoulos, Gammerman and Vovk 2008). The interval of a new prediction is prediction +-
-    half width x its scale.
+    known from the prediction alone and rise with it as errors do, such as `root` (normalised conformal prediction,
+    Papadopoulos, Gammerman and Vovk 2008). The interval of a new prediction is prediction +- half width x its scale.
     """
     return quantile(np.abs(errors) / scale, groups, level)
+
+
+def root(predicted: np.ndarray, floor: float) -> np.ndarray:
+    """Return sqrt(prediction + floor), a scale for quantities from 0 up, whose floor is what is just noticed; (n,).
+
+    Of presses on arrays (`dvc repro`, three models each of touch and velostat_recorded), intervals of this scale were
+    on average the narrowest, and held the truth about as often in the lowest as in the highest third of predictions;
+    those of a scale of 1 held it too seldom of hard presses, those of prediction + floor too seldom of light ones.
+    """
+    return np.sqrt(np.maximum(predicted, 0) + floor)
 
 
 def class_threshold(
     probabilities: np.ndarray, labels: np.ndarray, groups: np.ndarray | None = None, level: float = LEVEL
 ) -> float:
-    """Return the probability from which on a class belongs to the set of a prediction; 0, all classes: cannot tell.
+    """Return the probability from which on a class belongs to the set of a prediction.
 
+    0, which gives sets of all classes, where it cannot tell, and where true classes too often have no probability.
     It is one minus the quantile of 1 - probability of the true class (least ambiguous sets: Sadinle, Lei and Wasserman
     2019), which gives the smallest sets on average of all that hold the truth as often. Adaptive sets (Romano, Sesia
     and Candes 2020) would need random numbers to be exact, and give one reading two answers.
@@ -119,6 +134,19 @@ def coverage(inside: np.ndarray, groups: np.ndarray | None = None) -> Coverage:
     return Coverage(hits / n, float(low), float(high), n, len(inside))
 
 
-def runs_of(values: np.ndarray) -> np.ndarray:
-    """Return the number of the run of equal values that each row is in, (n,) from 0; values: (n,) in order of time."""
-    return np.cumsum(np.concatenate([[False], values[1:] != values[:-1]])) if len(values) else np.zeros(0, int)
+def expected(calibrated: int, tested: int, level: float = LEVEL) -> tuple[float, float]:
+    """Return within which shares a coverage lies in 95 % of all cases where the groups are exchangeable.
+
+    Calibrated on n groups, the number of m others that are inside is beta-binomial: a share of them drawn from
+    Beta(k, n + 1 - k) with k = ceil((n + 1) level), then m trials (Vovk 2012, "Conditional validity of inductive
+    conformal predictors"). calibrated: n, at least `least`; tested: m.
+    """
+    k = int(np.ceil((calibrated + 1) * level - ROUNDING))
+    inside = stats.betabinom(tested, k, calibrated + 1 - k).interval(CONFIDENCE)
+    return float(inside[0] / tested), float(inside[1] / tested)
+
+
+def plural(group: str, count: int = 2) -> str:
+    """Return the name of a group for so many of them: press, grasp, or block of 10 s."""
+    first, *rest = group.split(" ")
+    return group if count == 1 else " ".join([first + ("es" if first.endswith("s") else "s"), *rest])

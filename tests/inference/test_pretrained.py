@@ -65,7 +65,7 @@ def test_the_model_card_says_what_the_results_say(folder):
     said = model_cards.card_of(Workspace(ROOT), folder)
     assert (folder / "README.md").read_text() == said, "run `tactile cards`"
     headings = re.findall(r"^\*\*([^*]+)\*\*", said, re.MULTILINE)
-    assert headings == ["What for.", "Which sensor.", "How good.", "Limits.", "Licence.", "Made again"]
+    assert headings == ["What for.", "Which sensor.", "How good.", "How sure.", "Limits.", "Licence.", "Made again"]
 
 
 def test_a_model_card_says_what_is_lost_on_another_specimen():

@@ -38,9 +38,9 @@ def test_groups_of_alike_frames_are_covered_as_promised():
 
 
 def test_normalised_intervals_grow_with_the_prediction():
-    predicted = np.linspace(1, 100, 200)
-    half = conformal.half_width(0.1 * predicted, scale=predicted)
-    assert half == pytest.approx(0.1)
+    scale = conformal.root(np.linspace(0, 100, 200), 1.0)
+    assert conformal.half_width(0.1 * scale, scale=scale) == pytest.approx(0.1)
+    assert scale[0] == 1 and scale[-1] == pytest.approx(np.sqrt(101)) and conformal.root(np.array([-5.0]), 4.0) == [2.0]
 
 
 def test_sets_hold_the_class_as_often_as_promised_and_are_never_empty():
@@ -70,6 +70,17 @@ def test_coverage_weighs_groups_equally_and_has_the_exact_interval():
     assert found.flagged and not conformal.coverage(np.array([True] * 9 + [False])).flagged
     assert conformal.coverage(np.ones(5, bool)).high == 1.0
     assert np.isnan(conformal.coverage(np.zeros(0, bool)).share)
+
+
+def test_coverage_by_chance_lies_where_it_is_expected():
+    rng, n, m = np.random.default_rng(2), 30, 50
+    shares = []
+    for _ in range(1000):
+        half = conformal.half_width(rng.standard_normal(n))
+        shares.append((np.abs(rng.standard_normal(m)) <= half).mean())
+    low, high = conformal.expected(n, m)
+    assert 0.93 < np.mean([low <= share <= high for share in shares]) < 0.99
+    assert conformal.least() == 9 and conformal.expected(9, 1000)[0] < 0.75
 
 
 def test_a_score_that_is_no_number_is_refused():

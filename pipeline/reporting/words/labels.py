@@ -182,3 +182,10 @@ def plain(key: str) -> str:
 def capitalised(text: str) -> str:
     """Return a sentence with a capital first letter; the others stay as they are."""
     return text[:1].upper() + text[1:]
+
+
+def place_name(protocol: str, condition: str) -> str:
+    """Return protocol and condition in words; of a protocol's one condition, the protocol alone says it."""
+    named = condition == protocol or protocol.endswith(f"_{condition}")
+    words = plain(protocol) if named else f"{plain(protocol)}, {condition}"
+    return words[:1].upper() + words[1:]
