@@ -129,6 +129,11 @@ class _Scores:
             raise Absent
         return runs * (100 if scale_of(metric or self.metric) == SHARE else 1)
 
+    def computed(self, protocol: str, condition: str) -> list[str]:
+        """Return the paper's models that the evidence has on a protocol."""
+        place = self.experiment, protocol, condition
+        return [at for at in self.models if self.shown(protocol) and len(self.results.runs(*place, at, self.metric))]
+
     def estimate(self, protocol: str, condition: str, model: str, metric: str = "") -> Estimate:
         """Return mean and interval over the seeds. Raises Absent where the evidence has none."""
         runs, scale = self.runs(protocol, condition, model, metric), scale_of(metric or self.metric)
@@ -158,15 +163,17 @@ class _Scores:
 def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, str, dict[str, list[Point]], str]:
     """Return a paper's table with ours beside it, heading and points of its chart, and what our numbers are of.
 
-    Ours are of the paper's split; where the evidence does not have it, of the split that no recording crosses.
+    Ours are of the paper's split; where the evidence has more models on it, of the split that no recording crosses.
     """
     header, cells = ["Model"], {model: [model_name(model)] for model in scores.models}
     points: dict[str, list[Point]] = {title: [] for title in asked["conditions"].values()}
     error = (lambda value: 100 - value) if scores.units == 100 else (lambda value: value)
     (own_split, first), *_ = asked["splits"].items()
-    seeds, said, judged = set(), {}, True
+    seeds, said, judged, alone = set(), {}, True, []
     for condition, title in asked["conditions"].items():
-        split = next((at for at in asked["splits"] if scores.shown(at.format(condition=condition))), "")
+        there = {at: scores.computed(at.format(condition=condition), condition) for at in asked["splits"]}
+        split = max(there, key=lambda at: len(there[at])) if any(there.values()) else ""
+        alone = there[own_split]
         protocol, judged = split.format(condition=condition), split == own_split
         header += [f"{title}: paper ({asked['unit']})", *["ours"][: bool(split)], *["verdict"][:judged]]
         if split:
@@ -184,7 +191,8 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
             row += [own["verdict"].get(asked.get("same", {}).get(place, place), "-")] if judged else []
     words = [f"{capitalised(scores.name)} in {asked['unit']}."]
     words += [f"Ours: {split}, {_span(seeds)}, budget {at}, mean [95 % interval]." for split, at in said.items()]
-    words += [] if judged else [f"{capitalised(first)}: {NOT_COMPUTED}, so no number has a verdict."]
+    early = f"computed for {' and '.join(map(model_name, alone))} alone" if alone else NOT_COMPUTED
+    words += [] if judged else [f"{capitalised(first)}: {early}, so no number here has a verdict."]
     heading = ", ".join([*said, _span(seeds)]) if said else NOT_COMPUTED
     return Table(header, list(cells.values())), heading, points, " ".join([*words, asked.get("note", "")]).strip()
 
