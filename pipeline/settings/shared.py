@@ -64,7 +64,9 @@ Budget = Annotated[
 class Protocol(Block):
     """How often one way of dividing the data is run."""
 
-    seeds: Seeds = Field(description="One run for each; a seed sets specimen, split and a network's start")
+    seeds: Annotated[list[Seed], Field(max_length=1000), AfterValidator(without_repeats)] = Field(
+        description="One run for each, so an empty list is none; a seed sets specimen, split and a network's start"
+    )
 
 
 class Split(Block):
