@@ -6,6 +6,7 @@ from torch import nn
 
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
+from pipeline.learning.residual_blocks import Convolution3x3
 from pipeline.settings.shared import Block, Listed, Width
 from pipeline.settings.training import WindowTraining
 
@@ -42,22 +43,9 @@ def _network(spec: Spec, channels: list[int]) -> nn.Sequential:
     width, rows, cols = spec.frames, spec.rows, spec.cols
     for convolutions, wider in zip(CONVOLUTIONS, channels, strict=True):
         for _ in range(convolutions):
-            layers += [_Convolution(width, wider, 3, padding=1, bias=False), nn.BatchNorm2d(wider), nn.ReLU()]
+            layers += [Convolution3x3(width, wider), nn.BatchNorm2d(wider), nn.ReLU()]
             width = wider
         layers.append(nn.MaxPool2d(2, ceil_mode=True))
         rows, cols = (rows + 1) // 2, (cols + 1) // 2
     network = nn.Sequential(*layers, nn.Flatten(), zero_linear(width * rows * cols, spec.outputs))
     return network.to(memory_format=torch.channels_last)
-
-
-class _Convolution(nn.Conv2d):
-    """3x3 convolution with padding 1. On an image of one pixel only the kernel's centre meets data.
-
-    There the centre alone gives the same result for a ninth of the work: on 5x5 elements in 6 of 13 layers, which
-    makes training 1.6 times and a window 3 times faster.
-    """
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        if x.shape[2:] != (1, 1):
-            return super().forward(x)
-        return nn.functional.linear(x.flatten(1), self.weight[:, :, 1, 1])[:, :, None, None]
