@@ -1,12 +1,13 @@
 """What one prediction takes of torch, of the predictor and of ONNX Runtime, side by side, on one thread.
 
 The networks are those of params.yaml as they are drawn, with readings drawn, too. Times do not depend on the weights,
-but for LoMP's compiled prediction, which skips the zeros of its state: `zeros` is their share here.
+but for LoMP's compiled prediction, which skips the zeros of its state.
 """
 
 import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from pipeline.inference import card as cards
 from pipeline.inference import onnx_export
 from pipeline.inference.onnx_network import NAME, READINGS, first_states, session
 from pipeline.inference.predictor import Predictor
-from pipeline.learning import image_classifier, lomp_network
+from pipeline.learning import image_classifier
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling
 from pipeline.tasks import windows
@@ -43,7 +44,7 @@ class Speed(NamedTuple):
     runs_on: str
     p50_ms: float
     mb: float | str  # empty where it is none of its own
-    zeros: float | str  # share of LoMP's state that is zero, empty for others
+    peak_share: float  # floating-point operations per second, two a product, over those of large products in float32
 
 
 def drawn(values: Mapping, experiment: str, network: str) -> Predictor:
@@ -96,9 +97,26 @@ def speeds(values: Mapping, experiment: str, network: str, folder: Path, rounds:
         ONNX: by_onnx(exact, graph, x),
     }
     sizes = {ONNX: exact.stat().st_size / 1e6}
-    zeros = zeros_of_state(graph, x) if isinstance(inner, lomp_network.LompRegressor) else ""
-    times = p50_ms(calls, rounds)
-    return [Speed(experiment, network, name, times[name], sizes.get(name, ""), zeros) for name in calls]
+    times, work = p50_ms(calls, rounds), 2 * inner.macs() / peak_flops()
+    return [
+        Speed(experiment, network, name, times[name], sizes.get(name, ""), 1e3 * work / times[name]) for name in calls
+    ]
+
+
+@cache
+def peak_flops() -> float:
+    """Return the floating-point operations per second of a core in the product of two float32 matrices, the best of 20.
+
+    A share of it can pass 1 where zeros are skipped, or where products are of fewer bits.
+    """
+    side = 1024
+    a, b = torch.rand(side, side), torch.rand(side, side)
+    seconds = []
+    for _ in range(20):
+        began = time.perf_counter()
+        torch.mm(a, b)
+        seconds.append(time.perf_counter() - began)
+    return 2 * side**3 / min(seconds)
 
 
 def by_torch(graph: onnx_export.Graph, x: np.ndarray) -> Callable[[], object]:
@@ -124,17 +142,6 @@ def by_onnx(path: Path, graph: onnx_export.Graph, x: np.ndarray) -> Callable[[],
         states.update(zip(states, following, strict=True))
 
     return call
-
-
-def zeros_of_state(graph: onnx_export.Graph, x: np.ndarray) -> float:
-    """Return the share of LoMP's state that is zero after frames of x (1, ...)."""
-    module = graph.module
-    with torch.no_grad():
-        frames = module.normalised(torch.from_numpy(x.reshape(-1, 1, x.shape[-1])))
-        h = torch.zeros(module.cells, 1, module.hidden)
-        for frame in frames:
-            _, h = module.after(frame, h)
-    return float((h == 0).float().mean())
 
 
 def p50_ms(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, float]:

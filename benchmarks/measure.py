@@ -205,9 +205,14 @@ def lomp_updates_stacked(_, windows: float):
 
 
 def _plain_updates(network, windows: float):
-    from benchmarks import peers
+    import torch
 
-    step = peers.train_step(network(lomp(5, epochs=1).network), *_batch(windows))
+    from benchmarks import peers
+    from pipeline.learning.training import precision_on
+
+    model = lomp(5, epochs=1)
+    precision = precision_on(torch.device("cpu"), model.training.precision)
+    step = peers.train_step(network(model.network), *_batch(windows), precision)
 
     def run() -> None:
         for _ in range(UPDATES):

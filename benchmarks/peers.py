@@ -13,6 +13,7 @@ import torch
 from torch import nn
 
 from pipeline.learning.lomp_network import Lomp
+from pipeline.learning.training import products_in
 from pipeline.logs import parse
 
 
@@ -112,12 +113,17 @@ class StackedLomp(nn.Module):
         return blocks.permute(2, 0, 3, 1, 4).reshape(len(x), w.spec.outputs)
 
 
-def train_step(network: nn.Module, x: torch.Tensor, y: torch.Tensor):
-    """A function that makes one update of `network` with Adam on the squared error of one batch."""
-    optimiser = torch.optim.Adam(network.parameters())
+def train_step(network: nn.Module, x: torch.Tensor, y: torch.Tensor, precision: str):
+    """A function that makes one update of `network` with Adam on the squared error of one batch.
+
+    precision: of products, as ours.
+    """
+    optimiser = torch.optim.Adam(network.parameters(), fused=True)
 
     def step() -> None:
-        loss = nn.functional.mse_loss(network(x), y)
+        with products_in(precision, x.device):
+            maps = network(x)
+        loss = nn.functional.mse_loss(maps.float(), y)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -180,6 +186,24 @@ def read_log(path: Path, names: list[str], threads: int | None = None) -> pd.Dat
     """
     with pd.option_context("mode.max_threads", threads):
         return pd.read_csv(path, names=names, skiprows=1, on_bad_lines="skip")
+
+
+def read_log_polars(path: Path, names: list[str]) -> int:
+    """Read a log with polars, its types given, nothing else checked: what is no number is null; returns its rows."""
+    import polars
+
+    types = dict.fromkeys(names, polars.Int64)
+    rules = {"ignore_errors": True, "truncate_ragged_lines": True, "quote_char": None}
+    return len(polars.read_csv(path, has_header=False, skip_rows=1, schema=types, **rules))
+
+
+def read_log_duckdb(path: Path, names: list[str]) -> int:
+    """Read a log with DuckDB into an Arrow table, its types given, lines that do not fit left out; returns its rows."""
+    import duckdb
+
+    types = dict.fromkeys(names, "BIGINT")
+    rules = {"header": False, "skiprows": 1, "ignore_errors": True, "quotechar": "", "escapechar": ""}
+    return duckdb.read_csv(str(path), columns=types, sep=",", auto_detect=False, **rules).to_arrow_table().num_rows
 
 
 def parse_log(path: Path, names: list[str]) -> int:

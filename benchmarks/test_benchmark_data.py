@@ -55,6 +55,20 @@ def test_ingest(race, record, sizes, recording):
     )
 
 
+@pytest.mark.parametrize("peer", ["pandas", "polars", "duckdb"])
+def test_ingest_cpu(record, sizes, recording, peer):
+    """What the reading costs, on however many cores: a peer can be sooner done by working on more of them."""
+    if peer != "pandas":
+        pytest.importorskip(peer, reason=f"{peer} is not installed: pip install -c constraints.txt '.[benchmarks]'")
+    path, fmt = recording / made.LOGS / "run0" / "array.log", touch.array_format(made.touch_settings())
+    read = {"pandas": peers.read_log, "polars": peers.read_log_polars, "duckdb": peers.read_log_duckdb}[peer]
+    taken = [[cpu_seconds(parse.read_log, path, fmt), cpu_seconds(read, path, fmt.names)] for _ in range(4)][1:]
+    ours, theirs = np.median(taken, axis=0).tolist()
+    what = f"the same {path.stat().st_size / 1e6:.0f} MB, in seconds of all cores together"
+    shared = {"unit": "CPU-s", "rounds": 3, "threads": os.cpu_count()}
+    record(f"ingest_cpu_{peer}", what=what, peer_is=f"{peer}, no checks", ours=ours, peer=theirs, **shared)
+
+
 def test_ingest_stage(record, sizes, recording):
     """The whole stage: three logs read, aligned, written as Parquet."""
     folder = recording / made.LOGS / "run0"
@@ -99,6 +113,13 @@ def test_dataset(record, sizes, tmp_path, monkeypatch):
         most=limit,
         rounds=3,
     )
+
+
+def cpu_seconds(function, *arguments) -> float:
+    """Seconds that all threads of this process worked in a call."""
+    began = time.process_time()
+    function(*arguments)
+    return time.process_time() - began
 
 
 def seconds_to_read(path) -> float:

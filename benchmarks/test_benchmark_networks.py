@@ -21,8 +21,6 @@ from pipeline.models import esn, lstm_transfer_ridge
 from pipeline.settings.training import SequenceTraining
 from pipeline.tasks import windows as tasks_windows
 
-WINDOW = "LoMP, one window of 8 frames of 5x5 elements to a map of 20x20"
-
 
 @pytest.fixture(scope="module")
 def touch():
@@ -42,29 +40,6 @@ def single_rmse(data: Dataset, predict) -> float:
     single = schemas.names(data.rows["condition"]) == "single"
     rows = np.flatnonzero(single & (data.part("press", 0) == "test"))
     return float(np.sqrt(np.mean((predict(data.x[rows], rows) - data.y[rows]) ** 2)))
-
-
-def test_lomp_latency(race, record, sizes):
-    ours, twin = (measure.lomp(5, epochs=1) for _ in range(2))
-    twin.scaled.network = peers.LoopedLomp(ours.network)
-    x = np.random.default_rng(0).uniform(0, 500, (1, 8, 25)).astype(np.float32)
-
-    def loop() -> np.ndarray:
-        return TorchRegressor.predict(twin, x)
-
-    np.testing.assert_allclose(ours.predict(x), loop(), rtol=1e-3, atol=1e-4)
-    seconds, peer = race(lambda: ours.predict(x), loop, rounds=sizes.rounds, calls=20)
-    record(
-        "lomp_latency",
-        what=f"{WINDOW}, batch 1",
-        peer_is="a loop over 25 modules",
-        unit="ms",
-        ours=seconds * 1e3,
-        peer=peer * 1e3,
-        least_ratio=20,
-        most=1,
-        rounds=sizes.rounds,
-    )
 
 
 def test_lomp_latency_error(record, sizes, touch):
@@ -122,7 +97,7 @@ def test_lomp_training(record, sizes, tmp_path, batch):
         record(
             f"lomp_training_{batch}_{name}",
             what=f"LoMP, one update, {windows} windows, in a worker process, products in {precision}",
-            peer_is=peer_is + (", the faster one" if faster else "") + ", float32",
+            peer_is=peer_is + (", the faster one" if faster else "") + ", in the same precision",
             unit="ms",
             ours=seconds / measure.UPDATES * 1e3,
             peer=peer / measure.UPDATES * 1e3,
