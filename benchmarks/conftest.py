@@ -50,7 +50,7 @@ def pytest_addoption(parser):
     group.addoption("--size", choices=["full", "tiny"], default="full", help="tiny: only to try the code")
     group.addoption("--log-mb", type=float, help="size of the large log in MB (full: 1000)")
     group.addoption("--results", type=Path, help="folder of the results (full: reports, tiny: a temporary one)")
-    group.addoption("--full-repro", action="store_true", help="also time `dvc repro` in a fresh clone: hours")
+    group.addoption("--full-repro", action="store_true", help="also time `dvc repro` in a fresh clone")
 
 
 @pytest.fixture(scope="session")

@@ -67,7 +67,8 @@ CHOSEN = {
     "reporting/verdicts/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
     "reporting/verdicts/physics.py": ("_change", PAIRING),
     "scoring/glove_results.py": ("gain", PAIRING),
-    "scoring/ablation.py": ("paired", PAIRING),
+    "scoring/conformal.py": ("quantile half_width class_threshold class_sets", "scoring/test_conformal.py"),
+    "targets/validate.py": ("tests parts", "targets/test_grouped.py"),
     "models/rnn.py": ("forward", "general/test_time_order.py"),
     "live/session.py": ("_is_predicted", ONE_LOG),
     "inference/timing.py": ("most_filled between", ONE_LOG),
@@ -124,15 +125,20 @@ def faults(node: ast.AST) -> Iterator[ast.AST]:
         yield ast.BinOp(node.right, node.op, node.left)
 
 
+def places(tree: ast.Module, file: str, name: str) -> list[ast.AST]:
+    """Return the functions and constants of a file that have a name; ValueError where there is none."""
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == name]
+    found += [node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name]
+    if not found:
+        raise ValueError(f"pipeline/{file} has no {name}; bring CHOSEN up to date")
+    return found
+
+
 def mutants(file: str, names: list[str], tests: str) -> Iterator[Mutant]:
     """Yield every mutant of the functions and constants of these names; ValueError where there is none of a name."""
     tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
     for name in names:
-        found = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == name]
-        found += [node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name]
-        if not found:
-            raise ValueError(f"pipeline/{file} has no {name}; bring CHOSEN up to date")
-        for parent in (inner for node in found for inner in ast.walk(node)):
+        for parent in (inner for node in places(tree, file, name) for inner in ast.walk(node)):
             for field, value in ast.iter_fields(parent):
                 if field in ("annotation", "returns", "decorator_list", "ctx", "targets"):
                     continue

@@ -12,6 +12,7 @@ import yaml
 from dvc.dependency.param import ParamsDependency
 from dvc.repo import Repo
 
+from benchmarks import mutation
 from pipeline.base import params
 from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, imports, room
 from pipeline.base.paths import Workspace
@@ -265,16 +266,6 @@ def test_every_model_block_fits_its_build():
             models.build(model, spec or windows.spec(VALUES[experiment]), block, f"{experiment}.models.{model}")
 
 
-def test_numbers_in_documents_are_those_of_the_reports():
-    """Those of README.md: tests/reporting/page/test_answers.py."""
-    reports = "\n".join(path.read_text() for path in (ROOT / "reports").rglob("*.md"))
-    measured = (ROOT / "docs" / "benchmarks.md").read_text().split("## What was measured")[1].split("\n## ")[0]
-    rows = [line for line in measured.splitlines() if line.startswith("|")]
-    assert len(rows) > 20
-    for line in rows:
-        assert line in reports, f"no report has: {line}"
-
-
 def test_links_of_documents_lead_somewhere():
     for document in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         text = document.read_text()
@@ -308,3 +299,10 @@ def test_an_import_by_name_is_not_a_constant_in_disguise():
     by_name = re.compile(r"""(?:experiments\.module|tasks\.of|scenes\.plan|models\.build)\(\s*f?["']""")
     wrong = [file for file in CODE if by_name.search((ROOT / file).read_text())]
     assert not wrong, wrong
+
+
+def test_functions_that_get_faults_and_their_tests_are_there():
+    for file, (names, tests) in mutation.CHOSEN.items():
+        tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
+        assert all(mutation.places(tree, file, name) for name in names.split())  # else it says which
+        assert all((ROOT / "tests" / test).is_file() for test in tests.split()), tests
