@@ -115,7 +115,15 @@ def read(workspace: Workspace) -> pd.DataFrame:
         tables.append(rows)
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows, row.budget))
-    return pd.concat(tables, ignore_index=True).drop_duplicates()
+    return _once(pd.concat(tables, ignore_index=True))
+
+
+def _once(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return every result once: what describes the data of a set stands in the shards of all its seeds.
+
+    It is the same result to nine digits: seeds that two machines computed differ in the last ones.
+    """
+    return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated()]
 
 
 def _training_times(times: pd.DataFrame, rows: pd.DataFrame, budget: str) -> pd.DataFrame:

@@ -129,6 +129,19 @@ def test_a_study_keeps_its_tables_and_comes_out_the_same(strain, tmp_path):
     assert "true drift" in set(drift["target"]) and drift["value"].notna().all()
 
 
+def test_last_digits_of_another_machine_make_no_second_result(tmp_path):
+    workspace, columns = Workspace(tmp_path), shards.COLUMNS
+    of_data = ("touch", "press", "single", "data", "", "shift", 0, "", "counts")
+    first, last_digits, other = 94.88475396520789, 94.88475396520786, 94.9
+    for numbers, known in (((first, last_digits), [first]), ((first, other), [first, other])):
+        for seed, value in enumerate(numbers):
+            path = shards.folder(workspace) / "results" / f"a-{seed}-full.csv"
+            files.write_table(path, pd.DataFrame([(*of_data, value, 1)], columns=columns))
+            line = dict.fromkeys(shards.INDEX, "") | {"shard": f"a-{seed}-full", "sha256": files.sha256(path)}
+            shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, line["shard"], [line])
+        assert shards.read(workspace)["value"].tolist() == known  # two that differ are refused where they are used
+
+
 @pytest.mark.slow
 def test_a_result_that_the_index_does_not_know_is_refused(strain, tmp_path):
     workspace, _ = strain
