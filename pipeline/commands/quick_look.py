@@ -27,7 +27,6 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Look at the logs named on the command line."""
     experiment = check.experiment_of(given.folder, given.experiment)
     if asked := own_settings.asked(given.folder):
-        name = own.name_of(workspace, given.folder)
-        return targets.of_own(workspace, experiment, given.folder, name, asked, targets.LOOK)
+        return own.of_target(workspace, experiment, given.folder, asked, targets.LOOK)
     with own.prepared(workspace, given.folder, [0], MODELS) as sensor:
         own.run(workspace, sensor, params.load(sensor.workspace.params))

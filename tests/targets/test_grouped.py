@@ -119,16 +119,15 @@ def test_windows_hold_what_their_names_say_and_end_with_their_segment():
     time[30:] += 5.0  # a silence
     reading = rng.normal(0, 1, (40, 3))
     segment = np.repeat([0, 1], [15, 25])
-    one = read.Series("a", np.full(40, "g"), time, segment, reading, np.zeros(40), np.zeros(40, int))
     ends = np.array([14, 16, 29, 30, 39])
-    found = features.statistics(one, ends, 1.0)
+    found = features.statistics(time, segment, reading, ends, 1.0)
     for row, (first, end) in zip(found, [(4, 14), (15, 16), (19, 29), (30, 30), (30, 39)], strict=True):
         part = reading[first : end + 1]
         slope = np.polyfit(time[first : end + 1], part, 1)[0] if end > first else np.zeros(3)
         wanted = part[-1], part.mean(axis=0), slope, part.std(axis=0), part.min(axis=0), part.max(axis=0)
         assert row == pytest.approx(np.array(wanted), abs=1e-5)
     windows = features.Windows(found, *[None] * 7)
-    higher = features.Windows(features.statistics(one._replace(reading=reading + 9), ends, 1.0), *[None] * 7)
+    higher = features.Windows(features.statistics(time, segment, reading + 9, ends, 1.0), *[None] * 7)
     assert windows.columns(False) == pytest.approx(higher.columns(False), abs=1e-5)
     assert np.abs(windows.columns(True) - higher.columns(True)).max() == pytest.approx(9, abs=1e-4)
 
