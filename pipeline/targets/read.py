@@ -133,20 +133,25 @@ def truth_of(
     if target.kind == "continuous":
         return np.interp(time_s, at, values), known
     held = values[np.clip(np.searchsorted(at, time_s, side="right") - 1, 0, None)]
-    return (held != 0) if target.kind == "event" else np.array([f"{value:g}" for value in held]), known
+    return (held != 0) if target.kind == "event" else held, known
 
 
 def column_of(path: Path, target: Target, experiment: str, settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in s and values (m,) of the target's column in a log; its first column is the time by default."""
+    """Return times in s and values (m,) of the target's column in a log, text of a class; the first is the time."""
     clock = FORMATS[experiment](settings).columns[0]
-    fmt = Format((clock, Column(target.name, target.unit, -LARGEST, LARGEST)), time=clock.name)
+    words: dict[str, int] | None = {} if target.kind == "class" else None
+    fmt = Format((clock, Column(target.name, target.unit, -LARGEST, LARGEST, words=words)), time=clock.name)
     given = dict(layout.of(settings["ingest"], path.name) or {"separator": ","}) | {"columns": [target.column]}
     if isinstance(target.column, int) and path.is_file():
-        given.setdefault("width", sniff.numbers_a_line(path))
+        given.setdefault("width", sniff.columns_a_line(path, given.get("separator", ",")))
     rows, _ = log(path, fmt, experiment, settings, given)
     if rows["segment"][-1].as_py() > 0:
         raise InputError(f"{path}: its clock begins anew; divide the recording there")
-    return rows[clock.name].to_numpy() / second(fmt), rows[target.name].to_numpy()
+    values = rows[target.name].to_numpy()
+    if words is not None:
+        names = np.array([f"{float(word):g}" if layout.is_number(word) else word for word in words])
+        values = names[values.astype(int)]
+    return rows[clock.name].to_numpy() / second(fmt), values
 
 
 def votes(
