@@ -12,9 +12,9 @@ from pipeline.commands import check, own, targets
 from pipeline.own import settings as own_settings
 
 MODELS = {  # one that knows nothing, quick ones and a network of the papers
-    "touch": ("constant", "rbf", "lomp"),
-    "strain": ("constant", "ridge", "press_difference", "lstm_direct"),
-    "glove": ("constant", "naive_bayes", "tree", "sp_resnet"),
+    "touch": ("constant", "window_ridge", "window_trees", "rbf", "lomp"),
+    "strain": ("constant", "ridge", "window_ridge", "window_trees", "press_difference", "lstm_direct"),
+    "glove": ("constant", "window_ridge", "window_trees", "naive_bayes", "tree", "sp_resnet"),
 }
 
 

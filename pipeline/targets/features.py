@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.datasets.seeding import generator
+from pipeline.learning.window_statistics import KINDS, described
 from pipeline.sheet.estimates import Estimate
 from pipeline.targets.read import Data
 
@@ -111,12 +112,10 @@ def statistics(
     reading = reading.astype(np.float32)
     anew = np.concatenate([[True], (np.diff(segment) != 0) | (np.diff(time) > SILENCE * length_s)])
     begins = np.maximum.accumulate(np.where(anew, np.arange(len(time)), 0))
-    found = np.empty((len(ends), 6, reading.shape[1]), np.float32)
+    found = np.empty((len(ends), KINDS, reading.shape[1]), np.float32)
     for row, end in enumerate(ends):
         first = begins[end]
         first += np.searchsorted(time[first : end + 1], time[end] - length_s)
         part, at = reading[first : end + 1], time[first : end + 1] - time[first : end + 1].mean()
-        mean = part.mean(axis=0)
-        slope = at.astype(np.float32) @ part / max(float(at @ at), 1e-12)
-        found[row] = part[-1], mean, slope, part.std(axis=0), part.min(axis=0), part.max(axis=0)
+        found[row] = described(part[None], at)[0]
     return found
