@@ -29,7 +29,7 @@ ARROWS = {
     "commands": {"live", "own", "reporting/page", "sheet/page", "stability", "targets", "twins"},
     "own": {"tasks"},  # sensors of your own: their settings, and what their logs need
     "live": {"inference"},
-    "inference": {"reporting/figures", "tasks"},
+    "inference": {"reporting/figures", "targets", "tasks"},
     "stability": {"tasks", "scenes"},
     "tasks": {"models", "experiments", "scoring"},
     "twins": {"scoring", "sheet"},
@@ -39,7 +39,7 @@ ARROWS = {
     "learning": {"datasets"},
     "reporting/page": {"reporting"},
     "reporting": {"claims", "reporting/verdicts", "reporting/figures", "experiments", "targets"},
-    "targets": {"sheet", "scoring"},
+    "targets": {"learning", "sheet", "scoring"},
     "reporting/figures": {"reporting/verdicts", "scenes", "logs"},
     "reporting/verdicts": {"reporting/words"},
     "claims": {"scoring"},  # the only place that judges the papers' claims

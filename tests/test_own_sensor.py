@@ -22,6 +22,7 @@ from pipeline.base.params_file import set_values
 from pipeline.commands import check, command_line
 from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
+from pipeline.own import settings as own_settings
 from pipeline.reporting import own_sensor
 from pipeline.reporting.figures import check as check_figures
 from pipeline.reporting.page.hypertext import markdown
@@ -478,6 +479,7 @@ def test_a_mat_of_one_area_end_to_end(root, tactile):
     tactile("try", "data/own/mat")
     accuracy = errors_in(root, "mat", ["`mat`: glove", "Session pressure (1 run)"])
     assert accuracy["pressure", "naive_bayes"] > accuracy["pressure", "constant"]
+    assert accuracy["pressure", "window_trees"] > accuracy["pressure", "constant"]
     assert "accuracy" in tactile("predict", "build/own/mat/trained/sp_resnet", "data/own/mat/cup")
 
 
@@ -488,11 +490,17 @@ def test_a_glove_of_few_channels_end_to_end(root, tactile):
     areas = {"force": {"rows": 1, "cols": 5}, "motion": {"rows": 1, "cols": 5, "lowest": -180, "highest": 180}}
     settled(logs, {"glove.sensor.scale": "range", "glove.sensor.areas": areas})
     said = tactile("try", "data/own/few")
-    assert "fewer than 8 pixels on a side: constant, naive_bayes, tree, no networks of images" in said
+    assert (
+        "fewer than 8 pixels on a side: constant, window_ridge, window_trees, naive_bayes, tree, no networks of images"
+        in said
+    )
     assert "12 of 12 recordings can be used" in said
     accuracy = errors_in(root, "few", ["Session force", "Session motion", "Session combined"])
-    assert accuracy["combined", "tree"] > accuracy["combined", "constant"]
-    assert "pen/day1: 20 readings" in tactile("predict", "build/own/few/trained/tree", "data/own/few/pen/day1")
+    assert min(accuracy["combined", model] for model in ("tree", "window_trees")) > accuracy["combined", "constant"]
+    for model in ("tree", *own_settings.YARDSTICKS["glove"]):
+        assert "pen/day1: 20 readings" in tactile(
+            "predict", f"build/own/few/trained/{model}", "data/own/few/pen/day1", "--out", f"predictions/{model}"
+        )
 
 
 def test_one_strain_sensor_of_two_days_end_to_end(root, tactile):
@@ -510,7 +518,8 @@ def test_one_strain_sensor_of_two_days_end_to_end(root, tactile):
     settled(logs, settings)
     tactile("try", "data/own/cord")
     error = errors_in(root, "cord", ["stretch/friday", "Stretch (1 run)"])
-    assert error["stretch", "ridge"] < error["stretch", "constant"] / 2
+    for model in ("ridge", *own_settings.YARDSTICKS["strain"]):
+        assert error["stretch", model] < error["stretch", "constant"] / 2, model
 
 
 @pytest.mark.parametrize("name", own_logs.UNPRINTABLE, ids=ascii)

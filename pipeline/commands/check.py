@@ -117,7 +117,7 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
             if (
                 found.layout != own_logs.PLAIN
                 and found.layout.items() >= own_logs.PLAIN.items()
-                and (found.layout.keys() <= {"separator", "scale", "time_unit"})
+                and (found.layout.keys() <= {"separator", "scale", "offset", "time_unit"})
             ):
                 wrong = [f"{wrong[0]}; or {own_logs.PASTE}"]
             else:

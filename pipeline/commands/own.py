@@ -7,7 +7,8 @@ a glove. FOLDER/settings.yaml, where there is one, sets what differs from params
 follows changes: what the stages write is in build/own/NAME, with every trained model in build/own/NAME/trained, for
 `tactile predict MODEL LOGS`. What is up to date is not trained again.
 
-Where settings.yaml has `target:` and `split:`, that target is tested instead, group by group: docs/own_sensor.md.
+Where settings.yaml has `target:` and `split:`, that target is tested instead, group by group, and its model is kept in
+build/own/NAME/trained/target: docs/own_sensor.md.
 """
 
 import argparse
@@ -23,10 +24,12 @@ from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
 from pipeline.base.paths import Workspace
 from pipeline.commands import check, sheet, targets
+from pipeline.commands.targets import Effort
 from pipeline.datasets import schemas
 from pipeline.logs import own_data
 from pipeline.logs.formats import LOGS
 from pipeline.own import settings as own_settings
+from pipeline.settings.targets import Asked
 from pipeline.sheet import quantities, sources
 
 STAGES = {
@@ -34,6 +37,7 @@ STAGES = {
     "strain": ("ingest", "dataset", "train", "evaluate"),
     "glove": ("ingest", "dataset", "train", "evaluate"),
 }
+TRAINED = "trained"  # folder of the models, in the workspace of a sensor
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,8 +49,7 @@ def main(checkout: Workspace, given: argparse.Namespace) -> None:
     """Train all models of the settings on the logs named on the command line."""
     experiment = check.experiment_of(given.folder, given.experiment)
     if asked := own_settings.asked(given.folder):
-        name = name_of(checkout, given.folder)
-        return targets.of_own(checkout, experiment, given.folder, name, asked, targets.FULL)
+        return of_target(checkout, experiment, given.folder, asked, targets.FULL)
     with prepared(checkout, given.folder, own_settings.SEEDS) as sensor:
         run(checkout, sensor, params.load(sensor.workspace.params))
 
@@ -69,7 +72,15 @@ def prepared(
     seeds, models: as of `prepare`, models by experiment. Raises InputError for a folder that holds no sensor, and where
     another process trains on it.
     """
-    experiment, name = check.experiment_of(folder), name_of(checkout, folder)
+    with alone(checkout, check.experiment_of(folder), folder) as sensor:
+        prepare(checkout, sensor, seeds, models and models[sensor.experiment])
+        yield sensor
+
+
+@contextmanager
+def alone(checkout: Workspace, experiment: str, folder: Path) -> Iterator[Sensor]:
+    """Keep other processes from a sensor during the block; errors as `prepared`."""
+    name = name_of(checkout, folder)
 
     def refuse() -> None:
         both = f"`tactile own {folder}` or `tactile try {folder}`"
@@ -77,8 +88,14 @@ def prepared(
 
     sensor = Sensor(experiment, folder, name, Workspace(checkout.root / "build" / "own" / name))
     with processes.holding(sensor.workspace.root / "lock", refuse):
-        prepare(checkout, sensor, seeds, models and models[experiment])
         yield sensor
+
+
+def of_target(checkout: Workspace, experiment: str, folder: Path, asked: Asked, effort: Effort) -> None:
+    """Test the target of a sensor, alone; errors as `prepared` and `targets.of_own`."""
+    with alone(checkout, experiment, folder) as sensor:
+        trained = sensor.workspace.root / TRAINED
+        targets.of_own(checkout, trained, experiment, folder, sensor.name, asked, effort)
 
 
 def name_of(checkout: Workspace, folder: Path) -> str:
@@ -121,7 +138,7 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
         shutil.copytree(workspace.reports / experiment / "accuracy", draft, dirs_exist_ok=True)
         of = sources.sensors(experiment, name, folder, values[experiment])
         sheet.write(draft, "sheet", [quantities.sheet(sensor) for sensor in of])
-    trained = workspace.root / "trained"
+    trained = workspace.root / TRAINED
     shutil.rmtree(trained, ignore_errors=True)
     for model in values[experiment]["models"]:
         if model != "constant":

@@ -1,7 +1,8 @@
 """Predict with a trained model: raw logs in, maps, positions or objects out. No ground truth is needed.
 
 MODEL is a folder that `tactile export` made, EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout
-trained, else the pretrained one), EXPERIMENT/MODEL/PROTOCOL/SEED, or the id of a run in MLflow. LOGS is a log of the
+trained, else the pretrained one), EXPERIMENT/MODEL/PROTOCOL/SEED, the id of a run in MLflow, or the folder of a target
+of one's own, build/own/NAME/trained/target, whose predictions are not drawn. LOGS is a log of the
 sensor (array.log, daq.log, scanner.log), or a folder with such logs in it or below. Lines are read, cut into windows
 and normalised as in training. OUT gets predictions.parquet (one row per reading), summary.json, of each recording a
 picture, and of a touch sensor's an animation. Every prediction has its 90 % interval, or set of objects, beside it
@@ -21,6 +22,7 @@ from tqdm import tqdm
 from pipeline.base import arguments, files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.targets import kept, read
 
 MOST_LINES = 10  # recordings that are printed
 MOST_PICTURES = 20  # recordings that are drawn: each takes a second
@@ -37,6 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the logs named on the command line."""
+    if (Path(given.model) / kept.CARD).is_file():
+        return of_target(given)
     import torch
 
     from pipeline.inference import intervals, packages, predictions, predictor, recordings
@@ -52,9 +56,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     place = recordings.absolute(given.logs)
     logs = recordings.logs(place, card.experiment)
     names = recordings.names(place, logs, card.experiment)
-    target = given.out or _default_place(place, card)
-    if target.exists() and predictions.held(target) is None:
-        raise InputError(f"{target}: holds something else than predictions; give another place by --out")
+    target = _place(given.out, place, card.experiment, predictions.model_of(card))
     predicted, scores, notes, unread = [], [], [], []
     for path, name in zip(tqdm(logs, desc="predict", unit="log"), names, strict=True):
         try:
@@ -86,20 +88,83 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         print(f"the first {MOST_PICTURES} recordings are drawn")
     print(f"written to {target}")
     arguments.answer(given, predictions.read_summary(target) | {"written_to": str(target), "not_read": unread})
-    if unread:
-        print("not read:", *unread, sep="\n  ")
-        raise InputError(f"{len(unread)} of {len(logs)} logs cannot be read; the others are predicted")
+    _say_unread(unread, len(logs))
 
 
-def _default_place(logs: Path, card) -> Path:
-    """Return predictions/NAME; InputError where it holds predictions of another model or of other logs."""
+def of_target(given: argparse.Namespace) -> None:
+    """Predict a target of one's own, which is a number or a class for every reading."""
+    from pipeline.datasets import schemas
     from pipeline.inference import predictions, recordings
 
-    folder = logs if logs.is_dir() else recordings.without_log(logs, card.experiment)
-    target = Path("predictions", *predictions.file_names([folder.name]))
+    model = kept.load(Path(given.model))
+    card = model.card
+    print(f"{card.sensor}: {card.target.name} by {card.model}, of {len(card.groups)} groups ({card.by})")
+    place = recordings.absolute(given.logs)
+    logs = recordings.logs(place, card.experiment)
+    names = recordings.names(place, logs, card.experiment)
+    who = {
+        "experiment": card.experiment, "model": f"{card.sensor}: {card.target.name}", "protocol": card.by, "seed": 0,
+    }  # fmt: skip
+    target = _place(given.out, place, card.experiment, who)
+    unread, summaries = [], []
+    with files.replacing_folder(target) as draft:
+        with schemas.writing(draft / "predictions.parquet", kept.schema(card)) as write:
+            for path, name in zip(tqdm(logs, desc="predict", unit="log"), names, strict=True):
+                try:
+                    log = read.sensor_log(path, card.experiment, card.settings)
+                    predicted = kept.predict(model, log)
+                    summaries.append(kept.summary(name, path, log, predicted, card))
+                except InputError as error:
+                    if len(logs) == 1:
+                        raise
+                    unread.append(str(error))
+                    continue
+                write(kept.table(name, log, predicted, card))
+        if not summaries:
+            raise InputError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
+        predictions.write_summary(draft, who, place, [kept.interval(card)], summaries)
+    for said in summaries[:MOST_LINES]:
+        print(of_one_recording(said, card.target.unit))
+    print(kept.interval(card), f"written to {target}", sep="\n")
+    arguments.answer(given, predictions.read_summary(target) | {"written_to": str(target), "not_read": unread})
+    _say_unread(unread, len(logs))
+
+
+def of_one_recording(said: Mapping, unit: str) -> str:
+    """Say in a line what the predictions of a target came to; said: as of `kept.summary`."""
+    span = said["predicted"]
+    if "least" in span:
+        what = f"{span['least']:.4g} to {span['most']:.4g} {unit}"
+    else:
+        name, count = next(iter(span.items()))
+        what = f"{name} in {100 * count / said['readings']:.0f} % of them"
+    scores = [f"{name} {value:.3g}" for name, value in list(said.get("scores", {}).items())[:2]]
+    return f"{said['recording']}: " + ", ".join(
+        [f"{said['readings']} readings in {said['seconds']:g} s", what, *scores]
+    )
+
+
+def _say_unread(unread: list[str], logs: int) -> None:
+    """Raise InputError where some logs could not be read, and list them."""
+    if unread:
+        print("not read:", *unread, sep="\n  ")
+        raise InputError(f"{len(unread)} of {logs} logs cannot be read; the others are predicted")
+
+
+def _place(out: Path | None, logs: Path, experiment: str, model: Mapping) -> Path:
+    """Return where predictions go: out, else predictions/NAME; model: as `predictions.model_of`.
+
+    Raises InputError where it holds something else, or predictions/NAME those of another model or of other logs.
+    """
+    from pipeline.inference import predictions, recordings
+
+    folder = logs if logs.is_dir() else recordings.without_log(logs, experiment)
+    target = out or Path("predictions", *predictions.file_names([folder.name]))
     held = predictions.held(target)
-    if held not in (None, predictions.origin(predictions.model_of(card), logs)):
+    if out is None and held not in (None, predictions.origin(model, logs)):
         raise InputError(f"{target}: holds predictions of {held}; give another place by --out, or remove these")
+    if target.exists() and held is None:
+        raise InputError(f"{target}: holds something else than predictions; give another place by --out")
     return target
 
 

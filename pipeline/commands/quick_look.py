@@ -12,9 +12,9 @@ from pipeline.commands import check, own, targets
 from pipeline.own import settings as own_settings
 
 MODELS = {  # one that knows nothing, quick ones and a network of the papers
-    "touch": ("constant", "rbf", "lomp"),
-    "strain": ("constant", "ridge", "press_difference", "lstm_direct"),
-    "glove": ("constant", "naive_bayes", "tree", "sp_resnet"),
+    "touch": ("constant", "window_ridge", "window_trees", "rbf", "lomp"),
+    "strain": ("constant", "ridge", "window_ridge", "window_trees", "press_difference", "lstm_direct"),
+    "glove": ("constant", "window_ridge", "window_trees", "naive_bayes", "tree", "sp_resnet"),
 }
 
 
@@ -27,7 +27,6 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Look at the logs named on the command line."""
     experiment = check.experiment_of(given.folder, given.experiment)
     if asked := own_settings.asked(given.folder):
-        name = own.name_of(workspace, given.folder)
-        return targets.of_own(workspace, experiment, given.folder, name, asked, targets.LOOK)
+        return own.of_target(workspace, experiment, given.folder, asked, targets.LOOK)
     with own.prepared(workspace, given.folder, [0], MODELS) as sensor:
         own.run(workspace, sensor, params.load(sensor.workspace.params))

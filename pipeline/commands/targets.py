@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.base import files, params
+from pipeline.base import files, params, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import sheet
@@ -21,7 +21,7 @@ from pipeline.reporting.own_target import Section
 from pipeline.settings.targets import Asked
 from pipeline.sheet import quantities, sources
 from pipeline.sheet.quantities import Sheet
-from pipeline.targets import features, read, validate
+from pipeline.targets import features, kept, read, validate
 from pipeline.targets.read import Data
 
 
@@ -35,6 +35,7 @@ class Effort(NamedTuple):
 LOOK, FULL = Effort(4_000, 50), Effort(12_000, 100)
 WIDE = 6_000  # windows at most of a sensor of several hundred elements, as whose statistics a gigabyte is soon full
 MANY = 200  # elements
+MODEL = "target"  # folder of the model, beside those that have no target of one's own
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +64,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
 
 
 def section(sensor: str, data: Data, sheets: list[Sheet], effort: Effort) -> Section:
-    """Test a target; sheets: of its sensor, [] where there is none."""
+    """Test a target; sheets: of its sensor, [] where there is none; effort: how much is computed."""
     lines: Mapping = sheets[0].lines if sheets else {}
     length_s, reason = features.window_s(lines.get("creep, 1 s"), lines.get("creep, 10 s"))
     if data.target.window_s is not None:
@@ -75,10 +76,13 @@ def section(sensor: str, data: Data, sheets: list[Sheet], effort: Effort) -> Sec
     return Section(sensor, data.target, data.by, length_s, reason, windows, tested)
 
 
-def of_own(checkout: Workspace, experiment: str, folder: Path, name: str, asked: Asked, effort: Effort) -> None:
+def of_own(
+    checkout: Workspace, trained: Path, experiment: str, folder: Path, name: str, asked: Asked, effort: Effort
+) -> None:
     """Test the target of a sensor of one's own, and write reports/own/NAME: README.md, scores.csv, sheet.md.
 
-    name: of the sensor, its path in data/own. Raises InputError as `read.own`.
+    The model that all groups choose is kept in the folder trained/target. name: of the sensor, its path in data/own.
+    Raises InputError as `read.own`.
     """
     settings = own_settings.of_logs(checkout, experiment, folder)[experiment]
     data = read.own(experiment, folder, settings, asked)
@@ -93,6 +97,32 @@ def of_own(checkout: Workspace, experiment: str, folder: Path, name: str, asked:
         own_target.write(draft, f"`{name}`: {asked.target.name}, your own logs", [made], said)
         if sheets:
             sheet.write(draft, "sheet", sheets)
+    with files.replacing_folder(trained) as draft:
+        (draft / MODEL).mkdir()
+        keep(draft / MODEL, checkout, experiment, settings, data, made, effort)
     for warning in made.tested.warnings:
         print(f"warning: {warning}")
     print(f"\n{target}/README.md: what the models score on groups that they have not seen")
+    print(f"{trained / MODEL}: the model of all groups, for `tactile predict MODEL LOGS`")
+
+
+def keep(
+    folder: Path, checkout: Workspace, experiment: str, settings: Mapping, data: Data, made: Section, effort: Effort
+) -> None:
+    """Fit the model that all groups choose, and write it to a folder, which exists."""
+    final = validate.final(made.windows, data.target.kind, effort.trees)
+    scores = made.tested.scores
+    names = scores[scores["model"] == validate.CHOSEN]["metric"].unique()
+    kept.write(
+        folder,
+        final,
+        made.windows,
+        {name: validate.over_tests(made.tested, validate.CHOSEN, name).mean for name in names},
+        experiment=experiment,
+        sensor=made.sensor,
+        target=data.target,
+        settings={block: settings[block] for block in kept.READ},
+        window_s=made.length_s,
+        by=data.by,
+        commit=provenance.git_state(checkout)[0],
+    )

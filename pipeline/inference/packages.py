@@ -11,6 +11,7 @@ from pipeline.base.paths import Workspace
 from pipeline.inference import calibration
 from pipeline.inference import card as cards
 from pipeline.inference.describer import Describer
+from pipeline.targets import kept
 
 RUN_ID = re.compile("[0-9a-f]{32}")  # of MLflow
 
@@ -59,6 +60,8 @@ def locate(workspace: Workspace, name: str, values: Mapping, draft: Path, refit:
     """
     if Path(name, cards.NAME).is_file():
         return Path(name), "folder"
+    if Path(name, kept.CARD).is_file():
+        raise InputError(f"{name}: is the model of a target of one's own, with which `tactile predict` alone works")
     if RUN_ID.fullmatch(name):
         from pipeline.inference import mlflow_store  # here, because the import of MLflow takes a second
 

@@ -155,6 +155,11 @@ def write(
         summary(recording, values, card, of_recording)
         for (recording, values), of_recording in zip(predicted, scores, strict=True)
     ]
-    content = {"model": model_of(card), "logs": str(logs), "interval": intervals.sentences(card), "recordings": said}
-    files.write_text(folder / SUMMARY, json.dumps(content, indent=1) + "\n")
+    write_summary(folder, model_of(card), logs, intervals.sentences(card), said)
     return said
+
+
+def write_summary(folder: Path, model: Mapping, logs: Path, interval: list[str], said: list[dict]) -> None:
+    """Write summary.json; model: as `model_of`; interval: sentences on it; said: the summaries of recordings."""
+    content = {"model": model, "logs": str(logs), "interval": interval, "recordings": said}
+    files.write_text(folder / SUMMARY, json.dumps(content, indent=1) + "\n")

@@ -4,7 +4,7 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -85,21 +85,14 @@ class SklearnRegressor:
 
     def save(self, folder: Path) -> None:
         """Write the fitted estimator, scaling included, to `folder` (which exists), as skops."""
-        (Path(folder) / ESTIMATOR_FILE).write_bytes(_stable_skops(self._fitted()))
+        write(folder, self._fitted())
 
     def load(self, folder: Path) -> None:
         """Read the fitted estimator from `folder`; only types that skops knows or `trusted` names.
 
         Raises InputError for a file that is absent, damaged or holds other types.
         """
-        import skops.io  # 3 s, for which no network has to wait
-
-        path = existing(Path(folder) / ESTIMATOR_FILE)
-        try:
-            self.estimator = skops.io.load(path, trusted=list(self.trusted))
-        except Exception as error:  # skops lets pass what the parts it unpacks raise: some twenty types
-            kind = re.sub(r"\W+", " ", str(error))[:200]  # the error's text may quote the file
-            raise InputError(f"{path}: no model of this kind ({kind}); train the model again") from error
+        self.estimator = read(folder, self.trusted)
 
     def parameters(self) -> int:
         """Return the number of fitted numbers (scaling constants not counted, as for networks)."""
@@ -116,6 +109,23 @@ class SklearnRegressor:
         if self.estimator is None:
             raise RuntimeError("fit or load the model first")
         return self.estimator
+
+
+def write(folder: Path, estimator: "BaseEstimator") -> None:
+    """Write a fitted estimator to `folder` (which exists), as skops."""
+    (Path(folder) / ESTIMATOR_FILE).write_bytes(_stable_skops(estimator))
+
+
+def read(folder: Path, trusted: Sequence[str]) -> "BaseEstimator":
+    """Return the estimator that `write` wrote; trusted and errors as of `SklearnRegressor.load`."""
+    import skops.io  # 3 s, for which no network has to wait
+
+    path = existing(Path(folder) / ESTIMATOR_FILE)
+    try:
+        return skops.io.load(path, trusted=list(trusted))
+    except Exception as error:  # skops lets pass what the parts it unpacks raise: some twenty types
+        kind = re.sub(r"\W+", " ", str(error))[:200]  # the error's text may quote the file
+        raise InputError(f"{path}: no model of this kind ({kind}); train the model again") from error
 
 
 def _stable_skops(estimator: "BaseEstimator") -> bytes:

@@ -1,6 +1,6 @@
 """What the lines of a device's log hold, column by column, and the reasons why a line is none of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pyarrow as pa
 
@@ -23,13 +23,17 @@ REASONS = (
 
 @dataclass(frozen=True)
 class Column:
-    """One column: values outside `low` to `high` (inclusive, in `unit`) cannot come from the device."""
+    """One column: values outside `low` to `high` (inclusive, in `unit`) cannot come from the device.
+
+    A column of words becomes one of their numbers.
+    """
 
     name: str
     unit: str
     low: float
     high: float
     integer: bool = False
+    words: dict[str, int] | None = field(default=None, compare=False)  # word -> number, as they are met; None: none
 
     @property
     def type(self) -> pa.DataType:

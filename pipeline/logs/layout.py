@@ -358,6 +358,8 @@ class Reader:
             return None
         values = [fields[place] for place in places]
         for k, value in enumerate(values):
+            if value and self._readings[k].words is not None:
+                continue
             if is_missing(value):
                 if self.layout.missing != "previous" or self._previous[k] is None:
                     self._keep(values)
@@ -413,8 +415,10 @@ class Reader:
         return time.to_integral_value() if self.format.columns[self._time_at].integer else time
 
     def _reading(self, k: int, value: str) -> str:
-        """Return the text of a reading in the log's unit; counts that come as 12.0 are whole numbers."""
+        """Return the text of a reading in the log's unit; of counts such as 12.0 whole, of words a number."""
         column, (scale, offset) = self._readings[k], self._linear[k]
+        if column.words is not None:
+            return str(column.words.setdefault(value, len(column.words)))
         falls = not self.layout.rises_when_pressed and column.name not in ("x_mm", "y_mm")
         if scale == 1 and offset == 0 and not falls:
             if column.integer and not _WHOLE.fullmatch(value) and float(value).is_integer():

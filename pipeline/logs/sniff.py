@@ -118,6 +118,16 @@ def numbers_a_line(path: Path) -> int:
     return max(often)[1] if often else 0
 
 
+def columns_a_line(path: Path, separator: str) -> int:
+    """Return how many columns most lines of a log have, of words or numbers; errors as `layout.opened`."""
+    with layout.opened(path) as file:
+        lines = file.read(START).decode("utf-8", "replace").splitlines()[:LINES]
+    if separator == layout.TEXT:
+        return numbers_a_line(path)
+    counts = Counter(len(layout.divided(line, separator)) for line in lines if line.strip())
+    return counts.most_common(1)[0][0] if counts else 0
+
+
 def _encoding(start: bytes) -> str | None:
     """Return the encoding of a text by its first bytes; None for what is no text."""
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):

@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ HIGH_REST = 0.75  # of the range of an area; a mat whose usual reading is beyond
 DIM = 0.25  # of the range of an area; images of readings that reach no further are dark
 MARGIN = 1.1  # of the largest reading, where that is no converter's
 RARE = 0.01  # of the frames, whose extremes are noise
+STEPS = [step * 10.0**power for power in range(-4, 7) for step in (1, 2, 5) if (step, power) != (1, 0)]  # of a scale
 BITS = (1023, 4095, 16383, 65535)  # largest counts of converters
 
 
@@ -61,9 +63,10 @@ def proposed(
     found = sniff.proposed(path, fmt)
     if not isinstance(found, Proposal):
         return found
-    if found.layout == laid_out:
-        return None
     try:
+        found = whole(path, fmt, found, settings["ingest"]["max_reject_fraction"])
+        if found.layout == laid_out:
+            return None
         log = read_one(path, fmt, trial(found))
     except InputError:
         return None
@@ -72,6 +75,32 @@ def proposed(
     except InputError as error:
         return None if found.layout == PLAIN else str(error)
     return found
+
+
+def whole(path: Path, fmt: parse.Format, found: Proposal, limit: float) -> Proposal:
+    """Return a proposal with the scale, and offset, at which readings with decimals are counts; else as it is.
+
+    limit: share of lines with decimals that may be rejected instead. Raises InputError where no line can be read.
+    """
+    readings = [column for column in fmt.columns if column.name != fmt.time]
+    if not all(column.integer for column in readings):
+        return found
+    any_number = {column.name: replace(column, low=-1e9, high=1e9, integer=False) for column in readings}
+    columns = tuple(any_number.get(column.name, column) for column in fmt.columns)
+    rows, _ = parse.read_log(path, replace(fmt, columns=columns), layout=trial(found))
+    values = np.column_stack([rows[name].to_numpy() for name in any_number])
+    if np.mean((values != np.rint(values)).any(axis=1)) <= limit:
+        return found
+    highest, low = min(column.high for column in readings), min(0.0, values.min())
+    most = highest / (MARGIN * (max(0.0, values.max()) - low))
+    scale = max(step for step in STEPS if step <= most) if most >= STEPS[0] else most
+    laid_out = found.layout | {"scale": int(scale) if scale >= 1 else scale}
+    if low < 0:
+        laid_out["offset"] = int(np.ceil(-low * scale))
+    said = (
+        f"that readings may be rounded once they are multiplied by {scale:g}, and are counts of 0 to {highest:g} then"
+    )
+    return Proposal(laid_out, [*found.guesses, said])
 
 
 def trial(proposal: Proposal) -> dict:
@@ -173,12 +202,14 @@ def _outwards(value: float) -> float:
 def format_block(experiment: str, found: Mapping[str, list[Proposal]], settings: Mapping) -> list[str]:
     """Return the lines of settings that read logs of another layout, with what is guessed; [] without such logs.
 
-    found: log -> proposals, of which the one that most recordings have is taken.
+    found: log -> proposals, of which the one of the highest readings, that most recordings have, is taken.
     """
     if not found:
         return []
     best = {
-        name: max(several, key=lambda one: sum(one.layout == other.layout for other in several))
+        name: max(
+            several, key=lambda one: (-one.layout.get("scale", 1), sum(one.layout == other.layout for other in several))
+        )
         for name, several in found.items()
     }
     layouts = {**settings["ingest"].get("format", {}), **{name: proposal.layout for name, proposal in best.items()}}

@@ -19,7 +19,15 @@ FILE = "settings.yaml"  # in a folder of logs
 ASKED = tuple(Asked.model_fields)  # blocks of a target of one's own, which belong to no experiment
 SEEDS = [0, 1, 2]
 SMALLEST_IMAGE = 8  # pixels of a side; the networks halve an image two to five times
-WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree")  # for sensors of a few channels, whose image is no picture
+YARDSTICKS = {  # of every sensor of one's own, in no table of the papers
+    experiment: {
+        "window_trees": {"trees": 20, "min_samples_leaf": leaf},
+        "window_ridge": {"parts": 4, "shares": experiment == "glove"},
+    }
+    for experiment, leaf in (("touch", 20), ("strain", 5), ("glove", 1))  # a leaf of touch holds a whole map
+}
+# For sensors of a few channels, whose image is no picture.
+WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree", "window_trees", "window_ridge")
 PRESSED = "strain.sensor.pressed_below_mm"  # the setting that says what a press is
 OF_PRESSES, TREES = "press_difference", {"trees": 50, "min_samples_leaf": 5}  # a model that must know it
 OVERLAPPING = "random"  # protocols whose test part holds what was trained on: the papers' own, of no use here
@@ -55,7 +63,7 @@ def write(
     """
     settings = copied(source, target)
     block = params.read(settings)[experiment]
-    known = dict(block["models"])
+    known = dict(block["models"]) | YARDSTICKS[experiment]
     of_sensor = {key: value for key, value in read(folder).items() if key not in ASKED}
     each = {"seeds": list(seeds)}
     protocols = {

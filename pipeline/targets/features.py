@@ -10,8 +10,9 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.datasets.seeding import generator
+from pipeline.learning.window_statistics import KINDS, described
 from pipeline.sheet.estimates import Estimate
-from pipeline.targets.read import Data, Series
+from pipeline.targets.read import Data
 
 SHORTEST_S, LONGEST_S = 2.0, 10.0
 SILENCE = 0.25  # of a window; a longer silence begins a series anew
@@ -32,10 +33,15 @@ class Windows(NamedTuple):
 
     def columns(self, level: bool) -> np.ndarray:
         """Return the statistics as columns (n, features), with the level or without."""
-        if level:
-            return self.x.reshape(len(self.x), -1)
-        last, mean, slope, spread, smallest, largest = np.moveaxis(self.x, 1, 0)
-        return np.concatenate([last - mean, slope, spread, smallest - mean, largest - mean], axis=1)
+        return columns(self.x, level)
+
+
+def columns(found: np.ndarray, level: bool) -> np.ndarray:
+    """Return statistics (n, 6, elements) as columns (n, features), with the level or without."""
+    if level:
+        return found.reshape(len(found), -1)
+    last, mean, slope, spread, smallest, largest = np.moveaxis(found, 1, 0)
+    return np.concatenate([last - mean, slope, spread, smallest - mean, largest - mean], axis=1)
 
 
 def window_s(creep_1: Estimate | None, creep_10: Estimate | None) -> tuple[float, str]:
@@ -71,7 +77,7 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
             continue
         firsts = np.arange(0, len(counted), every)
         ends = counted[firsts + rng.integers(np.minimum(every, len(counted) - firsts))]
-        x.append(statistics(series, ends, length_s))
+        x.append(statistics(series.time_s, series.segment, series.reading, ends, length_s))
         truth.append(series.truth[ends])
         group.append(np.searchsorted(names, series.group[ends]))
         recording.append(np.full(len(ends), number))
@@ -95,20 +101,21 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
     )  # fmt: skip
 
 
-def statistics(series: Series, ends: np.ndarray, length_s: float) -> np.ndarray:
+def statistics(
+    time: np.ndarray, segment: np.ndarray, reading: np.ndarray, ends: np.ndarray, length_s: float
+) -> np.ndarray:
     """Return the statistics (m, 6, elements) of the windows that end with the readings `ends` (m,).
 
-    A window begins no earlier than its segment, or than a silence ended.
+    time (s), segment: (n,); reading: (n, elements). A window begins no earlier than its segment, or than a silence
+    ended.
     """
-    time, reading = series.time_s, series.reading.astype(np.float32)
-    anew = np.concatenate([[True], (np.diff(series.segment) != 0) | (np.diff(time) > SILENCE * length_s)])
+    reading = reading.astype(np.float32)
+    anew = np.concatenate([[True], (np.diff(segment) != 0) | (np.diff(time) > SILENCE * length_s)])
     begins = np.maximum.accumulate(np.where(anew, np.arange(len(time)), 0))
-    found = np.empty((len(ends), 6, reading.shape[1]), np.float32)
+    found = np.empty((len(ends), KINDS, reading.shape[1]), np.float32)
     for row, end in enumerate(ends):
         first = begins[end]
         first += np.searchsorted(time[first : end + 1], time[end] - length_s)
         part, at = reading[first : end + 1], time[first : end + 1] - time[first : end + 1].mean()
-        mean = part.mean(axis=0)
-        slope = at.astype(np.float32) @ part / max(float(at @ at), 1e-12)
-        found[row] = part[-1], mean, slope, part.std(axis=0), part.min(axis=0), part.max(axis=0)
+        found[row] = described(part[None], at)[0]
     return found

@@ -15,7 +15,8 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-PENALTIES = (0.1, 3.0, 100.0, 3e3, 1e5)  # of ridge on standardised columns; a thousand windows weigh as much as 1e3
+from pipeline.learning.window_statistics import PENALTIES
+
 COMPONENTS = 200  # of more columns, ridge sees the principal components; a matrix of 500 cells has 3,000
 LEAST = 1e-9  # score of a class, so that a sum is never 0
 LEAF = 5  # windows of a leaf of numbers, at least: windows of one moment resemble one another

@@ -69,12 +69,8 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
     parse.check_names(paths)
     series = []
     for path in paths:
-        rows = log(path / LOGS[experiment], FORMATS[experiment](settings), experiment, settings)
-        name, clock = "/".join(path.parts[-2:]), rows.column_names[0]
-        time_s = rows[clock].to_numpy() / second(FORMATS[experiment](settings))
-        segment = rows["segment"].to_numpy()
-        readings = [column for column in rows.column_names if column not in (clock, "line", "segment")]
-        reading = np.column_stack([rows[column].to_numpy() for column in readings])
+        name = "/".join(path.parts[-2:])
+        time_s, segment, reading, _ = sensor_log(path / LOGS[experiment], experiment, settings)
         truth, known = truth_of(path, asked.target, experiment, settings, time_s, segment)
         press = votes(path, asked.target, experiment, settings, time_s, segment, truth)
         counted = np.where(known, press, -1)
@@ -82,11 +78,30 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
     return Data(asked.target, asked.split.by, series)
 
 
-def log(path: Path, fmt: Format, experiment: str, settings: Mapping, layout_of: Mapping | None = None) -> pa.Table:
-    """Return the rows of a log, read as ingest does; layout_of: in place of the one that the settings have."""
+class Readings(NamedTuple):
+    """What a sensor's log says, n readings of it."""
+
+    time_s: np.ndarray  # (n,) rises within a segment
+    segment: np.ndarray  # (n,)
+    reading: np.ndarray  # (n, elements)
+    rejects: pa.Table  # lines that cannot be used, with their reasons
+
+
+def sensor_log(path: Path, experiment: str, settings: Mapping) -> Readings:
+    """Return the readings of a sensor's log; errors as `parse.read_log`."""
+    fmt, name = FORMATS[experiment](settings), LOGS[experiment]
+    rows, rejects = log(path, fmt, experiment, settings, layout.of(settings["ingest"], name))
+    readings = [column for column in rows.column_names if column not in (fmt.time, "line", "segment")]
+    reading = np.column_stack([rows[column].to_numpy() for column in readings])
+    return Readings(rows[fmt.time].to_numpy() / second(fmt), rows["segment"].to_numpy(), reading, rejects)
+
+
+def log(
+    path: Path, fmt: Format, experiment: str, settings: Mapping, laid_out: Mapping | None
+) -> tuple[pa.Table, pa.Table]:
+    """Return the rows and the rejects of a log, read as ingest does."""
     limit, key = settings["ingest"]["max_reject_fraction"], f"{experiment}.ingest.max_reject_fraction"
-    laid_out = layout_of or layout.of(settings["ingest"], path.name)
-    return parse.read_log(path, fmt, limit=limit, key=key, layout=laid_out)[0]
+    return parse.read_log(path, fmt, limit=limit, key=key, layout=laid_out)
 
 
 def truth_of(
@@ -118,20 +133,25 @@ def truth_of(
     if target.kind == "continuous":
         return np.interp(time_s, at, values), known
     held = values[np.clip(np.searchsorted(at, time_s, side="right") - 1, 0, None)]
-    return (held != 0) if target.kind == "event" else np.array([f"{value:g}" for value in held]), known
+    return (held != 0) if target.kind == "event" else held, known
 
 
 def column_of(path: Path, target: Target, experiment: str, settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in s and values (m,) of the target's column in a log; its first column is the time by default."""
+    """Return times in s and values (m,) of the target's column in a log, text of a class; the first is the time."""
     clock = FORMATS[experiment](settings).columns[0]
-    fmt = Format((clock, Column(target.name, target.unit, -LARGEST, LARGEST)), time=clock.name)
+    words: dict[str, int] | None = {} if target.kind == "class" else None
+    fmt = Format((clock, Column(target.name, target.unit, -LARGEST, LARGEST, words=words)), time=clock.name)
     given = dict(layout.of(settings["ingest"], path.name) or {"separator": ","}) | {"columns": [target.column]}
     if isinstance(target.column, int) and path.is_file():
-        given.setdefault("width", sniff.numbers_a_line(path))
-    rows = log(path, fmt, experiment, settings, given)
+        given.setdefault("width", sniff.columns_a_line(path, given.get("separator", ",")))
+    rows, _ = log(path, fmt, experiment, settings, given)
     if rows["segment"][-1].as_py() > 0:
         raise InputError(f"{path}: its clock begins anew; divide the recording there")
-    return rows[clock.name].to_numpy() / second(fmt), rows[target.name].to_numpy()
+    values = rows[target.name].to_numpy()
+    if words is not None:
+        names = np.array([f"{float(word):g}" if layout.is_number(word) else word for word in words])
+        values = names[values.astype(int)]
+    return rows[clock.name].to_numpy() / second(fmt), values
 
 
 def votes(
@@ -152,7 +172,7 @@ def votes(
     if target.kind != "class":
         return np.zeros(len(time_s), int)
     if experiment == "touch" and load_cell.exists() and settings["ingest"].get("clock") == "shared" and not segment[-1]:
-        rows = log(load_cell, touch.LOAD_CELL, experiment, settings)
+        rows, _ = log(load_cell, touch.LOAD_CELL, experiment, settings, layout.of(settings["ingest"], load_cell.name))
         force = np.interp(time_s, rows["t_us"].to_numpy() / second(touch.LOAD_CELL), rows["fz_n"].to_numpy())
         found = cycles.presses(time_s, force, cycles.REST * force.max(), cycles.BRIEFEST_S)
         number = np.full(len(time_s), -1)

@@ -6,7 +6,7 @@ its 90 % intervals. The group that is tested is read once, after that.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -46,10 +46,9 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
         warnings += missing(windows, trains, test, name)
         guesses, held_out = {}, {}
         for row in rows:
-            penalty, held_out[row.name] = chosen_penalty(row, windows, trains, inner, kind)
-            x = windows.columns(row.level)
-            estimator = row.fit(x[trains], windows.y[trains])[penalty]
-            guesses[row.name] = models.predicted(estimator, x[test], windows.y.shape[1])
+            estimator, held_out[row.name] = fitted(row, windows, trains, inner, kind)
+            x = windows.columns(row.level)[test]
+            guesses[row.name] = models.predicted(estimator, x, windows.y.shape[1])
         best = max(guesses, key=lambda row: headline(kind, windows.y[trains], held_out[row]))
         chosen[name] = best
         for row, guess in (*guesses.items(), (CHOSEN, guesses[best])):
@@ -105,19 +104,52 @@ def parts(windows: Windows, rows: np.ndarray) -> np.ndarray:
     return part
 
 
-def chosen_penalty(
-    row: Row, windows: Windows, trains: np.ndarray, inner: np.ndarray, kind: str
-) -> tuple[int, np.ndarray]:
-    """Return the number of the best penalty, and what models of the other parts predict of each part (m, outputs)."""
+class Final(NamedTuple):
+    """The model for new recordings, fitted to all groups."""
+
+    row: Row
+    estimator: Any  # with `predict`
+    bound: float  # as of `calibrated`
+    units: int  # presses, grasps or pieces that the bound is of
+
+
+def final(windows: Windows, kind: str, trees: int) -> Final:
+    """Return what all groups choose as a test's other groups do, calibrated on the errors of models of other parts."""
+    everything, best, score = np.arange(len(windows.y)), None, -np.inf
+    inner = parts(windows, everything)
+    for row in models.rows(kind, trees):
+        estimator, held_out = fitted(row, windows, everything, inner, kind)
+        if (reached := headline(kind, windows.y, held_out)) > score:
+            bound, score = calibrated(windows.y, held_out, windows.unit, kind), reached
+            best = Final(row, estimator, bound, len(np.unique(windows.unit)))
+    return best
+
+
+def calibrated(truth: np.ndarray, held_out: np.ndarray, unit: np.ndarray | None, kind: str) -> float:
+    """Return the half width of a 90 % interval of numbers, or the score from which on a class is in a 90 % set.
+
+    truth, held_out: (n, outputs), the second of models that did not see these windows; unit: (n,) of what is
+    exchangeable, None: each row. Infinity, and of classes 0, where there are too few units to tell.
+    """
+    if kind == "continuous":
+        return conformal.half_width((truth - held_out).ravel(), unit)
+    return conformal.class_threshold(held_out, truth.argmax(axis=1), unit)
+
+
+def fitted(row: Row, windows: Windows, trains: np.ndarray, inner: np.ndarray, kind: str) -> tuple[Any, np.ndarray]:
+    """Return a model of the windows that train, with the penalty that predicts each part best from the other parts.
+
+    Also what these models of the other parts predict, (m, outputs).
+    """
     x, y, held_out = windows.columns(row.level)[trains], windows.y[trains], None
     for part in np.unique(inner):
         here = inner == part
-        fitted = row.fit(x[~here], y[~here])
-        held_out = np.empty((len(fitted), *y.shape)) if held_out is None else held_out
-        for k, estimator in enumerate(fitted):
+        of_others = row.fit(x[~here], y[~here])
+        held_out = np.empty((len(of_others), *y.shape)) if held_out is None else held_out
+        for k, estimator in enumerate(of_others):
             held_out[k, here] = models.predicted(estimator, x[here], y.shape[1])
     best = max(range(len(held_out)), key=lambda k: headline(kind, y, held_out[k]))
-    return best, held_out[best]
+    return row.fit(x, y)[best], held_out[best]
 
 
 def headline(kind: str, y: np.ndarray, guess: np.ndarray) -> float:
@@ -204,13 +236,13 @@ def covered(
     of, asked, y = windows.unit[trains], windows.unit[test], windows.y
     known, truth = y[trains], y[test]
     if kind == "continuous":
-        size = conformal.half_width((known - held_out).ravel(), of)
+        size = calibrated(known, held_out, of, kind)
         inside, name, told = np.abs(truth - guess).ravel() <= size, HALF_WIDTH, np.isfinite(size)
     else:
         if kind == "class":
             known, held_out = voted(of, known), voted(of, held_out)
             truth, guess, of = voted(asked, truth), voted(asked, guess), None
-        threshold = conformal.class_threshold(held_out, known.argmax(axis=1), of)
+        threshold = calibrated(known, held_out, of, kind)
         sets = conformal.class_sets(guess, threshold)
         inside, name, unit, told = sets[np.arange(len(sets)), truth.argmax(axis=1)], CLASSES, "1", threshold > 0
         size = float(sets.sum(axis=1).mean())

@@ -112,6 +112,32 @@ def test_what_is_in_another_unit_keeps_its_sentence_beside_the_block(workspace, 
     assert block["touch.ingest.format"] == {"load_cell.log": {"scale": 0.00981, "separator": ","}}
 
 
+@pytest.mark.parametrize(("volt", "rest"), [(3.3, 0.0), (1.0, 0.02)])
+def test_readings_with_decimals_get_a_scale(workspace, touch_logs, tmp_path, capsys, volt, rest):
+    """Of volts, also below 0: the block reads them as counts that differ from the device's by their rounding alone."""
+
+    def volts(lines):
+        for line in lines:
+            time, *counts = line.split(",")
+            good = counts and all(map(str.isdigit, counts))
+            yield ",".join([time, *(f"{int(v) * volt / 1023 - rest:.4f}" for v in counts)]) if good else line
+
+    logs = edited(touch_logs, tmp_path / "logs", array=volts)
+    first, block = checked(workspace, "touch", logs, capsys)
+    assert "is no whole number; write the converter's counts" in first and first.endswith(f"; or {own_logs.PASTE}")
+    (layout_of,) = block["touch.ingest.format"].values()
+    pasted(logs, block)
+    assert checked(workspace, "touch", logs, capsys)[0] is None
+    usual, other = (
+        schemas.matrix(
+            check.checked("touch", folder / "single" / "day1_0", values_of(folder, "touch")["touch"]).frames["v"]
+        )
+        for folder in (touch_logs, logs)
+    )
+    wanted = (usual * volt / 1023 - rest) * layout_of["scale"] + layout_of.get("offset", 0)
+    assert ("offset" in layout_of) == (rest > 0) and np.abs(other - wanted).max() < 1 and other.max() > 0.3 * 1023
+
+
 @pytest.mark.parametrize(
     ("change", "mended"),
     [

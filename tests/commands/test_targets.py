@@ -1,11 +1,15 @@
 """`tactile check` and `tactile try` of a sensor that has a target of its own."""
 
+import json
 import sys
 
+import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from builders import free_targets
 
+from pipeline.base import processes
 from pipeline.commands import command_line, targets
 from pipeline.commands.targets import Effort
 
@@ -38,3 +42,71 @@ def test_the_first_thing_to_fix_is_said(workspace, monkeypatch, capsys):
     (folder / "bend" / "anna_1" / "arm.log").unlink()
     with pytest.raises(SystemExit, match="fix first: .*bend/anna_1/arm.log: log not found"):
         called(monkeypatch, capsys, workspace, "check", folder)
+
+
+def trained(monkeypatch, capsys, workspace, folder):
+    """Return the folder of the model that a quick look keeps."""
+    monkeypatch.setattr(targets, "LOOK", Effort(300, 10))
+    monkeypatch.chdir(workspace.root)
+    said = called(monkeypatch, capsys, workspace, "try", folder)
+    model = workspace.root / "build" / "own" / folder.name / "trained" / "target"
+    assert f"{model}: the model of all groups" in said
+    return model
+
+
+def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, tmp_path, monkeypatch, capsys):
+    model = trained(monkeypatch, capsys, workspace, free_targets.angles(workspace.root / "data" / "own" / "joint"))
+    logs = free_targets.angles(tmp_path / "new", people=("dora", "emil"), seconds=20.0) / "bend"
+    (logs / "dora_1" / "arm.log").unlink()
+    called(monkeypatch, capsys, workspace, "predict", model, logs)
+    out = workspace.root / "predictions" / "bend"
+    table = pq.read_table(out / "predictions.parquet").to_pandas()
+    summary = json.loads((out / "summary.json").read_text())
+    one = table[table["recording"] == "dora_0"]
+    angle = 45 * np.sin(2 * np.pi * one["t_s"] / 3.1) + 5 * np.sin(2 * np.pi * one["t_s"] / 0.9)
+    assert len(one) == 200 and np.sqrt(np.mean((one["predicted"] - angle) ** 2)) < 9
+    assert np.mean((one["low"] <= angle) & (angle <= one["high"])) > 0.8
+    assert np.ptp(one["high"] - one["low"]) < 1e-9 and (one["high"] - one["low"]).iloc[0] < 20
+    scores = {each["recording"]: each.get("scores") for each in summary["recordings"]}
+    assert scores["dora_1"] is None and scores["dora_0"]["R2"] > 0.9 and scores["emil_0"]["coverage"] > 0.8
+    card = json.loads((model / "target.json").read_text())
+    tests = pd.read_csv(workspace.reports / "own" / "joint" / "scores.csv")
+    tests = tests[(tests["model"] == "chosen on the other groups") & (tests["metric"] == "RMSE")]
+    assert card["groups"] == tests["test"].tolist() and card["scores"]["RMSE"] == pytest.approx(tests["value"].mean())
+    for command in (["live", model, "--replay", logs / "dora_0" / "daq.log"], ["export", model, tmp_path / "exported"]):
+        with pytest.raises(SystemExit, match="a target of one's own, with which `tactile predict` alone works"):
+            called(monkeypatch, capsys, workspace, *command)
+    with open(model / "estimator.skops", "ab") as file:
+        file.write(b"0")
+    with pytest.raises(SystemExit, match="is not the file that target.json describes; train it again"):
+        called(monkeypatch, capsys, workspace, "predict", model, logs)
+
+
+def test_the_model_of_a_class_names_sets(workspace, tmp_path, monkeypatch, capsys):
+    folder = free_targets.objects(workspace.root / "data" / "own" / "mat")
+    asked = (folder / "settings.yaml").read_text()
+    (folder / "settings.yaml").write_text(asked.replace("folder: 1", "folder: 1\n  window_s: 0.1"))
+    model = trained(monkeypatch, capsys, workspace, folder)
+    logs = free_targets.objects(tmp_path / "new", grasps=1)
+    (logs / "cup" / "day0_0").rename(logs / "cup" / "unknown")
+    (logs / "cup").rename(logs / "what")
+    called(monkeypatch, capsys, workspace, "predict", model, logs, "--out", tmp_path / "out")
+    table = pq.read_table(tmp_path / "out" / "predictions.parquet").to_pandas()
+    summary = {
+        each["recording"]: each for each in json.loads((tmp_path / "out" / "summary.json").read_text())["recordings"]
+    }
+    assert {name: each["vote"] for name, each in summary.items()} == {
+        "ball/day0_0": "ball", "ball/day1_1": "ball", "plate/day0_0": "plate", "plate/day1_1": "plate",
+        "what/unknown": "cup", "what/day1_1": "cup",
+    }  # fmt: skip
+    assert "scores" not in summary["what/unknown"] and summary["ball/day0_0"]["scores"]["coverage"] > 0.7
+    sizes = table["set"].map(len)
+    assert (table["set"].map(lambda names: names[0]) == table["predicted"]).all() and sizes.min() == 1 < sizes.max()
+    assert np.stack(table["score"]).sum(axis=1) == pytest.approx(1)
+
+
+def test_two_runs_on_one_sensor_do_not_mix(workspace, monkeypatch, capsys):
+    folder = free_targets.angles(workspace.root / "data" / "own" / "joint", people=("anna",), seconds=3.0)
+    with processes.holding(workspace.root / "build" / "own" / "joint" / "lock", lambda: None):
+        with pytest.raises(SystemExit, match="runs already; wait until it ends, or stop it"):
+            called(monkeypatch, capsys, workspace, "try", folder)

@@ -19,12 +19,15 @@ from pipeline.base import params, paths
 from pipeline.datasets import series
 from pipeline.learning import image_classifier, series_regressors
 from pipeline.learning.regressors import Spec
+from pipeline.own import settings as own_settings
 from pipeline.settings.models import Models
 from pipeline.tasks import windows as tasks_windows
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 VALUES = params.load(ROOT / "params.yaml")
+for own_experiment, yardsticks in own_settings.YARDSTICKS.items():
+    VALUES[own_experiment]["models"] |= yardsticks
 # Sizes of training, and of what is drawn from the training part, that a few windows are enough for.
 TINY = {"epochs": 2, "batch_size": 8, "streams": 4, "batch": 2, "centres": 16, "trees": 3}
 SAMPLES, WINDOWS, IMAGES, OBJECTS = 400, 24, 12, 4
@@ -162,7 +165,7 @@ def cases(in_epochs: bool = False) -> list:
     ]
 
 
-def test_every_model_and_every_experiment_is_in_params_yaml():
+def test_every_model_is_in_params_yaml_or_of_own_sensors_and_every_experiment_in_params_yaml():
     listed = {model for experiment in VALUES["experiments"] for model in VALUES[experiment]["models"]}
     assert listed == set(Models.model_fields)
     files = {path.stem for path in paths.EXPERIMENTS.glob("*.py")} - {"__init__"}

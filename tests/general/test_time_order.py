@@ -13,6 +13,7 @@ from pipeline.base import params
 from pipeline.datasets import series
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, spec_of
+from pipeline.own import settings as own_settings
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -41,6 +42,8 @@ MODELS = {
         "vgg": (BOTH, dict(channels=[32] * 5, training=WINDOWED["training"] | {"epochs": 30, "batch_size": 32})),
         "lomp": (BOTH, LOMP | WINDOWED),
         "lomp_stream": (BOTH, LOMP | {"training": LEARNING}),
+        "window_trees": (BOTH, dict(trees=200, min_samples_leaf=5)),
+        "window_ridge": (BOTH, dict(parts=4, shares=False)),
     },
     "series": {
         "constant": (NEITHER, {}),
@@ -50,6 +53,8 @@ MODELS = {
         "lstm_transfer": (BOTH, {"training": RECIPE | {"learning_rate": 0.1}}),
         "lstm_transfer_ridge": (BOTH, {"ridge": 1e-6}),
         "lstm_highpass": (BOTH, {"filters": 6, "taps": 4, "units": 16, "training": STRETCHES}),
+        "window_trees": (BOTH, dict(trees=200, min_samples_leaf=5)),
+        "window_ridge": (BOTH, dict(parts=4, shares=False)),
         "press_difference": (LAST, {"press": 2, "trees": 10, "min_samples_leaf": 5}),  # what is before is rest to it
     },
 }
@@ -59,7 +64,9 @@ FRAMES, DELAY = 4, 2
 @pytest.mark.parametrize("kind", MODELS)
 def test_every_registered_model_is_here(kind):
     of_kind = [name for name in VALUES["experiments"] if experiments.module(name).KIND == kind]
-    assert set(MODELS[kind]) == {model for name in of_kind for model in VALUES[name]["models"]}
+    assert set(MODELS[kind]) == {
+        model for name in of_kind for model in [*VALUES[name]["models"], *own_settings.YARDSTICKS["touch"]]
+    }
 
 
 def solved(predicted: np.ndarray, truth: np.ndarray) -> np.ndarray:

@@ -81,6 +81,8 @@ HIGHPASS = {"learning_rate": 1e-2, "epochs": 5, "batch": 4, "length": 30, "warm_
 EVERY_BLOCK = BLOCKS | {
     "lstm_highpass": {"filters": 5, "taps": 4, "units": 8, "training": HIGHPASS},
     "press_difference": {"press": 2, "trees": 3, "min_samples_leaf": 2},
+    "window_ridge": {"parts": 4, "shares": False},
+    "window_trees": {"trees": 3, "min_samples_leaf": 2},
 }
 BLIND = ("lstm_highpass", "press_difference")  # to a constant offset of a voltage
 

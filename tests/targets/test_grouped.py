@@ -17,9 +17,10 @@ VALUES = params.load(ROOT / "params.yaml")
 SENSORS = {"strain": {"channels": 2}, "glove": {"areas": {"pressure": {"rows": 2, "cols": 2}}, "scale": "range"}}
 
 
-def data(experiment, folder):
-    """Return the recordings of a folder as `tactile try` reads them."""
+def data(experiment, folder, limit=0.02):
+    """Return the recordings of a folder as `tactile try` reads them; limit: share of lines that may be rejected."""
     settings = VALUES[experiment] | {"sensor": VALUES[experiment]["sensor"] | SENSORS[experiment]}
+    settings["ingest"] = settings["ingest"] | {"max_reject_fraction": limit}
     return read.own(experiment, folder, settings, own_settings.asked(folder))
 
 
@@ -119,16 +120,15 @@ def test_windows_hold_what_their_names_say_and_end_with_their_segment():
     time[30:] += 5.0  # a silence
     reading = rng.normal(0, 1, (40, 3))
     segment = np.repeat([0, 1], [15, 25])
-    one = read.Series("a", np.full(40, "g"), time, segment, reading, np.zeros(40), np.zeros(40, int))
     ends = np.array([14, 16, 29, 30, 39])
-    found = features.statistics(one, ends, 1.0)
+    found = features.statistics(time, segment, reading, ends, 1.0)
     for row, (first, end) in zip(found, [(4, 14), (15, 16), (19, 29), (30, 30), (30, 39)], strict=True):
         part = reading[first : end + 1]
         slope = np.polyfit(time[first : end + 1], part, 1)[0] if end > first else np.zeros(3)
         wanted = part[-1], part.mean(axis=0), slope, part.std(axis=0), part.min(axis=0), part.max(axis=0)
         assert row == pytest.approx(np.array(wanted), abs=1e-5)
     windows = features.Windows(found, *[None] * 7)
-    higher = features.Windows(features.statistics(one._replace(reading=reading + 9), ends, 1.0), *[None] * 7)
+    higher = features.Windows(features.statistics(time, segment, reading + 9, ends, 1.0), *[None] * 7)
     assert windows.columns(False) == pytest.approx(higher.columns(False), abs=1e-5)
     assert np.abs(windows.columns(True) - higher.columns(True)).max() == pytest.approx(9, abs=1e-4)
 
@@ -185,6 +185,20 @@ def test_what_is_wrong_is_one_sentence(tmp_path, case):
     with pytest.raises(InputError) as caught:
         data("strain", folder)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("column", [3, "touched"])
+def test_classes_are_words_of_a_column(tmp_path, column):
+    """A word holds until the next line; numbers among them are what they are, however they are written."""
+    folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=3.0)
+    target = {"name": "object", "kind": "class", "file": "seen.log", "column": column}
+    free_targets.settings(folder, free_targets.STRAIN, target, free_targets.PERSON)
+    lines = ["t_s,u,touched", "0.0,0,none", "1.0,4,red cup", "1.2,4,", "2.0,2,3.0", "2.5,1,3", "2.95,0,none"]
+    for run in range(2):
+        (folder / "bend" / f"anna_{run}" / "seen.log").write_text("\n".join(lines) + "\n")
+    one = data("strain", folder, limit=0.2).series[0]
+    assert one.truth[one.press >= 0].tolist() == ["none"] * 10 + ["red cup"] * 10 + ["3"] * 10
+    assert np.unique(one.press[one.press >= 0], return_counts=True)[1].tolist() == [10, 10, 10]
 
 
 def test_a_log_of_another_clock_is_refused(tmp_path):

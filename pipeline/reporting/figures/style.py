@@ -51,6 +51,8 @@ STYLES = {  # colour, marker, line
     "lstm_highpass": (SKY, "*", (0, (5, 1.5))),
     "press_difference": (BLACK, "P", (0, (1, 1))),
     "lstm_transfer_ridge": (PURPLE, "D", (0, (4, 1, 1, 1))),
+    "window_ridge": (OLIVE, "X", "--"),
+    "window_trees": (BLACK, "p", "-."),
     "naive_bayes": (ORANGE, "o", ":"),
     "resnet18": (GREEN, "v", "-."),
     "mobilenet": (SKY, "P", (0, (5, 1.5))),

@@ -24,6 +24,8 @@ LABELS = {
     "lstm_highpass": "LSTM on high-passed voltages",
     "press_difference": "Extra trees, press minus rest",
     "lstm_transfer_ridge": "LSTM, transfer (closed form)",
+    "window_ridge": "Ridge, window statistics",
+    "window_trees": "Extra trees, window statistics",
     "naive_bayes": "Naive Bayes",
     "resnet18": "ResNet-18",
     "mobilenet": "MobileNet",
