@@ -7,6 +7,8 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -18,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from pipeline.base import modules
 from pipeline.base.params_file import set_values
 from pipeline.base.paths import Workspace
+from pipeline.base.processes import ONE_THREAD
 from pipeline.scoring import shards
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -151,14 +154,41 @@ def run_miniature(folder: Path) -> Project:
     """
     project = Project(folder)
     quiet = project.environment
-    project.environment = noting_opened(project)
-    project.dvc("repro", *SHARED)
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(lambda targets: run_half(project, targets), HALVES))
-    run_studies(project)
-    project.dvc("repro")
+    with warm_python(folder) as warm:
+        project.environment = noting_opened(project) | warm
+        project.dvc("repro", *SHARED)
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(lambda targets: run_half(project, targets), HALVES))
+        run_studies(project)
+        project.dvc("repro")
     project.environment = quiet
     return project
+
+
+@contextlib.contextmanager
+def warm_python(folder: Path) -> Iterator[dict[str, str]]:
+    """Yield the environment in which the `python` of a shell is a fork of a process that has imported the libraries.
+
+    That the numbers are those of processes started one by one: test_same_hashes_after_a_kill_and_from_scratch.
+    """
+    made = tempfile.mkdtemp(prefix="warm")  # short: a socket's path has 107 characters at most
+    address, code = f"{made}/socket", ROOT / "tests" / "warm"
+    started = subprocess.Popen(
+        [sys.executable, "-P", str(code / "server.py"), address],
+        env=os.environ | ONE_THREAD,
+        cwd=folder,
+        stdin=subprocess.PIPE,
+    )
+    try:
+        while not Path(address).exists():
+            assert started.poll() is None, "tests/warm/server.py did not start"
+            time.sleep(0.05)
+        path = f"{code}{os.pathsep}{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        yield {"PATH": path, "WARM_SOCKET": address, "WARM_PYTHON": sys.executable}
+    finally:
+        started.stdin.close()
+        started.wait()
+        shutil.rmtree(made)
 
 
 def run_studies(project: Project) -> None:

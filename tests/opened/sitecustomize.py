@@ -76,11 +76,15 @@ class Finder:
 
         def exec_module(module) -> None:
             run(module)
-            for function, how in NATIVE[name].items():
-                setattr(module, function, self.notes.wrapped(getattr(module, function), how))
+            self.wrap(module)
 
         spec.loader.exec_module = exec_module
         return spec
+
+    def wrap(self, module) -> None:
+        """Wrap the functions of one of NATIVE."""
+        for function, how in NATIVE[module.__name__].items():
+            setattr(module, function, self.notes.wrapped(getattr(module, function), how))
 
 
 if os.environ.get("SETTINGS_READ"):
@@ -90,5 +94,9 @@ if os.environ.get("SETTINGS_READ"):
 
 if os.environ.get("OPENED") and os.environ.get("DVC_STAGE"):
     notes = Notes(os.environ["OPENED"], os.environ["DVC_STAGE"])
+    finder = Finder(notes)
     sys.addaudithook(notes.hear)
-    sys.meta_path.insert(0, Finder(notes))
+    sys.meta_path.insert(0, finder)
+    for name in NATIVE:
+        if name in sys.modules:  # in a fork of warm/server.py
+            finder.wrap(sys.modules[name])
