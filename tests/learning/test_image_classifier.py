@@ -109,6 +109,14 @@ def test_the_weights_of_the_best_epoch_are_kept():
     assert model.summary == ("completed", 4)
 
 
+def test_a_fit_starts_anew_from_its_seed():
+    model, said = classifier(), []
+    for seed in (0, 1, 0):
+        model.fit(task(16), task(4), seed=seed, device="cpu")
+        said.append(model.predict(task(4)[0]))
+    assert (said[0] == said[2]).all() and (said[0] != said[1]).any()
+
+
 def test_too_few_images_are_one_sentence():
     with pytest.raises(InputError, match="the training part has fewer than 2 images"):
         classifier().fit(task(1), task(4), seed=0)

@@ -15,7 +15,7 @@ from pipeline.base.errors import InputError
 from pipeline.datasets.images import SIDE
 from pipeline.learning import cost
 from pipeline.learning.image_classifier import spec_of
-from pipeline.learning.residual_blocks import Convolution3x3, GlobalCoordinateAttention
+from pipeline.learning.residual_blocks import BasicBlock, Convolution3x3, GlobalCoordinateAttention, SeparableBlock
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.settings.training import AugmentedTraining
 from pipeline.studies.operations import operations
@@ -131,6 +131,14 @@ def test_attention_weighs_rows_and_columns():
 def test_reduction_that_leaves_no_channel_is_refused(reduction):
     with pytest.raises(InputError, match="reduction must be from 1 to the 64 channels"):
         sp_resnet.build(spec_of(OBJECTS), reduction=reduction, training=AugmentedTraining(**TRAINING))
+
+
+@pytest.mark.parametrize("block", [BasicBlock(4, 4), SeparableBlock(4, 4), SeparableBlock(4, 4, reduction=2)])
+def test_a_block_adds_what_it_was_given(block):
+    x = torch.randn(3, 4, 6, 5)
+    after = {BasicBlock: nn.functional.relu, SeparableBlock: nn.functional.hardswish}[type(block)]
+    nn.init.zeros_(block.body[-1].weight)  # of the last batch normalisation: the rest of the block says nothing
+    torch.testing.assert_close(block(x), after(x))
 
 
 @pytest.mark.parametrize("layer", [Convolution3x3(6, 5, 1), Convolution3x3(6, 5, 2)])
