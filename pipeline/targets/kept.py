@@ -92,7 +92,7 @@ def load(folder: Path) -> Kept:
     """Return the model in a folder; InputError where card or estimator is damaged, or is not the other's."""
     from pipeline.learning import estimators
 
-    path, again = folder / CARD, "train it again with `tactile own`"
+    path, again = folder / CARD, "train it again with `tactile own FOLDER`"
     try:
         card = Card.model_validate_json(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:

@@ -74,7 +74,7 @@ def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, tm
     tests = tests[(tests["model"] == "chosen on the other groups") & (tests["metric"] == "RMSE")]
     assert card["groups"] == tests["test"].tolist() and card["scores"]["RMSE"] == pytest.approx(tests["value"].mean())
     for command in (["live", model, "--replay", logs / "dora_0" / "daq.log"], ["export", model, tmp_path / "exported"]):
-        with pytest.raises(SystemExit, match="a target of one's own, with which `tactile predict` alone works"):
+        with pytest.raises(SystemExit, match="only `tactile predict MODEL LOGS` takes the model of a target"):
             called(monkeypatch, capsys, workspace, *command)
     with open(model / "estimator.skops", "ab") as file:
         file.write(b"0")
