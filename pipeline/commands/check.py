@@ -471,9 +471,10 @@ def is_elsewhere(element: int, order: np.ndarray, pressed: np.ndarray, strongest
 def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], list[str]]:
     """Return findings and problems: how many rows train, validate and test in the first run of every protocol."""
     module, said, problems = experiments.module(experiment), [], []
-    for protocol, block in values[experiment]["protocols"].items():
+    seeds = {protocol: block["seeds"] for protocol, block in values[experiment]["protocols"].items()}
+    for protocol, (first, *_) in {protocol: each for protocol, each in seeds.items() if each}.items():
         try:
-            part = module.split(rows, values[experiment], protocol, block["seeds"][0])
+            part = module.split(rows, values[experiment], protocol, first)
         except InputError as error:
             problems.append(str(error))
             continue
