@@ -471,10 +471,11 @@ def is_elsewhere(element: int, order: np.ndarray, pressed: np.ndarray, strongest
 def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], list[str]]:
     """Return findings and problems: how many rows train, validate and test in the first run of every protocol."""
     module, said, problems = experiments.module(experiment), [], []
-    seeds = {protocol: block["seeds"] for protocol, block in values[experiment]["protocols"].items()}
-    for protocol, (first, *_) in {protocol: each for protocol, each in seeds.items() if each}.items():
+    for protocol, block in values[experiment]["protocols"].items():
+        if not block["seeds"]:
+            continue
         try:
-            part = module.split(rows, values[experiment], protocol, first)
+            part = module.split(rows, values[experiment], protocol, block["seeds"][0])
         except InputError as error:
             problems.append(str(error))
             continue
