@@ -169,17 +169,19 @@ def twins(workspace: Workspace, folder: Path, _: Mapping) -> pd.DataFrame:
 
     Settings are not read: the recordings and scenes are as they are.
 
-    Where recordings are absent, their side of the former reports/twins.csv and the former figure stay.
+    Where recordings are absent, their side of the former reports/twins.csv and the former figure stay; of touch both
+    sides do, as its scene is pressed with the recorded forces.
     """
     former = workspace.reports / "twins"
     measured = {
         name: results.read_csv(workspace.twins(name), TWINS, f"python -m pipeline.stages.twins {name}")
         for name in TWIN_TITLES
     }
-    absent = [name for name, table in measured.items() if set(table["source"]) == {"simulated"}]
+    absent = [name for name, table in measured.items() if "recorded" not in set(table["source"])]
     kept, parts, together = kept_rows(former.with_suffix(".csv"), absent), [], []
     for name, table in measured.items():
-        summary, figure = summarised(name, table, kept[kept["experiment"] == name]), f"{name}.png"
+        before, figure = kept[kept["experiment"] == name], f"{name}.png"
+        summary = summarised(name, table, before) if len(table) else as_summary(before)
         if set(SIDES) <= set(table["source"]):
             twins_figures.positions(folder / figure, TWIN_TITLES[name], table, summary)
         elif summary["inside"].notna().any() and (former / figure).is_file():
@@ -214,4 +216,9 @@ def summarised(experiment: str, table: pd.DataFrame, kept: pd.DataFrame) -> pd.D
         note = values["note"].iloc[0]
         row |= {"inside": inside if known else None, "meaning": values["meaning"].iloc[0]}
         rows.append(row | {"note": note if isinstance(note, str) else ""})
-    return pd.DataFrame(rows, columns=SUMMARY).astype({"inside": "boolean"})
+    return as_summary(pd.DataFrame(rows))
+
+
+def as_summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return rows of reports/twins.csv with its columns and their types."""
+    return rows.reindex(columns=SUMMARY).astype({"inside": "boolean"}).fillna({"note": ""})

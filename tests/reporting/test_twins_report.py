@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.reporting import studies, tables
 from pipeline.stages import twins as twins_stage
@@ -64,6 +65,23 @@ def test_files_are_written_and_one_side_alone_is_no_comparison(workspace, undraw
     workspace.twins("glove").unlink()
     with pytest.raises(InputError, match="python -m pipeline.stages.twins glove"):
         studies.twins(workspace, target, {})
+
+
+def test_a_scene_that_needs_the_absent_recordings_stays_as_it_was(workspace, undrawn, tmp_path):
+    for experiment in studies.TWIN_TITLES:
+        workspace.twins(experiment).parent.mkdir(parents=True)
+        made(LIKE | UNLIKE, note="The film is thinner.").to_csv(workspace.twins(experiment), index=False)
+    former = workspace.reports / "twins"
+    former.mkdir(parents=True)
+    files.write_table(former.with_suffix(".csv"), studies.twins(workspace, former, {}))
+    made({}).to_csv(workspace.twins("touch"), index=False)
+    target = tmp_path / "new"
+    target.mkdir()
+    files.write_table(target / "twins.csv", studies.twins(workspace, target, {}))
+    assert (target / "twins.csv").read_bytes() == former.with_suffix(".csv").read_bytes()
+    assert {path.name: path.read_bytes() for path in former.iterdir()} == {
+        path.name: path.read_bytes() for path in target.iterdir() if path.name != "twins.csv"
+    }
 
 
 @pytest.mark.parametrize("experiment", twins_stage.MODULES)
