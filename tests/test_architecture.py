@@ -128,7 +128,10 @@ def stage_entries() -> Iterator[Entry]:
             read = [dep for dep in stage.deps if isinstance(dep, ParamsDependency) and "shards" not in dep.def_path]
             settings = [name for dep in read for name in dep.params]
             deps = {dep.def_path for dep in stage.deps if not isinstance(dep, ParamsDependency)}
-            python, option, module, *given = stage.cmd.split()
+            first, *then = [stage.cmd] if isinstance(stage.cmd, str) else stage.cmd
+            for further in then:
+                yield Entry(stage.name, further.split(), deps, settings, stage.always_changed)
+            python, option, module, *given = first.split()
             if module == "pipeline.stages.shard":
                 computed = SETS[given[0]]
                 given[0] = computed.experiment

@@ -16,14 +16,13 @@ DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
 WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")
 EVIDENCE = re.compile(r"evidence/(results|studies)(/.*)?")  # whatever of it changes, so does its index
-# These stages always run, so that what they read is never stale; what they write is no output of DVC's. Their deps say
-# after which stages they run: those that make the last of what they read.
+# This stage always runs, so that what it reads is never stale; what it writes is no output of DVC's. Its deps say after
+# which stages it runs: those that make the last of what it reads.
 ALWAYS = {
-    "track": re.compile(
-        r"dvc\.lock|mlruns(/.*)?|data/\w+/(dataset\.parquet|frames\.parquet|ingest\.json|latency|models)(/.*)?"
-        r"|pipeline/scoring/published\.csv|evidence/(index\.csv|shards\.yaml|times\.csv|results/.*)"
+    "this_machine": re.compile(
+        r"dvc\.lock|mlruns(/.*)?|data/\w+(/.*)?|pipeline/scoring/published\.csv|evidence(/.*)?"
+        r"|reports/agreement\.md(\..*)?"
     ),
-    "agreement": re.compile(r"reports/agreement\.md(\..*)?|data/\w+/scores\.csv"),
 }
 
 

@@ -89,7 +89,7 @@ def tracked(workspace):
 
 
 def client(workspace) -> mlflow.MlflowClient:
-    return mlflow.MlflowClient(tracking_uri=f"sqlite:///{mlflow_store.folder(workspace) / 'mlflow.db'}")
+    return mlflow.MlflowClient(tracking_uri=f"sqlite:///{workspace.mlflow / 'mlflow.db'}")
 
 
 def all_runs(workspace) -> dict:
@@ -368,7 +368,7 @@ def test_the_link_opens_the_models_compared_by_their_main_score(committed, capsy
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{free.getsockname()[1]}"
-    store = f"sqlite:///{mlflow_store.folder(workspace) / 'mlflow.db'}"
+    store = f"sqlite:///{workspace.mlflow / 'mlflow.db'}"
     host, _, port = address.partition(":")
     server = subprocess.Popen(
         [*f"{sys.executable} -m mlflow ui --workers 1 --host {host} --port {port} --backend-store-uri".split(), store],

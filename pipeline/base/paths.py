@@ -1,5 +1,6 @@
 """Give every file of a workspace its path, and name the folders of the installed code."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +35,17 @@ class Workspace:
     def reports(self) -> Path:
         """Return the folder of what people read."""
         return self.root / "reports"
+
+    @property
+    def mlflow(self) -> Path:
+        """Return `mlruns`, the default store of MLflow: `mlflow.db` and the runs' `artifacts`.
+
+        `dvc exp run --queue` and `--temp` work in a copy below the checkout's `.dvc/tmp/exps`, which DVC then removes.
+        The runs go to the checkout, which DVC_ROOT names.
+        """
+        root = self.root.resolve()  # MLflow notes the place of its files
+        origin = Path(os.environ.get("DVC_ROOT", root)).resolve()
+        return (origin if root.is_relative_to(origin / ".dvc" / "tmp" / "exps") else root) / "mlruns"
 
     def experiment_folder(self, experiment: str) -> Path:
         """Return `data/<experiment>`, the folder of all that the stages of one experiment write."""

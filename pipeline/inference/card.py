@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from pipeline.base import files
+from pipeline.base import cards, files
 from pipeline.base.errors import InputError
 
 NAME = "card.json"
@@ -148,15 +148,4 @@ def read(folder: Path) -> Card:
     path = folder / NAME
     if not path.is_file():
         raise InputError(f"{path}: not found; make the folder with `tactile export MODEL FOLDER`")
-    try:
-        card = Card.model_validate_json(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); make the folder again") from error
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        key = ".".join(map(str, fault["loc"])) or "the file"
-        raise InputError(f"{path}, {key}: {fault['msg']}; make the folder again") from error
-    weights = weights_file(folder)
-    if files.sha256(weights) != card.sha256:
-        raise InputError(f"{weights}: is not the file that {NAME} describes; make the folder again")
-    return card
+    return cards.read(path, Card, weights_file(folder), "make the folder again")

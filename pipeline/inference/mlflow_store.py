@@ -31,17 +31,6 @@ for name in ("alembic", "mlflow", "urllib3"):  # what goes wrong reaches the use
     logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
-def folder(workspace: Workspace) -> Path:
-    """Return `mlruns`, the default store: `mlflow.db` and the runs' `artifacts`.
-
-    `dvc exp run --queue` and `--temp` work in a copy below the checkout's `.dvc/tmp/exps`, which DVC then removes. The
-    runs go to the checkout, which DVC_ROOT names.
-    """
-    root = workspace.root.resolve()  # MLflow notes the place of its files
-    origin = Path(os.environ.get("DVC_ROOT", root)).resolve()
-    return (origin if root.is_relative_to(origin / ".dvc" / "tmp" / "exps") else root) / "mlruns"
-
-
 def server() -> str:
     """Return the address in MLFLOW_TRACKING_URI, a server's or a database's; empty for the default store."""
     return os.environ.get("MLFLOW_TRACKING_URI", "")
@@ -56,8 +45,8 @@ def opened(workspace: Workspace, then: str = TRACK) -> Iterator[MlflowClient]:
     uri = server()
     try:
         if not uri:
-            folder(workspace).mkdir(parents=True, exist_ok=True)
-        client = MlflowClient(tracking_uri=uri or f"sqlite:///{folder(workspace) / 'mlflow.db'}")
+            workspace.mlflow.mkdir(parents=True, exist_ok=True)
+        client = MlflowClient(tracking_uri=uri or f"sqlite:///{workspace.mlflow / 'mlflow.db'}")
         client.search_experiments(max_results=1)
         yield client
     except (MlflowException, SQLAlchemyError, OSError, ImportError) as error:
@@ -77,7 +66,7 @@ def experiment_id(workspace: Workspace, client: MlflowClient, name: str) -> str:
     """
     # A server knows where files go; a database alone would have them below the working folder, which may be a copy's.
     engine = (server() or "sqlite").partition(":")[0].partition("+")[0]
-    place = str(folder(workspace) / "artifacts" / name) if engine in DATABASE_ENGINES else None
+    place = str(workspace.mlflow / "artifacts" / name) if engine in DATABASE_ENGINES else None
     found = client.get_experiment_by_name(name)
     if found is None:
         return client.create_experiment(name, place)
@@ -116,7 +105,7 @@ def downloaded(workspace: Workspace, run_id: str, target: Path) -> Path:
 
     Raises InputError where the store has no such run, or the run holds no model.
     """
-    if not server() and not (folder(workspace) / "mlflow.db").is_file():
+    if not server() and not (workspace.mlflow / "mlflow.db").is_file():
         raise InputError(f"{run_id}: this checkout has no MLflow runs; run `dvc repro`, or set MLFLOW_TRACKING_URI")
     with opened(workspace, "repeat the command") as client:
         try:

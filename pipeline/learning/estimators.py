@@ -3,8 +3,9 @@
 import io
 import json
 import re
+import warnings
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,10 +67,13 @@ class SklearnRegressor:
         Runs on one CPU thread whatever `device` says (sums in thread order would not repeat bit for bit). The
         row's learning_rate is 0: there is none. Raises InputError for arrays of the wrong shape.
         """
+        from sklearn.exceptions import DataConversionWarning
+
         check_windows(self.spec, train, "training")
         check_windows(self.spec, validation, "validation")
         estimator = self.make_estimator(seed)
-        with threadpool_limits(1):
+        with threadpool_limits(1), warnings.catch_warnings():
+            warnings.simplefilter("ignore", DataConversionWarning)  # a column of one output is what we mean
             estimator.fit(self._features(train[0]).astype(np.float64), train[1].astype(np.float64))
             self.estimator = estimator
             losses = [float(np.mean(np.square(self.predict(x) - y, dtype=np.float64))) for x, y in (train, validation)]
@@ -109,6 +113,11 @@ class SklearnRegressor:
         if self.estimator is None:
             raise RuntimeError("fit or load the model first")
         return self.estimator
+
+
+def tree_numbers(trees: Iterable) -> int:
+    """Return the fitted numbers of scikit-learn's trees: a threshold per inner node, the outputs of every leaf."""
+    return sum(tree.tree_.node_count + (tree.n_outputs_ - 1) * tree.tree_.n_leaves for tree in trees)
 
 
 def write(folder: Path, estimator: "BaseEstimator") -> None:

@@ -13,7 +13,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 
-from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.estimators import SklearnRegressor, tree_numbers
 from pipeline.learning.regressors import Spec
 
 
@@ -112,9 +112,7 @@ def trees(spec: Spec, min_samples_leaf: int, max_features: float) -> SklearnRegr
     return SklearnRegressor(
         lambda seed: ElementTrees(owner, spec.elements, min_samples_leaf, float(max_features), seed),
         spec,
-        count=lambda fitted: sum(
-            tree.tree_.node_count + (tree.n_outputs_ - 1) * tree.tree_.n_leaves for tree in fitted.trees_
-        ),
+        count=lambda fitted: tree_numbers(fitted.trees_),
         macs=None,
         trusted=("pipeline.learning.per_element.ElementTrees", "sklearn.tree._tree.Tree"),
     )

@@ -6,18 +6,15 @@ half-way), is free of any offset. That a step happens and how long a press may l
 which no network is given. A prediction uses the past alone.
 """
 
-import warnings
-
 import numpy as np
 from pydantic import Field
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.ensemble import ExtraTreesRegressor
-from sklearn.exceptions import DataConversionWarning
 from sklearn.pipeline import make_pipeline
 
 from pipeline.base.errors import InputError
 from pipeline.datasets.series import Record
-from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.estimators import SklearnRegressor, tree_numbers
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Windowed
 from pipeline.settings.shared import Block
@@ -38,8 +35,7 @@ class Settings(Block):
 def build(spec: Spec, *, press: int, trees: int, min_samples_leaf: int) -> "PressDifference":
     """Return the unfitted model.
 
-    Fitted numbers: one threshold per inner node, the outputs of every leaf. No multiply-accumulates: trees compare.
-    Raises InputError where windows are too short for `press`.
+    No multiply-accumulates: trees compare. Raises InputError where windows are too short for `press`.
     """
     needed = press + max(REST)
     if press < 1 or needed > spec.frames:
@@ -53,9 +49,7 @@ def build(spec: Spec, *, press: int, trees: int, min_samples_leaf: int) -> "Pres
             ExtraTreesRegressor(trees, min_samples_leaf=min_samples_leaf, random_state=seed, n_jobs=1),
         ),
         spec,
-        count=lambda fitted: sum(
-            tree.tree_.node_count + (spec.outputs - 1) * tree.tree_.n_leaves for tree in fitted[-1].estimators_
-        ),
+        count=lambda fitted: tree_numbers(fitted[-1].estimators_),
         macs=None,
         trusted=("pipeline.models.press_difference.Difference", "sklearn.tree._tree.Tree"),
     )
@@ -68,9 +62,7 @@ class PressDifference(Windowed):
     def fit(self, records: list[Record], **options) -> list[dict]:
         """Fit to the second half of every press; arguments and result as for Windowed.fit."""
         late = [record._replace(counted=record.counted & ~_first_half(record.press)) for record in records]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DataConversionWarning)  # a column of one output is what we mean
-            return super().fit(late, **options)
+        return super().fit(late, **options)
 
 
 class Difference(TransformerMixin, BaseEstimator):

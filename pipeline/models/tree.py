@@ -25,8 +25,6 @@ class Settings(Block):
 def build(spec: Spec, *, each: str, min_samples_leaf: int, max_features: float) -> SklearnRegressor:
     """Return trees that try the share `max_features` of their inputs (drawn by the seed) at every split.
 
-    Fitted numbers: one threshold per inner node and the block of the map of every leaf.
-
     Differs from paper: neither says how large its tree is; here leaves hold at least `min_samples_leaf` windows or
     images, and those of the tables are grown in full.
     """

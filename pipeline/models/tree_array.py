@@ -3,7 +3,7 @@
 from pydantic import Field
 from sklearn.tree import DecisionTreeRegressor
 
-from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.estimators import SklearnRegressor, tree_numbers
 from pipeline.learning.regressors import Spec
 from pipeline.settings.shared import Block, Share
 
@@ -18,8 +18,8 @@ class Settings(Block):
 def build(spec: Spec, *, min_samples_leaf: int, max_features: float) -> SklearnRegressor:
     """Return a tree that tries the share `max_features` of the inputs (drawn by the seed) at every split.
 
-    Fitted numbers: one threshold per inner node and one map per leaf, so a tree of one leaf counts as much as
-    the constant model. No multiply-accumulates: a tree only compares. No scaling: it would change nothing.
+    A tree of one leaf has as many fitted numbers as the constant model. No multiply-accumulates: a tree only
+    compares. No scaling: it would change nothing.
 
     Not the paper's, which calibrates each element by itself (`tree`): a stronger baseline.
     """
@@ -28,7 +28,7 @@ def build(spec: Spec, *, min_samples_leaf: int, max_features: float) -> SklearnR
             min_samples_leaf=min_samples_leaf, max_features=float(max_features), random_state=seed
         ),
         spec,
-        count=lambda fitted: fitted.tree_.node_count - fitted.tree_.n_leaves + fitted.tree_.n_leaves * spec.outputs,
+        count=lambda fitted: tree_numbers([fitted]),
         macs=None,
         trusted=("sklearn.tree._tree.Tree",),  # node indices are not checked on loading: load your own files only
     )

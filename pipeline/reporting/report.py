@@ -53,7 +53,7 @@ class Report:
         return self.results.estimate(self.experiment, protocol, condition, model, metric, variant=variant)
 
     def training_times(self, protocol: str, model: str, budget: str) -> list[float]:
-        """Return the core-seconds of each training of the evidence at a budget."""
+        """Return the seconds of each training of the evidence at a budget, on a core or a card."""
         return self.results.runs(self.experiment, protocol, protocol, model, "train_s", budget=budget).tolist()
 
     def machines(self) -> str:

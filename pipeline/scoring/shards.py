@@ -6,7 +6,7 @@ set, for each amount of data; its shards are called `<set>-<seed>-<budget>`. The
 * results/<shard>.csv: rows of the one table of results.
 * studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
-* index.csv: of each shard its digest, costs, machine and commit; times.csv: core-seconds of each training.
+* index.csv: of each shard its digest, costs, machine and commit; times.csv: seconds of each training.
 """
 
 import hashlib
@@ -98,7 +98,7 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 
 
 def read(workspace: Workspace) -> pd.DataFrame:
-    """Return the rows of all committed shards, with the time of each training in core-seconds (metric `train_s`).
+    """Return the rows of all committed shards; of metric `train_s` the seconds of each training, on a core or a card.
 
     None where there are none. Raises InputError where a file is not as indexed.
     """

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from pipeline.base import files
+from pipeline.base import cards, files
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.scoring import conformal, metrics
@@ -92,18 +92,8 @@ def load(folder: Path) -> Kept:
     """Return the model in a folder; InputError where card or estimator is damaged, or is not the other's."""
     from pipeline.learning import estimators
 
-    path, again = folder / CARD, "train it again with `tactile own FOLDER`"
-    try:
-        card = Card.model_validate_json(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); {again}") from error
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        key = ".".join(map(str, fault["loc"])) or "the file"
-        raise InputError(f"{path}, {key}: {fault['msg']}; {again}") from error
-    weights = folder / estimators.ESTIMATOR_FILE
-    if not weights.is_file() or files.sha256(weights) != card.sha256:
-        raise InputError(f"{weights}: is not the file that {CARD} describes; {again}")
+    weights, again = folder / estimators.ESTIMATOR_FILE, "train it again with `tactile own FOLDER`"
+    card = cards.read(folder / CARD, Card, weights, again)
     return Kept(card, estimators.read(folder, TRUSTED))
 
 
