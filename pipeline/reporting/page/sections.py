@@ -63,7 +63,7 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     ]
     opening = fill(
         "answers",
-        claims=int(judged["kind"].isin(claims.claim_text.COUNTED).sum()),
+        claims=len(claims.claim_text.counted(judged)),
         answers=found,
         chart=figure(workspace, answers.CHART, "Our errors over the published ones, one panel per paper"),
         verdicts=claims.VERDICTS,
@@ -155,7 +155,7 @@ def stability_summary(workspace: Workspace, failures: pd.DataFrame) -> Markup:
         order, means = ranked[protocol, condition], rows.groupby("perturbation", sort=False)["relative"].mean()
         words = {"best": model_name(order.index[0]), "least": order.iloc[0], "worst": model_name(order.index[-1])}
         words |= {"most": order.iloc[-1], "hardest": perturbation(means.idxmax())[0], "tests": len(rows)}
-        words |= {"holds": sum(rows["verdict"] == stability.HOLDS), "useless": sum(rows["verdict"] == stability.WORSE)}
+        words |= {"holds": sum(rows["verdict"] == stability.HOLDS), "useless": sum(rows["worse"])}
         shown.append(words | {"title": title, "figure": figure(workspace, source, f"{title}, relative error")})
     return fill("stability", parts=shown)
 

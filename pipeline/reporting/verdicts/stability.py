@@ -34,7 +34,7 @@ ERRORS = {
 PLACE = ["protocol", "condition", "perturbation"]
 KEY = [*PLACE, "severity", "model", "seed"]
 LAST = ["last_severity", "last_error"]  # of the walk
-FAILURES = ["experiment", *PLACE, "model", "fails_at", "step", "clean", "error", "verdict", *LAST, "relative"]
+FAILURES = ["experiment", *PLACE, "model", "fails_at", "step", "clean", "error", "verdict", *LAST, "relative", "worse"]
 
 
 class Verdict(NamedTuple):
@@ -133,7 +133,8 @@ def failures(table: pd.DataFrame, experiment: str, usable: Mapping[str, float]) 
         for model, errors in models.items():
             if model != FLOOR:
                 last, judged = list(errors)[-1], verdict(errors, floor, usable[place[0]])
-                ends = last, errors[last].mean, relative(errors, floor)
+                worse = bool(floor) and any(errors[at].mean > floor[at].mean for at in errors)  # at any severity
+                ends = last, errors[last].mean, relative(errors, floor), worse
                 rows.append((experiment, *place, model, *judged, *ends))
     return pd.DataFrame(rows, columns=FAILURES)
 
