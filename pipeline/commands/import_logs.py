@@ -98,6 +98,8 @@ def _sniffed(experiment: str, name: str, fmt: Format, texts: Mapping[str, Path],
             refused.append(proposal.replace(str(text), table))
     if refused and name == LOGS[experiment]:
         raise InputError(refused[0])
+    if refused:
+        print(f"{name}: {refused[0]}")
     return min(ways)[-1] if ways else None
 
 
@@ -123,6 +125,8 @@ def _write(path: Path, found: Found, fmt: Format) -> None:
             raise InputError(f"{found.table}: no row is as {path.with_name(ORIGIN)} says; fix the block of {path.name}")
     said = f"; {rejected} rows without all values are left out" if rejected else ""
     print(f"{path}: {rows} lines from {found.table}{said}")
+    for sentence in found.proposal.said:
+        print(f"  {sentence}")
     for guess in found.proposal.guesses:
         print(f"  guessed: {guess}")
 
@@ -143,6 +147,7 @@ def _write_origin(path: Path, sources: list[Path], found: Mapping[str, Found]) -
     lines = ["# Imported. To correct a guess, change the line below it and run the command again.", ""]
     lines += [f"sha256: {own_logs.on_a_line({str(source): files.sha256(source) for source in sources})}", "logs:"]
     for name, one in found.items():
+        lines += [f"  # {sentence}" for sentence in one.proposal.said]
         lines += [f"  # guessed is {guess}" for guess in one.proposal.guesses]
         lines.append(f"  {name}: {own_logs.on_a_line({FROM: one.table} | one.proposal.layout)}")
     files.write_text(path, "\n".join(lines) + "\n")

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from pipeline.base.errors import InputError
+from pipeline.logs import units
 from pipeline.logs.formats import COLUMNS, NOT_A_NUMBER, UNREADABLE, Format
 from pipeline.settings.shared import Layout
 
@@ -119,6 +120,11 @@ def is_missing(field: str) -> bool:
     return not field or _NAN.fullmatch(field) is not None
 
 
+def is_header(fields: list[str]) -> bool:
+    """Tell whether the columns of a line are words, one at least, and no numbers."""
+    return any(re.search("[^\\W\\d_]", field) for field in fields) and not any(map(is_number, fields))
+
+
 def expression(pattern: str) -> str:
     """Return the regular expression of what a pattern of strptime can stand for."""
     parts = re.split(r"%(.)", pattern)
@@ -162,6 +168,7 @@ class Reader:
             self._places = self._by_number()
             self._time_place = given.time - 1 if self._field_of_time else None
         self._width = given.width
+        self._above: list[tuple[int, list[str]]] = []  # number and fields of the lines above the first row, of words
         self._frame: list[tuple[int, str, list[str]]] = []  # number, text and fields of the lines of a frame so far
         self._frame_time: str | None = None
         self._frame_over = False  # a whole frame was taken, and the next has not begun
@@ -240,6 +247,8 @@ class Reader:
     def _line(self, text: str) -> Iterator[Line]:
         """Yield what follows from one more line."""
         self._number += 1
+        if not self._begun and self._number <= ABOVE and is_header(names := self._fields(text)):
+            self._above.append((self._number, names))
         if self._number <= self.layout.skip_lines:
             return
         line = text
@@ -270,6 +279,35 @@ class Reader:
             yield from self._of_frame(text, fields)
         else:
             yield from self._taken(self._number, text, fields, stamp)
+
+    def _fields(self, text: str) -> list[str]:
+        """Return the columns of a line of words; none where any text divides them."""
+        if self.layout.separator == TEXT:
+            return []
+        for pattern in self._strip:
+            text = pattern.sub("", text)
+        return divided(text.strip(" \t" if self._wanted else self._blanks), self.layout.separator)
+
+    def _check_units(self, count: int) -> None:
+        """Raise InputError where the header of rows of `count` fields names another unit than that which is read.
+
+        A factor or a unit of the time that the layout has is the user's word against that of the header.
+        """
+        width, given = count + (self._searched is not None), self.layout.model_fields_set
+        line, names = next(((line, names) for line, names in reversed(self._above) if len(names) == width), (0, []))
+        if not names or self.layout.lines_per_frame > 1:
+            return
+        names, time, places = units.of_header(names), self._time_place, self._places
+        if self._searched is not None:  # a column of its own in the header
+            names.pop(next((k for k, name in enumerate(names) if units.named(name, "s") is None), 0))
+        pairs = []
+        if time is not None and not {"time_unit", "time_pattern"} & given:
+            pairs.append((names[time], self.format.columns[self._time_at]))
+        if "scale" not in given:
+            places = [k for k in range(count) if k != time] if places is None else places
+            pairs += [(names[place], column) for place, column in zip(places, self._readings, strict=True)]
+        for name, column in pairs:
+            units.check(name, column, f"{self.where}: line {line}")
 
     def _reject(self, text: str, reason: str) -> Iterator[Line]:
         """Yield a reject, but not of what stands above the first row: titles, units, the names of the columns."""
@@ -330,6 +368,8 @@ class Reader:
         if row is None:
             yield from self._reject(text, COLUMNS if len(fields) != self._expected() else NOT_A_NUMBER)
             return
+        if not self._begun:
+            self._check_units(len(fields))
         self._begun = True
         self._count += 1
         time, rounded, readings = row

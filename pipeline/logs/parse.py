@@ -24,7 +24,7 @@ import pyarrow.csv
 from pipeline.base.errors import InputError
 from pipeline.base.params import file_of
 from pipeline.logs import layout as layouts
-from pipeline.logs import packets
+from pipeline.logs import packets, units
 from pipeline.logs.formats import (
     COLUMNS,
     DUPLICATE,
@@ -98,6 +98,8 @@ def printed(line: bytes, fmt: Format, where: str) -> Format | None:
         return None
     if not known and _in_turn(names, fmt):
         return fmt
+    if _TIME.match(names[fmt.names.index(fmt.time)]):
+        _check_units(line, fmt, where)
     if strange := [field.decode().strip() for field, name in zip(fields, names, strict=True) if name not in fmt.names]:
         raise InputError(
             f"{where} names the column{'s' * (len(strange) > 1)} {_listed(strange)}; known are "
@@ -149,6 +151,7 @@ def printed_format(path: Path, fmt: Format) -> Format:
     """
     if not path.is_file():
         return fmt
+    found = None
     with path.open("rb") as file:
         for number in range(1, HEAD + 1):
             line = file.readline(LONGEST_HEADER)
@@ -157,9 +160,24 @@ def printed_format(path: Path, fmt: Format) -> Format:
             fields = _content(line).split(fmt.separator.encode())
             if not line.endswith(b"\n") or len(fields) == len(fmt.columns) and all(map(_FLOAT.fullmatch, fields)):
                 break
-            if found := printed(line, fmt, f"{path}: line {number}"):
-                return found
-    return fmt
+            where = f"{path}: line {number}"
+            if found is None and (found := printed(line, fmt, where)):
+                _check_units(line, found, where)
+            elif len(fields) == len(fmt.columns) and any(units.known(units.bracketed(_text(f)) or "") for f in fields):
+                _check_units(line, found or fmt, where)
+    return found or fmt
+
+
+def _text(field: bytes) -> str:
+    """Return a name of a header as text."""
+    return field.decode("utf-8", "replace").strip(" \t'\"")
+
+
+def _check_units(line: bytes, fmt: Format, where: str) -> None:
+    """Raise InputError where a header of columns in the order of `fmt` names another unit than a column's own."""
+    names = units.of_header([_text(name) for name in _content(line).lstrip(b"#%;/ \t").split(fmt.separator.encode())])
+    for name, column in zip(names, fmt.columns, strict=True):
+        units.check(name, column, where)
 
 
 class _Rejects:

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.base.errors import InputError
-from pipeline.logs import layout
-from pipeline.logs.formats import Format
+from pipeline.logs import layout, units
+from pipeline.logs.formats import Column, Format
 
 START, LINES = 1 << 18, 600  # bytes and lines that are looked at
 SHARE = 0.8  # of the lines with a number in them that have to be alike
@@ -28,6 +28,7 @@ WIDEST_STEP_S = 0.11  # of a clock with few digits, up to which lines are spread
 MOST_OF_A_STEP = 20  # lines
 EPOCHS = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # since 1970, at least
 MANY_MISSING = 0.3  # share of rows without a value: columns that are read at other times
+USUAL = {"N": (0.05, 1e3), "mm": (0.2, 2e3), "V": (0.01, 10.0)}  # the largest reading of a log; of places, the motion
 SMALL_M = 0.2  # an arm that moves by less than 0.2 mm moves in metres
 GRAMS = (1e3, 2e5)  # what a load cell shows at most where it shows grams
 TRIED = 50  # lines on which a pattern of times is tried
@@ -56,6 +57,7 @@ class Proposal(NamedTuple):
 
     layout: dict  # for the settings; `rate_hz` is None where the log tells none
     guesses: list[str]
+    said: tuple[str, ...] = ()  # what the header says of units
 
 
 class _Table(NamedTuple):
@@ -348,11 +350,16 @@ def _names(table: _Table, lines: list[str]) -> list[str] | None:
             if re.fullmatch("[MW]Pos", name) and names[k + 1 : k + 3] == ["", ""]:
                 names[k : k + 3] = ["x", "y", "z"]
         return names if any(names) else None
-    for line in reversed(lines[: table.first]):
-        names = layout.divided(line, table.separator)
-        if len(names) == table.width and sum(map(layout.is_number, names)) == 0 and re.search("[A-Za-z]", line):
-            return names
-    return None
+    return _header(table, lines)[1]
+
+
+def _header(table: _Table, lines: list[str]) -> tuple[int, list[str] | None]:
+    """Return the number of the line that is the header above the first row, and its names; (0, None) without."""
+    for number in range(table.first, 0, -1):
+        names = layout.divided(lines[number - 1], table.separator)
+        if len(names) == table.width and layout.is_header(names):
+            return number, names
+    return 0, None
 
 
 def _finished(
@@ -369,15 +376,16 @@ def _finished(
     if table.decimal != ".":
         found["decimal"] = table.decimal
     found |= common
-    guesses = list(guesses)
+    guesses, said = list(guesses), []
+    names, where = _with_units(table, lines)
     if "time_pattern" not in common:
         if time is None:
             _refuse_constant(table)
             return None
         if time != 0:
             found["time"] = time + 1
-        names = _names(table, lines)
-        found |= _unit(table.values[:, time], names[time] if names else "", fmt, guesses)
+        name = names[time] if names else ""
+        found |= _unit(table.values[:, time], name, fmt, guesses, said, _unit_of_name(name, fmt, where))
     if places is None:
         places = [place for place in range(table.width) if place != time]
     elif places != [place for place in range(table.width) if place != time]:
@@ -388,8 +396,14 @@ def _finished(
     if np.mean(np.isnan(readings).any(axis=1)) > MANY_MISSING:
         found["missing"] = "previous"
         guesses.append("that a reading which is missing is the one before")
-    found |= _scale(readings, fmt, guesses)
-    return Proposal(found, guesses)
+    found |= _scale(readings, names and [names[place] for place in places], fmt, guesses, said, where)
+    return Proposal(found, guesses, tuple(said))
+
+
+def _with_units(table: _Table, lines: list[str]) -> tuple[list[str] | None, str]:
+    """Return the names of all columns, in which units may be, and the line that has them, for a sentence."""
+    number, names = _header(table, lines) if table.separator != layout.TEXT else (table.first + 1, _names(table, lines))
+    return names and units.of_header(names), f"line {number}"
 
 
 def _refuse_constant(table: _Table) -> None:
@@ -402,8 +416,19 @@ def _refuse_constant(table: _Table) -> None:
         )
 
 
-def _unit(values: np.ndarray, name: str, fmt: Format, guesses: list[str]) -> dict:
-    """Return what the layout has to say of a time: its unit, and whether lines of one time are spread."""
+def _unit_of_name(name: str, fmt: Format, where: str) -> str | None:
+    """Return the unit that the name of a time holds; None where it holds none."""
+    clock = next(column for column in fmt.columns if column.name == fmt.time)
+    return units.known(units.named(name, clock.unit)) if units.factor(name, clock, where) else None
+
+
+def _unit(
+    values: np.ndarray, name: str, fmt: Format, guesses: list[str], said: list[str], unit: str | None = None
+) -> dict:
+    """Return what the layout has to say of a time: its unit, and whether lines of one time are spread.
+
+    unit: that the header names.
+    """
     values = values[np.isfinite(values)]
     steps = np.diff(values)
     up = steps[steps > 0]
@@ -412,7 +437,9 @@ def _unit(values: np.ndarray, name: str, fmt: Format, guesses: list[str]) -> dic
     step = float(np.median(up)) if len(up) else 1.0
     interval = (values[-1] - values[0]) / max(len(values) - 1, 1)
     interval = interval if interval > 0 else step
-    unit = next((unit for unit, least in EPOCHS.items() if abs(np.median(values)) > least), None)
+    if unit and not PLAUSIBLE_S[0] <= interval * second[unit] <= PLAUSIBLE_S[1]:
+        said.append(f"the header says {unit}, but then lines are {interval * second[unit]:.3g} s apart")
+    unit = unit or next((unit for unit, least in EPOCHS.items() if abs(np.median(values)) > least), None)
     unit = unit or next((unit for unit, called in UNITS.items() if called.search(name)), None)
     if unit is None:
         likely = [wanted, *(one for one in ("ms", "us", "s", "ns") if one != wanted)]
@@ -437,9 +464,14 @@ def _unit(values: np.ndarray, name: str, fmt: Format, guesses: list[str]) -> dic
     return found
 
 
-def _scale(readings: np.ndarray, fmt: Format, guesses: list[str]) -> dict:
-    """Return the factor of readings that show to be in another unit."""
+def _scale(
+    readings: np.ndarray, names: list[str] | None, fmt: Format, guesses: list[str], said: list[str], where: str
+) -> dict:
+    """Return the factor of readings whose names say another unit or, without units in them, that show to be in one."""
     columns = [column for column in fmt.columns if column.name != fmt.time]
+    factors = [units.factor(name, column, where) for name, column in zip(names or (), columns, strict=bool(names))]
+    if any(factors):
+        return _scale_of_names(readings, names, columns, factors, guesses, said)
     if all(column.unit == "mm" for column in columns):
         moves = max(np.nanmax(readings, axis=0) - np.nanmin(readings, axis=0))
         if 0 < moves < SMALL_M:
@@ -456,6 +488,37 @@ def _scale(readings: np.ndarray, fmt: Format, guesses: list[str]) -> dict:
     return {}
 
 
+def _scale_of_names(
+    readings: np.ndarray,
+    names: list[str],
+    columns: list[Column],
+    factors: list[float | None],
+    guesses: list[str],
+    said: list[str],
+) -> dict:
+    """Return the factor of readings by the units in their names; what their size says against it is said."""
+    first = next(size for size in factors if size)
+    if bare := [name for name, size in zip(names, factors, strict=True) if size is None]:
+        guesses.append(f"that {', '.join(bare)} have the unit of the column beside")
+    scales = [first if size is None else size for size in factors]
+    named = [units.named(name, column.unit) for name, column in zip(names, columns, strict=True)]
+    unit, wanted = ", ".join(dict.fromkeys(filter(None, named))), columns[0].unit
+    doubt = ""
+    if wanted in USUAL:
+        least, most = USUAL[wanted]
+        scaled = readings * scales
+        sizes = np.nanmax(scaled, axis=0) - np.nanmin(scaled, axis=0) if wanted == "mm" else np.nanmax(abs(scaled))
+        if not least <= (largest := float(np.max(sizes))) <= most:
+            what = "the places move by no more than" if wanted == "mm" else "the largest reading is"
+            doubt = f", but then {what} {largest:.3g} {wanted}, which is unusual"
+    if doubt or any(size != 1 for size in scales):
+        said.append(f"the header says {unit}{doubt}")
+    if all(size == 1 for size in scales):
+        return {}
+    scales = [int(size) if float(size).is_integer() else size for size in scales]
+    return {"scale": scales[0] if len(set(scales)) == 1 else scales}
+
+
 def _converter(readings: np.ndarray) -> bool:
     """Tell whether forces are whole numbers beyond any force: counts of a converter of 24 bits."""
     known = readings[np.isfinite(readings)]
@@ -467,8 +530,10 @@ def _without_time(table: _Table, fmt: Format, common: dict, lines: list[str]) ->
     found = {"separator": table.separator} | ({"decimal": table.decimal} if table.decimal != "." else {}) | common
     found["rate_hz"] = _rate_of_header(lines[: table.first])
     guesses: list[str] = []
-    found |= _scale(table.values, fmt, guesses)
-    return Proposal(found, guesses)
+    said: list[str] = []
+    names, where = _with_units(table, lines)
+    found |= _scale(table.values, names, fmt, guesses, said, where)
+    return Proposal(found, guesses, tuple(said))
 
 
 def _rate_of_header(lines: list[str]) -> float | None:
@@ -524,5 +589,5 @@ def _of_frames(lines: list[str], fmt: Format, common: dict) -> Proposal | None:
             found["frame_begins"] = f"{before}(.*){after}"
             times = [float(number.search(line)[0]) for line in between if number.sub("\0", line) == shape]
             guesses: list[str] = []
-            return Proposal(found | _unit(np.array(times), before, fmt, guesses), guesses)
+            return Proposal(found | _unit(np.array(times), before, fmt, guesses, []), guesses)
     return None

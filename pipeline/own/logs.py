@@ -100,7 +100,7 @@ def whole(path: Path, fmt: parse.Format, found: Proposal, limit: float) -> Propo
     said = (
         f"that readings may be rounded once they are multiplied by {scale:g}, and are counts of 0 to {highest:g} then"
     )
-    return Proposal(laid_out, [*found.guesses, said])
+    return found._replace(layout=laid_out, guesses=[*found.guesses, said])
 
 
 def trial(proposal: Proposal) -> dict:
@@ -116,7 +116,7 @@ def with_rate(path: Path, fmt: parse.Format, proposal: Proposal, read: Mapping[s
     rows, _ = parse.read_log(path, fmt, layout=proposal.layout | {"rate_hz": 1.0})
     rate = float(f"{rows.num_rows / lasts:.2g}")
     guesses = [*proposal.guesses, "the rate, from how long the other logs last: write the device's own"]
-    return Proposal(proposal.layout | {"rate_hz": rate}, guesses)
+    return proposal._replace(layout=proposal.layout | {"rate_hz": rate}, guesses=guesses)
 
 
 class Ranges(NamedTuple):
@@ -208,14 +208,16 @@ def format_block(experiment: str, found: Mapping[str, list[Proposal]], settings:
         return []
     best = {
         name: max(
-            several, key=lambda one: (-one.layout.get("scale", 1), sum(one.layout == other.layout for other in several))
+            several,
+            key=lambda one: (-np.max(one.layout.get("scale", 1)), sum(one.layout == other.layout for other in several)),
         )
         for name, several in found.items()
     }
     layouts = {**settings["ingest"].get("format", {}), **{name: proposal.layout for name, proposal in best.items()}}
     lines = [f"{experiment}.ingest.format:"]
     for name, described in layouts.items():
-        guesses = best[name].guesses if name in best else []
+        guesses, said = (best[name].guesses, best[name].said) if name in best else ([], ())
+        lines += [f"  # {name}: {sentence}" for sentence in said]
         lines += [f"  # {name}: guessed is {guess}" for guess in dict.fromkeys(guesses)]
         if described.get("rate_hz", 0) is None:
             lines.append(f"  # {name}: has no times; write how many frames a second the device prints")

@@ -183,3 +183,20 @@ def test_logs_of_strain_from_two_files(tmp_path):
     assert np.array_equal(np.column_stack([daq[f"u{k}"].to_numpy() for k in range(3)]), volts)
     assert robot["x_mm"].to_numpy() == pytest.approx(X, abs=1e-3)
     assert "# guessed is that places are in metres" in (sensor / "pull" / "run0" / "origin.yaml").read_text()
+
+
+@pytest.mark.parametrize(("unit", "newtons"), [("kN", 1e3), ("mN", 1e-3), ("lbf", 4.4482216152605), ("kPa", None)])
+def test_a_unit_in_a_header_is_converted_or_refused(unit, newtons, run0, tmp_path, capsys):
+    file = tmp_path / "day.csv"
+    columns = {"time (s)": T} | {f"ch{k}": COUNTS[:, k] for k in range(6)} | {f"Force ({unit})": FORCE / (newtons or 1)}
+    pd.DataFrame(columns | {"x (in)": X / 25.4, "y (in)": Y / 25.4, "z (in)": Z / 25.4}).to_csv(file, index=False)
+    imported(file, run0, "--of", "touch")
+    said, origin = capsys.readouterr().out, (run0 / "origin.yaml").read_text()
+    assert "the header says in\n" in said and "# the header says in\n" in origin
+    assert matrix(parse.read_log(run0 / "cnc.log", touch.CNC)[0]) == pytest.approx(np.column_stack([X, Y, Z]))
+    if newtons is None:
+        assert f"load_cell.log: {file}: line 1 names the column 'Force (kPa)'" in said
+        assert not (run0 / "load_cell.log").exists()
+    else:
+        assert f"the header says {unit}\n" in said
+        assert matrix(logs_of_cell(run0))[:, 0] == pytest.approx(FORCE)
