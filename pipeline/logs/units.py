@@ -66,6 +66,8 @@ def factor(name: str, column: Column, where: str) -> float | None:
     if said is None or said == column.unit:
         return None if said is None else 1
     unit, wanted = known(said), known(column.unit)
+    if unit is None and KNOWN.get(wanted) == "time":  # Time (UTC)
+        return None
     if unit is None or wanted is None or KNOWN[unit] != KNOWN[wanted]:
         what = f"a unit of {KNOWN[unit]}" if unit else "no unit that is known here"
         expected = f"expected {column.unit}, or {_listed(wanted)}" if wanted else f"expected {column.unit}"
