@@ -26,6 +26,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
+from pipeline.inference import timing
 from pipeline.logs import alignment, diagnosis, layout, own_data, parse, sniff
 from pipeline.logs.formats import LOGS
 from pipeline.logs.sniff import Proposal
@@ -481,6 +482,8 @@ def parts(experiment: str, rows: pa.Table, values: Mapping) -> tuple[list[str], 
             continue
         counts = {name: int((part == name).sum()) for name in schemas.PARTS[:3]}
         said.append(f"{protocol}: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
+        if protocol == "press" and module.KIND == "windows":
+            said[-1] += f"; these are the windows, of {rows.num_rows}, that are touch.window.stride frames apart"
         if 0 < counts["test"] < FEW_TESTS:
             said[-1] += f"; fewer than {FEW_TESTS} to test on say little: record more"
         if empty := [name for name, count in counts.items() if not count]:
@@ -510,12 +513,17 @@ def unfit(experiment: str, settings: Mapping) -> list[str]:
 
 
 def still(experiment: str, read: list[Checked]) -> list[str]:
-    """Return a finding that names the elements and cells that change in no recording by more than their finest step.
+    """Return findings: elements and cells that change in no recording by more than their finest step, and recordings.
 
-    The step is the finest of all columns of a kind, a count or a digit of the log.
+    The step is the finest of all columns of a kind, a count or a digit of the log. A recording is named in which no
+    element changes at all.
     """
-    lowest, highest, steps = {}, {}, {}
+    lowest, highest, steps, constant = {}, {}, {}, []
     for recording in read:
+        log = recording.logs.get(LOGS[experiment])
+        elements = [c for c in log.rows.column_names if re.fullmatch(r"[a-z]\d+", c)] if log else []
+        if elements and not any(np.ptp(log.rows[column].to_numpy()) > 0 for column in elements):
+            constant.append(recording.name)
         for name, log in recording.logs.items():
             for column in log.rows.column_names:
                 if re.fullmatch(r"[a-z]\d+", column):
@@ -528,7 +536,30 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
     moves = {key: highest[key] - lowest[key] for key in lowest}
     dead = [key for key in moves if not moves[key] > 1.001 * steps[re.sub(r"\d+$", "", key)]]
     listed = ", ".join(dead[:10]) + (", ..." if len(dead) > 10 else "")
-    return [f"{len(dead)} of {len(lowest)} elements never change (dead, or never touched): {listed}"] if dead else []
+    said = [f"{len(dead)} of {len(lowest)} elements never change (dead, or never touched): {listed}"] if dead else []
+    if constant:
+        said.append(
+            f"no element changes in {', '.join(constant)}: remove such a recording, unless the sensor reads so at rest"
+        )
+    return said
+
+
+def rates(experiment: str, read: list[Checked]) -> list[str]:
+    """Return a finding where the sensor's logs have rates that differ by more than `predict` takes as one rate.
+
+    Series are resampled to one rate, and an image has no time in it, so that windows alone depend on it.
+    """
+    logs = {one.name: one.logs[LOGS[experiment]] for one in read if LOGS[experiment] in one.logs}
+    known = {name: log.report["rate_hz"] for name, log in logs.items() if log.report["rate_hz"]}
+    if experiments.module(experiment).KIND != "windows" or not known:
+        return []
+    low, high = min(known, key=known.get), max(known, key=known.get)
+    if known[high] <= timing.TOLERANCE * known[low]:
+        return []
+    return [
+        f"{low} has {known[low]:.3g} lines a second, {high} {known[high]:.3g}: windows of frames last unlike times in "
+        "them; record all at one rate"
+    ]
 
 
 def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) -> str | None:
@@ -554,8 +585,10 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
         laid_out = layout.of(settings["ingest"], LOGS["glove"]) or own_logs.PLAIN
         found.setdefault(LOGS["glove"], [Proposal({**laid_out, "rises_when_pressed": False}, [])])
     problems = [f"{folder}: {problem}" for problem in ranges.problems] + problems
+    if copies := own_data.copied(recordings, LOGS[experiment]):
+        problems.append(f"{folder}: {copies}")
     print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
-    said = still(experiment, read) + ranges.findings
+    said = still(experiment, read) + rates(experiment, read) + ranges.findings
     if usable:
         rows, findings, wrong = whole(experiment, usable, settings)
         said, problems = said + findings, problems + wrong + unfit(experiment, settings)

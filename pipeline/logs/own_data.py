@@ -6,8 +6,10 @@ results would go stale without a word. tests/logs/test_own_data.py holds DVC to 
 
 import os
 import shlex
+from collections.abc import Iterable
 from pathlib import Path
 
+from pipeline.base.files import sha256
 from pipeline.base.paths import Workspace
 
 
@@ -34,6 +36,26 @@ def unnoticed(workspace: Workspace, path: Path) -> str | None:
         f"{link} is a link to a folder, in which `dvc repro` would not notice a change; put the folder in its place, "
         "or, which takes no space, links to its files: "
         f"`rm {shlex.quote(str(link))} && {_linking(link.resolve(), link)}`"
+    )
+
+
+def copied(recordings: Iterable[Path], log: str) -> str | None:
+    """Say which recordings, folders with a sensor's log that is called so, are copies of one; None where none is."""
+    sizes: dict[int, list[Path]] = {}
+    for path in recordings:
+        if (path / log).is_file() and (size := (path / log).stat().st_size):
+            sizes.setdefault(size, []).append(path)
+    alike: dict[str, list[str]] = {}
+    for paths in sizes.values():
+        for path in paths if len(paths) > 1 else ():
+            alike.setdefault(sha256(path / log), []).append("/".join(path.parts[-2:]))
+    copies = [names for names in alike.values() if len(names) > 1]
+    if not copies:
+        return None
+    more = f" (and {len(copies) - 1} more logs that are there more than once)" if len(copies) > 1 else ""
+    return (
+        f"{', '.join(copies[0][:-1])} and {copies[0][-1]} have the same {log}, byte for byte{more}; keep one of them "
+        "and remove the others, as training and test would share it"
     )
 
 

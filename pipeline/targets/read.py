@@ -16,7 +16,7 @@ from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.experiments import glove, strain, strain_recorded, touch
-from pipeline.logs import layout, parse, sniff
+from pipeline.logs import layout, own_data, parse, sniff
 from pipeline.logs.formats import LOGS, Column, Format, second
 from pipeline.settings.targets import Asked, Split, Target
 from pipeline.sheet import cycles
@@ -60,13 +60,15 @@ class Data(NamedTuple):
 def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
     """Return the recordings <1>/<2>/<log> of a sensor of one's own; settings: the block of its experiment.
 
-    Raises InputError as the readers do, and for a path that names no group, a truth that is not there, is of another
-    clock or, in the name of a folder, no number.
+    Raises InputError as the readers do, for a log that is there more than once, and for a path that names no group, a
+    truth that is not there, is of another clock or, in the name of a folder, no number.
     """
     paths = [path for path in parse.folders(folder, "*/*") if (path / LOGS[experiment]).exists()]
     if not paths:
         raise InputError(f"{folder}: no recordings; expected <folder>/<recording>/{LOGS[experiment]} in it")
     parse.check_names(paths)
+    if problem := own_data.copied(paths, LOGS[experiment]):
+        raise InputError(f"{folder}: {problem}")
     series = []
     for path in paths:
         name = "/".join(path.parts[-2:])

@@ -3,6 +3,8 @@
 import argparse
 import errno
 import os
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -21,6 +23,7 @@ from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.reporting.figures import check as check_figures
+from pipeline.targets import read as targets_read
 
 PARAMS = params.load(ROOT / "params.yaml")
 SENSOR = {"touch.sensor": {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}}
@@ -268,3 +271,35 @@ def test_logs_that_share_no_time_are_said_not_to_share_a_clock(tmp_path):
     recording = check.checked("strain", folder, block)
     assert "are none of daq.log's, 0 to 19.95 s, so they do not share a clock" in recording.problems[0]
     assert recording.clock_own and layout.of(block["ingest"], "daq.log") is None
+
+
+def test_a_recording_that_is_there_twice_is_no_second_one(workspace, touch_logs, tmp_path, capsys):
+    """Nor is one that does not change, or of half the rate, left without a word."""
+    logs = edited(touch_logs, tmp_path / "logs")
+    one = logs / "single" / "day1_0"
+    shutil.copytree(one, logs / "single" / "day2")
+    first, _ = checked(workspace, "touch", logs, capsys)
+    assert first == (
+        f"{logs}: single/day1_0 and single/day2 have the same array.log, byte for byte; keep one of them and remove "
+        "the others, as training and test would share it"
+    )
+    asked = own_settings.Asked.model_validate(
+        {"target": {"name": "object", "kind": "class", "folder": 1}, "split": {"by": "recording"}}
+    )
+    with pytest.raises(InputError, match="have the same array.log"):
+        targets_read.own("touch", logs, values_of(logs, "touch")["touch"], asked)
+    half = (one / "array.log").read_text().splitlines()[::2]
+    (logs / "single" / "day2" / "array.log").write_text("\n".join(half) + "\n")
+    check.check(workspace, "touch", logs, values_of(logs, "touch"))
+    assert "single/day2 has 20 lines a second, single/day1_0 40: windows" in capsys.readouterr().out
+
+
+def test_a_recording_in_which_nothing_changes_is_named():
+    def recording(name, values):
+        log = own_logs.Log(pa.table({"p0": values, "p1": values}), None, {})
+        return check.Checked(Path("logs", "cup", name), {"scanner.log": log}, None, {}, [], {}, False)
+
+    read = [recording("a", np.arange(9)), recording("b", np.zeros(9))]
+    assert check.still("glove", read)[0].startswith("no element changes in cup/b: ") and not check.still(
+        "glove", read[:1]
+    )
