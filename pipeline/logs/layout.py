@@ -91,7 +91,8 @@ def divided(line: str, separator: str) -> list[str]:
     if separator == " ":
         fields = line.split()
     elif '"' in line and len(line) < csv.field_size_limit():
-        fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+        bare = line.replace("\r", " ").replace("\n", " ")  # which csv takes for the end of a row
+        fields = next(csv.reader([bare], delimiter=separator, skipinitialspace=True))
     else:
         fields = line.split(separator)
     return [field.strip(" \t'\"") for field in fields]

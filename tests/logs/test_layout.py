@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.experiments import strain, touch
@@ -242,6 +242,7 @@ def test_nothing_is_proposed_for_another_sensor(tmp_path):
     cut=st.tuples(st.floats(0, 1), st.integers(0, 400)),
     noise=st.binary(max_size=12),
 )
+@example(kind="JSON lines", cut=(0.5, 0), noise=b"\r")
 def test_damage_ends_in_rows_and_rejects_or_in_one_sentence(kind, cut, noise, tmp_path):
     fmt, content, laid_out = READ[kind]
     content = content if isinstance(content, bytes) else content.encode()
