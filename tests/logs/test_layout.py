@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
-from hypothesis import example, strategies as st
+from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.experiments import strain, touch
