@@ -446,7 +446,7 @@ def order_of_elements(
             while (k := answers[k]) not in exchanged and (pressed == k).sum() < FEW:
                 exchanged.add(k)
         idle = ~(np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"])
-        above = counts > (counts.min(axis=0) + counts.max(axis=0)) / 2
+        above = counts > (counts.min() + counts.max()) / 2  # of all: what hardly moves is not stuck high
         stuck = [k for k in sorted({*moved, *answers[moved]}) if np.mean(above[idle, k]) > OFTEN]
         of = schemas.names(frames["condition"])[firm] + "/" + schemas.names(frames["recording"])[firm]
         unlike = [
