@@ -439,9 +439,37 @@ def order_of_elements(
             f"the pressed element is the strongest in {100 * right[ORDER]:.0f} % of firm contacts, and no order of the "
             "elements explains many more: check the wiring, x_mm and y_mm of cnc.log, and touch.sensor.pitch_mm"
         ]
-    if moved := [k for k in range(rows * cols) if is_elsewhere(k, orders["in another order"], pressed, strongest)]:
-        order = printed.copy()
-        order[moved] = printed[orders["in another order"][moved]]
+    answers = orders["in another order"]
+    if moved := [k for k in range(rows * cols) if is_elsewhere(k, answers, pressed, strongest)]:
+        exchanged = set(moved)
+        for k in moved:  # and the elements that were not pressed, whose columns they have
+            while (k := answers[k]) not in exchanged and (pressed == k).sum() < FEW:
+                exchanged.add(k)
+        idle = ~(np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"])
+        above = counts > (counts.min() + counts.max()) / 2  # of all: what hardly moves is not stuck high
+        stuck = [k for k in sorted({*moved, *answers[moved]}) if np.mean(above[idle, k]) > OFTEN]
+        of = schemas.names(frames["condition"])[firm] + "/" + schemas.names(frames["recording"])[firm]
+        unlike = [
+            (k, name)
+            for k in moved
+            for name in np.unique(of[pressed == k])
+            if np.mean(strongest[(pressed == k) & (of == name)] == answers[k]) < LEAST_RIGHT
+        ]
+        if stuck:
+            high = ", ".join(f"v{printed[k]}" for k in stuck)
+            return said, [
+                f"{high} is high in {100 * np.mean(above[idle][:, stuck]):.0f} % of the time without a press, so that "
+                "it is stronger than the pressed element: it is stuck; check its wiring and record again"
+            ]
+        if unlike or not exchanged.issuperset(answers[sorted(exchanged)]):
+            names = ", ".join(f"v{printed[k]}" for k in moved)
+            where = f", but not in {unlike[0][1]}" if unlike else ""
+            return said, [
+                f"another element is the strongest where {names} should be{where}, and no one order mends that: "
+                "elements were exchanged in some recordings only, or one is stuck; check the wiring and record again"
+            ]
+        moved, order = sorted(exchanged), printed.copy()
+        order[moved] = printed[answers[moved]]
         names = ", ".join(f"v{printed[k]}" for k in moved)
         return said, [
             f"{names} seem to have changed places: where one is pressed, another of them is the strongest; set "

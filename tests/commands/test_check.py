@@ -303,3 +303,25 @@ def test_a_recording_in_which_nothing_changes_is_named():
     assert check.still("glove", read)[0].startswith("no element changes in cup/b: ") and not check.still(
         "glove", read[:1]
     )
+
+
+def test_an_order_is_proposed_only_where_it_is_one_for_every_recording():
+    """Of 3 elements in a row: 0 is never pressed, and 1 answers in its column."""
+    settings = {"sensor": {"rows": 1, "cols": 3, "pitch_mm": 10.0}, "window": {"contact_threshold_n": 1.0}}
+    pressed = np.tile([1] * 2 + [2] * 10, 21)
+    force = np.where(np.arange(2 * len(pressed)) % 2, 0.0, 9.0)[:, None]
+    at = np.repeat(pressed, 2)
+
+    def said(of_days):
+        day = np.arange(len(at)) * len(of_days) // len(at)
+        v = np.where(force > 0, 500 * np.eye(3)[np.array(of_days)[day, at]], 5)
+        names = {"condition": np.full(len(at), "single"), "recording": np.char.add("day", day.astype(str))}
+        columns = {name: pa.array(values).dictionary_encode() for name, values in names.items()}
+        frames, x = pa.table(columns | {"v": schemas.lists(v, pa.float32())}), 10.0 * at[:, None] + 5
+        return check.order_of_elements(frames, force, x, np.full_like(x, 5), settings)[1]
+
+    plain, swapped = [0, 1, 2], [1, 0, 2]
+    assert said([plain] * 3) == []
+    assert said([swapped] * 3)[0].endswith("set touch.sensor.order: [1, 0, 2]")
+    (some,) = said([plain, swapped, swapped])
+    assert "where v1 should be, but not in single/day0, and no one order mends that" in some
