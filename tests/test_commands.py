@@ -157,7 +157,8 @@ def targets() -> set[str]:
 def stages() -> list[tuple[str, str]]:
     """Return (name, command) of every stage of dvc.yaml."""
     with Repo(str(ROOT)) as repo:
-        return [(stage.addressing, stage.cmd) for stage in repo.index.stages]
+        commands = [(stage.addressing, stage.cmd) for stage in repo.index.stages]
+    return [(name, one) for name, cmd in commands for one in ([cmd] if isinstance(cmd, str) else cmd)]
 
 
 def words_of(arguments: str) -> list[str]:

@@ -129,7 +129,9 @@ def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
     """
     runs, published = only(values), only(printed)
     error = best == 0 and (runs.dropna() > 0).all()  # a gain, which is not, can be below zero
-    mean = interval(runs, results.LOG if error else results.PLAIN)
+    mean = interval(runs / (best or 1), results.SHARE if best else results.LOG if error else results.PLAIN)
+    if best:
+        mean = mean._replace(mean=best * mean.mean, low=best * mean.low, high=best * mean.high)
     band = BAND * abs(published - best)
     verdict = UNDECIDED
     if mean.low > published + band or mean.high < published - band:

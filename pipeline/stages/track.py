@@ -15,6 +15,8 @@ from pipeline.base import arguments, files, paths
 from pipeline.base.params import load
 from pipeline.base.paths import Workspace
 
+READ = ("ingest.json", "latency", "models", "scores.csv", "speed")  # of an experiment's folder; others change later
+
 
 def main(workspace: Workspace) -> None:
     """Track every experiment of the settings."""
@@ -23,7 +25,7 @@ def main(workspace: Workspace) -> None:
     own_store = not os.environ.get("MLFLOW_TRACKING_URI")  # of another one no file tells that it has changed
     values = load(workspace.params)
     of_results = [workspace.params, workspace.root / "params", workspace.root / "evidence", paths.CODE]
-    of_results += [workspace.experiment_folder(name) for name in values["experiments"]]
+    of_results += [workspace.experiment_folder(name) / part for name in values["experiments"] for part in READ]
     results = state(of_results)
     if own_store and mark.is_file() and mark.read_text(encoding="utf-8") == results + state([database]):
         print("MLflow's store has these results; `tactile track` prints the links that compare them")

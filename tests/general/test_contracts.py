@@ -119,10 +119,14 @@ def run_by_dvc() -> set[str]:
     modules, files = set(), [ROOT / "dvc.yaml", ROOT / "evidence" / "dvc.yaml"]
     for each in [each for file in files for each in yaml.safe_load(file.read_text())["stages"].values()]:
         command = each.get("do", each)["cmd"]
+        commands = [command] if isinstance(command, str) else command
         stages = [block["stage"] for block in each.get("vars", []) if "stage" in block] or [""]
         keys = [*each.get("foreach", [])] or [""]
         modules |= {
-            command.replace("${stage}", stage).replace("${key}", key).split()[2] for stage in stages for key in keys
+            command.replace("${stage}", stage).replace("${key}", key).split()[2]
+            for command in commands
+            for stage in stages
+            for key in keys
         }
     return modules | {f"pipeline.studies.{each.study}" for each in shards.read_sets(Workspace(ROOT)).values()}
 

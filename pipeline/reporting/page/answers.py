@@ -193,7 +193,7 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
     words += [f"Ours: {split}, {_span(seeds)}, budget {at}, mean [95 % interval]." for split, at in said.items()]
     early = f"computed for {' and '.join(map(model_name, alone))} alone" if alone else NOT_COMPUTED
     words += [] if judged else [f"{capitalised(first)}: {early}, so no number here has a verdict."]
-    heading = ", ".join([*said, _span(seeds)]) if said else NOT_COMPUTED
+    heading = f"{', '.join(said)}\n{_span(seeds)}" if said else NOT_COMPUTED
     return Table(header, list(cells.values())), heading, points, " ".join([*words, asked.get("note", "")]).strip()
 
 
