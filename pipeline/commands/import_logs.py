@@ -62,7 +62,6 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             known = origin.get(name)
             one = _told(texts, name, known, folder) if known else _sniffed(experiment, name, fmt, texts, settings)
             if one is None:
-                print(f"{name}: not found in {', '.join(texts)}, as columns of {fmt.shown}")
                 continue
             if given.rate_hz and "rate_hz" in one.proposal.layout:
                 one.proposal.layout["rate_hz"] = given.rate_hz
@@ -87,20 +86,25 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
 
 
 def _sniffed(experiment: str, name: str, fmt: Format, texts: Mapping[str, Path], settings: Mapping) -> Found | None:
-    """Return how a log can be made from one of the tables: one called as it, else the one with the fewest guesses."""
+    """Return how a log can be made from one of the tables: one called as it, else the one with the fewest guesses.
+
+    None where no table holds it, and the reason is printed; InputError where it is the log of the sensor.
+    """
     ways, refused = [], []
     for table, text in texts.items():
         proposal = own_logs.proposed(experiment, text, fmt, settings, None)
         if isinstance(proposal, Proposal):
             called = Path(table).stem == Path(name).stem
             ways.append((not called, len(proposal.guesses), len(ways), Found(table, text, proposal)))
-        elif isinstance(proposal, str) and len(texts) == 1:
+        elif isinstance(proposal, str):
             refused.append(proposal.replace(str(text), table))
+    if ways:
+        return min(ways)[-1]
     if refused and name == LOGS[experiment]:
-        raise InputError(refused[0])
-    if refused:
-        print(f"{name}: {refused[0]}")
-    return min(ways)[-1] if ways else None
+        raise InputError("\n".join(refused))
+    for reason in refused or [f"not found in {', '.join(texts)}, as columns of {fmt.shown}"]:
+        print(f"{name}: {reason}")
+    return None
 
 
 def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) -> Found:

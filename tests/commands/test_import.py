@@ -200,3 +200,14 @@ def test_a_unit_in_a_header_is_converted_or_refused(unit, newtons, run0, tmp_pat
     else:
         assert f"the header says {unit}\n" in said
         assert matrix(logs_of_cell(run0))[:, 0] == pytest.approx(FORCE)
+
+
+def test_of_several_files_a_refused_unit_is_named(run0, tmp_path, capsys):
+    """What is wrong with a log's own table is said, not that no table holds it."""
+    readings, cell = tmp_path / "array.csv", tmp_path / "cell.csv"
+    pd.DataFrame({"time (s)": T} | {f"ch{k}": COUNTS[:, k] for k in range(6)}).to_csv(readings, index=False)
+    pd.DataFrame({"time (s)": T, "Force (kPa)": FORCE}).to_csv(cell, index=False)
+    imported(readings, cell, run0, "--of", "touch")
+    said = capsys.readouterr().out
+    assert f"load_cell.log: {cell}: line 1 names the column 'Force (kPa)'" in said
+    assert "load_cell.log: not found" not in said and "cnc.log: not found in " in said
