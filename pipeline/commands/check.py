@@ -54,6 +54,7 @@ LEAST_RIGHT = 0.6  # share of firm contacts in which the pressed element is the 
 FEW_TESTS = 50  # rows
 OFTEN = 0.05  # share of a log's lines that have a gap before them
 SLOW_HZ = 25  # a touch device that is slower cannot be aligned to a press's rise of 0.1 s
+STUCK = 0.05  # share of the time without a press in which an element is high; simulated arrays have 0
 FEW = 3  # firm contacts that tell which column answers at one place
 ORDER = "row by row from the bottom row, each from left to right"
 
@@ -447,7 +448,7 @@ def order_of_elements(
                 exchanged.add(k)
         idle = ~(np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"])
         above = counts > (counts.min() + counts.max()) / 2  # of all: what hardly moves is not stuck high
-        stuck = [k for k in sorted({*moved, *answers[moved]}) if np.mean(above[idle, k]) > OFTEN]
+        stuck = [k for k in sorted({*moved, *answers[moved]}) if np.mean(above[idle, k]) > STUCK]
         of = schemas.names(frames["condition"])[firm] + "/" + schemas.names(frames["recording"])[firm]
         unlike = [
             (k, name)

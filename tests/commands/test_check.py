@@ -312,9 +312,12 @@ def test_an_order_is_proposed_only_where_it_is_one_for_every_recording():
     force = np.where(np.arange(2 * len(pressed)) % 2, 0.0, 9.0)[:, None]
     at = np.repeat(pressed, 2)
 
-    def said(of_days):
+    def said(of_days, stuck=()):
         day = np.arange(len(at)) * len(of_days) // len(at)
-        v = np.where(force > 0, 500 * np.eye(3)[np.array(of_days)[day, at]], 5)
+        high = 400 + 20 * (np.arange(len(at)) % 5)[:, None]
+        v = np.where(force > 0, high * np.eye(3)[np.array(of_days)[day, at]], 5)
+        if stuck:
+            v[stuck] = 900
         names = {"condition": np.full(len(at), "single"), "recording": np.char.add("day", day.astype(str))}
         columns = {name: pa.array(values).dictionary_encode() for name, values in names.items()}
         frames, x = pa.table(columns | {"v": schemas.lists(v, pa.float32())}), 10.0 * at[:, None] + 5
@@ -325,3 +328,7 @@ def test_an_order_is_proposed_only_where_it_is_one_for_every_recording():
     assert said([swapped] * 3)[0].endswith("set touch.sensor.order: [1, 0, 2]")
     (some,) = said([plain, swapped, swapped])
     assert "where v1 should be, but not in single/day0, and no one order mends that" in some
+    (one,) = said(
+        [plain] * 3, stuck=(np.flatnonzero(at == 1), 0)
+    )  # while element 1 is pressed, and between its presses
+    assert one.startswith("v0 is high in 17 % of the time without a press") and "it is stuck" in one
