@@ -122,9 +122,9 @@ class _Scores:
         """Return the budget of the evidence on a protocol, empty where there is none."""
         return (budget := self.results.shown(self.experiment, protocol)) != LOOK and budget or ""
 
-    def runs(self, protocol: str, condition: str, model: str, metric: str = "") -> pd.Series:
+    def runs(self, protocol: str, condition: str, model: str, metric: str = "", variant: str = "") -> pd.Series:
         """Return seed -> value. Raises Absent where the evidence has none."""
-        runs = self.results.runs(self.experiment, protocol, condition, model, metric or self.metric)
+        runs = self.results.runs(self.experiment, protocol, condition, model, metric or self.metric, variant)
         if not self.shown(protocol) or not len(runs):
             raise Absent
         return runs * (100 if scale_of(metric or self.metric) == SHARE else 1)
@@ -134,9 +134,9 @@ class _Scores:
         place = self.experiment, protocol, condition
         return [at for at in self.models if self.shown(protocol) and len(self.results.runs(*place, at, self.metric))]
 
-    def estimate(self, protocol: str, condition: str, model: str, metric: str = "") -> Estimate:
+    def estimate(self, protocol: str, condition: str, model: str, metric: str = "", variant: str = "") -> Estimate:
         """Return mean and interval over the seeds. Raises Absent where the evidence has none."""
-        runs, scale = self.runs(protocol, condition, model, metric), scale_of(metric or self.metric)
+        runs, scale = self.runs(protocol, condition, model, metric, variant), scale_of(metric or self.metric)
         return estimate(runs / 100, scale).percent() if scale == SHARE else estimate(runs, scale)
 
     def ranked(self, protocol: str, condition: str) -> list[tuple[str, float]]:
