@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.base import files, paths
+from pipeline.base import files, paths, ranges
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
 from pipeline.inference import intervals
@@ -52,6 +52,7 @@ def card_of(workspace: Workspace, folder: Path) -> str:
         measure=measure,
         intervals=intervals.sentences(card),
         coverage=covered(card),
+        range=ranges.words(card.trained_on, card.inputs.unit) if card.trained_on else "",
         errors=(["Test part", "This model", "Trained again, mean [95 %]", "Failed", "A constant"], rows),
         elsewhere=elsewhere(workspace, card),
     )

@@ -6,10 +6,10 @@ of one's own, build/own/NAME/trained/target, whose predictions are not drawn. LO
 sensor (array.log, daq.log, scanner.log), or a folder with such logs in it or below. Lines are read, cut into windows
 and normalised as in training. OUT gets predictions.parquet (one row per reading), summary.json, of each recording a
 picture, and of a touch sensor's an animation. Every prediction has its 90 % interval, or set of objects, beside it
-where the model's card has a calibration. Where the ground truth lies beside a log, the model is scored against it.
-A log among several that cannot be read is listed, with exit status 1, and the others are predicted. A recording is
-called by its path below LOGS. OUT is predictions/NAME where --out does not say it, NAME that of the folder or log;
-there, predictions of another model or of other logs are not replaced.
+where the model's card has a calibration and the reading lies within those of the training. Where the ground truth lies
+beside a log, the model is scored against it. A log among several that cannot be read is listed, with exit status 1, and
+the others are predicted. A recording is called by its path below LOGS. OUT is predictions/NAME where --out does not say
+it, NAME that of the folder or log; there, predictions of another model or of other logs are not replaced.
 """
 
 import argparse
@@ -66,9 +66,9 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
                 raise
             unread.append(str(error))
             continue
-        values, said = recordings.predict(model, recording)
-        predicted.append((recording, values))
-        notes += [f"{recording.name}: {sentence}" for sentence in said]
+        of_recording = recordings.predict(model, recording)
+        predicted.append((recording, of_recording))
+        notes += [f"{recording.name}: {sentence}" for sentence in of_recording.notes]
         known = recordings.has_truth(recording, card)
         scores.append(recordings.scores(model, path) if known else ())
     if not predicted:
@@ -77,7 +77,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     with files.replacing_folder(target) as draft:
         summaries = predictions.write(draft, place, predicted, card, scores)
         for said in summaries[:MOST_LINES]:
-            print(sentence(said))
+            print(sentence(said), *outside(said), sep="\n")
         if len(summaries) > MOST_LINES:
             print(f"and {len(summaries) - MOST_LINES} more recordings, in summary.json")
         print(*intervals.sentences(card), sep="\n")
@@ -124,7 +124,7 @@ def of_target(given: argparse.Namespace) -> None:
             raise InputError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
         predictions.write_summary(draft, who, place, [kept.interval(card)], summaries)
     for said in summaries[:MOST_LINES]:
-        print(of_one_recording(said, card.target.unit))
+        print(of_one_recording(said, card.target.unit), *outside(said), sep="\n")
     print(kept.interval(card), f"written to {target}", sep="\n")
     arguments.answer(given, predictions.read_summary(target) | {"written_to": str(target), "not_read": unread})
     _say_unread(unread, len(logs))
@@ -173,12 +173,18 @@ def _draw(folder: Path, predicted: list, names: list[str], card) -> None:
     from pipeline.inference import pictures
 
     drawn = zip(tqdm(predicted, desc="draw", unit="recording"), names, strict=False)
-    for (recording, values), name in drawn:
+    for (recording, of_recording), name in drawn:
+        values = of_recording.values
         if not len(values) or (values != values).all():
             continue
         pictures.draw(folder / f"{name}.png", recording, values, card)
         if card.outputs.touch_kpa is not None:
             pictures.animate(folder / f"{name}.gif", recording, values, card)
+
+
+def outside(said: Mapping) -> list[str]:
+    """Return the sentence on the readings of a recording outside the training, if it has any; said: its summary."""
+    return [f"{said['recording']}: {said['outside_training']}"] if "outside_training" in said else []
 
 
 def sentence(said: Mapping) -> str:

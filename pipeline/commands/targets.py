@@ -125,4 +125,5 @@ def keep(
         window_s=made.length_s,
         by=data.by,
         commit=provenance.git_state(checkout)[0],
+        trained_on=kept.trained_on(data, experiment, settings),
     )

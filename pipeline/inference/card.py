@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from pipeline.base import cards, files
+from pipeline.base import cards, files, ranges
 from pipeline.base.errors import InputError
 
 NAME = "card.json"
@@ -115,6 +115,7 @@ class Card(Part):
     scores: list[Score]  # of the test part
     sha256: str  # of the file of weights
     calibration: Calibration | None = None  # None: predictions have no interval
+    trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
 
     @property
     def output_shape(self) -> tuple[int, ...]:

@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline import experiments, tasks
-from pipeline.base import files, paths
+from pipeline.base import files, paths, ranges
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, images, schemas
 from pipeline.inference import card as cards
+from pipeline.inference import training
 from pipeline.scoring import metrics, results
 
 MAP_ORDER = "row by row from the bottom row, each from the left"
@@ -42,6 +43,7 @@ class Describer:
             interval_s=round(float(np.median(np.diff(times))), 6),
             frame_step=settings["window"].get("frame_step", 1),
         )
+        self._trained_on: dict[tuple[str, int], list[ranges.Columns] | None] = {}  # by protocol and seed
         self._classes = images.classes(_table(workspace.dataset(experiment), ["condition"])) if of_images else None
 
     @cached_property
@@ -59,7 +61,10 @@ class Describer:
         card = self.without_scores(model, protocol, seed, commit)
         gain = next((score.value for score in scores if score.metric == "force_gain"), None)
         outputs = card.outputs.model_copy(update={"force_gain": gain})
-        return card.model_copy(update={"scores": scores, "outputs": outputs})
+        run = (protocol, seed)
+        if run not in self._trained_on:
+            self._trained_on[run] = training.trained_on(self.workspace, self.values[self.experiment], card)
+        return card.model_copy(update={"scores": scores, "outputs": outputs, "trained_on": self._trained_on[run]})
 
     def without_scores(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
         """Return the card of a run that need not have been evaluated; errors as `card`."""

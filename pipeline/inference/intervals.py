@@ -18,6 +18,7 @@ PEAK, FORCE, OBJECT, SET = (
     "objects",
 )  # outputs of maps and of images; of series, outputs.names
 TOUCH, REST, ALWAYS = "touch", "no touch", "always"
+OUTSIDE = "outside_training"
 
 
 def bound(card: Card, output: str, case: str = ALWAYS) -> Bound | None:
@@ -82,13 +83,14 @@ def of_objects(probabilities: np.ndarray, card: Card) -> list[list[str]]:
 
 
 def names(card: Card) -> list[str]:
-    """Return the names of `columns`, none where the card has no calibration."""
+    """Return the names of `columns`: of intervals where the card has a calibration, OUTSIDE where it has ranges."""
+    known = [] if card.trained_on is None else [OUTSIDE]
     if card.calibration is None:
-        return []
+        return known
     if card.kind == "images":
-        return [SET]
+        return [SET, *known]
     outputs = card.outputs.names or ([FORCE] if card.outputs.touch_kpa is None else [FORCE, PEAK])
-    return [name for output in outputs for name in _ends(output)]
+    return [*(name for output in outputs for name in _ends(output)), *known]
 
 
 def _ends(output: str) -> tuple[str, str]:
@@ -97,25 +99,31 @@ def _ends(output: str) -> tuple[str, str]:
     return f"{name}_low_{unit}", f"{name}_high_{unit}"
 
 
-def columns(predicted: np.ndarray, card: Card) -> dict[str, np.ndarray | list[list[str]]]:
+def columns(predicted: np.ndarray, outside: np.ndarray, card: Card) -> dict[str, np.ndarray | list[list[str] | None]]:
     """Return what belongs beside predictions (n, *output_shape): two ends of each output, or the set of objects.
 
-    Ends are (n,) float32, NaN where there is no prediction or the calibration cannot tell; of a set, a list of names
-    for each prediction, the likeliest first.
+    outside: (n,) bool, the reading lies outside the training: no interval was calibrated on its like. It is the last
+    column. Ends are (n,) float32, NaN where there is no prediction, the reading is outside or the calibration cannot
+    tell; of a set, a list of names for each prediction, the likeliest first, None of a reading outside.
     """
+    known = {} if card.trained_on is None else {OUTSIDE: outside}
     if card.calibration is None:
-        return {}
+        return known
     if card.kind == "images":
-        return {SET: of_objects(predicted, card)}
+        sets = of_objects(predicted, card)
+        return {SET: [None if out else each for each, out in zip(sets, outside, strict=True)]} | known
     if card.kind == "series":
-        ends = of_series(predicted, card)
-        pairs = [end for low_high in zip(*(each.T for each in ends), strict=True) for end in low_high]
-        return dict(zip(names(card), pairs, strict=True))
-    peak = predicted.max(axis=(1, 2))
-    if card.outputs.touch_kpa is None:
-        return dict(zip(names(card), of_force(predicted.sum(axis=(1, 2)), peak, card), strict=True))
-    ends = (*of_force(touches.force_n(predicted, card), peak, card), *of_peak(peak, card))
-    return dict(zip(names(card), ends, strict=True))
+        ends = [
+            end for low_high in zip(*(each.T for each in of_series(predicted, card)), strict=True) for end in low_high
+        ]
+    else:
+        peak = predicted.max(axis=(1, 2))
+        if card.outputs.touch_kpa is None:
+            ends = of_force(predicted.sum(axis=(1, 2)), peak, card)
+        else:
+            ends = (*of_force(touches.force_n(predicted, card), peak, card), *of_peak(peak, card))
+    inside = [np.where(outside, np.float32(np.nan), end) for end in ends]
+    return dict(zip(names(card), [*inside, *known.values()], strict=True))
 
 
 def unit(output: str, card: Card) -> str:

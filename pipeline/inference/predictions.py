@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline.base import files
+from pipeline.base import files, ranges
 from pipeline.datasets import schemas
 from pipeline.inference import intervals, touches
 from pipeline.inference.card import Card
-from pipeline.inference.recordings import Recording
+from pipeline.inference.recordings import Predicted, Recording
 
 SUMMARY = "summary.json"
 LONGEST = 120  # characters of the name of a file: systems take 255 bytes
-Predicted = tuple[Recording, np.ndarray]  # a recording and its predictions (n, *output_shape)
 
 
 def schema(card: Card) -> pa.Schema:
@@ -35,14 +34,15 @@ def schema(card: Card) -> pa.Schema:
     else:
         fields |= {"object": schemas.NAME, "probability": pa.list_(pa.float32(), len(card.outputs.names))}
     kind = pa.list_(pa.string()) if card.kind == "images" else pa.float32()
-    return pa.schema(fields | dict.fromkeys(intervals.names(card), kind))
+    of_intervals = {name: pa.bool_() if name == intervals.OUTSIDE else kind for name in intervals.names(card)}
+    return pa.schema(fields | of_intervals)
 
 
-def rows(recording: Recording, predicted: np.ndarray, card: Card) -> Iterator[pa.Table]:
+def rows(recording: Recording, predicted: Predicted, card: Card) -> Iterator[pa.Table]:
     """Yield the rows of one recording, some at a time."""
     wanted = schema(card)
-    for first in range(0, len(predicted), schemas.GROUP_ROWS):
-        part = predicted[first : first + schemas.GROUP_ROWS]
+    for first in range(0, len(predicted.values), schemas.GROUP_ROWS):
+        part = predicted.values[first : first + schemas.GROUP_ROWS]
         flat = part.reshape(len(part), -1)
         columns = {
             "recording": schemas.repeated(recording.name, len(part)),
@@ -59,15 +59,17 @@ def rows(recording: Recording, predicted: np.ndarray, card: Card) -> Iterator[pa
         else:
             columns["object"] = [card.outputs.names[k] for k in np.nan_to_num(flat, nan=-1).argmax(axis=1)]
             columns["probability"] = schemas.lists(flat, pa.float32())
-        columns |= intervals.columns(part, card)
+        columns |= intervals.columns(part, predicted.outside[first : first + len(part)], card)
         yield pa.table(columns, schema=pa.schema([wanted.field(name) for name in columns])).select(wanted.names)
 
 
-def summary(recording: Recording, predicted: np.ndarray, card: Card, scores: Sequence[tuple]) -> dict:
+def summary(recording: Recording, of_recording: Predicted, card: Card, scores: Sequence[tuple]) -> dict:
     """Return what one recording came to: readings, rejected lines by reason, gaps, and the range of the predictions.
 
-    scores: (metric, unit, value, n) where the ground truth is known.
+    Where the card has the ranges of its training also the share of readings outside, with a sentence where there are
+    any. scores: (metric, unit, value, n) where the ground truth is known.
     """
+    predicted, outside = of_recording.values, of_recording.outside
     known = ~np.isnan(predicted.reshape(len(predicted), -1)).any(axis=1)
     lasts = float(recording.t_s[-1] - recording.t_s[0]) if len(recording.t_s) else 0.0
     said = {
@@ -82,6 +84,9 @@ def summary(recording: Recording, predicted: np.ndarray, card: Card, scores: Seq
     }
     if known.any():
         said |= _range(predicted[known], card)
+    if card.trained_on is not None:
+        lacking = "set" if card.kind == "images" else "interval"
+        said |= ranges.summary(recording.x, outside, card.trained_on, card.inputs.unit, lacking)
     if scores:
         said["scores"] = {f"{metric} ({unit})" if unit != "1" else metric: value for metric, unit, value, _ in scores}
     return said
@@ -143,17 +148,21 @@ def model_of(card: Card) -> dict:
 
 
 def write(
-    folder: Path, logs: Path, predicted: Sequence[Predicted], card: Card, scores: Sequence[Sequence[tuple]]
+    folder: Path,
+    logs: Path,
+    predicted: Sequence[tuple[Recording, Predicted]],
+    card: Card,
+    scores: Sequence[Sequence[tuple]],
 ) -> list[dict]:
     """Write predictions.parquet and summary.json to a folder; return the summaries, one per recording.
 
     logs: the absolute path of LOGS; scores: as of `summary`, one entry per recording.
     """
-    parts = (part for recording, values in predicted for part in rows(recording, values, card))
+    parts = (part for recording, of_recording in predicted for part in rows(recording, of_recording, card))
     schemas.write(folder / "predictions.parquet", schema(card), parts)
     said = [
-        summary(recording, values, card, of_recording)
-        for (recording, values), of_recording in zip(predicted, scores, strict=True)
+        summary(recording, of_recording, card, scored)
+        for (recording, of_recording), scored in zip(predicted, scores, strict=True)
     ]
     write_summary(folder, model_of(card), logs, intervals.sentences(card), said)
     return said

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, models, tasks
+from pipeline.base import ranges
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
@@ -54,6 +55,7 @@ class Predictor:
         self._count = 0
         self._carried = [{} for _ in range(self._frame_step)]  # a stream for each reading of a step
         self._last = deque(maxlen=self.card.reach(self._frame_step) + 1)
+        self._outside = deque(maxlen=self._last.maxlen)  # of the readings that `step` was given
         self._put({})
 
     def predict(self, readings: np.ndarray, frame_step: int | None = None) -> np.ndarray:
@@ -80,6 +82,7 @@ class Predictor:
         Raises InputError for another number of columns.
         """
         x = self._checked(np.asarray(reading)[None])
+        self._outside.append(ranges.outside(x, self.card.trained_on)[0])
         phase, self._count = self._count % self._frame_step, self._count + 1
         if self.card.kind == "images":
             predicted = self._of_images(x)
@@ -97,9 +100,32 @@ class Predictor:
             predicted = self._network.predict(window[None])
         return np.asarray(predicted, np.float32).reshape(self.output_shape)
 
-    def intervals(self, predicted: np.ndarray) -> dict[str, np.ndarray | list[list[str]]]:
-        """Return the intervals of predictions (n, *output_shape), see intervals.columns; {} without a calibration."""
-        return intervals.columns(predicted, self.card)
+    def outside(self, readings: np.ndarray, frame_step: int | None = None) -> np.ndarray:
+        """Return which readings lie outside what the model was trained on, (n,) bool; none where its card cannot tell.
+
+        Of a model of windows, a reading is outside where any frame of the window that it ends is; of a series, where it
+        is itself, although what the model carries along has seen earlier ones. Takes what `predict` takes.
+        """
+        x, frame_step = self._checked(readings), frame_step or self.card.inputs.frame_step
+        frame = ranges.outside(x, self.card.trained_on)
+        found = frame.copy()
+        for back in range(frame_step, min(self.card.reach(frame_step), len(x)) + 1, frame_step):
+            found[back:] |= frame[: len(x) - back]
+        return found
+
+    @property
+    def stepped_outside(self) -> bool:
+        """Whether the reading that `step` saw last is outside, as of `outside`."""
+        return any(list(self._outside)[:: -self._frame_step])
+
+    def intervals(
+        self, predicted: np.ndarray, readings: np.ndarray, frame_step: int | None = None
+    ) -> dict[str, np.ndarray | list[list[str] | None]]:
+        """Return the intervals of predictions (n, *output_shape), see intervals.columns; {} without a calibration.
+
+        readings, frame_step: what `predict` was given, since readings outside the training have no interval.
+        """
+        return intervals.columns(predicted, self.outside(readings, frame_step), self.card)
 
     def _put(self, carried: Mapping) -> None:
         """Give the model what a stream has carried along so far; nothing for a new one."""

@@ -116,28 +116,37 @@ def _readings(frames: pa.Table) -> np.ndarray:
     return np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1)
 
 
-def predict(model: Predictor, recording: Recording) -> tuple[np.ndarray, list[str]]:
-    """Return one prediction per reading, (n, *model.output_shape), and sentences on a rate unlike that of training.
+class Predicted(NamedTuple):
+    """What a model says of the n readings of a recording."""
+
+    values: np.ndarray  # (n, *output_shape); NaN: none
+    outside: np.ndarray  # (n,) bool, as of Predictor.outside
+    notes: list[str]  # sentences on a rate unlike that of training
+
+
+def predict(model: Predictor, recording: Recording) -> Predicted:
+    """Return one prediction per reading.
 
     A model of windows is given a few lost readings by interpolation (timing.most_filled). Windows span no longer gap,
     so that the first predictions after one are NaN; a series goes on over it, as in training.
     """
     x, t_s, segment = recording.x, recording.t_s, recording.segment
     if model.card.kind != "windows" or len(x) < 2:
-        return model.predict(x), []
+        return Predicted(model.predict(x), model.outside(x), [])
     interval_s = packets.rate(t_s, segment).interval
     step = timing.frame_step(model.card, interval_s)
     lost = np.maximum(0, np.round(np.diff(t_s, prepend=t_s[0]) / interval_s).astype(int) - 1)
     begins = (np.diff(segment, prepend=segment[0]) != 0) | (lost > timing.most_filled(step))
     lost[begins] = 0
-    predicted = np.empty((len(x), *model.output_shape), np.float32)
+    predicted, outside = np.empty((len(x), *model.output_shape), np.float32), np.empty(len(x), bool)
     edges = [0, *np.flatnonzero(begins), len(x)]
     for first, last in itertools.pairwise(edges):
         place = np.arange(last - first) + np.cumsum(lost[first:last])  # of the readings, with the lost ones in between
         every = np.arange(place[-1] + 1)
         whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
         predicted[first:last] = model.predict(whole, step)[place]
-    return predicted, timing.differences(model.card, interval_s, interval_s)
+        outside[first:last] = model.outside(whole, step)[place]
+    return Predicted(predicted, outside, timing.differences(model.card, interval_s, interval_s))
 
 
 def has_truth(recording: Recording, card: Card) -> bool:

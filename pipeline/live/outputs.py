@@ -21,7 +21,8 @@ def fields(prediction: Prediction, card: Card) -> dict:
 
     Of every model t_s, on the device's clock, and latency_ms, from the line to the prediction; of a map force_n, of a
     pressure map also `touches`, a list of {x_mm, y_mm, kpa}; of other models each output by its name, and the likeliest
-    `object`. Behind these the ends of intervals, or the set of objects, as intervals.columns; None: cannot tell.
+    `object`. Behind these the ends of intervals, or the set of objects, as intervals.columns, None: cannot tell; where
+    the card has the ranges of its training also `outside_training`, whether the reading lies outside.
     """
     said = {
         "t_s": round(prediction.reading.t_s, 6),
@@ -40,12 +41,16 @@ def fields(prediction: Prediction, card: Card) -> dict:
     return said
 
 
-def _intervals(prediction: Prediction, card: Card) -> dict[str, float | list[str] | None]:
-    """Return the ends of a prediction's intervals by name, None: cannot tell; of objects the names in the set."""
-    found = intervals.columns(prediction.values[None], card)
-    if card.kind == "images":
-        return {name: one[0] for name, one in found.items()}
-    return {name: round(float(one[0]), 4) if np.isfinite(one[0]) else None for name, one in found.items()}
+def _intervals(prediction: Prediction, card: Card) -> dict[str, float | list[str] | bool | None]:
+    """Return what intervals.columns says of a prediction, None: cannot tell; of objects the names in the set."""
+    found = intervals.columns(prediction.values[None], np.array([prediction.outside]), card)
+    said = {name: one[0] for name, one in found.items()}
+    for name, value in said.items():
+        if name == intervals.OUTSIDE:
+            said[name] = bool(value)
+        elif name != intervals.SET:
+            said[name] = round(float(value), 4) if np.isfinite(value) else None
+    return said
 
 
 def known(prediction: Prediction) -> bool:

@@ -246,8 +246,9 @@ function cells(kind, values) {
   return row;
 }
 
-// The interval of an output in words, such as " (1.2 to 3.4)", or nothing.
+// The interval of an output in words, such as " (1.2 to 3.4)", why there is none, or nothing.
 function between(picture, output, digits) {
+  if (picture.outside_training) return " (no interval: outside the training)";
   const [name, unit] = output.split(/_(?=[^_]+$)/);
   const [low, high] = [picture[`${name}_low_${unit}`], picture[`${name}_high_${unit}`]];
   return low === undefined || low === null ? "" : ` (${low.toFixed(digits)} to ${high.toFixed(digits)})`;
@@ -265,12 +266,13 @@ function say(picture) {
       cells("td", [place + 1, touch.x_mm.toFixed(1), touch.y_mm.toFixed(1), touch.kpa.toFixed(0)])));
     total.textContent = `${picture.touches.length || "No"} touch${picture.touches.length === 1 ? "" : "es"}; force ${picture.force_n.toFixed(1)} N${between(picture, "force_n", 1)}`;
     const peak = between(picture, "peak_kpa", 0);
-    if (peak) total.textContent += `; peak ${picture.peak.toFixed(0)} kPa${peak}`;
+    if (peak && !picture.outside_training) total.textContent += `; peak ${picture.peak.toFixed(0)} kPa${peak}`;
     element("prediction").setAttribute("aria-label", `Pressure map: ${picture.touches.map((touch) =>
       `${touch.kpa.toFixed(0)} kPa at ${touch.x_mm.toFixed(0)}, ${touch.y_mm.toFixed(0)} mm`).join("; ") || "no touch"}`);
   } else if (model.kind === "images") {
     total.textContent = `Most likely: ${picture.object}`;
-    if (picture.objects) total.textContent += `; the 90 % set: ${picture.objects.join(", ")}`;
+    if (picture.outside_training) total.textContent += "; no set: outside the training";
+    else if (picture.objects) total.textContent += `; the 90 % set: ${picture.objects.join(", ")}`;
   } else {
     const values = picture.values ?? [picture.force_n];
     const names = model.names ?? ["force_n"];

@@ -33,6 +33,7 @@ class Prediction(NamedTuple):
     force_n: float | None  # of a map
     arrived_s: float  # time.monotonic() when the line was read
     predicted_s: float
+    outside: bool  # the reading is, as of Predictor.outside
 
 
 class Session:
@@ -97,7 +98,8 @@ class Session:
             return None
         values, of_map, force_n = self._evaluated(reading.values)
         self.count += 1
-        return Prediction(self.count, reading, values, of_map, force_n, arrived_s, time.monotonic())
+        outside = self.model.stepped_outside
+        return Prediction(self.count, reading, values, of_map, force_n, arrived_s, time.monotonic(), outside)
 
     def _is_predicted(self) -> bool:
         """Tell whether the next reading is one of those that a device which is too fast has predicted."""

@@ -110,12 +110,21 @@ def statistics(
     ended.
     """
     reading = reading.astype(np.float32)
-    anew = np.concatenate([[True], (np.diff(segment) != 0) | (np.diff(time) > SILENCE * length_s)])
-    begins = np.maximum.accumulate(np.where(anew, np.arange(len(time)), 0))
     found = np.empty((len(ends), KINDS, reading.shape[1]), np.float32)
-    for row, end in enumerate(ends):
-        first = begins[end]
-        first += np.searchsorted(time[first : end + 1], time[end] - length_s)
+    for row, (first, end) in enumerate(zip(firsts(time, segment, ends, length_s), ends, strict=True)):
         part, at = reading[first : end + 1], time[first : end + 1] - time[first : end + 1].mean()
         found[row] = described(part[None], at)[0]
     return found
+
+
+def firsts(time: np.ndarray, segment: np.ndarray, ends: np.ndarray, length_s: float) -> np.ndarray:
+    """Return the first readings (m,) of the windows that end with the readings `ends` (m,), as of `statistics`."""
+    anew = np.concatenate([[True], (np.diff(segment) != 0) | (np.diff(time) > SILENCE * length_s)])
+    begins = np.maximum.accumulate(np.where(anew, np.arange(len(time)), 0))[ends]
+    return np.array(
+        [
+            first + np.searchsorted(time[first : end + 1], time[end] - length_s)
+            for first, end in zip(begins, ends, strict=True)
+        ],
+        int,
+    )

@@ -12,20 +12,21 @@ import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel, ConfigDict
 
-from pipeline.base import cards, files
+from pipeline.base import cards, files, ranges
 from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
+from pipeline.datasets import images, schemas
 from pipeline.scoring import conformal, metrics
 from pipeline.settings.targets import Target
 from pipeline.targets import features, models, read, validate
 from pipeline.targets.features import Windows
-from pipeline.targets.read import Readings
+from pipeline.targets.read import Data, Readings
 from pipeline.targets.validate import Final
 
 CARD = "target.json"
 TRUSTED = ("sklearn.tree._tree.Tree",)  # node indices are not checked on loading: load your own files only
 READ = ("sensor", "ingest")  # blocks of settings that say how a log is read
 SOME_VALUES = 1 << 22  # of statistics at once, 16 MB
+UNITS = {"touch": "counts", "strain": "V", "glove": "levels"}  # of readings where the settings name none
 
 
 class Card(BaseModel):
@@ -49,6 +50,7 @@ class Card(BaseModel):
     scores: dict[str, float]  # metric -> mean over tests of groups apart, chosen on the other groups
     commit: str
     sha256: str  # of the estimator's file
+    trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
 
 
 class Kept(NamedTuple):
@@ -62,9 +64,10 @@ class Predicted(NamedTuple):
     """What is predicted for n readings; guess (n, 1) or (n, classes)."""
 
     guess: np.ndarray
-    low: np.ndarray  # (n,) of the 90 % interval of numbers; NaN: cannot tell
+    low: np.ndarray  # (n,) of the 90 % interval of numbers; NaN: cannot tell, or outside
     high: np.ndarray  # (n,)
     sets: np.ndarray  # (n, classes) bool: the 90 % set; all: cannot tell
+    outside: np.ndarray  # (n,) bool: a reading of the window lies outside the training, so that no set is told either
 
 
 def write(folder: Path, final: Final, windows: Windows, scores: Mapping[str, float], **described) -> None:
@@ -86,6 +89,16 @@ def write(folder: Path, final: Final, windows: Windows, scores: Mapping[str, flo
         **described,
     )
     files.write_text(folder / CARD, card.model_dump_json(indent=1, exclude_none=True) + "\n")
+
+
+def trained_on(data: Data, experiment: str, settings: Mapping) -> list[ranges.Columns]:
+    """Return the ranges of the readings that count; settings: the block of the experiment."""
+    x = np.concatenate([each.reading[each.press >= 0] for each in data.series])
+    if experiment == "glove":
+        areas = {name: area.cells for name, area in images.areas(settings).items()}
+        return ranges.of_areas(x, areas, list(areas))
+    mean_margin = ranges.MEAN_MARGIN_OF_TOUCHES if experiment == "touch" else ranges.MEAN_MARGIN
+    return [ranges.of(x, "v", 0, range(x.shape[1]), mean_margin)]
 
 
 def load(folder: Path) -> Kept:
@@ -111,12 +124,19 @@ def predict(kept: Kept, log: Readings) -> Predicted:
         found = features.statistics(log.time_s, log.segment, log.reading, ends, card.window_s)
         x = features.columns(found, card.level)
         parts.append(models.predicted(kept.estimator, x, max(1, len(card.classes))))
-    guess = np.concatenate(parts)
+    guess, outside = np.concatenate(parts), _outside(log, card)
     if card.classes:
         none = np.full(n, np.nan)
-        return Predicted(guess, none, none, conformal.class_sets(guess, card.bound or 0.0))
-    half = np.nan if card.bound is None else card.bound
-    return Predicted(guess, guess[:, 0] - half, guess[:, 0] + half, np.empty((n, 0), bool))
+        return Predicted(guess, none, none, conformal.class_sets(guess, card.bound or 0.0), outside)
+    half = np.where(outside, np.nan, np.nan if card.bound is None else card.bound)
+    return Predicted(guess, guess[:, 0] - half, guess[:, 0] + half, np.empty((n, 0), bool), outside)
+
+
+def _outside(log: Readings, card: Card) -> np.ndarray:
+    """Return whether a reading of the window that ends with each one lies outside the training, (n,) bool."""
+    ends = np.arange(len(log.time_s))
+    before = np.append(0, np.cumsum(ranges.outside(log.reading, card.trained_on)))
+    return before[ends + 1] > before[features.firsts(log.time_s, log.segment, ends, card.window_s)]
 
 
 def schema(card: Card) -> pa.Schema:
@@ -124,7 +144,8 @@ def schema(card: Card) -> pa.Schema:
     numbers = {"predicted": pa.float64(), "low": pa.float64(), "high": pa.float64()}
     names = pa.list_(pa.string())
     classes = {"predicted": schemas.NAME, "score": pa.list_(pa.float64(), len(card.classes)), "set": names}
-    return pa.schema({"recording": schemas.NAME, "t_s": pa.float64()} | (classes if card.classes else numbers))
+    known = {} if card.trained_on is None else {"outside_training": pa.bool_()}
+    return pa.schema({"recording": schemas.NAME, "t_s": pa.float64()} | (classes if card.classes else numbers) | known)
 
 
 def table(name: str, log: Readings, said: Predicted, card: Card) -> pa.Table:
@@ -134,9 +155,12 @@ def table(name: str, log: Readings, said: Predicted, card: Card) -> pa.Table:
         names, order = np.array(card.classes), np.argsort(-said.guess, axis=1, kind="stable")
         columns["predicted"] = names[order[:, 0]]
         columns["score"] = schemas.lists(said.guess, pa.float64())
-        columns["set"] = [[str(names[k]) for k in row if of[k]] for row, of in zip(order, said.sets, strict=True)]
+        sets = [[str(names[k]) for k in row if of[k]] for row, of in zip(order, said.sets, strict=True)]
+        columns["set"] = [None if out else each for each, out in zip(sets, said.outside, strict=True)]
     else:
         columns |= {"predicted": said.guess[:, 0], "low": said.low, "high": said.high}
+    if card.trained_on is not None:
+        columns["outside_training"] = said.outside
     return pa.table(columns)
 
 
@@ -160,13 +184,20 @@ def summary(name: str, path: Path, log: Readings, said: Predicted, card: Card) -
             found["vote"] = card.classes[int(said.guess.mean(axis=0).argmax())]
     else:
         found["predicted"] = {"least": float(said.guess.min()), "most": float(said.guess.max())}
+    if card.trained_on is not None:
+        unit = card.settings["sensor"].get("unit", UNITS[card.experiment])
+        lacking = "set" if card.classes else "interval"
+        found |= ranges.summary(log.reading, said.outside, card.trained_on, unit, lacking)
     if scores := scored(path.parent, log, said, card):
         found["scores"] = scores
     return found
 
 
 def scored(folder: Path, log: Readings, said: Predicted, card: Card) -> dict[str, float]:
-    """Return the scores of single readings, with the share of intervals or sets that hold the truth; {} without."""
+    """Return the scores of single readings, with the share of intervals or sets that hold the truth; {} without truth.
+
+    Readings outside the training have no interval or set, and do not count in that share.
+    """
     target = card.target
     beside = target.file is not None and (folder / target.file).is_file()
     called = None if target.folder is None else folder.absolute().parts[-3 + target.folder]
@@ -186,7 +217,8 @@ def scored(folder: Path, log: Readings, said: Predicted, card: Card) -> dict[str
         if target.kind == "event":
             names = ("precision", "recall", "F1")
             scores |= dict(zip(names, map(float, validate.f1(truth == "True", answer == "True")), strict=True))
-    return scores | ({} if card.bound is None else {validate.COVERAGE: float(inside.mean())})
+    told = ~said.outside[known]
+    return scores | ({validate.COVERAGE: float(inside[told].mean())} if card.bound is not None and told.any() else {})
 
 
 def interval(card: Card) -> str:

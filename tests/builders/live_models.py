@@ -9,6 +9,7 @@ from pipeline import models, tasks
 from pipeline.base import files
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
+from pipeline.inference import predictor
 from pipeline.learning.regressors import Scaled, Spec
 
 ROWS, COLS, MAP = 2, 3, (8, 12)
@@ -127,6 +128,23 @@ def images(folder: Path) -> Path:
 
 
 KINDS = {"linear": linear, "stream": stream, "series": series, "images": images}
+BOUNDS = {
+    "linear": [("peak_kpa", "touch", 2.0, 20.0), ("force_n", "touch", 0.5, 1.0), ("force_n", "no touch", 0.25, None)],
+    "series": [("x_mm", "always", 1.5, None), ("y_mm", "always", None, None)],
+    "images": [("object", "always", 0.3, None)],
+}
+
+
+def calibrated(kind: str, folder: Path, **changed) -> predictor.Predictor:
+    """Return a saved model whose card has BOUNDS; changed: other parts of the card."""
+    KINDS[kind](folder)
+    bounds = [
+        cards.Bound(output=output, case=case, value=value, floor=floor, groups=20 if value else 5, rows=100)
+        for output, case, value, floor in BOUNDS[kind]
+    ]
+    given = cards.Calibration(level=0.9, group="press", shared=False, refitted=False, bounds=bounds, coverage=[])
+    cards.write(folder, cards.read(folder).model_copy(update={"calibration": given} | changed))
+    return predictor.load(folder)
 
 
 def press(n: int, element: int = 4) -> np.ndarray:

@@ -12,6 +12,7 @@ from builders import free_targets
 from pipeline.base import processes
 from pipeline.commands import command_line, targets
 from pipeline.commands.targets import Effort
+from pipeline.logs.formats import LOGS
 
 
 def called(monkeypatch, capsys, workspace, *arguments):
@@ -103,6 +104,45 @@ def test_the_model_of_a_class_names_sets(workspace, tmp_path, monkeypatch, capsy
     sizes = table["set"].map(len)
     assert (table["set"].map(lambda names: names[0]) == table["predicted"]).all() and sizes.min() == 1 < sizes.max()
     assert np.stack(table["score"]).sum(axis=1) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("experiment", "made", "way"), [("strain", free_targets.angles, -1), ("glove", free_targets.objects, 1)]
+)
+def test_readings_outside_the_training_have_no_interval_or_set(
+    experiment, made, way, workspace, tmp_path, monkeypatch, capsys
+):
+    """The second half of a log is shifted by a third of what the sensor showed in training."""
+    folder = made(workspace.root / "data" / "own" / "sensor")
+    model, log = trained(monkeypatch, capsys, workspace, folder), min(folder.rglob(LOGS[experiment]))
+    card = json.loads((model / "target.json").read_text())
+    (kind,) = card["trained_on"]
+    shift = way * (np.array(kind["high"]) - kind["low"]).max() / 3
+    rows = [line.split(",") for line in log.read_text().splitlines()]
+    half, moved = len(rows) // 2, tmp_path / "moved" / log.name
+    moved.parent.mkdir()
+    lines = [[t, *(f"{float(value) + shift * (k >= half):.4f}" for value in row)] for k, (t, *row) in enumerate(rows)]
+    moved.write_text("".join(",".join(line) + "\n" for line in lines))
+
+    def predicted(path):
+        said = called(monkeypatch, capsys, workspace, "predict", model, path, "--out", tmp_path / "out")
+        (summary,) = json.loads((tmp_path / "out" / "summary.json").read_text())["recordings"]
+        return said, summary, pq.read_table(tmp_path / "out" / "predictions.parquet").to_pandas()
+
+    said, summary, table = predicted(log)
+    assert summary["share_outside_training"] == 0 and not table.isna().any(axis=None) and "lie outside" not in said
+    said, summary, table = predicted(moved)
+    outside = table["outside_training"].to_numpy()
+    assert outside[half:].mean() > 0.5 and not outside[:half].any()
+    assert f"{outside.sum()} of {len(rows)} readings lie outside what the model was trained on" in said
+    assert summary["share_outside_training"] == pytest.approx(outside.mean())
+    for name in ("set",) if experiment == "glove" else ("low", "high"):
+        assert table[name].isna().tolist() == outside.tolist()
+    assert not table["predicted"].isna().any()
+    del card["trained_on"]
+    (model / "target.json").write_text(json.dumps(card))
+    _, _, table = predicted(moved)
+    assert "outside_training" not in table and not table.isna().any(axis=None), "as a card of before"
 
 
 def test_two_runs_on_one_sensor_do_not_mix(workspace, monkeypatch, capsys):

@@ -82,7 +82,7 @@ def test_ingest_predict_live_and_onnx_agree(package, recording):
     np.testing.assert_array_equal(schemas.matrix(frames["v"]), read.x)
     assert np.flatnonzero(frames["gap_before"].to_numpy()).tolist() == GAPS
 
-    predicted, notes = recordings.predict(model, read)
+    predicted, _, notes = recordings.predict(model, read)
     came, of_live = live(package, log)
     values = np.stack([each.values for each in came])
     assert notes == of_live == [] and len(values) == len(predicted) == len(printed)

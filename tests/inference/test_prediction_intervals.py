@@ -14,7 +14,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.inference import calibration, intervals, predictions, predictor
 from pipeline.inference import card as cards
-from pipeline.inference.recordings import Recording
+from pipeline.inference.recordings import Predicted, Recording
 from pipeline.learning.trained import Trained
 from pipeline.live import outputs
 from pipeline.live.session import Prediction
@@ -22,36 +22,19 @@ from pipeline.live.source import Reading
 from pipeline.scoring import conformal
 from pipeline.tasks import series as series_task
 
-BOUNDS = {
-    "linear": [("peak_kpa", "touch", 2.0, 20.0), ("force_n", "touch", 0.5, 1.0), ("force_n", "no touch", 0.25, None)],
-    "series": [("x_mm", "always", 1.5, None), ("y_mm", "always", None, None)],
-    "images": [("object", "always", 0.3, None)],
-}
-
-
-def calibrated(kind: str, folder, **changed) -> predictor.Predictor:
-    """Return a saved model whose card has BOUNDS."""
-    live_models.KINDS[kind](folder)
-    bounds = [
-        cards.Bound(output=output, case=case, value=value, floor=floor, groups=20 if value else 5, rows=100)
-        for output, case, value, floor in BOUNDS[kind]
-    ]
-    given = cards.Calibration(level=0.9, group="press", shared=False, refitted=False, bounds=bounds, coverage=[])
-    cards.write(folder, cards.read(folder).model_copy(update={"calibration": given}))
-    return predictor.load(folder)
-
 
 def written(folder, model: predictor.Predictor, predicted: np.ndarray) -> tuple[dict, dict]:
     """Return the columns of predictions.parquet, and summary.json."""
     n, none = len(predicted), schemas.REJECTS.empty_table()
     recording = Recording(folder / "a.log", "a", "b", np.arange(n) / 50, np.zeros((n, 1)), np.zeros(n, int), 0, none)
-    predictions.write(folder, folder, [(recording, predicted)], model.card, [()])
+    of_recording = Predicted(predicted, np.zeros(n, bool), [])
+    predictions.write(folder, folder, [(recording, of_recording)], model.card, [()])
     table = pq.read_table(folder / "predictions.parquet")
     return {name: table[name].to_pylist() for name in table.column_names}, predictions.read_summary(folder)
 
 
 def test_a_map_has_intervals_of_force_and_peak(tmp_path):
-    model = calibrated("linear", tmp_path / "model")
+    model = live_models.calibrated("linear", tmp_path / "model")
     maps = model.predict(live_models.press(20))
     columns, summary = written(tmp_path, model, maps)
     force, peak = np.array(columns["force_n"]), maps.max(axis=(1, 2))
@@ -72,7 +55,7 @@ def test_a_map_has_intervals_of_force_and_peak(tmp_path):
 
 
 def test_a_series_says_where_it_cannot_tell(tmp_path):
-    model = calibrated("series", tmp_path / "model")
+    model = live_models.calibrated("series", tmp_path / "model")
     predicted = np.array([[1.0, 2.0], [3.0, 4.0]], np.float32)
     columns, summary = written(tmp_path, model, predicted)
     assert (columns["x_low_mm"], columns["x_high_mm"]) == ([-0.5, 1.5], [2.5, 4.5])
@@ -83,24 +66,24 @@ def test_a_series_says_where_it_cannot_tell(tmp_path):
 
 
 def test_objects_have_a_set_with_the_likeliest_first(tmp_path):
-    model = calibrated("images", tmp_path / "model")
+    model = live_models.calibrated("images", tmp_path / "model")
     probabilities = np.array([[0.35, 0.6, 0.05], [0.2, 0.2, 0.6], [np.nan] * 3], np.float32)
     columns, _ = written(tmp_path, model, probabilities)
     assert columns["objects"] == [["can", "bottle"], ["cup"], []]
 
 
-@pytest.mark.parametrize("kind", BOUNDS)
+@pytest.mark.parametrize("kind", live_models.BOUNDS)
 def test_live_and_the_exported_reader_give_the_intervals_of_predict(kind, tmp_path):
-    model = calibrated(kind, tmp_path / "model")
+    model = live_models.calibrated(kind, tmp_path / "model")
     readings = {"linear": live_models.press(20), "series": np.full((20, 5), 2.0), "images": np.full((20, 405), 9.0)}[
         kind
     ]
     predicted = model.predict(readings)
     columns, _ = written(tmp_path, model, predicted)
-    for name, values in model.intervals(predicted).items():
+    for name, values in model.intervals(predicted, readings).items():
         np.testing.assert_array_equal(values, columns[name])
     force_n = columns["force_n"][-1] if kind == "linear" else None
-    last = Prediction(20, Reading(0.0, readings[-1], False), predicted[-1], [], force_n, 0.0, 0.0)
+    last = Prediction(20, Reading(0.0, readings[-1], False), predicted[-1], [], force_n, 0.0, 0.0, False)
     said, text = outputs.fields(last, model.card), io.StringIO()
     outputs.Table(text, model.card).add(last)
     header, row = (line.split(",") for line in text.getvalue().splitlines())
@@ -115,12 +98,13 @@ def test_live_and_the_exported_reader_give_the_intervals_of_predict(kind, tmp_pa
             assert said[name] == pytest.approx(value, abs=1e-4) == float(row[header.index(name)])
 
 
-@pytest.mark.parametrize("kind", BOUNDS)
+@pytest.mark.parametrize("kind", live_models.BOUNDS)
 def test_a_card_without_a_calibration_says_so(kind, tmp_path):
     model = predictor.load(live_models.KINDS[kind](tmp_path / "model"))
     assert '"calibration": null' in (tmp_path / "model" / cards.NAME).read_text()
     assert intervals.sentences(model.card) == ["no interval: this model's card has no calibration"]
-    assert intervals.names(model.card) == [] and model.intervals(np.zeros((2, *model.output_shape))) == {}
+    readings = np.zeros((2, model.card.inputs.columns))
+    assert intervals.names(model.card) == [] and model.intervals(np.zeros((2, *model.output_shape)), readings) == {}
 
 
 class Near:

@@ -112,18 +112,18 @@ def test_a_lost_line_makes_no_touch_and_no_force(double, tmp_path):
     model = predictor.load(TOUCH)
     whole = recordings.read(double[0], "double", model.card)
     whole = whole._replace(t_s=whole.t_s[:4000], x=whole.x[:4000], segment=whole.segment[:4000])
-    expected, _ = recordings.predict(model, whole)
+    expected = recordings.predict(model, whole).values
     rng, kept = np.random.default_rng(0), np.ones(len(whole.x), bool)
     kept[rng.choice(np.arange(100, len(kept) - 10), 40, replace=False)] = False
     kept[2500:2504] = False  # as many as are filled: one fewer than lie between two frames
     lost = whole._replace(t_s=whole.t_s[kept], x=whole.x[kept], segment=whole.segment[kept])
-    predicted, notes = recordings.predict(model, lost)
+    predicted, _, notes = recordings.predict(model, lost)
     assert notes == [] and np.array_equal(np.isnan(predicted), np.isnan(expected[kept]))
     force, of_all = (touches.force_n(maps, model.card) for maps in (predicted, expected))
     assert np.nanmax(np.abs(force - of_all[kept])) < 0.05 * np.nanmax(of_all)
     kept[3500:3505] = False
     longer = whole._replace(t_s=whole.t_s[kept], x=whole.x[kept], segment=whole.segment[kept])
-    without = np.isnan(recordings.predict(model, longer)[0]).any(axis=(1, 2))
+    without = np.isnan(recordings.predict(model, longer).values).any(axis=(1, 2))
     assert without.sum() == 2 * 35, "after the start, and after a gap of five lines"
 
 
